@@ -1,0 +1,1 @@
+"""The main job: a fleet on several masters in one command, its live view and its report."""

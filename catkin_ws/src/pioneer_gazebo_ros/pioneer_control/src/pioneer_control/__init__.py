@@ -1,0 +1,1 @@
+"""Wheel and joint-state controller configuration, ESTOP and cancel_waypoint."""

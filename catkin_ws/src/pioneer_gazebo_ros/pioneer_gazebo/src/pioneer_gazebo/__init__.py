@@ -1,0 +1,1 @@
+"""The simulator: pybullet behind Gazebo's ROS interface."""

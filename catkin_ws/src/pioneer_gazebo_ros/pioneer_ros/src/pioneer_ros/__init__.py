@@ -1,0 +1,1 @@
+"""The velocity controller between move_base and the robot."""

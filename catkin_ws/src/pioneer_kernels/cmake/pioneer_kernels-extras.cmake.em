@@ -1,0 +1,36 @@
+@[if DEVELSPACE]@
+set(PIONEER_COMPILE_KERNEL "@(CMAKE_CURRENT_SOURCE_DIR)/scripts/compile_kernel.py")
+@[else]@
+set(PIONEER_COMPILE_KERNEL "${pioneer_kernels_DIR}/../scripts/compile_kernel.py")
+@[end if]@
+set(PIONEER_CPU "host" CACHE STRING "LLVM processor name that kernels are compiled for; host, or x86-64 for an image")
+
+# Compiles every kernel module src/<project>/kernels/<noun>.py of the calling package into the
+# extension <project>._<noun>, importable without numba. A kernel module names what it exports in
+# SIGNATURES = {"function": "numba signature"}.
+function(pioneer_compile_kernels)
+  set(package_dir "${CMAKE_CURRENT_SOURCE_DIR}/src/${PROJECT_NAME}")
+  set(output_dir "${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_PYTHON_DESTINATION}/${PROJECT_NAME}")
+  file(GLOB sources CONFIGURE_DEPENDS "${package_dir}/kernels/*.py")
+  foreach(source ${sources})
+    get_filename_component(noun "${source}" NAME_WE)
+    if(noun STREQUAL "__init__")
+      continue()
+    endif()
+    # The stamp stands in for the extension, whose file name carries the interpreter's ABI tag.
+    set(stamp "${CMAKE_CURRENT_BINARY_DIR}/kernel_${noun}.stamp")
+    add_custom_command(
+      OUTPUT "${stamp}"
+      COMMAND ${CMAKE_COMMAND} -E make_directory "${output_dir}"
+      COMMAND ${PYTHON_EXECUTABLE} "${PIONEER_COMPILE_KERNEL}"
+        --source-root "${CMAKE_CURRENT_SOURCE_DIR}/src" --module "${PROJECT_NAME}.kernels.${noun}"
+        --extension "_${noun}" --output "${output_dir}" --cpu "${PIONEER_CPU}"
+      COMMAND ${CMAKE_COMMAND} -E touch "${stamp}"
+      DEPENDS ${sources} "${PIONEER_COMPILE_KERNEL}"
+      COMMENT "Compiling kernel ${PROJECT_NAME}._${noun}"
+      VERBATIM)
+    add_custom_target(${PROJECT_NAME}_kernel_${noun} ALL DEPENDS "${stamp}")
+    install(DIRECTORY "${output_dir}/" DESTINATION "${CATKIN_GLOBAL_PYTHON_DESTINATION}/${PROJECT_NAME}"
+      FILES_MATCHING PATTERN "_${noun}.*.so")
+  endforeach()
+endfunction()

@@ -1,0 +1,1 @@
+"""What every node of this workspace shares: parameters, frames, entry point."""

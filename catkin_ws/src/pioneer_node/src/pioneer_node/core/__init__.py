@@ -1,0 +1,1 @@
+"""What needs no ROS: frame names and parameter sets."""

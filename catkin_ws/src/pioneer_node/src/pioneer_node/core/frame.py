@@ -1,0 +1,16 @@
+"""Names of coordinate frames, as tf2 stores them: without a leading slash."""
+
+
+def stripped(frame: str) -> str:
+    """Returns ``frame`` without its leading slash: tf2 stores ``/map`` as ``map`` and refuses to look the former up."""
+    return frame[1:] if frame.startswith("/") else frame
+
+
+def resolved(prefix: str, frame: str) -> str:
+    """Returns ``frame`` under ``tf_prefix`` ``prefix``, as ``tf::resolve`` of ROS 1 does.
+
+    A frame with a leading slash is absolute and takes no prefix; the slash is dropped all the same.
+    """
+    if frame.startswith("/") or not prefix.strip("/"):
+        return stripped(frame)
+    return f"{prefix.strip('/')}/{frame}"

@@ -1,0 +1,66 @@
+"""A node's parameters as one frozen dataclass, checked once at start."""
+
+import dataclasses
+import difflib
+import types
+import typing
+from collections.abc import Collection, Mapping
+from typing import Any, TypeVar
+
+Config = TypeVar("Config")
+
+
+class ParameterError(ValueError):
+    """A parameter that is unknown, of the wrong type, or out of its range."""
+
+
+def config_from_mapping(
+    config_class: type[Config], parameters: Mapping[str, Any], owner: str, ignored: Collection[str] = ()
+) -> Config:
+    """Returns ``config_class`` filled from ``parameters``; fields that are absent keep their defaults.
+
+    Args:
+        config_class: a frozen dataclass whose fields are named as the ROS parameters are.
+        parameters: what ``rospy.get_param("~", {})`` returned.
+        owner: the node's name, for the error.
+        ignored: names that belong to somebody else (nested namespaces, dynamic parameters).
+
+    Raises:
+        ParameterError: a name no field has (the nearest one is named), or a value of the wrong type.
+    """
+    hints = typing.get_type_hints(config_class)
+    names = {field.name for field in dataclasses.fields(config_class)}  # type: ignore[arg-type]
+    values = {}
+    for name, value in parameters.items():
+        if name in ignored:
+            continue
+        if name not in names:
+            raise ParameterError(f"{owner}: unknown parameter ~{name}{_nearest(name, names)}")
+        values[name] = _value_as(hints[name], value, f"{owner}: parameter ~{name}")
+    return config_class(**values)
+
+
+def _nearest(name: str, names: Collection[str]) -> str:
+    matches = difflib.get_close_matches(name, names, n=1)
+    return f"; did you mean ~{matches[0]}?" if matches else ""
+
+
+def _value_as(hint: Any, value: Any, what: str) -> Any:
+    """Returns ``value`` as the field's type: an int where a float is wanted becomes one, nothing else is converted."""
+    origin = typing.get_origin(hint)
+    if origin in (typing.Union, types.UnionType):
+        options = typing.get_args(hint)
+        if value is None and type(None) in options:
+            return None
+        hint = next(option for option in options if option is not type(None))
+        origin = typing.get_origin(hint)
+    if origin is tuple and isinstance(value, (list, tuple)):
+        return tuple(value)
+    if hint is Any:
+        return value
+    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    wanted = origin or hint
+    if not isinstance(value, wanted) or (wanted is int and isinstance(value, bool)):
+        raise ParameterError(f"{what} must be {getattr(wanted, '__name__', wanted)}, not {value!r}")
+    return value

@@ -1,0 +1,1 @@
+"""What needs rospy: the entry point of a node."""

@@ -1,0 +1,44 @@
+"""The one way a node of this workspace starts and ends."""
+
+import logging
+from collections.abc import Callable
+from typing import Any
+
+import rospy
+
+from pioneer_node.core.parameter import ParameterError
+
+
+def run(name: str, build: Callable[[], Any], expected: tuple[type[Exception], ...] = ()) -> int:
+    """Initialises the node, builds it, spins until shutdown, and returns the process's exit status.
+
+    Args:
+        name: the node's default name.
+        build: makes the node object; it is kept alive while the node spins. An object with a ``spin``
+            method is spun by that method, any other by ``rospy.spin``.
+        expected: errors that mean bad input rather than a fault of ours: one line, no traceback.
+            ``ParameterError`` always counts as one.
+    """
+    rospy.init_node(name)
+    try:
+        node = build()
+        getattr(node, "spin", rospy.spin)()
+    except rospy.ROSInterruptException:
+        return 0
+    except (ParameterError, *expected) as error:
+        rospy.logfatal("%s", error)
+        rospy.signal_shutdown(str(error))
+        return 1
+    except Exception:  # the outermost loop: whatever arrives here is a fault of ours and is told whole
+        logging.getLogger("rosout").critical("%s ended by an error", name, exc_info=True)
+        rospy.signal_shutdown("internal error")
+        return 1
+    return 0
+
+
+def parameters() -> dict[str, Any]:
+    """Returns the node's private parameters, an empty dictionary when there are none."""
+    values = rospy.get_param("~", {})
+    return values if isinstance(values, dict) else {}
+
+

@@ -1,0 +1,51 @@
+"""A configuration names what is wrong with a parameter and what was probably meant."""
+
+from dataclasses import dataclass
+
+import pytest
+
+from pioneer_node.core.frame import resolved, stripped
+from pioneer_node.core.parameter import ParameterError, config_from_mapping
+
+
+@dataclass(frozen=True)
+class LaserConfig:
+    max_range: float = 12.0
+    beams: int = 60
+    frame: str = "laser"
+    limit: float | None = None
+
+
+def test_absent_parameters_keep_their_defaults() -> None:
+    assert config_from_mapping(LaserConfig, {}, "amcl") == LaserConfig()
+
+
+def test_an_integer_is_taken_where_a_float_is_wanted() -> None:
+    assert config_from_mapping(LaserConfig, {"max_range": 8}, "amcl").max_range == 8.0
+
+
+def test_an_optional_parameter_takes_a_value() -> None:
+    assert config_from_mapping(LaserConfig, {"limit": 3}, "amcl").limit == 3.0
+
+
+def test_an_unknown_parameter_is_refused_with_the_nearest_name() -> None:
+    with pytest.raises(ParameterError, match="unknown parameter ~max_rnage; did you mean ~max_range"):
+        config_from_mapping(LaserConfig, {"max_rnage": 8.0}, "amcl")
+
+
+@pytest.mark.parametrize("values", [{"beams": 1.5}, {"beams": True}, {"frame": 3}, {"max_range": "far"}])
+def test_a_value_of_the_wrong_type_is_refused(values: dict[str, object]) -> None:
+    with pytest.raises(ParameterError, match="must be"):
+        config_from_mapping(LaserConfig, values, "amcl")
+
+
+def test_ignored_names_belong_to_somebody_else() -> None:
+    assert config_from_mapping(LaserConfig, {"costmap": {}}, "move_base", ignored={"costmap"}) == LaserConfig()
+
+
+def test_frames_resolve_as_tf_does() -> None:
+    assert stripped("/map") == "map"
+    assert resolved("pioneer1", "odom") == "pioneer1/odom"
+    assert resolved("/pioneer1/", "odom") == "pioneer1/odom"
+    assert resolved("pioneer1", "/map") == "map"
+    assert resolved("", "odom") == "odom"

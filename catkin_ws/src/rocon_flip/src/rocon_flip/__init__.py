@@ -1,0 +1,1 @@
+"""Scripts that advertise, pull and flip the fleet's topics."""

@@ -1,0 +1,1 @@
+"""The hub: a supervised Redis server where gateways meet."""

@@ -1,0 +1,1 @@
+"""Starts the launch files of a .concert file, each on its own ROS master."""

@@ -1,0 +1,1 @@
+"""Waypoint clients and the spin recovery."""

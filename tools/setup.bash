@@ -1,0 +1,169 @@
+# Set-up of the checkout, sourced by ./pioneer: Debian packages, Python environment, workspace.
+# Every step looks whether it is done, so that a finished set-up costs well under a second and an
+# interrupted one goes on where it stopped.
+
+setup_dir=$root/.setup
+venv=$setup_dir/venv
+workspace=$root/catkin_ws
+minimum_free_mib=3072
+
+# Ends with one line on what is wrong and what to do.
+die() {
+  printf 'pioneer: %s\n' "$*" >&2
+  exit 1
+}
+
+# as_root COMMAND...: runs it with root's rights, through sudo where we lack them.
+as_root() {
+  if [[ $EUID -eq 0 ]]; then "$@"; else sudo "$@"; fi
+}
+
+# step LABEL LOG COMMAND...: runs a long command with its output in LOG; shows label, seconds and the log's last line.
+step() {
+  local label=$1 log=$2 started=$SECONDS next=15 pid elapsed
+  shift 2
+  mkdir -p "${log%/*}"
+  "$@" >"$log" 2>&1 </dev/null &
+  pid=$!
+  while ! timeout 1 tail --pid="$pid" -f /dev/null; do
+    elapsed=$((SECONDS - started))
+    if [[ -t 1 ]]; then
+      printf '\r\033[K%s … %d s  %.60s' "$label" "$elapsed" "$(tail -n 1 "$log" | tr -cd '[:print:]')"
+    elif ((elapsed >= next)); then
+      printf '%s … %d s\n' "$label" "$elapsed"
+      next=$((next + 15))
+    fi
+  done
+  if ! wait "$pid"; then
+    [[ -t 1 ]] && printf '\n'
+    explain_failure "$label" "$log"
+  fi
+  [[ -t 1 ]] && printf '\r\033[K'
+  printf '%s: done in %d s\n' "$label" "$((SECONDS - started))"
+}
+
+# explain_failure LABEL LOG: names the usual causes in one line, else shows the end of the log.
+explain_failure() {
+  local label=$1 log=$2
+  if grep -qiE 'no space left on device|not enough free space' "$log"; then
+    die "$label failed: the disk is full. Free some space and run the command again (log: $log)"
+  elif grep -qiE 'temporary failure resolving|could not resolve|failed to fetch|network is unreachable|connection (refused|timed out)|newconnectionerror|unable to fetch' "$log"; then
+    die "$label failed: no network, or no way to Debian's mirror or PyPI. Check the connection and any proxy, then run the command again (log: $log)"
+  fi
+  tail -n 15 "$log" >&2
+  die "$label failed; the lines above are the end of $log"
+}
+
+check_system() {
+  local ID='' VERSION_ID=''
+  [[ -r /etc/os-release ]] && . /etc/os-release
+  [[ $ID == debian && $VERSION_ID =~ ^1[23]$ ]] ||
+    die "this needs Debian 12 or 13, which ship ROS 1; here is ${ID:-an unknown system} ${VERSION_ID:-}. Use the container image (docker/) or a Debian machine."
+  [[ -w $root ]] || die "cannot write to $root; run as its owner, or through sudo"
+}
+
+check_disk() {
+  local free
+  free=$(df --output=avail -m "$root" | tail -n 1)
+  ((free >= minimum_free_mib)) ||
+    die "only $free MiB free under $root and set-up needs $minimum_free_mib; free some space and run the command again"
+}
+
+missing_packages() {
+  local wanted
+  mapfile -t wanted < <(grep -vE '^\s*(#|$)' "$root/apt-packages.txt")
+  comm -23 <(printf '%s\n' "${wanted[@]}" | sort) \
+    <(dpkg-query -W -f '${Package} ${db:Status-Status}\n' "${wanted[@]}" 2>/dev/null | awk '$2 == "installed" {print $1}' | sort)
+}
+
+apt_install() {
+  export DEBIAN_FRONTEND=noninteractive
+  # A dpkg that was interrupted refuses everything until it has finished what it began.
+  as_root env DEBIAN_FRONTEND=noninteractive dpkg --configure -a
+  as_root apt-get update -q
+  # redis-server and rviz must not start services or ask questions here; recommendations would double the size.
+  as_root env DEBIAN_FRONTEND=noninteractive RUNLEVEL=1 apt-get install -yq --no-install-recommends "$@"
+}
+
+install_packages() {
+  local missing
+  mapfile -t missing < <(missing_packages)
+  ((${#missing[@]})) || return 0
+  check_disk
+  [[ $EUID -eq 0 ]] || command -v sudo >/dev/null ||
+    die "Debian packages are missing (${missing[*]:0:3} …); run this once as root, or install sudo"
+  step "Installing ${#missing[@]} Debian packages" "$setup_dir/log/apt.log" apt_install "${missing[@]}"
+}
+
+make_venv() {
+  rm -rf "$venv"
+  # The python3 found on the PATH may be one that cannot import rospy (anaconda, pyenv); Debian's can.
+  /usr/bin/python3 -m venv --system-site-packages "$venv"
+  # --no-deps: the requirements list is complete, and Debian's numpy must not be shadowed.
+  "$venv/bin/pip" install --disable-pip-version-check --no-deps -r "$root/requirements.txt"
+}
+
+prepare_venv() {
+  local stamp
+  stamp=$(sha256sum "$root/requirements.txt")$(/usr/bin/python3 -V)$root
+  [[ -f $venv/stamp && $(<"$venv/stamp") == "$stamp" ]] && return 0
+  check_disk
+  step "Installing Python packages" "$setup_dir/log/pip.log" make_venv
+  printf '%s' "$stamp" >"$venv/stamp"
+}
+
+# What decides whether the workspace must be built again: everything CMake reads, and the list of scripts.
+workspace_state() {
+  {
+    find "$workspace/src" -type d -name __pycache__ -prune -o \( -name CMakeLists.txt -o -name package.xml -o -name setup.py \
+      -o -name '*.msg' -o -name '*.srv' -o -name '*.action' -o -name '*.cfg' -o -name '*.cmake*' -o -path '*/kernels/*.py' \
+      -o -name compile_kernel.py \) -type f -printf '%p %T@\n'
+    find "$workspace/src" -path '*/scripts/*' -type f -printf '%p\n'
+    find "$workspace/src" -path '*/src/*' -name __init__.py -printf '%p\n'
+    printf '%s\n' "$root"
+  } | sort | sha256sum
+}
+
+make_workspace() {
+  # Built with the venv's interpreter, which catkin writes into every script.
+  (cd "$workspace" && catkin_make -j"$(nproc)" -DPYTHON_EXECUTABLE="$venv/bin/python3" -DCATKIN_ENABLE_TESTING=OFF)
+}
+
+build_workspace() {
+  local state
+  state=$(workspace_state)
+  [[ -f $setup_dir/workspace.stamp && -f $workspace/devel/setup.bash && $(<"$setup_dir/workspace.stamp") == "$state" ]] && return 0
+  check_disk
+  rm -f "$setup_dir/workspace.stamp"
+  step "Building the workspace" "$setup_dir/log/build.log" make_workspace
+  printf '%s' "$state" >"$setup_dir/workspace.stamp"
+}
+
+# Through sudo, what was built belongs to whoever called sudo, so that the next run can do without it.
+give_back() {
+  [[ -n ${SUDO_UID:-} && $EUID -eq 0 ]] || return 0
+  chown -R "$SUDO_UID:${SUDO_GID:-$SUDO_UID}" "$setup_dir" "$workspace/build" "$workspace/devel" "$workspace/src/CMakeLists.txt"
+}
+
+setup() {
+  check_system
+  mkdir -p "$setup_dir"
+  exec {lock}>"$setup_dir/lock"
+  flock -n "$lock" || { printf 'Waiting for another set-up of this checkout …\n'; flock "$lock"; }
+  local before=$SECONDS
+  install_packages
+  prepare_venv
+  build_workspace
+  ((SECONDS - before > 1)) && give_back
+  exec {lock}>&-
+}
+
+# enter_workspace: the environment that nodes run in.
+enter_workspace() {
+  set +u
+  . "$workspace/devel/setup.bash"
+  set -u
+  export PATH=$venv/bin:$PATH
+  # What a user has on PYTHONPATH for another interpreter breaks this one.
+  export PYTHONNOUSERSITE=1
+}
