@@ -1,0 +1,1 @@
+"""What the simulator computes: values and algorithms that know no ROS and no engine."""

@@ -1,0 +1,9 @@
+"""The errors of this package: one tree, so that a caller can catch them all or one kind."""
+
+
+class SimulatorError(Exception):
+    """Root of every error that the simulator raises on purpose."""
+
+
+class DescriptionError(SimulatorError):
+    """A world or robot file that cannot be used: the message names file, element and what is wrong."""

@@ -1,0 +1,301 @@
+"""What a robot is made of: links and joints as in URDF, sensors and plugins as gazebo_ros names them.
+
+Configuration classes carry the names of the ``<gazebo>`` elements they come from, so that a user of gazebo_ros
+finds each setting again. Lengths [m], angles [rad], masses [kg], rates [Hz].
+"""
+
+# ruff: noqa: N815 - fields are named as the plugins' elements are
+
+from dataclasses import dataclass
+
+from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
+from pioneer_gazebo.core.world import Link
+
+FIXED, CONTINUOUS, REVOLUTE, PRISMATIC, FLOATING = "fixed", "continuous", "revolute", "prismatic", "floating"
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """A joint between two links.
+
+    Attributes:
+        name: unique in the robot.
+        kind: fixed, continuous, revolute, prismatic or floating.
+        parent: name of the link towards the root.
+        child: name of the link that this joint moves.
+        pose: of the child's frame in the parent's frame, at position 0.
+        axis: unit vector in the child's frame.
+        lower: smallest position [rad or m]; -inf where there is no limit.
+        upper: largest position.
+        effort: largest force or torque [N or N m]; inf where there is none.
+        velocity: largest speed [rad/s or m/s].
+        damping: [N m s/rad or N s/m].
+        friction: static friction [N m or N].
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    pose: Pose = IDENTITY
+    axis: Vector = (1.0, 0.0, 0.0)
+    lower: float = float("-inf")
+    upper: float = float("inf")
+    effort: float = float("inf")
+    velocity: float = float("inf")
+    damping: float = 0.0
+    friction: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class DiffDrive:
+    """``libgazebo_ros_diff_drive.so``: drives two wheels by a Twist and publishes odometry.
+
+    Attributes:
+        leftJoint: wheel joint on the left, and so on; every other name is the plugin's element.
+        wheelSeparation: between the wheels' contact points [m].
+        wheelDiameter: [m].
+        wheelAcceleration: largest change of a wheel's rim speed [m/s²]; 0 for no limit.
+        wheelTorque: largest torque at a wheel [N m].
+        updateRate: of commands and odometry [Hz]; 0 for every step.
+        odometrySource: ``encoder`` (integrates the wheels) or ``world`` (the true pose).
+    """
+
+    name: str = "diff_drive"
+    robotNamespace: str = ""
+    leftJoint: str = "left_joint"
+    rightJoint: str = "right_joint"
+    wheelSeparation: float = 0.34
+    wheelDiameter: float = 0.15
+    wheelAcceleration: float = 0.0
+    wheelTorque: float = 5.0
+    updateRate: float = 100.0
+    commandTopic: str = "cmd_vel"
+    odometryTopic: str = "odom"
+    odometryFrame: str = "odom"
+    robotBaseFrame: str = "base_footprint"
+    odometrySource: str = "world"
+    publishTf: bool = True
+    publishOdomTF: bool = True
+    publishWheelTF: bool = False
+    publishWheelJointState: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class LaserSensor:
+    """A planar laser: ``<sensor type="ray">`` with ``libgazebo_ros_laser.so`` (or the gpu one).
+
+    Attributes:
+        name: the sensor's.
+        link: the link that carries it.
+        pose: of the sensor in that link; the beams lie in its x-y plane, angle 0 along x.
+        samples: beams a scan, the first at ``min_angle``, the last at ``max_angle``.
+        min_range: nearest distance that is reported [m].
+        max_range: farthest distance that is reported [m].
+        resolution: step of a range [m]; 0 for none.
+        update_rate: scans a second; 0 for every step.
+        noise_mean: of the gaussian noise [m].
+        noise_stddev: of the gaussian noise [m].
+        topic: relative to the robot's namespace.
+        frame: ``frame_id`` of the scan, before the prefix.
+    """
+
+    name: str
+    link: str
+    pose: Pose = IDENTITY
+    samples: int = 180
+    min_angle: float = -1.5707963267948966
+    max_angle: float = 1.5707963267948966
+    min_range: float = 0.1
+    max_range: float = 30.0
+    resolution: float = 0.0
+    update_rate: float = 10.0
+    noise_mean: float = 0.0
+    noise_stddev: float = 0.0
+    topic: str = "base_scan"
+    frame: str = "laser"
+
+
+@dataclass(frozen=True, slots=True)
+class SonarSensor:
+    """A range finder with a cone: ``<sensor type="ray">`` with ``libgazebo_ros_range.so``.
+
+    Attributes:
+        name: the sensor's.
+        link: the link that carries it.
+        pose: of the sensor in that link; the cone opens along x.
+        samples: rays across the cone (horizontal) that find the nearest thing.
+        fov: full opening angle [rad].
+        min_range: [m].
+        max_range: [m]; also what is published when nothing is met.
+        radiation: ``ultrasound`` or ``infrared``.
+        gaussianNoise: standard deviation [m].
+        update_rate: [Hz].
+        topic: relative to the robot's namespace.
+        frame: ``frame_id``, before the prefix.
+    """
+
+    name: str
+    link: str
+    pose: Pose = IDENTITY
+    samples: int = 5
+    fov: float = 0.3490658503988659
+    min_range: float = 0.1
+    max_range: float = 5.0
+    radiation: str = "ultrasound"
+    gaussianNoise: float = 0.0
+    update_rate: float = 10.0
+    topic: str = "sonar"
+    frame: str = "sonar"
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """``<sensor type="camera">`` with ``libgazebo_ros_camera.so``.
+
+    Attributes:
+        name: the sensor's, and the plugin's ``cameraName`` where that is given: the topics' namespace.
+        link: the link that carries it.
+        pose: of the sensor in that link; it looks along x.
+        horizontal_fov: [rad].
+        width: [pixel].
+        height: [pixel].
+        near: nearest depth that is drawn [m].
+        far: farthest [m].
+        format: SDF's name of the pixel format, ``R8G8B8`` or ``L8``.
+        update_rate: [Hz].
+        noise_stddev: gaussian, of a pixel's value in 0 … 1.
+        image_topic: relative to ``name``.
+        info_topic: relative to ``name``.
+        frame: ``frame_id``, before the prefix.
+    """
+
+    name: str
+    link: str
+    pose: Pose = IDENTITY
+    horizontal_fov: float = 1.3962634
+    width: int = 320
+    height: int = 240
+    near: float = 0.02
+    far: float = 300.0
+    format: str = "R8G8B8"
+    update_rate: float = 10.0
+    noise_stddev: float = 0.0
+    image_topic: str = "image_raw"
+    info_topic: str = "camera_info"
+    frame: str = "camera_link"
+
+
+@dataclass(frozen=True, slots=True)
+class GroundTruth:
+    """``libgazebo_ros_p3d.so``: the true pose and velocity of one link.
+
+    Attributes:
+        bodyName: the link.
+        topicName: relative to the robot's namespace.
+        frameName: ``frame_id``: ``map`` and ``world`` both mean the world's origin.
+        updateRate: [Hz]; 0 for every step.
+        gaussianNoise: standard deviation of the velocities, as the plugin does it.
+        xyzOffset: added to the position [m].
+        rpyOffset: added to the rotation [rad].
+    """
+
+    name: str
+    bodyName: str
+    topicName: str = "base_pose_ground_truth"
+    frameName: str = "map"
+    updateRate: float = 10.0
+    gaussianNoise: float = 0.0
+    xyzOffset: Vector = (0.0, 0.0, 0.0)
+    rpyOffset: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Bumper:
+    """``<sensor type="contact">`` with ``libgazebo_ros_bumper.so``.
+
+    Attributes:
+        name: the sensor's.
+        link: the link whose contacts are told.
+        collision: SDF's name of the collision; empty for every collision of the link.
+        bumperTopicName: relative to the robot's namespace.
+        frameName: ``frame_id``: ``map`` and ``world`` both mean the world's origin.
+        update_rate: [Hz].
+    """
+
+    name: str
+    link: str
+    collision: str = ""
+    bumperTopicName: str = "bumper"
+    frameName: str = "map"
+    update_rate: float = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class JointStatePublisher:
+    """``libgazebo_ros_joint_state_publisher.so``.
+
+    Attributes:
+        jointName: joints that are published, in this order; empty for every joint that moves.
+        updateRate: [Hz]; 0 for every step.
+        topicName: relative to the robot's namespace.
+    """
+
+    name: str = "joint_state_publisher"
+    jointName: tuple[str, ...] = ()
+    updateRate: float = 100.0
+    topicName: str = "joint_states"
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """A whole robot.
+
+    Attributes:
+        name: as the file names it.
+        links: in the file's order. A link's pose is that of its frame in the root link's frame, all joints at 0.
+        joints: in the file's order; they make one tree over all links.
+        static: the model never moves (``<gazebo><static>``).
+        warnings: one line for each kind of thing in the file that is not supported and was left out.
+    """
+
+    name: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...] = ()
+    drives: tuple[DiffDrive, ...] = ()
+    lasers: tuple[LaserSensor, ...] = ()
+    sonars: tuple[SonarSensor, ...] = ()
+    cameras: tuple[Camera, ...] = ()
+    ground_truths: tuple[GroundTruth, ...] = ()
+    bumpers: tuple[Bumper, ...] = ()
+    joint_state_publishers: tuple[JointStatePublisher, ...] = ()
+    static: bool = False
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def root(self) -> Link:
+        """The one link that is no joint's child."""
+        children = {joint.child for joint in self.joints}
+        return next(link for link in self.links if link.name not in children)
+
+    def link(self, name: str) -> Link:
+        """Returns the link of that name.
+
+        Raises:
+            KeyError: there is none.
+        """
+        for link in self.links:
+            if link.name == name:
+                return link
+        raise KeyError(name)
+
+    def joint(self, name: str) -> Joint:
+        """Returns the joint of that name.
+
+        Raises:
+            KeyError: there is none.
+        """
+        for joint in self.joints:
+            if joint.name == name:
+                return joint
+        raise KeyError(name)

@@ -1,0 +1,163 @@
+"""What a world is made of, free of any file format and any engine. Lengths [m], masses [kg], SI throughout."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
+
+Colour = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A box about its own origin; ``size`` is its whole extent along x, y, z."""
+
+    size: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Cylinder:
+    """A cylinder along z about its own origin; ``length`` is its whole height."""
+
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sphere:
+    """A ball about its own origin."""
+
+    radius: float
+
+
+@dataclass(frozen=True, slots=True)
+class Plane:
+    """The half space below a plane through its own origin.
+
+    Attributes:
+        normal: points out of the solid.
+        size: extent along x and y that is drawn; as in Gazebo the collision knows no border.
+    """
+
+    normal: Vector = (0.0, 0.0, 1.0)
+    size: tuple[float, float] = (100.0, 100.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Mesh:
+    """A triangle mesh in the file ``path`` (STL, OBJ or Collada), scaled along its own axes."""
+
+    path: str
+    scale: Vector = (1.0, 1.0, 1.0)
+
+
+Shape = Box | Cylinder | Sphere | Plane | Mesh
+
+
+@dataclass(frozen=True, slots=True)
+class Collision:
+    """A shape that is touched and that lasers see.
+
+    Attributes:
+        name: unique in its link.
+        pose: of the shape in the link.
+        shape: the shape.
+        friction: Coulomb coefficient along the first direction (SDF's ``mu``, URDF's ``mu1``).
+        restitution: 0 (no bounce) … 1.
+    """
+
+    name: str
+    pose: Pose
+    shape: Shape
+    friction: float = 1.0
+    restitution: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Visual:
+    """A shape that is only looked at; ``colour`` is red, green, blue, alpha, each 0 … 1."""
+
+    name: str
+    pose: Pose
+    shape: Shape
+    colour: Colour = (0.7, 0.7, 0.7, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Inertia:
+    """Moments and products of inertia [kg m²] about the centre of mass, in the axes of ``pose``.
+
+    Attributes:
+        pose: of the centre of mass, and of the axes, in the link.
+    """
+
+    ixx: float = 1.0
+    iyy: float = 1.0
+    izz: float = 1.0
+    ixy: float = 0.0
+    ixz: float = 0.0
+    iyz: float = 0.0
+    pose: Pose = IDENTITY
+
+
+UNIT_INERTIA = Inertia()
+"""What SDF gives a link that says nothing of its inertia."""
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A rigid body: its pose is in the model's frame."""
+
+    name: str
+    pose: Pose = IDENTITY
+    mass: float = 1.0
+    inertia: Inertia = UNIT_INERTIA
+    collisions: tuple[Collision, ...] = ()
+    visuals: tuple[Visual, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A named group of links; its pose is in the world. A static model never moves."""
+
+    name: str
+    pose: Pose = IDENTITY
+    static: bool = False
+    links: tuple[Link, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedCollision:
+    """A collision of a world's model together with its pose in the world."""
+
+    model: Model
+    link: Link
+    collision: Collision
+    pose: Pose
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """A whole world.
+
+    Attributes:
+        name: as the file names it.
+        models: in the file's order, names unique.
+        gravity: acceleration along x, y, z [m/s²].
+        warnings: one line for each kind of thing in the file that is not supported and was left out.
+    """
+
+    name: str
+    models: tuple[Model, ...] = ()
+    gravity: Vector = (0.0, 0.0, -9.81)
+    warnings: tuple[str, ...] = field(default=(), compare=False)
+
+    def collisions(self, static_only: bool = False) -> Iterator[PlacedCollision]:
+        """Yields every collision with its pose in the world, in the file's order."""
+        for model in self.models:
+            if static_only and not model.static:
+                continue
+            for link in model.links:
+                link_pose = model.pose.compose(link.pose)
+                for collision in link.collisions:
+                    yield PlacedCollision(model, link, collision, link_pose.compose(collision.pose))
