@@ -1,7 +1,7 @@
 @[if DEVELSPACE]@
 set(PIONEER_COMPILE_KERNEL "@(CMAKE_CURRENT_SOURCE_DIR)/scripts/compile_kernel.py")
 @[else]@
-set(PIONEER_COMPILE_KERNEL "${pioneer_kernels_DIR}/../scripts/compile_kernel.py")
+set(PIONEER_COMPILE_KERNEL "${pioneer_kernels_DIR}/../../../lib/pioneer_kernels/compile_kernel.py")
 @[end if]@
 set(PIONEER_CPU "host" CACHE STRING "LLVM processor name that kernels are compiled for; host, or x86-64 for an image")
 

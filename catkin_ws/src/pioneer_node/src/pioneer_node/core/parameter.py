@@ -29,7 +29,7 @@ def config_from_mapping(
         ParameterError: a name no field has (the nearest one is named), or a value of the wrong type.
     """
     hints = typing.get_type_hints(config_class)
-    names = {field.name for field in dataclasses.fields(config_class)}  # type: ignore[arg-type]
+    names = {field.name for field in dataclasses.fields(config_class)}
     values = {}
     for name, value in parameters.items():
         if name in ignored:

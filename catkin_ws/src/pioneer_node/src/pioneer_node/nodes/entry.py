@@ -40,5 +40,3 @@ def parameters() -> dict[str, Any]:
     """Returns the node's private parameters, an empty dictionary when there are none."""
     values = rospy.get_param("~", {})
     return values if isinstance(values, dict) else {}
-
-

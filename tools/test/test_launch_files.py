@@ -1,0 +1,63 @@
+"""Every launch file loads, what it starts exists, and each of its arguments is explained.
+
+Files are found by directory, never by list. Where a file has arguments without a default, the
+package's ``test/launch_args.yaml`` gives values: ``{file.launch: {argument: value}}``.
+"""
+
+import contextlib
+import io
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+import roslaunch.config
+import roslaunch.xmlloader
+import roslib.packages
+import yaml
+
+SOURCE = Path(__file__).resolve().parents[2] / "catkin_ws" / "src"
+LAUNCH_FILES = sorted(path for path in SOURCE.rglob("launch/**/*.launch"))
+# What a user may have installed beside this workspace and our launch files can start instead of ours.
+FOREIGN_NODES = {("rviz", "rviz")}
+
+
+def package_of(path: Path) -> Path:
+    return next(parent for parent in path.parents if (parent / "package.xml").exists())
+
+
+NAMES = [f"{package_of(path).name}/{path.name}" for path in LAUNCH_FILES]
+
+
+def arguments_for(path: Path) -> list[str]:
+    table = package_of(path) / "test" / "launch_args.yaml"
+    values = (yaml.safe_load(table.read_text()) or {}).get(path.name, {}) if table.exists() else {}
+    return [f"{name}:={value}" for name, value in values.items()]
+
+
+@pytest.fixture(autouse=True)
+def a_robot_computer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOSTNAME", "aadi1")
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("path", LAUNCH_FILES, ids=NAMES)
+def test_launch_file_loads_and_names_only_executables_that_exist(path: Path) -> None:
+    config = roslaunch.config.ROSLaunchConfig()
+    loader = roslaunch.xmlloader.XmlLoader(resolve_anon=False)
+    with contextlib.redirect_stdout(io.StringIO()):
+        loader.load(str(path), config, argv=arguments_for(path), verbose=False)
+    assert not config.config_errors
+    for node in config.nodes:
+        if (node.package, node.type) not in FOREIGN_NODES:
+            assert roslib.packages.find_node(node.package, node.type), f"no executable {node.package}/{node.type}"
+
+
+@pytest.mark.parametrize("path", LAUNCH_FILES, ids=NAMES)
+def test_each_argument_of_a_launch_file_is_explained(path: Path) -> None:
+    elements = ElementTree.parse(path).getroot().findall("arg")
+    unexplained = [element.get("name") for element in elements if not (element.get("value") or element.get("doc"))]
+    assert not unexplained, f"arguments without doc=: {unexplained}"
+
+
+def test_there_are_launch_files() -> None:
+    assert LAUNCH_FILES
