@@ -23,8 +23,12 @@ step() {
   local label=$1 log=$2 started=$SECONDS next=15 pid elapsed
   shift 2
   mkdir -p "${log%/*}"
+  # Job control gives the command a process group of its own, so that Ctrl-C here can end all of it.
+  set -m
   "$@" >"$log" 2>&1 </dev/null &
   pid=$!
+  set +m
+  trap 'kill -TERM -- -'"$pid"' 2>/dev/null; wait; printf "\n"; die "interrupted; run the command again, it goes on from here"' INT TERM
   while ! timeout 1 tail --pid="$pid" -f /dev/null; do
     elapsed=$((SECONDS - started))
     if [[ -t 1 ]]; then
@@ -34,6 +38,7 @@ step() {
       next=$((next + 15))
     fi
   done
+  trap - INT TERM
   if ! wait "$pid"; then
     [[ -t 1 ]] && printf '\n'
     explain_failure "$label" "$log"
@@ -55,8 +60,8 @@ explain_failure() {
 }
 
 check_system() {
-  local ID='' VERSION_ID=''
-  [[ -r /etc/os-release ]] && . /etc/os-release
+  local ID='' VERSION_ID='' os_release=${1:-/etc/os-release}
+  [[ -r $os_release ]] && . "$os_release"
   [[ $ID == debian && $VERSION_ID =~ ^1[23]$ ]] ||
     die "this needs Debian 12 or 13, which ship ROS 1; here is ${ID:-an unknown system} ${VERSION_ID:-}. Use the container image (docker/) or a Debian machine."
   [[ -w $root ]] || die "cannot write to $root; run as its owner, or through sudo"
@@ -92,6 +97,8 @@ install_packages() {
   check_disk
   [[ $EUID -eq 0 ]] || command -v sudo >/dev/null ||
     die "Debian packages are missing (${missing[*]:0:3} …); run this once as root, or install sudo"
+  # Asked for here, where a person can answer; the step below has no terminal.
+  [[ $EUID -eq 0 ]] || sudo -v || die "Debian packages are missing (${missing[*]:0:3} …) and sudo refused"
   step "Installing ${#missing[@]} Debian packages" "$setup_dir/log/apt.log" apt_install "${missing[@]}"
 }
 
@@ -164,6 +171,6 @@ enter_workspace() {
   . "$workspace/devel/setup.bash"
   set -u
   export PATH=$venv/bin:$PATH
-  # What a user has on PYTHONPATH for another interpreter breaks this one.
+  # What a user installed into ~/.local for another interpreter or version breaks this one.
   export PYTHONNOUSERSITE=1
 }

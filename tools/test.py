@@ -91,7 +91,8 @@ def pytest_check(name: str, paths: list[Path], timeout: float = 900.0) -> Check:
 
 def unit() -> Iterator[Check]:
     """Tests without a ROS environment of their own."""
-    yield pytest_check("unit", sorted(path for path in SOURCE.rglob("test/unit") if path.is_dir()))
+    folders = sorted(path for path in SOURCE.rglob("test/unit") if path.is_dir())
+    yield pytest_check("unit", [*folders, ROOT / "tools" / "test" / "test_setup.py"])
 
 
 def launch() -> Iterator[Check]:

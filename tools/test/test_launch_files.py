@@ -55,7 +55,7 @@ def test_launch_file_loads_and_names_only_executables_that_exist(path: Path) -> 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=NAMES)
 def test_each_argument_of_a_launch_file_is_explained(path: Path) -> None:
     elements = ElementTree.parse(path).getroot().findall("arg")
-    unexplained = [element.get("name") for element in elements if not (element.get("value") or element.get("doc"))]
+    unexplained = [element.get("name") for element in elements if not ("value" in element.attrib or element.get("doc"))]
     assert not unexplained, f"arguments without doc=: {unexplained}"
 
 

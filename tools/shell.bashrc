@@ -1,0 +1,8 @@
+# The shell of ./pioneer shell: the user's own settings first, then the workspace, so that a python3
+# which those put on the PATH does not mask the one that has rospy.
+[[ -f ~/.bashrc ]] && . ~/.bashrc
+root=$PIONEER_ROOT
+. "$root/tools/setup.bash"
+enter_workspace
+set +u
+PS1="(pioneer) $PS1"

@@ -1,0 +1,93 @@
+"""Set-up says in one line what is wrong, and repairs what was interrupted."""
+
+import os
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def run_bash(script: str, cwd: Path) -> "subprocess.CompletedProcess[str]":
+    text = f'set -euo pipefail; root={cwd}; . "{ROOT}/tools/setup.bash"; {script}'
+    return subprocess.run(["bash", "-c", text], capture_output=True, text=True, cwd=cwd, timeout=30, check=False)
+
+
+@pytest.mark.parametrize("release", ["ID=ubuntu\nVERSION_ID=24.04\n", "ID=debian\nVERSION_ID=11\n", ""])
+def test_a_wrong_system_is_named_in_one_line(tmp_path: Path, release: str) -> None:
+    (tmp_path / "os-release").write_text(release)
+    result = run_bash(f"check_system {tmp_path}/os-release", tmp_path)
+    assert result.returncode == 1
+    assert result.stderr.count("\n") == 1
+    assert "needs Debian 12 or 13" in result.stderr
+
+
+@pytest.mark.parametrize("version", ["12", "13"])
+def test_both_debians_that_ship_ros_are_taken(tmp_path: Path, version: str) -> None:
+    (tmp_path / "os-release").write_text(f"ID=debian\nVERSION_ID={version}\n")
+    assert run_bash(f"check_system {tmp_path}/os-release", tmp_path).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        ("Temporary failure resolving 'deb.debian.org'", "no network"),
+        ("NewConnectionError: Failed to establish", "no network"),
+        ("cp: error writing: No space left on device", "the disk is full"),
+    ],
+)
+def test_the_usual_causes_of_a_failed_step_are_told_in_one_line(tmp_path: Path, said: str, told: str) -> None:
+    result = run_bash(f'fail() {{ echo "{said}"; return 1; }}; step "Installing" {tmp_path}/log/x.log fail', tmp_path)
+    assert result.returncode == 1
+    assert told in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_a_full_disk_is_noticed_before_anything_is_installed(tmp_path: Path) -> None:
+    result = run_bash("minimum_free_mib=999999999; check_disk", tmp_path)
+    assert result.returncode == 1
+    assert "free some space" in result.stderr
+
+
+def test_an_unexpected_failure_shows_the_end_of_its_log(tmp_path: Path) -> None:
+    result = run_bash(f'fail() {{ echo "a clue"; return 1; }}; step "Building" {tmp_path}/log/x.log fail', tmp_path)
+    assert result.returncode == 1
+    assert "a clue" in result.stderr
+
+
+def test_an_interrupted_environment_is_made_again(tmp_path: Path) -> None:
+    (tmp_path / "requirements.txt").write_text("")
+    (tmp_path / ".setup" / "venv").mkdir(parents=True)
+    (tmp_path / ".setup" / "venv" / "half").write_text("done")
+    result = run_bash("prepare_venv; prepare_venv", tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert not (tmp_path / ".setup" / "venv" / "half").exists()
+    assert result.stdout.count("done in") == 1
+
+
+def test_an_interrupt_ends_the_running_step_and_says_so(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "started")
+    long = f"long() {{ echo $BASHPID > {tmp_path}/started; exec tail -f /dev/null; }}"
+    script = f'{long}; step "Building" {tmp_path}/x.log long'
+    text = f'set -euo pipefail; root={tmp_path}; . "{ROOT}/tools/setup.bash"; {script}'
+    process = subprocess.Popen(["bash", "-c", text], stderr=subprocess.PIPE, text=True)
+    step = int((tmp_path / "started").read_text())
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=20)
+    assert process.returncode == 1
+    assert "interrupted" in error
+    with pytest.raises(ProcessLookupError):
+        os.kill(step, 0)
+
+
+def test_an_unknown_command_is_answered_with_the_usage() -> None:
+    result = subprocess.run([ROOT / "pioneer", "dmeo"], capture_output=True, text=True, check=False, timeout=30)
+    assert result.returncode == 1
+    assert "unknown command 'dmeo'" in result.stderr
+
+
+def test_help_needs_no_set_up() -> None:
+    result = subprocess.run([ROOT / "pioneer", "--help"], capture_output=True, text=True, check=True, timeout=30)
+    assert "./pioneer" in result.stdout
