@@ -1,0 +1,1 @@
+"""Foreign things, one a module: map files, serialised messages."""

@@ -1,0 +1,100 @@
+"""Occupancy grids: what a map is inside this package."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle.core.error import MapError
+from nav_bundle.core.pose import Pose
+
+UNKNOWN = -1
+"""A cell nobody has seen."""
+FREE = 0
+"""A cell that is certainly free."""
+OCCUPIED = 100
+"""A cell that is certainly occupied."""
+
+_CELL_OF_SYMBOL = {"#": OCCUPIED, ".": FREE, " ": FREE, "?": UNKNOWN}
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """A map of square cells; row 0 and column 0 lie at the origin, rows grow with y, columns with x.
+
+    Attributes:
+        resolution: side of a cell [m], positive.
+        origin: pose of the outer corner of cell (0, 0) in the map frame. Its yaw turns the whole grid.
+        cells: int8, shape (rows, cols): ``UNKNOWN`` (-1), or occupancy from 0 to 100, as nav_msgs/OccupancyGrid.
+
+    Raises:
+        MapError: a resolution that is not positive, or cells that are not a non-empty int8 table.
+    """
+
+    resolution: float
+    origin: Pose
+    cells: NDArray[np.int8] = field(repr=False)
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.resolution) and self.resolution > 0.0):
+            raise MapError(f"a map's resolution must be positive, not {self.resolution}")
+        if self.cells.ndim != 2 or self.cells.dtype != np.int8 or self.cells.size == 0:
+            raise MapError(f"a map needs int8 cells in rows and columns, not {self.cells.dtype}{self.cells.shape}")
+
+    @property
+    def rows(self) -> int:
+        """Number of rows: cells along y."""
+        return int(self.cells.shape[0])
+
+    @property
+    def cols(self) -> int:
+        """Number of columns: cells along x."""
+        return int(self.cells.shape[1])
+
+    def contains(self, row: int, col: int) -> bool:
+        """Tells whether cell (``row``, ``col``) lies in the grid."""
+        return 0 <= row < self.rows and 0 <= col < self.cols
+
+    def cell_at(self, x: float, y: float) -> tuple[int, int]:
+        """Returns (row, col) of the cell that holds point (``x``, ``y``) [m, map frame], inside the grid or not."""
+        along, across = self.origin.inverse().apply(x, y)
+        return math.floor(across / self.resolution), math.floor(along / self.resolution)
+
+    def point_at(self, row: float, col: float) -> tuple[float, float]:
+        """Returns the centre (x, y) [m, map frame] of cell (``row``, ``col``)."""
+        return self.origin.apply((col + 0.5) * self.resolution, (row + 0.5) * self.resolution)
+
+    def cells_at(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Returns (row, col), shape (n, 2), of the cells that hold ``points`` (x, y) [m, map frame], shape (n, 2)."""
+        cosine, sine = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
+        dx, dy = points[:, 0] - self.origin.x, points[:, 1] - self.origin.y
+        across_along = np.stack([cosine * dy - sine * dx, cosine * dx + sine * dy], axis=1)
+        return np.floor(across_along / self.resolution).astype(np.int64)
+
+    def points_at(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Returns the centres (x, y) [m, map frame], shape (n, 2), of ``cells`` (row, col), shape (n, 2)."""
+        cosine, sine = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
+        across, along = ((cells + 0.5) * self.resolution).T
+        return np.stack(
+            [self.origin.x + cosine * along - sine * across, self.origin.y + sine * along + cosine * across], axis=1
+        )
+
+
+def grid_from_text(rows: Sequence[str], resolution: float = 1.0, origin: Pose | None = None) -> Grid:
+    """Returns the grid drawn in ``rows``, the topmost (largest y) first; made for tests and small examples.
+
+    ``#`` is occupied, ``.`` or a blank free, ``?`` unknown.
+
+    Raises:
+        MapError: rows of different lengths, or another symbol.
+    """
+    try:
+        table = [[_CELL_OF_SYMBOL[symbol] for symbol in row] for row in reversed(rows)]
+        cells = np.array(table, dtype=np.int8)
+    except KeyError as error:
+        raise MapError(f"a drawn map knows only {' '.join(map(repr, _CELL_OF_SYMBOL))}, not {error}") from None
+    except ValueError:
+        raise MapError("a drawn map needs rows of one length") from None
+    return Grid(resolution, origin or Pose(), cells)

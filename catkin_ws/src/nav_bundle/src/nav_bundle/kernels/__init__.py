@@ -1,0 +1,1 @@
+"""Numba sources, compiled at build into ``nav_bundle._<noun>``; imported by the build alone."""

@@ -1,0 +1,1 @@
+"""What needs rospy: the navigation nodes and what they share."""
