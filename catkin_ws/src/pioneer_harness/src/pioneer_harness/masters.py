@@ -1,0 +1,105 @@
+"""Real ROS masters inside a test's process, each on a port of its own."""
+
+import os
+import socket
+import tempfile
+import threading
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import rosgraph
+import rosmaster.master
+
+_LOOPBACK = "127.0.0.1"
+
+
+class Master:
+    """A ROS master of one's own, as a context manager; several may live at once.
+
+    Attributes:
+        uri: its address, ``http://127.0.0.1:PORT/``.
+        port: its port, chosen by the kernel.
+        home: a temporary directory for ``ROS_HOME`` (logs), removed at the end.
+    """
+
+    def __init__(self) -> None:
+        self._home = tempfile.TemporaryDirectory(prefix="pioneer-master-")
+        self.home = Path(self._home.name)
+        self._master = rosmaster.master.Master(port=0)
+        self._master.start()
+        self.port = int(self._master.master_node.port)
+        self.uri = f"http://{_LOOPBACK}:{self.port}/"
+        self._clients: list[rosgraph.Master] = []
+        self._client = self.proxy()
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """This process's environment, pointed at the master: for the nodes that a test starts."""
+        return {**os.environ, **environment(self.uri, self.home)}
+
+    def proxy(self, name: str = "/pioneer_harness") -> rosgraph.Master:
+        """Returns a client of the master's API that calls itself ``name``; its connection is closed by ``stop``."""
+        client = rosgraph.Master(name, master_uri=self.uri)
+        self._clients.append(client)
+        return client
+
+    def system_state(self) -> tuple[dict[str, list[str]], dict[str, list[str]], dict[str, list[str]]]:
+        """Returns publishers, subscribers and service providers: each topic's or service's node names."""
+        publishers, subscribers, services = self._client.getSystemState()
+        return dict(publishers), dict(subscribers), dict(services)
+
+    def set_param(self, name: str, value: Any) -> None:
+        """Sets a parameter by its full name."""
+        self._client.setParam(name, value)
+
+    def get_param(self, name: str) -> Any:
+        """Returns a parameter by its full name; ``rosgraph.MasterError`` where there is none."""
+        return self._client.getParam(name)
+
+    def stop(self) -> None:
+        """Closes the master's port and removes its directory; a second call does nothing."""
+        node = self._master.master_node
+        if node is None:
+            return
+        for client in self._clients:
+            client.handle("close")()
+        server, node.is_shutdown = node.server, True
+        # rosmaster closes the socket under its own loop, which then spins; the loop is ended first, by a
+        # connection that wakes it.
+        ending = threading.Thread(target=server.shutdown)
+        ending.start()
+        while ending.is_alive():
+            _poke(self.port)
+            ending.join(0.01)
+        self._master.stop()
+        self._home.cleanup()
+
+    def __enter__(self) -> "Master":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+
+def environment(uri: str, home: Path) -> dict[str, str]:
+    """Returns the variables that point a ROS process of this machine at the master ``uri``, logging under ``home``."""
+    return {"ROS_MASTER_URI": uri, "ROS_IP": _LOOPBACK, "ROS_HOME": str(home), "ROS_LOG_DIR": str(home / "log")}
+
+
+def is_running(uri: str, timeout: float = 1.0) -> bool:
+    """Returns whether a server accepts connections at the master's address ``uri`` within ``timeout`` [s]."""
+    try:
+        socket.create_connection(rosgraph.network.parse_http_host_and_port(uri), timeout).close()
+    except OSError:
+        return False
+    return True
+
+
+def _poke(port: int) -> None:
+    try:
+        socket.create_connection((_LOOPBACK, port), 1.0).close()
+    except OSError:
+        return

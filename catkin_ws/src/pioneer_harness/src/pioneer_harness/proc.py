@@ -1,0 +1,107 @@
+"""What Linux tells about processes: ``/proc`` read into values."""
+
+import ctypes
+import dataclasses
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+_TICK = 1.0 / os.sysconf("SC_CLK_TCK")
+_PAGE = os.sysconf("SC_PAGE_SIZE")
+_PR_SET_CHILD_SUBREAPER = 36
+_libc = ctypes.CDLL(None, use_errno=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class ProcessState:
+    """One process at one moment.
+
+    Attributes:
+        pid: its number.
+        parent: its parent's number.
+        session: its session's leader.
+        alive: False for a zombie.
+        started: [clock ticks since boot] with the pid this names a process for good.
+        cpu: [s] user and system time of its own threads.
+        waited_cpu: [s] the same of its children that ended and were waited for, and of theirs.
+        rss: [bytes] resident memory, shared pages included.
+    """
+
+    pid: int
+    parent: int
+    session: int
+    alive: bool
+    started: int
+    cpu: float
+    waited_cpu: float
+    rss: int
+
+
+def become_subreaper() -> None:
+    """Makes this process the parent of every descendant whose own parent ends (``PR_SET_CHILD_SUBREAPER``).
+
+    Raises:
+        OSError: the kernel refuses.
+    """
+    if _libc.prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0) != 0:
+        raise OSError(ctypes.get_errno(), "prctl(PR_SET_CHILD_SUBREAPER)")
+
+
+def process_states() -> dict[int, ProcessState]:
+    """Returns all processes of the machine that can be seen, by pid."""
+    states = (process_state(int(name)) for name in os.listdir("/proc") if name.isdigit())
+    return {state.pid: state for state in states if state is not None}
+
+
+def process_state(pid: int) -> ProcessState | None:
+    """Returns the state of ``pid``, or None where there is no such process."""
+    text = _read(pid, "stat")
+    return _state_from_stat(pid, text.decode(errors="replace")) if text else None
+
+
+def arguments(pid: int) -> tuple[str, ...]:
+    """Returns the command line of ``pid``, empty for a zombie, a kernel thread, or none at all."""
+    text = _read(pid, "cmdline")
+    return tuple(part.decode(errors="replace") for part in text.split(b"\0")[:-1])
+
+
+def has_variable(pid: int, name: str, value: str) -> bool:
+    """Returns whether ``pid`` was started with the environment variable ``name`` set to ``value``."""
+    return f"{name}={value}".encode() in _read(pid, "environ").split(b"\0")
+
+
+def descendants(states: dict[int, ProcessState], roots: Iterable[int]) -> set[int]:
+    """Returns ``roots`` and all their living or zombie descendants among ``states``."""
+    children: dict[int, list[int]] = {}
+    for state in states.values():
+        children.setdefault(state.parent, []).append(state.pid)
+    found, open_ = set(), [pid for pid in roots if pid in states]
+    while open_:
+        pid = open_.pop()
+        if pid not in found:
+            found.add(pid)
+            open_.extend(children.get(pid, ()))
+    return found
+
+
+def _read(pid: int, name: str) -> bytes:
+    try:
+        return Path(f"/proc/{pid}/{name}").read_bytes()
+    except OSError:  # it ended meanwhile, or belongs to somebody else
+        return b""
+
+
+def _state_from_stat(pid: int, text: str) -> ProcessState:
+    # The name stands in brackets and may hold anything; the numbers follow the last bracket (proc(5), from field 3).
+    fields = text[text.rindex(")") + 2 :].split()
+    user, system, waited_user, waited_system = (int(field) for field in fields[11:15])
+    return ProcessState(
+        pid=pid,
+        parent=int(fields[1]),
+        session=int(fields[3]),
+        alive=fields[0] not in "ZX",
+        started=int(fields[19]),
+        cpu=(user + system) * _TICK,
+        waited_cpu=(waited_user + waited_system) * _TICK,
+        rss=int(fields[21]) * _PAGE,
+    )

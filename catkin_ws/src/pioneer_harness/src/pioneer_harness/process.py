@@ -1,0 +1,301 @@
+"""Groups of processes that always end, with whatever they started themselves."""
+
+import dataclasses
+import os
+import selectors
+import shutil
+import signal
+import subprocess
+import threading
+import time
+import uuid
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+
+from pioneer_harness.accounting import Account
+from pioneer_harness.error import ProcessDiedError, ProcessStartError
+from pioneer_harness.proc import (
+    ProcessState,
+    arguments,
+    become_subreaper,
+    descendants,
+    has_variable,
+    process_states,
+)
+
+_VARIABLE = "PIONEER_PROCESS_GROUP"
+_POLL_INTERVAL = 0.02
+_LAST_LINES = 15
+# A shell starts background jobs with SIGINT ignored, which children would inherit; and whoever kills this process
+# with SIGKILL must not leave its children running.
+_PREFIX = ("/usr/bin/env", "--default-signal=INT", "/usr/bin/setpriv", "--pdeathsig", "TERM", "--")
+
+
+@dataclasses.dataclass(frozen=True)
+class Death:
+    """A process that ended though it was to live.
+
+    Attributes:
+        name: as given to ``start``.
+        pid: its process number.
+        status: as ``subprocess.Popen.returncode``: minus the signal's number where one ended it.
+        log: where its output went, if into a file.
+    """
+
+    name: str
+    pid: int
+    status: int
+    log: Path | None
+
+    def __str__(self) -> str:
+        how = (
+            f"was killed by {signal.Signals(-self.status).name}" if self.status < 0 else f"ended, status {self.status}"
+        )
+        lines = last_lines(self.log) if self.log else ""
+        return f"{self.name} (pid {self.pid}) {how}" + (f"; the last lines of {self.log}:\n{lines}" if lines else "")
+
+
+@dataclasses.dataclass
+class _Member:
+    name: str
+    popen: "subprocess.Popen[bytes]"
+    log: Path | None
+    may_end: bool
+    pidfd: int
+
+
+class ProcessGroup:
+    """Starts processes, notices at once when one ends, and ends all of them with all their descendants.
+
+    Each process leads a session of its own and gets SIGTERM should this process die first. This process becomes a
+    subreaper, so that descendants stay findable when their own parent dies. Nothing is ever signalled that did not
+    come from ``start``: descendants are recognised by the process tree and by a variable in their environment.
+
+    Threads: one, which sleeps until a process ends. ``start`` is to be called from a thread that lives as long as
+    the group, because Linux delivers the parent-death signal when the *thread* ends.
+    """
+
+    def __init__(self, on_death: Callable[[Death], None] | None = None) -> None:
+        """``on_death`` is called from the group's thread for each unexpected end."""
+        become_subreaper()
+        self._on_death = on_death
+        self._tag = uuid.uuid4().hex
+        self._changed = threading.Condition()
+        self._members: dict[int, _Member] = {}
+        self._deaths: list[Death] = []
+        self._known: set[tuple[int, int]] = set()
+        self._stopping = False
+        self._selector = selectors.DefaultSelector()
+        self._wake_reader, self._wake_writer = os.pipe2(os.O_CLOEXEC | os.O_NONBLOCK)
+        self._selector.register(self._wake_reader, selectors.EVENT_READ)
+        self._watcher = threading.Thread(target=self._watch, name="process group", daemon=True)
+        self._watcher.start()
+
+    def start(
+        self,
+        name: str,
+        argv: Sequence[str],
+        env: Mapping[str, str] | None = None,
+        log: Path | None = None,
+        may_end: bool = False,
+    ) -> int:
+        """Starts ``argv`` and returns its pid.
+
+        Args:
+            name: what the process is called in messages.
+            argv: program and arguments; the program is looked up on the PATH of ``env``.
+            env: the whole environment; this process's own where None.
+            log: file that its output is appended to; without one it shares this process's output.
+            may_end: it is no death when the process ends with status 0.
+
+        Raises:
+            ProcessStartError: there is no such program, the log cannot be opened, or the group is stopping.
+        """
+        environment = {**(os.environ if env is None else env), _VARIABLE: self._tag}
+        program = shutil.which(argv[0], path=environment.get("PATH"))
+        if program is None:
+            raise ProcessStartError(f"{name}: no program '{argv[0]}' on the PATH")
+        with self._changed:
+            if self._stopping:
+                raise ProcessStartError(f"{name}: not started, the group is stopping")
+            popen = _spawn(name, [*_PREFIX, program, *argv[1:]], environment, log)
+            _wait_for_the_program(popen.pid)
+            member = _Member(name, popen, log, may_end, os.pidfd_open(popen.pid))
+            self._members[popen.pid] = member
+        self._selector.register(member.pidfd, selectors.EVENT_READ, member)
+        self._wake()
+        return popen.pid
+
+    @property
+    def changed(self) -> threading.Condition:
+        """Notified whenever a process ends."""
+        return self._changed
+
+    @property
+    def deaths(self) -> tuple[Death, ...]:
+        """The unexpected ends so far, oldest first."""
+        with self._changed:
+            return tuple(self._deaths)
+
+    def check(self) -> None:
+        """Raises ``ProcessDiedError`` if a process has ended that was to live."""
+        if deaths := self.deaths:
+            raise ProcessDiedError(str(deaths[0]))
+
+    def is_running(self, name: str) -> bool:
+        """Returns whether a process of that name has not ended."""
+        with self._changed:
+            return any(member.name == name and member.popen.returncode is None for member in self._members.values())
+
+    def states(self) -> dict[int, ProcessState]:
+        """Returns the processes of the group and all their descendants, orphaned ones too, zombies included."""
+        everything = process_states()
+        with self._changed:
+            roots = set(self._members)
+        for state in everything.values():
+            if state.parent == os.getpid() and state.pid not in roots and self._is_orphan_of_ours(state, roots):
+                roots.add(state.pid)
+        ours = {pid: everything[pid] for pid in descendants(everything, roots)}
+        self._known.update((state.pid, state.started) for state in ours.values())
+        return ours
+
+    def sample(self, account: Account) -> None:
+        """Adds the group's processes as they are now to ``account``."""
+        account.add(self.states().values(), arguments)
+
+    def stop(self, grace: float = 3.0) -> tuple[str, ...]:
+        """Ends everything: SIGINT to what was started, after ``grace`` [s] SIGKILL to whatever still lives.
+
+        Returns:
+            The command lines of the processes that had to be killed; empty when all ended by themselves.
+        """
+        with self._changed:
+            self._stopping = True
+            for member in self._members.values():
+                if member.popen.returncode is None:
+                    member.popen.send_signal(signal.SIGINT)
+        self._wait_for_the_end(time.monotonic() + grace)
+        killed = self._kill_all()
+        self._close()
+        return killed
+
+    def __enter__(self) -> "ProcessGroup":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def _living(self) -> list[ProcessState]:
+        living = []
+        for state in self.states().values():
+            if state.alive:
+                living.append(state)
+            elif state.parent == os.getpid() and state.pid not in self._members:
+                _reap(state.pid)
+        return living
+
+    def _is_orphan_of_ours(self, state: ProcessState, sessions: set[int]) -> bool:
+        return (
+            (state.pid, state.started) in self._known
+            or state.session in sessions
+            or has_variable(state.pid, _VARIABLE, self._tag)
+        )
+
+    def _wait_for_the_end(self, deadline: float) -> None:
+        while self._living() and time.monotonic() < deadline:
+            time.sleep(_POLL_INTERVAL)
+
+    def _kill_all(self) -> tuple[str, ...]:
+        killed: dict[tuple[int, int], str] = {}
+        # What is killed may have had children that show up as ours only now, so until nothing is left.
+        while living := self._living():
+            for state in living:
+                killed.setdefault((state.pid, state.started), " ".join(arguments(state.pid)))
+                _kill(state.pid)
+            time.sleep(_POLL_INTERVAL)
+        return tuple(killed.values())
+
+    def _watch(self) -> None:
+        while True:
+            for key, _ in self._selector.select():
+                if key.data is not None:
+                    self._note_end(key.data)
+                elif not os.read(self._wake_reader, 4096):
+                    return
+
+    def _note_end(self, member: _Member) -> None:
+        self._selector.unregister(member.pidfd)
+        os.close(member.pidfd)
+        with self._changed:
+            status = member.popen.wait()
+            death = None
+            if not self._stopping and not (member.may_end and status == 0):
+                death = Death(member.name, member.popen.pid, status, member.log)
+                self._deaths.append(death)
+            self._changed.notify_all()
+        if death is not None and self._on_death is not None:
+            self._on_death(death)
+
+    def _wake(self) -> None:
+        os.write(self._wake_writer, b"\0")
+
+    def _close(self) -> None:
+        if not self._watcher.is_alive():
+            return
+        with self._changed:
+            self._changed.wait_for(lambda: all(m.popen.returncode is not None for m in self._members.values()))
+        os.close(self._wake_writer)
+        self._watcher.join()
+        self._selector.close()
+        os.close(self._wake_reader)
+
+
+def last_lines(path: Path, count: int = _LAST_LINES) -> str:
+    """Returns the last ``count`` lines of a text file, indented; empty where it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            file.seek(max(0, path.stat().st_size - 400 * count))
+            lines = file.read().decode(errors="replace").splitlines()
+    except OSError:
+        return ""
+    return "\n".join(f"    {line.rstrip()}" for line in lines[-count:] if line.strip())
+
+
+def _spawn(
+    name: str, argv: Sequence[str], environment: Mapping[str, str], log: Path | None
+) -> "subprocess.Popen[bytes]":
+    try:
+        output = log.open("ab") if log else None
+    except OSError as error:
+        raise ProcessStartError(f"{name}: cannot write {log}: {error.strerror}") from error
+    try:
+        return subprocess.Popen(
+            argv, env=environment, stdin=subprocess.DEVNULL, stdout=output,
+            stderr=subprocess.STDOUT if output else None, start_new_session=True,
+        )  # fmt: skip
+    finally:
+        if output:
+            output.close()
+
+
+def _wait_for_the_program(pid: int) -> None:
+    """Returns when the prefix has done its work: a signal sent before that would meet the inherited handling."""
+    while arguments(pid)[:1] in ((_PREFIX[0],), (_PREFIX[2],)):
+        time.sleep(0.001)
+
+
+def _kill(pid: int) -> None:
+    try:
+        os.kill(pid, signal.SIGKILL)
+    except ProcessLookupError:
+        return
+
+
+def _reap(pid: int) -> None:
+    try:
+        os.waitpid(pid, os.WNOHANG)
+    except ChildProcessError:
+        return

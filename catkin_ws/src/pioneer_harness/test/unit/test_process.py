@@ -1,0 +1,159 @@
+"""Whatever a group started ends with it; whatever it did not start is left alone."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import pytest
+
+from pioneer_harness.accounting import Account
+from pioneer_harness.error import ProcessDiedError, ProcessStartError
+from pioneer_harness.process import ProcessGroup, last_lines
+from pioneer_harness.wait import wait_until
+
+SLEEP = ["sleep", "1000"]
+
+
+def run_python(script):
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.run(
+        [sys.executable, "-c", script], env=environment, stdout=subprocess.PIPE, text=True, timeout=15, check=False
+    )
+
+
+def is_alive(pid):
+    try:
+        return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except FileNotFoundError:
+        return False
+
+
+def number_in(path):
+    return path.exists() and path.read_text().strip()
+
+
+@pytest.fixture
+def group():
+    with ProcessGroup() as group:
+        yield group
+
+
+def test_stop_ends_what_was_started(group):
+    pid = group.start("sleeper", SLEEP)
+    assert is_alive(pid)
+    assert group.stop() == ()
+    assert not is_alive(pid)
+
+
+def test_a_process_that_ignores_sigint_is_killed_after_the_grace(group, tmp_path):
+    ready = tmp_path / "ready"
+    pid = group.start("stubborn", ["bash", "-c", f"trap '' INT TERM; echo 1 > {ready}; while :; do sleep 1000; done"])
+    wait_until(lambda: number_in(ready), "the trap", 5.0)
+    started = time.monotonic()
+    killed = group.stop(grace=0.3)
+    assert any("trap" in line for line in killed)
+    assert not is_alive(pid)
+    assert time.monotonic() - started < 3.0
+
+
+def test_orphans_in_a_session_of_their_own_end_too(group, tmp_path):
+    noted = tmp_path / "pid"
+    script = f"setsid bash -c 'trap \"\" INT TERM; echo $$ > {noted}; while :; do sleep 1000; done' & sleep 0.01"
+    group.start("parent", ["bash", "-c", script], may_end=True)
+    orphan = int(wait_until(lambda: number_in(noted), "the orphan", 5.0))
+    wait_until(lambda: not group.is_running("parent"), "the parent's end", 5.0)
+    assert is_alive(orphan)
+    group.stop(grace=0.2)
+    assert not is_alive(orphan)
+
+
+def test_processes_of_others_are_left_alone(group):
+    with subprocess.Popen(SLEEP, start_new_session=True) as stranger:
+        with ProcessGroup() as other:
+            foreign = other.start("theirs", SLEEP)
+            group.start("ours", SLEEP)
+            group.stop()
+            assert is_alive(foreign)
+            assert stranger.poll() is None
+        stranger.kill()
+
+
+def test_an_unexpected_end_is_noticed_and_told_with_its_last_lines(group, tmp_path):
+    log = tmp_path / "robot.log"
+    group.start("robot", ["bash", "-c", "echo the wheel fell off; exit 3"], log=log)
+    wait_until(lambda: group.deaths, "the death", 5.0, group.changed)
+    with pytest.raises(ProcessDiedError, match=r"robot \(pid \d+\) ended, status 3(.|\n)*the wheel fell off"):
+        group.check()
+
+
+def test_a_killed_process_is_told_with_its_signal(tmp_path):
+    told = []
+    with ProcessGroup(on_death=told.append) as group:
+        os.kill(group.start("victim", SLEEP), signal.SIGKILL)
+        wait_until(lambda: told, "the death", 5.0)
+    assert "victim" in str(told[0])
+    assert "SIGKILL" in str(told[0])
+
+
+def test_a_process_that_may_end_is_no_death_unless_it_fails(group):
+    group.start("good", ["true"], may_end=True)
+    group.start("bad", ["false"], may_end=True)
+    wait_until(lambda: not group.is_running("good") and not group.is_running("bad"), "both ends", 5.0, group.changed)
+    assert [death.name for death in group.deaths] == ["bad"]
+
+
+def test_processes_ended_by_stop_are_no_deaths(group):
+    group.start("sleeper", SLEEP)
+    group.stop()
+    assert group.deaths == ()
+
+
+def test_an_unknown_program_is_one_line(group):
+    with pytest.raises(ProcessStartError, match="gazebo: no program 'no-such-program' on the PATH"):
+        group.start("gazebo", ["no-such-program"])
+
+
+def test_sigint_reaches_processes_though_our_shell_ignored_it(tmp_path):
+    script = textwrap.dedent("""
+        import signal
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        from pioneer_harness.process import ProcessGroup
+        with ProcessGroup() as group:
+            group.start("sleeper", ["sleep", "1000"])
+            print(group.stop(grace=20.0))
+    """)
+    done = run_python(script)
+    assert done.stdout == "()\n"
+
+
+def test_children_end_when_this_process_is_killed(tmp_path):
+    script = textwrap.dedent("""
+        import os, signal
+        from pioneer_harness.process import ProcessGroup
+        print(ProcessGroup().start("sleeper", ["sleep", "1000"]), flush=True)
+        os.kill(os.getpid(), signal.SIGKILL)
+    """)
+    done = run_python(script)
+    pid = int(done.stdout)
+    wait_until(lambda: not is_alive(pid), "the child's end", 5.0)
+
+
+def test_cpu_of_running_and_ended_children_is_counted_by_kind(group, tmp_path):
+    account = Account(lambda argv: "worker" if "worker" in argv else "other")
+    busy = "import time\nwhile time.process_time() < 0.35: pass\nprint('done', flush=True)\ntime.sleep(1000)"
+    log = tmp_path / "log"
+    group.start("busy", [sys.executable, "-c", busy, "worker"], log=log)
+    wait_until(lambda: log.read_text(), "the work", 15.0)
+    group.sample(account)
+    usage = account.usage()["worker"]
+    assert 0.3 <= usage.cpu < 1.0
+    assert usage.processes == 1
+    assert usage.rss > 1e6
+
+
+def test_last_lines_of_a_missing_file_are_empty(tmp_path):
+    assert last_lines(tmp_path / "none") == ""
