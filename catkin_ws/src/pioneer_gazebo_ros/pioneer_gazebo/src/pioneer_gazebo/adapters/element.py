@@ -1,0 +1,190 @@
+"""Checked reading of XML descriptions: every error names file, line, element and what is wrong."""
+
+import math
+from collections.abc import Iterator
+from typing import Self
+
+from lxml import etree
+
+from pioneer_gazebo.core.error import DescriptionError
+from pioneer_gazebo.core.pose import Pose, Vector
+
+TRUE, FALSE = ("true", "1"), ("false", "0")
+
+
+class Notes:
+    """Collects what a reader leaves out: each line once, in the order of its first appearance."""
+
+    def __init__(self) -> None:
+        self._lines: dict[str, None] = {}
+
+    def add(self, line: str) -> None:
+        """Adds ``line`` unless it is there."""
+        self._lines.setdefault(line)
+
+    def lines(self) -> tuple[str, ...]:
+        """Returns all lines."""
+        return tuple(self._lines)
+
+
+class Element:
+    """An XML element that knows which file it is from.
+
+    Attributes:
+        tag: its name.
+        source: what errors call the file.
+    """
+
+    def __init__(self, node: etree._Element, source: str) -> None:
+        self._node = node
+        self.source = source
+        self.tag = str(node.tag)
+
+    @classmethod
+    def from_text(cls, text: str | bytes, source: str) -> Self:
+        """Returns the root element of a document. External entities are not resolved.
+
+        Raises:
+            DescriptionError: the text is not well-formed XML.
+        """
+        parser = etree.XMLParser(remove_comments=True, remove_pis=True, resolve_entities=False, no_network=True)
+        try:
+            return cls(etree.fromstring(text.encode() if isinstance(text, str) else text, parser), source)
+        except etree.XMLSyntaxError as error:
+            raise DescriptionError(f"{source}: not well-formed XML: {error.msg}") from None
+
+    def error(self, message: str) -> DescriptionError:
+        """Returns, for raising, an error that names this element and the named elements around it."""
+        path = [self._label(self._node)]
+        parent = self._node.getparent()
+        while parent is not None:
+            if parent.get("name"):
+                path.append(self._label(parent))
+            parent = parent.getparent()
+        return DescriptionError(f"{self.source}, line {self._node.sourceline}: {' '.join(reversed(path))}: {message}")
+
+    @staticmethod
+    def _label(node: etree._Element) -> str:
+        name = node.get("name")
+        return f'<{node.tag} name="{name}">' if name else f"<{node.tag}>"
+
+    @property
+    def text(self) -> str:
+        """The text inside, without the blanks around it."""
+        return (self._node.text or "").strip()
+
+    def children(self, *tags: str) -> Iterator["Element"]:
+        """Yields the child elements with one of ``tags``, all of them when none is given, in the file's order."""
+        for node in self._node.iterchildren(tag=etree.Element):
+            if not tags or node.tag in tags:
+                yield Element(node, self.source)
+
+    def child(self, tag: str) -> "Element | None":
+        """Returns the first child of that name, or None."""
+        return next(self.children(tag), None)
+
+    def at(self, *tags: str) -> "Element | None":
+        """Returns the element below at the path ``tags``, or None."""
+        found: Element | None = self
+        for tag in tags:
+            if found is None:
+                return None
+            found = found.child(tag)
+        return found
+
+    def needed(self, tag: str) -> "Element":
+        """Returns the first child of that name.
+
+        Raises:
+            DescriptionError: there is none.
+        """
+        found = self.child(tag)
+        if found is None:
+            raise self.error(f"<{tag}> is missing")
+        return found
+
+    def attribute(self, name: str, default: str | None = None) -> str:
+        """Returns an attribute, or ``default``.
+
+        Raises:
+            DescriptionError: it is absent or empty and there is no default.
+        """
+        value = self._node.get(name)
+        if value is None or not value.strip():
+            if default is None:
+                raise self.error(f'attribute "{name}" is missing')
+            return default
+        return str(value).strip()
+
+    def numbers(self, count: int, text: str | None = None, what: str = "") -> tuple[float, ...]:
+        """Returns ``count`` finite numbers from ``text``, by default from the text inside.
+
+        Raises:
+            DescriptionError: another count, or something that is no finite number.
+        """
+        words = (self.text if text is None else text).split()
+        what = f"{what} " if what else ""
+        if len(words) != count:
+            raise self.error(f"{what}needs {count} number{'s' * (count != 1)}, not {len(words)}: {' '.join(words)!r}")
+        return tuple(self._number(word, what) for word in words)
+
+    def _number(self, word: str, what: str) -> float:
+        try:
+            value = float(word)
+        except ValueError:
+            raise self.error(f"{what}{word!r} is not a number") from None
+        if not math.isfinite(value):
+            raise self.error(f"{what}{word!r} is not a finite number")
+        return value
+
+    def number(self, tag: str, default: float | None = None) -> float:
+        """Returns the number in child ``tag``, or ``default`` where there is no such child.
+
+        Raises:
+            DescriptionError: no finite number, or no child and no default.
+        """
+        found = self.child(tag) if default is not None else self.needed(tag)
+        if found is None:
+            assert default is not None
+            return default
+        return found.numbers(1)[0]
+
+    def positive(self, tag: str, default: float | None = None) -> float:
+        """Returns the number in child ``tag``, which must be above 0."""
+        value = self.number(tag, default)
+        if value <= 0:
+            raise self.needed(tag).error(f"must be above 0, not {value:g}")
+        return value
+
+    def integer(self, tag: str, default: int | None = None) -> int:
+        """Returns the whole number in child ``tag``, or ``default`` where there is no such child."""
+        value = self.number(tag, None if default is None else float(default))
+        if value != int(value):
+            raise self.needed(tag).error(f"must be a whole number, not {value:g}")
+        return int(value)
+
+    def vector(self, text: str | None = None, what: str = "") -> Vector:
+        """Returns three numbers."""
+        x, y, z = self.numbers(3, text, what)
+        return x, y, z
+
+    def pose(self) -> Pose:
+        """Returns the pose written inside as x y z roll pitch yaw [m, rad]."""
+        return Pose.from_rpy(*self.numbers(6))
+
+    def flag(self, tag: str, default: bool = False) -> bool:
+        """Returns the truth value in child ``tag`` (true, 1, false, 0), or ``default``."""
+        found = self.child(tag)
+        return default if found is None else found.truth()
+
+    def truth(self) -> bool:
+        """Returns the truth value written inside: true, 1, false or 0."""
+        word = self.text.lower()
+        if word not in TRUE + FALSE:
+            raise self.error(f"must be true or false, not {self.text!r}")
+        return word in TRUE
+
+    def word(self, tag: str, default: str) -> str:
+        """Returns the text in child ``tag``, or ``default`` where it is absent or empty."""
+        found = self.child(tag)
+        return (found.text if found is not None else "") or default

@@ -1,0 +1,221 @@
+"""Reads Gazebo worlds and models: SDF 1.4 to 1.7."""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+from pioneer_gazebo.adapters.element import Element, Notes
+from pioneer_gazebo.adapters.resource import file_of_uri
+from pioneer_gazebo.adapters.sdf_frame import Frames
+from pioneer_gazebo.adapters.sdf_link import Scope, link_from_sdf, pose_in
+from pioneer_gazebo.core.error import DescriptionError
+from pioneer_gazebo.core.pose import IDENTITY, Pose
+from pioneer_gazebo.core.world import Collision, Link, Model, Plane, Visual, World
+
+VERSIONS = ("1.4", "1.5", "1.6", "1.7")
+DEEPEST_INCLUDE = 20
+
+WORLD_QUIET = {
+    "light", "scene", "gui", "physics", "audio", "wind", "atmosphere", "magnetic_field", "spherical_coordinates",
+    "gravity", "state", "frame",
+}  # fmt: skip
+MODEL_QUIET = {"pose", "static", "self_collide", "allow_auto_disable", "enable_wind", "frame"}
+
+_GROUND = Plane((0.0, 0.0, 1.0), (100.0, 100.0))
+GROUND_PLANE = Model(
+    "ground_plane",
+    static=True,
+    links=(
+        Link(
+            "link",
+            collisions=(Collision("collision", IDENTITY, _GROUND),),
+            visuals=(Visual("visual", IDENTITY, _GROUND),),
+        ),
+    ),
+)
+"""What ``model://ground_plane`` is where no such model lies along the search path."""
+
+
+def world_from_sdf(path: str | Path, model_path: Sequence[str | Path] = ()) -> World:
+    """Returns the world in a ``.world`` or ``.sdf`` file.
+
+    Args:
+        path: the file.
+        model_path: directories in which ``model://NAME`` is looked up, first match first.
+
+    Raises:
+        DescriptionError: the file cannot be read, is not well-formed, or holds a value that makes no sense.
+    """
+    return world_from_sdf_text(_bytes(Path(path)), model_path, str(path), Path(path).resolve().parent)
+
+
+def world_from_sdf_text(
+    text: str | bytes, model_path: Sequence[str | Path] = (), source: str = "SDF", directory: Path | None = None
+) -> World:
+    """Returns the world in SDF text; text that holds one bare ``<model>`` gives a world with that model alone.
+
+    Raises:
+        DescriptionError: as `world_from_sdf`.
+    """
+    scope = Scope(directory or Path.cwd(), [Path(folder).expanduser() for folder in model_path], Notes())
+    root = _sdf(text, source, scope)
+    world = root.child("world")
+    if world is not None:
+        return _world(world, scope)
+    model = root.child("model")
+    if model is None:
+        raise root.error("holds neither <world> nor <model>")
+    found = _model(model, scope, 0)
+    return World(found.name, (found,), warnings=scope.notes.lines())
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise DescriptionError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _sdf(text: str | bytes, source: str, scope: Scope) -> Element:
+    root = Element.from_text(text, source)
+    if root.tag != "sdf":
+        raise root.error("is not SDF: the root element must be <sdf>")
+    version = root.attribute("version")
+    if version not in VERSIONS:
+        scope.notes.add(f"SDF version {version} is read as if it were {VERSIONS[-1]}")
+    return root
+
+
+def _world(element: Element, scope: Scope) -> World:
+    models: dict[str, Model] = {}
+    for child in element.children():
+        model = None
+        if child.tag == "model":
+            model = _model(child, scope, 0)
+        elif child.tag == "include":
+            model = _include(child, scope, 0)
+        elif child.tag not in WORLD_QUIET:
+            scope.notes.add(f"<{child.tag}> in <world> is not supported and left out")
+        if model is not None:
+            name = _unused(model.name, models, scope)
+            models[name] = dataclasses.replace(model, name=name)
+    frames = Frames(element)
+    placed = [_posed_by_frames(model, element, frames) for model in models.values()]
+    states = {
+        state.attribute("name"): state for parent in element.children("state") for state in parent.children("model")
+    }
+    moved = tuple(_moved_by_state(model, states.get(model.name)) for model in placed)
+    return World(element.attribute("name", "default"), moved, _gravity(element), scope.notes.lines())
+
+
+def _unused(name: str, models: dict[str, Model], scope: Scope) -> str:
+    if name not in models:
+        return name
+    number = next(n for n in range(len(models) + 1) if f"{name}_{n}" not in models)
+    scope.notes.add(f"model name {name!r} is used more than once: the later ones are numbered")
+    return f"{name}_{number}"
+
+
+def _posed_by_frames(model: Model, world: Element, frames: Frames) -> Model:
+    """Returns the model with a ``relative_to`` of its pose resolved against the world's other models and frames."""
+    for child in world.children("model"):
+        if child.attribute("name", "") == model.name:
+            return dataclasses.replace(model, pose=frames.pose(child))
+    return model
+
+
+def _gravity(world: Element) -> tuple[float, float, float]:
+    """Gravity stands in the world (from 1.6) or in its physics (before)."""
+    for element in (world.child("gravity"), world.at("physics", "gravity")):
+        if element is not None:
+            return element.vector()
+    return 0.0, 0.0, -9.81
+
+
+def _moved_by_state(model: Model, state: Element | None) -> Model:
+    """Returns the model where ``<state>``, which Gazebo's "save world" writes, has put it and its links."""
+    if state is None:
+        return model
+    pose = pose_in(state) if state.child("pose") is not None else model.pose
+    poses: dict[str, Pose] = {}
+    for element in state.children("link"):
+        if element.child("pose") is not None:
+            poses[element.attribute("name")] = pose.inverse().compose(pose_in(element))
+    links = tuple(dataclasses.replace(link, pose=poses.get(link.name, link.pose)) for link in model.links)
+    return dataclasses.replace(model, pose=pose, links=links)
+
+
+def _model(element: Element, scope: Scope, depth: int) -> Model:
+    name = element.attribute("name")
+    frames = Frames(element)
+    links: list[Link] = []
+    for child in element.children():
+        if child.tag == "link":
+            links.append(link_from_sdf(child, frames.pose(child), scope))
+        elif child.tag in ("model", "include"):
+            nested = _model(child, scope, depth) if child.tag == "model" else _include(child, scope, depth)
+            if nested is not None:
+                nested = dataclasses.replace(nested, pose=frames.pose(child)) if child.tag == "model" else nested
+                links += _flattened(nested)
+        elif child.tag not in MODEL_QUIET:
+            scope.notes.add(f"<{child.tag}> in <model> is not supported and left out")
+    return Model(name, pose_in(element), element.flag("static"), tuple(links))
+
+
+def _flattened(nested: Model) -> list[Link]:
+    """Returns the links of a nested model as links of the model around it, named ``nested::link`` as Gazebo does."""
+    return [
+        dataclasses.replace(link, name=f"{nested.name}::{link.name}", pose=nested.pose.compose(link.pose))
+        for link in nested.links
+    ]
+
+
+def _include(element: Element, scope: Scope, depth: int) -> Model | None:
+    """Returns the model of an ``<include>``, or None for one that has no body or is not found (with a note)."""
+    uri = element.needed("uri")
+    if depth >= DEEPEST_INCLUDE:
+        raise element.error(f"includes are nested deeper than {DEEPEST_INCLUDE}: does {uri.text} include itself?")
+    path = file_of_uri(uri.text, scope.directory, scope.models)
+    if path is not None:
+        model = _model_from_directory(path, uri, scope, depth + 1)
+    elif uri.text == "model://ground_plane":
+        model = GROUND_PLANE
+    else:
+        if uri.text != "model://sun":
+            scope.notes.add(f"{uri.text} is not found along the model path and left out")
+        return None
+    return None if model is None else _overridden(model, element)
+
+
+def _overridden(model: Model, include: Element) -> Model:
+    pose = include.child("pose")
+    return dataclasses.replace(
+        model,
+        name=include.word("name", model.name),
+        pose=model.pose if pose is None or not pose.text else pose.pose(),
+        static=include.flag("static", model.static),
+    )
+
+
+def _model_from_directory(path: Path, uri: Element, scope: Scope, depth: int) -> Model | None:
+    file = _model_file(path) if path.is_dir() else path
+    inner = dataclasses.replace(scope, directory=file.parent)
+    root = _sdf(_bytes(file), str(file), inner)
+    model = root.child("model")
+    if model is not None:
+        return _model(model, inner, depth)
+    if root.child("light") is not None:
+        return None
+    raise uri.error(f"{file} holds no <model>")
+
+
+def _model_file(directory: Path) -> Path:
+    """Returns the newest file that ``model.config`` names in a version read here, or ``model.sdf``."""
+    manifest = directory / "model.config"
+    if not manifest.is_file():
+        return directory / "model.sdf"
+    named = list(Element.from_text(_bytes(manifest), str(manifest)).children("sdf"))
+    known = [element for element in named if element.attribute("version", VERSIONS[0]) in VERSIONS] or named
+    if not known:
+        return directory / "model.sdf"
+    return directory / max(known, key=lambda element: element.attribute("version", VERSIONS[0])).text

@@ -1,0 +1,41 @@
+"""Poses of SDF that are given relative to another element (``relative_to`` of 1.7, ``frame`` of 1.5 and 1.6)."""
+
+from pioneer_gazebo.adapters.element import Element
+from pioneer_gazebo.core.pose import IDENTITY, Pose
+
+_OWN_FRAME = ("", "world", "__model__")
+
+
+class Frames:
+    """The named frames inside one ``<world>`` or ``<model>``."""
+
+    def __init__(self, parent: Element) -> None:
+        self._named = {
+            child.attribute("name"): child
+            for child in parent.children("link", "frame", "model", "joint")
+            if child.attribute("name", "")
+        }
+
+    def pose(self, element: Element) -> Pose:
+        """Returns the element's pose in the world or model around it.
+
+        Raises:
+            DescriptionError: the pose refers to a name that is not there, or in a circle.
+        """
+        return self._pose(element, ())
+
+    def _pose(self, element: Element, seen: tuple[str, ...]) -> Pose:
+        pose = element.child("pose")
+        own = IDENTITY if pose is None or not pose.text else pose.pose()
+        base = "" if pose is None else pose.attribute("relative_to", pose.attribute("frame", ""))
+        if not base and element.tag == "frame":
+            base = element.attribute("attached_to", "")
+        if not base and element.tag == "joint":
+            base = element.needed("child").text
+        if base in _OWN_FRAME:
+            return own
+        if base in seen:
+            raise element.error(f"poses refer to each other in a circle: {' → '.join((*seen, base))}")
+        if base not in self._named:
+            raise element.error(f"the pose is relative to {base!r}, which is not there")
+        return self._pose(self._named[base], (*seen, base)).compose(own)

@@ -1,0 +1,158 @@
+"""SDF links: inertia, collisions, visuals and their geometry."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pioneer_gazebo.adapters.element import Element, Notes
+from pioneer_gazebo.adapters.material import GREY, colour_of_material
+from pioneer_gazebo.adapters.resource import file_of_uri
+from pioneer_gazebo.core.pose import IDENTITY, Pose
+from pioneer_gazebo.core.world import (
+    Box,
+    Collision,
+    Colour,
+    Cylinder,
+    Inertia,
+    Link,
+    Mesh,
+    Plane,
+    Shape,
+    Sphere,
+    Visual,
+)
+
+QUIET = {"pose", "self_collide", "enable_wind", "kinematic", "velocity_decay", "must_be_base_link", "gravity", "light"}
+
+
+@dataclass(frozen=True)
+class Scope:
+    """What the reading of one file needs to know.
+
+    Attributes:
+        directory: of the file, for relative paths.
+        models: search path of ``model://``.
+        notes: takes what is left out.
+    """
+
+    directory: Path
+    models: Sequence[Path]
+    notes: Notes
+
+
+def pose_in(element: Element) -> Pose:
+    """Returns the pose in the element's ``<pose>``, the identity where it has none."""
+    pose = element.child("pose")
+    return IDENTITY if pose is None or not pose.text else pose.pose()
+
+
+def link_from_sdf(element: Element, pose: Pose, scope: Scope, prefix: str = "") -> Link:
+    """Returns the link of a ``<link>`` element.
+
+    Args:
+        element: the ``<link>``.
+        pose: of the link in the model, resolved by the caller.
+        scope: of the file.
+        prefix: what nested models put before the name.
+    """
+    mass, inertia = _inertial(element.child("inertial"))
+    collisions = []
+    visuals = []
+    for child in element.children():
+        if child.tag == "collision":
+            shape = _shape(child, scope)
+            if shape is not None:
+                collisions.append(_collision(child, shape))
+        elif child.tag == "visual":
+            shape = _shape(child, scope)
+            if shape is not None:
+                visuals.append(Visual(child.attribute("name", "visual"), pose_in(child), shape, _colour(child)))
+        elif child.tag not in QUIET | {"inertial"}:
+            scope.notes.add(f"<{child.tag}> in a world's link is not supported and left out")
+    return Link(prefix + element.attribute("name"), pose, mass, inertia, tuple(collisions), tuple(visuals))
+
+
+def _inertial(element: Element | None) -> tuple[float, Inertia]:
+    if element is None:
+        return 1.0, Inertia()
+    pose = pose_in(element)
+    mass = element.positive("mass", 1.0)
+    moments = element.child("inertia")
+    if moments is None:
+        return mass, Inertia(pose=pose)
+    ixx, iyy, izz = (moments.positive(tag, 1.0) for tag in ("ixx", "iyy", "izz"))
+    ixy, ixz, iyz = (moments.number(tag, 0.0) for tag in ("ixy", "ixz", "iyz"))
+    return mass, Inertia(ixx, iyy, izz, ixy, ixz, iyz, pose)
+
+
+def _collision(element: Element, shape: Shape) -> Collision:
+    ode = element.at("surface", "friction", "ode")
+    bounce = element.at("surface", "bounce")
+    return Collision(
+        element.attribute("name", "collision"),
+        pose_in(element),
+        shape,
+        friction=1.0 if ode is None else ode.number("mu", 1.0),
+        restitution=0.0 if bounce is None else bounce.number("restitution_coefficient", 0.0),
+    )
+
+
+def _shape(element: Element, scope: Scope) -> Shape | None:
+    """Returns the shape in ``<geometry>``, or None, with a note, for one that is not supported."""
+    geometry = element.needed("geometry")
+    inner = next(geometry.children(), None)
+    if inner is None or inner.tag == "empty":
+        return None
+    if inner.tag == "box":
+        size = inner.needed("size")
+        extents = size.vector()
+        if min(extents) <= 0:
+            raise size.error(f"must be above 0, not {size.text!r}")
+        return Box(extents)
+    if inner.tag == "cylinder":
+        return Cylinder(inner.positive("radius"), inner.positive("length"))
+    if inner.tag == "sphere":
+        return Sphere(inner.positive("radius"))
+    if inner.tag == "plane":
+        return _plane(inner)
+    if inner.tag == "mesh":
+        return _mesh(inner, scope)
+    scope.notes.add(f"geometry <{inner.tag}> is not supported and left out")
+    return None
+
+
+def _plane(element: Element) -> Plane:
+    normal = element.child("normal")
+    size = element.child("size")
+    width, depth = (100.0, 100.0) if size is None else size.numbers(2)
+    direction = (0.0, 0.0, 1.0) if normal is None else normal.vector()
+    length = sum(part * part for part in direction) ** 0.5
+    if normal is not None and length < 1e-9:
+        raise normal.error("must not be 0 0 0")
+    x, y, z = direction
+    return Plane((x / length, y / length, z / length), (width, depth))
+
+
+def _mesh(element: Element, scope: Scope) -> Mesh | None:
+    uri = element.needed("uri")
+    if element.child("submesh") is not None:
+        scope.notes.add(f"<submesh> of {uri.text} is not supported: the whole mesh is taken")
+    scale = element.child("scale")
+    path = file_of_uri(uri.text, scope.directory, scope.models)
+    if path is None:
+        scope.notes.add(f"mesh {uri.text} is not found and left out")
+        return None
+    return Mesh(str(path), (1.0, 1.0, 1.0) if scale is None else scale.vector())
+
+
+def _colour(element: Element) -> Colour:
+    material = element.child("material")
+    if material is None:
+        return GREY
+    for tag in ("diffuse", "ambient"):
+        found = material.child(tag)
+        if found is not None:
+            values = found.numbers(4 if len(found.text.split()) != 3 else 3)
+            return values[0], values[1], values[2], values[3] if len(values) == 4 else 1.0
+    script = material.at("script", "name")
+    return (colour_of_material(script.text) if script is not None else None) or GREY

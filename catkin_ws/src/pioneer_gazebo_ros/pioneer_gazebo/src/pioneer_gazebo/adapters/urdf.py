@@ -1,0 +1,216 @@
+"""Reads robots: URDF with gazebo_ros' ``<gazebo>`` elements, as on ``/robot_description``."""
+
+import dataclasses
+from pathlib import Path
+
+from pioneer_gazebo.adapters.element import Element, Notes
+from pioneer_gazebo.adapters.material import GREY, colour_of_material
+from pioneer_gazebo.adapters.resource import file_of_uri
+from pioneer_gazebo.adapters.urdf_gazebo import Extensions, read_extensions
+from pioneer_gazebo.core import robot as kinds
+from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
+from pioneer_gazebo.core.robot import Joint, Robot
+from pioneer_gazebo.core.world import Box, Collision, Colour, Cylinder, Inertia, Link, Mesh, Shape, Sphere, Visual
+
+KINDS = (kinds.FIXED, kinds.CONTINUOUS, kinds.REVOLUTE, kinds.PRISMATIC, kinds.FLOATING)
+ROBOT_QUIET = {"material", "link", "joint", "gazebo"}
+XACRO = "{http://www.ros.org/wiki/xacro}"
+
+
+def robot_from_urdf(text: str | bytes, source: str = "robot_description") -> Robot:
+    """Returns the robot in URDF text (xacro expanded).
+
+    A link without ``<inertial>`` has mass 0: it is only a frame. Friction comes from ``<gazebo reference=LINK><mu1>``.
+
+    Args:
+        text: the XML.
+        source: what errors call it.
+
+    Raises:
+        DescriptionError: not well-formed, a value that makes no sense, a joint or plugin that names what is not
+            there, or links that are not one tree.
+    """
+    notes = Notes()
+    root = Element.from_text(text, source)
+    if root.tag != "robot":
+        raise root.error("is not URDF: the root element must be <robot>")
+    for child in root.children():
+        if child.tag.startswith(XACRO):
+            raise child.error("is xacro: expand it first (xacro FILE)")
+        if child.tag not in ROBOT_QUIET:
+            notes.add(f"<{child.tag}> in <robot> is not supported and left out")
+    materials = {m.attribute("name"): _rgba(m) for m in root.children("material")}
+    extensions = read_extensions(root, notes)
+    links = {link.name: link for link in (_link(e, materials, extensions, notes) for e in root.children("link"))}
+    joints = tuple(_joint(element, links) for element in root.children("joint"))
+    poses = _poses_in_root(root, links, joints)
+    extensions.check(root, set(links), {joint.name for joint in joints})
+    return Robot(
+        root.attribute("name", "robot"),
+        tuple(dataclasses.replace(link, pose=poses[name]) for name, link in links.items()),
+        joints,
+        tuple(extensions.drives),
+        tuple(extensions.lasers),
+        tuple(extensions.sonars),
+        tuple(extensions.cameras),
+        tuple(extensions.ground_truths),
+        tuple(extensions.bumpers),
+        tuple(extensions.joint_state_publishers),
+        extensions.static,
+        notes.lines(),
+    )
+
+
+def _origin(element: Element) -> Pose:
+    origin = element.child("origin")
+    if origin is None:
+        return IDENTITY
+    position = origin.vector(origin.attribute("xyz", "0 0 0"), "xyz")
+    return Pose.from_rpy(*position, *origin.vector(origin.attribute("rpy", "0 0 0"), "rpy"))
+
+
+def _value(element: Element, name: str, default: float | None = None) -> float:
+    text = element.attribute(name, None if default is None else repr(default))
+    if default is not None and text == repr(default):
+        return default
+    return element.numbers(1, text, name)[0]
+
+
+def _positive(element: Element, name: str) -> float:
+    value = _value(element, name)
+    if value <= 0:
+        raise element.error(f"{name} must be above 0, not {value:g}")
+    return value
+
+
+def _link(element: Element, materials: dict[str, Colour], extensions: Extensions, notes: Notes) -> Link:
+    name = element.attribute("name")
+    mass, inertia = _inertial(element.child("inertial"))
+    surface = extensions.surface(name)
+    collisions = []
+    for index, child in enumerate(element.children("collision")):
+        shape = _shape(child, notes)
+        if shape is not None:
+            label = child.attribute("name", f"{name}_collision" + (f"_{index}" if index else ""))
+            collisions.append(Collision(label, _origin(child), shape, surface.friction))
+    visuals = []
+    for index, child in enumerate(element.children("visual")):
+        shape = _shape(child, notes)
+        if shape is not None:
+            colour = surface.colour or _colour(child, materials)
+            visuals.append(Visual(child.attribute("name", f"{name}_visual_{index}"), _origin(child), shape, colour))
+    return Link(name, IDENTITY, mass, inertia, tuple(collisions), tuple(visuals))
+
+
+def _inertial(element: Element | None) -> tuple[float, Inertia]:
+    if element is None:
+        return 0.0, Inertia(0.0, 0.0, 0.0)
+    mass = _positive(element.needed("mass"), "value")
+    moments = element.needed("inertia")
+    ixx, iyy, izz = (_value(moments, name) for name in ("ixx", "iyy", "izz"))
+    if min(ixx, iyy, izz) <= 0:
+        raise moments.error("ixx, iyy and izz must be above 0")
+    ixy, ixz, iyz = (_value(moments, name, 0.0) for name in ("ixy", "ixz", "iyz"))
+    return mass, Inertia(ixx, iyy, izz, ixy, ixz, iyz, _origin(element))
+
+
+def _shape(element: Element, notes: Notes) -> Shape | None:
+    geometry = element.needed("geometry")
+    inner = next(geometry.children(), None)
+    if inner is None:
+        raise geometry.error("is empty")
+    if inner.tag == "box":
+        size = inner.vector(inner.attribute("size"), "size")
+        if min(size) <= 0:
+            raise inner.error(f"size must be above 0, not {inner.attribute('size')}")
+        return Box(size)
+    if inner.tag == "cylinder":
+        return Cylinder(_positive(inner, "radius"), _positive(inner, "length"))
+    if inner.tag == "sphere":
+        return Sphere(_positive(inner, "radius"))
+    if inner.tag != "mesh":
+        raise inner.error("is no geometry of URDF (box, cylinder, sphere, mesh)")
+    path = file_of_uri(inner.attribute("filename"), Path.cwd(), ())
+    if path is None:
+        notes.add(f"mesh {inner.attribute('filename')} is not found and left out")
+        return None
+    return Mesh(str(path), inner.vector(inner.attribute("scale", "1 1 1"), "scale"))
+
+
+def _rgba(material: Element) -> Colour:
+    colour = material.child("color")
+    if colour is None:
+        return colour_of_material(material.attribute("name", "")) or GREY
+    red, green, blue, alpha = colour.numbers(4, colour.attribute("rgba"), "rgba")
+    return red, green, blue, alpha
+
+
+def _colour(visual: Element, materials: dict[str, Colour]) -> Colour:
+    material = visual.child("material")
+    if material is None:
+        return GREY
+    named = materials.get(material.attribute("name", ""))
+    return named if named is not None and material.child("color") is None else _rgba(material)
+
+
+def _joint(element: Element, links: dict[str, Link]) -> Joint:
+    kind = element.attribute("type")
+    if kind not in KINDS:
+        raise element.error(f"joint type {kind!r} is not one of {', '.join(KINDS)}")
+    parent, child = (element.needed(tag).attribute("link") for tag in ("parent", "child"))
+    for end in (parent, child):
+        if end not in links:
+            raise element.error(f"there is no link {end!r}")
+    limit = element.child("limit")
+    dynamics = element.child("dynamics")
+    infinity = float("inf")
+    bounded = kind in (kinds.REVOLUTE, kinds.PRISMATIC)
+    return Joint(
+        element.attribute("name"),
+        kind,
+        parent,
+        child,
+        _origin(element),
+        _axis(element),
+        lower=_value(limit, "lower", 0.0) if limit is not None and bounded else -infinity,
+        upper=_value(limit, "upper", 0.0) if limit is not None and bounded else infinity,
+        effort=_value(limit, "effort", infinity) if limit is not None else infinity,
+        velocity=_value(limit, "velocity", infinity) if limit is not None else infinity,
+        damping=_value(dynamics, "damping", 0.0) if dynamics is not None else 0.0,
+        friction=_value(dynamics, "friction", 0.0) if dynamics is not None else 0.0,
+    )
+
+
+def _axis(joint: Element) -> Vector:
+    axis = joint.child("axis")
+    if axis is None:
+        return 1.0, 0.0, 0.0
+    x, y, z = axis.vector(axis.attribute("xyz"), "xyz")
+    length = (x * x + y * y + z * z) ** 0.5
+    if length < 1e-9:
+        raise axis.error("must not be 0 0 0")
+    return x / length, y / length, z / length
+
+
+def _poses_in_root(root: Element, links: dict[str, Link], joints: tuple[Joint, ...]) -> dict[str, Pose]:
+    """Returns each link's pose in the root link; raises when the joints do not make one tree of all links."""
+    by_child: dict[str, Joint] = {}
+    for joint in joints:
+        if joint.child in by_child:
+            raise root.error(
+                f"link {joint.child!r} is the child of two joints, {by_child[joint.child].name!r} and {joint.name!r}"
+            )
+        by_child[joint.child] = joint
+    roots = [name for name in links if name not in by_child]
+    if len(roots) != 1:
+        raise root.error(f"needs one link that is no joint's child, not {len(roots)}: {', '.join(roots[:5]) or 'none'}")
+    poses = {roots[0]: IDENTITY}
+    pending = list(joints)
+    while pending:
+        ready = [joint for joint in pending if joint.parent in poses]
+        if not ready:
+            raise root.error(f"joints make a circle: {', '.join(joint.name for joint in pending[:5])}")
+        for joint in ready:
+            poses[joint.child] = poses[joint.parent].compose(joint.pose)
+            pending.remove(joint)
+    return poses
