@@ -1,0 +1,147 @@
+"""Messages from and to core values, and message classes whose long arrays are numpy's.
+
+genpy turns an ``int8[]`` into a tuple of ints, which takes seconds and hundreds of megabytes for a map of
+4000 x 4000 cells. The classes here read and write the same bytes under the same type and MD5 sum: give them
+to a Subscriber, a ServiceProxy or a Service in place of the generated ones.
+"""
+
+import io
+import math
+import struct
+from typing import Any, Self
+
+import numpy as np
+from geometry_msgs.msg import Point, PoseStamped, Quaternion
+from geometry_msgs.msg import Pose as PoseMessage
+from nav_msgs.msg import MapMetaData, OccupancyGrid
+from nav_msgs.srv import GetMap, GetMapResponse, SetMap, SetMapRequest
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Header
+
+from nav_bundle.core.error import MapError
+from nav_bundle.core.grid import Grid
+from nav_bundle.core.pose import Pose
+from pioneer_node.core.frame import stripped
+
+
+class GridMessage(OccupancyGrid):  # type: ignore[misc]
+    """An OccupancyGrid whose ``data`` is read as an int8 array, and may be one when it is written."""
+
+    def serialize(self, buff: io.BytesIO) -> None:
+        """Writes the message; ``data`` may be any sequence of int8."""
+        cells = np.asarray(self.data, np.int8)
+        self.data, kept = (), self.data
+        try:
+            super().serialize(buff)
+        finally:
+            self.data = kept
+        buff.seek(-4, io.SEEK_CUR)
+        buff.write(struct.pack("<I", cells.size))
+        buff.write(cells.tobytes())
+
+    def deserialize(self, data: bytes) -> Self:
+        """Reads the message from ``data``."""
+        return self.deserialize_numpy(data, np)
+
+
+class ScanMessage(LaserScan):  # type: ignore[misc]
+    """A LaserScan whose ``ranges`` and ``intensities`` are read as float32 arrays. For subscribers."""
+
+    def deserialize(self, data: bytes) -> Self:
+        """Reads the message from ``data``."""
+        return self.deserialize_numpy(data, np)
+
+
+class GetMapArrayResponse(GetMapResponse):  # type: ignore[misc]
+    """A GetMap response around a ``GridMessage``."""
+
+    def __init__(self, *args: Any, **fields: Any) -> None:
+        super().__init__(*args, **fields)
+        if not args and not fields:
+            self.map = GridMessage()
+
+    def serialize(self, buff: io.BytesIO) -> None:
+        """Writes the response: the map's bytes and nothing else."""
+        self.map.serialize(buff)
+
+    def deserialize(self, data: bytes) -> Self:
+        """Reads the response from ``data``."""
+        self.map.deserialize(data)
+        return self
+
+
+class GetMapArray(GetMap):  # type: ignore[misc]
+    """nav_msgs/GetMap with array cells."""
+
+    _response_class = GetMapArrayResponse
+
+
+class SetMapArrayRequest(SetMapRequest):  # type: ignore[misc]
+    """A SetMap request whose map's ``data`` is read as an int8 array."""
+
+    def deserialize(self, data: bytes) -> Self:
+        """Reads the request from ``data``."""
+        return self.deserialize_numpy(data, np)
+
+
+class SetMapArray(SetMap):  # type: ignore[misc]
+    """nav_msgs/SetMap with array cells."""
+
+    _request_class = SetMapArrayRequest
+
+
+def yaw_from_quaternion(quaternion: Quaternion) -> float:
+    """Returns the heading [rad], in [-pi, pi], of a rotation; the quaternion's length does not matter."""
+    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
+    return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+
+
+def quaternion_from_yaw(yaw: float) -> Quaternion:
+    """Returns the rotation about z by ``yaw`` [rad]."""
+    return Quaternion(0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0))
+
+
+def pose_from_message(message: PoseMessage) -> Pose:
+    """Returns the planar part of a geometry_msgs/Pose: z, roll and pitch are dropped."""
+    return Pose(message.position.x, message.position.y, yaw_from_quaternion(message.orientation))
+
+
+def message_from_pose(pose: Pose) -> PoseMessage:
+    """Returns ``pose`` as a geometry_msgs/Pose at z = 0."""
+    return PoseMessage(Point(pose.x, pose.y, 0.0), quaternion_from_yaw(pose.yaw))
+
+
+def stamped_from_pose(pose: Pose, frame: str, stamp: Any) -> PoseStamped:
+    """Returns ``pose``, given in ``frame`` at time ``stamp`` (genpy.Time), as a PoseStamped."""
+    return PoseStamped(Header(0, stamp, stripped(frame)), message_from_pose(pose))
+
+
+def grid_from_message(message: OccupancyGrid) -> Grid:
+    """Returns the map of a (Grid)Message; the cells share its memory where it is an array, and are then read-only.
+
+    Raises:
+        MapError: the message has no cells, another number of them than its width and height say, or no resolution.
+    """
+    info = message.info
+    if info.width * info.height != len(message.data):
+        raise MapError(f"a map of {info.width} x {info.height} cells came with {len(message.data)} of them")
+    cells = np.asarray(message.data, np.int8).reshape(info.height, info.width)
+    return Grid(float_from_float32(info.resolution), pose_from_message(info.origin), cells)
+
+
+def float_from_float32(value: float) -> float:
+    """Returns the shortest decimal that a float32 field may have come from: 0.05, not 0.0500000007."""
+    return float(str(np.float32(value)))
+
+
+def message_from_grid(grid: Grid, frame: str, stamp: Any, load_time: Any | None = None) -> GridMessage:
+    """Returns ``grid`` as a GridMessage in ``frame``; it shares the cells' memory.
+
+    Args:
+        grid: the map.
+        frame: frame of its origin; a leading slash is dropped.
+        stamp: genpy.Time of the header.
+        load_time: genpy.Time the map was made or loaded; ``stamp`` where absent.
+    """
+    info = MapMetaData(load_time or stamp, grid.resolution, grid.cols, grid.rows, message_from_pose(grid.origin))
+    return GridMessage(Header(0, stamp, stripped(frame)), info, grid.cells.reshape(-1))

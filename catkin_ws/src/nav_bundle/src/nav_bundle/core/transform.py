@@ -1,0 +1,274 @@
+"""Rigid transforms in space and a tree of them over time: the part of tf that navigation needs."""
+
+import bisect
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle.core.error import NavigationError
+from nav_bundle.core.pose import Pose
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+class TransformError(NavigationError):
+    """No transform between two frames at a time; says which frames, when and why."""
+
+
+class DisconnectedError(TransformError):
+    """The frames are not (yet) joined by any chain of transforms."""
+
+
+class ExtrapolationError(TransformError):
+    """The frames are joined, but not at the time asked for.
+
+    Attributes:
+        future: whether the time lies after the newest transform (wait for more) or before the oldest (too late).
+    """
+
+    def __init__(self, message: str, future: bool) -> None:
+        super().__init__(message)
+        self.future = future
+
+
+@dataclass(frozen=True, slots=True)
+class Transform:
+    """A rigid transform ``target_from_source``: the pose of the source frame in the target frame.
+
+    Attributes:
+        translation: x, y, z [m].
+        rotation: unit quaternion x, y, z, w.
+    """
+
+    translation: Vector = (0.0, 0.0, 0.0)
+    rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+    def compose(self, other: "Transform") -> "Transform":
+        """Returns a_from_c for this a_from_b and ``other`` b_from_c."""
+        x, y, z = rotated(self.rotation, other.translation)
+        tx, ty, tz = self.translation
+        return Transform((tx + x, ty + y, tz + z), quaternion_product(self.rotation, other.rotation))
+
+    def inverse(self) -> "Transform":
+        """Returns source_from_target."""
+        x, y, z, w = self.rotation
+        back = (-x, -y, -z, w)
+        px, py, pz = rotated(back, self.translation)
+        return Transform((-px, -py, -pz), back)
+
+    def planar(self) -> Pose:
+        """Returns the source frame's pose in the target's plane: z, roll and pitch are dropped."""
+        x, y, z, w = self.rotation
+        yaw = math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+        return Pose(self.translation[0], self.translation[1], yaw)
+
+    def upright(self) -> bool:
+        """Tells whether the source's z axis points up in the target frame: false for a sensor mounted upside down."""
+        x, y, z, w = self.rotation
+        return w * w - x * x - y * y + z * z > 0.0
+
+    def matrix(self) -> NDArray[np.float64]:
+        """Returns the rotation matrix, shape (3, 3)."""
+        columns = (rotated(self.rotation, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+        return np.array(list(columns)).T
+
+    def apply(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns ``points`` [m, source frame], shape (n, 3), in the target frame."""
+        return points @ self.matrix().T + np.array(self.translation)
+
+
+def quaternion_product(first: Quaternion, second: Quaternion) -> Quaternion:
+    """Returns the rotation ``second`` followed by ``first``."""
+    ax, ay, az, aw = first
+    bx, by, bz, bw = second
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def rotated(rotation: Quaternion, vector: Vector) -> Vector:
+    """Returns ``vector`` turned by the unit quaternion ``rotation``."""
+    x, y, z, w = rotation
+    vx, vy, vz = vector
+    cx, cy, cz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
+    return (vx + w * cx + y * cz - z * cy, vy + w * cy + z * cx - x * cz, vz + w * cz + x * cy - y * cx)
+
+
+def interpolated(first: Transform, second: Transform, fraction: float) -> Transform:
+    """Returns the transform ``fraction`` (0 … 1) of the way between two: straight in place, evenly in rotation."""
+    (ax, ay, az), (bx, by, bz) = first.translation, second.translation
+    place = (ax + fraction * (bx - ax), ay + fraction * (by - ay), az + fraction * (bz - az))
+    return Transform(place, _slerp(first.rotation, second.rotation, fraction))
+
+
+def _slerp(first: Quaternion, second: Quaternion, fraction: float) -> Quaternion:
+    cosine = sum(a * b for a, b in zip(first, second, strict=True))
+    sign = 1.0 if cosine >= 0.0 else -1.0
+    angle = math.acos(min(1.0, abs(cosine)))
+    if angle < 1e-4:  # so close that the chord is the arc
+        near, far = 1.0 - fraction, sign * fraction
+    else:
+        near = math.sin((1.0 - fraction) * angle) / math.sin(angle)
+        far = sign * math.sin(fraction * angle) / math.sin(angle)
+    x, y, z, w = (near * a + far * b for a, b in zip(first, second, strict=True))
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    return (x / length, y / length, z / length, w / length)
+
+
+class Edge:
+    """One child frame's transforms to its parent over the last seconds.
+
+    Attributes:
+        parent: frame the transforms lead to.
+        static: valid at all times; holds one transform.
+    """
+
+    def __init__(self, parent: str, static: bool) -> None:
+        self.parent = parent
+        self.static = static
+        self._stamps: list[float] = []
+        self._transforms: list[Transform] = []
+
+    @property
+    def oldest(self) -> float:
+        """Stamp [s] of the first transform kept; -inf for a static edge."""
+        return -math.inf if self.static else self._stamps[0]
+
+    @property
+    def newest(self) -> float:
+        """Stamp [s] of the last transform; inf for a static edge."""
+        return math.inf if self.static else self._stamps[-1]
+
+    def insert(self, stamp: float, transform: Transform, keep: float) -> None:
+        """Adds a transform in its place in time, and forgets those more than ``keep`` seconds older than the newest."""
+        stamps, transforms = self._stamps, self._transforms
+        if self.static or not stamps:
+            stamps[:], transforms[:] = [stamp], [transform]
+            return
+        place = bisect.bisect_left(stamps, stamp) if stamp <= stamps[-1] else len(stamps)
+        if place < len(stamps) and stamps[place] == stamp:
+            transforms[place] = transform
+            return
+        stamps.insert(place, stamp)
+        transforms.insert(place, transform)
+        # Trimmed by the half, so that a full history costs nothing per insertion.
+        if stamps[0] < stamps[-1] - 2.0 * keep:
+            old = bisect.bisect_left(stamps, stamps[-1] - keep)
+            del stamps[:old], transforms[:old]
+
+    def at(self, stamp: float) -> Transform:
+        """Returns parent_from_child at ``stamp`` [s], which must lie between ``oldest`` and ``newest``."""
+        if self.static:
+            return self._transforms[0]
+        after = bisect.bisect_left(self._stamps, stamp)
+        if self._stamps[after] == stamp:
+            return self._transforms[after]
+        before, end = self._stamps[after - 1], self._stamps[after]
+        return interpolated(self._transforms[after - 1], self._transforms[after], (stamp - before) / (end - before))
+
+
+class TransformTree:
+    """The newest seconds of a tree of frames. Frame names carry no leading slash. Not thread-safe.
+
+    Args:
+        keep: history kept of each edge [s].
+    """
+
+    def __init__(self, keep: float = 10.0) -> None:
+        self.keep = keep
+        self._edges: dict[str, Edge] = {}
+
+    def clear(self) -> None:
+        """Forgets every transform that is not static: what to do when time jumps back."""
+        self._edges = {child: edge for child, edge in self._edges.items() if edge.static}
+
+    def insert(self, parent: str, child: str, stamp: float, transform: Transform, static: bool = False) -> bool:
+        """Adds parent_from_child at ``stamp`` [s]; tells whether the tree's shape changed.
+
+        A child under a new parent leaves the old one, with its history.
+        """
+        edge = self._edges.get(child)
+        changed = edge is None or edge.parent != parent or edge.static != static
+        if edge is None or changed:
+            edge = self._edges[child] = Edge(parent, static)
+        edge.insert(stamp, transform, self.keep)
+        return changed
+
+    def parent(self, frame: str) -> str | None:
+        """Returns the frame that ``frame`` hangs on, or None for a root or a frame never heard of."""
+        edge = self._edges.get(frame)
+        return edge.parent if edge else None
+
+    def chain(self, frame: str) -> list[str]:
+        """Returns ``frame`` and its ancestors, up to the root or to where a loop would begin."""
+        frames = [frame]
+        while (parent := self.parent(frames[-1])) is not None and parent not in frames:
+            frames.append(parent)
+        return frames
+
+    def path(self, target: str, source: str) -> tuple[list[str], list[str]]:
+        """Returns the children of the edges between two frames: those below ``target`` and those below ``source``.
+
+        Raises:
+            DisconnectedError: no chain joins the frames.
+        """
+        up, down = self.chain(source), self.chain(target)
+        common = next((frame for frame in up if frame in down), None)
+        if common is None:
+            raise DisconnectedError(
+                f"frames '{target}' and '{source}' are not connected: {self._heard(target, source)}"
+            )
+        return down[: down.index(common)], up[: up.index(common)]
+
+    def _heard(self, *frames: str) -> str:
+        parents = {edge.parent for edge in self._edges.values()}
+        silent = [frame for frame in frames if frame not in self._edges and frame not in parents]
+        if silent:
+            return f"no transform of '{silent[0]}' has arrived"
+        return " and ".join(f"'{frame}' ends at '{self.chain(frame)[-1]}'" for frame in frames)
+
+    def lookup(self, target: str, source: str, stamp: float | None = None) -> Transform:
+        """Returns target_from_source at ``stamp`` [s], or at the newest time that all edges know when None.
+
+        Raises:
+            DisconnectedError: no chain joins the frames.
+            ExtrapolationError: an edge between them does not cover ``stamp``.
+        """
+        below_target, below_source = self.path(target, source)
+        if stamp is None:
+            stamp = min((self._edges[child].newest for child in below_target + below_source), default=0.0)
+        to_common = self._climb(below_source, stamp)
+        if not below_target:
+            return to_common
+        return self._climb(below_target, stamp).inverse().compose(to_common)
+
+    def latest(self, target: str, source: str) -> float:
+        """Returns the newest stamp [s] at which the two frames can be joined; inf when only static edges join them.
+
+        Raises:
+            DisconnectedError: no chain joins the frames.
+        """
+        below_target, below_source = self.path(target, source)
+        return min((self._edges[child].newest for child in below_target + below_source), default=math.inf)
+
+    def _climb(self, children: list[str], stamp: float) -> Transform:
+        result = Transform()
+        for child in children:
+            edge = self._edges[child]
+            if stamp > edge.newest or stamp < edge.oldest:
+                raise _extrapolation(edge, child, stamp)
+            result = edge.at(stamp).compose(result)
+        return result
+
+
+def _extrapolation(edge: Edge, child: str, stamp: float) -> ExtrapolationError:
+    future = stamp > edge.newest
+    side, bound = ("newest", edge.newest) if future else ("oldest", edge.oldest)
+    message = f"transform '{edge.parent}' to '{child}' asked for at {stamp:.3f} s, its {side} is of {bound:.3f} s"
+    return ExtrapolationError(message, future)

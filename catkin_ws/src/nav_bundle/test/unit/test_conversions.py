@@ -1,0 +1,88 @@
+"""Array messages carry the same bytes as genpy's; conversions lose nothing but z, roll and pitch."""
+
+import io
+import math
+import time
+
+import genpy
+import numpy as np
+import pytest
+from nav_msgs.msg import OccupancyGrid
+from sensor_msgs.msg import LaserScan
+
+from nav_bundle import conversions
+from nav_bundle.core.error import MapError
+from nav_bundle.core.grid import Grid, grid_from_text
+from nav_bundle.core.pose import Pose
+
+STAMP = genpy.Time(3, 4)
+
+
+def serialised(message: genpy.Message) -> bytes:
+    buffer = io.BytesIO()
+    buffer.write(b"head")  # rospy serialises behind the length of the message
+    message.serialize(buffer)
+    return buffer.getvalue()[4:]
+
+
+def small_grid() -> Grid:
+    return grid_from_text(["#.?", ".#."], 0.05, Pose(-1.0, 2.0, 0.5))
+
+
+def test_an_array_map_is_written_as_genpy_writes_it() -> None:
+    message = conversions.message_from_grid(small_grid(), "/map", STAMP)
+    plain = OccupancyGrid(message.header, message.info, message.data.tolist())
+    assert message.header.frame_id == "map"
+    assert serialised(message) == serialised(plain)
+    assert (conversions.GridMessage._md5sum, conversions.GridMessage._type) == (plain._md5sum, plain._type)
+
+
+def test_a_map_survives_the_wire() -> None:
+    sent = serialised(conversions.message_from_grid(small_grid(), "map", STAMP))
+    for received in (conversions.GridMessage().deserialize(sent), OccupancyGrid().deserialize(sent)):
+        grid = conversions.grid_from_message(received)
+        assert grid.resolution == 0.05
+        assert math.isclose(grid.origin.yaw, 0.5)
+        assert (grid.cells == small_grid().cells).all()
+
+
+def test_a_map_response_is_the_map() -> None:
+    response = conversions.GetMapArrayResponse(conversions.message_from_grid(small_grid(), "map", STAMP))
+    received = conversions.GetMapArrayResponse().deserialize(serialised(response))
+    assert received.map.data.tolist() == small_grid().cells.ravel().tolist()
+
+
+def test_a_map_of_sixteen_million_cells_is_quick() -> None:
+    grid = Grid(0.05, Pose(-100, -100), np.zeros((4000, 4000), np.int8))
+    start = time.process_time()
+    sent = serialised(conversions.message_from_grid(grid, "map", STAMP))
+    conversions.grid_from_message(conversions.GridMessage().deserialize(sent))
+    assert time.process_time() - start < 1.0
+
+
+def test_a_map_with_cells_missing_is_refused() -> None:
+    message = conversions.message_from_grid(small_grid(), "map", STAMP)
+    message.info.width = 4
+    with pytest.raises(MapError, match="4 x 2 cells came with 6"):
+        conversions.grid_from_message(message)
+
+
+def test_a_scan_is_read_as_arrays() -> None:
+    sent = serialised(LaserScan(ranges=[1.0, math.inf, 2.5], range_max=30.0))
+    received = conversions.ScanMessage().deserialize(sent)
+    assert received.ranges.tolist() == [1.0, math.inf, 2.5]
+    assert received.range_max == 30.0
+
+
+@pytest.mark.parametrize("yaw", [-3.0, -0.5, 0.0, 1.0, 3.1])
+def test_a_pose_survives_its_message(yaw: float) -> None:
+    pose = conversions.pose_from_message(conversions.message_from_pose(Pose(1.0, -2.0, yaw)))
+    assert np.allclose([pose.x, pose.y, pose.yaw], [1.0, -2.0, yaw])
+    stamped = conversions.stamped_from_pose(pose, "/map", STAMP)
+    assert (stamped.header.frame_id, stamped.header.stamp) == ("map", STAMP)
+
+
+def test_a_quaternion_of_any_length_has_a_heading() -> None:
+    quaternion = conversions.quaternion_from_yaw(1.2)
+    quaternion.z, quaternion.w = 3 * quaternion.z, 3 * quaternion.w
+    assert math.isclose(conversions.yaw_from_quaternion(quaternion), 1.2)
