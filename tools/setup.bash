@@ -149,7 +149,8 @@ build_workspace() {
 # Through sudo, what was built belongs to whoever called sudo, so that the next run can do without it.
 give_back() {
   [[ -n ${SUDO_UID:-} && $EUID -eq 0 ]] || return 0
-  chown -R "$SUDO_UID:${SUDO_GID:-$SUDO_UID}" "$setup_dir" "$workspace/build" "$workspace/devel" "$workspace/src/CMakeLists.txt"
+  # -h: src/CMakeLists.txt is a link to a file of the system.
+  chown -hR "$SUDO_UID:${SUDO_GID:-$SUDO_UID}" "$setup_dir" "$workspace/build" "$workspace/devel" "$workspace/src/CMakeLists.txt"
 }
 
 setup() {
