@@ -217,7 +217,8 @@ class Bumper:
     Attributes:
         name: the sensor's.
         link: the link whose contacts are told.
-        collision: SDF's name of the collision; empty for all of the link and of what is fixed to it, as Gazebo lumps them.
+        collision: SDF's name of the collision; empty for all of the link and of what is fixed to it,
+            as Gazebo lumps them.
         bumperTopicName: relative to the robot's namespace.
         frameName: ``frame_id``: ``map`` and ``world`` both mean the world's origin.
         update_rate: [Hz].

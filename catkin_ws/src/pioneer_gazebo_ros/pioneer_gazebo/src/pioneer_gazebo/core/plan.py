@@ -1,0 +1,177 @@
+"""Floor plans drawn with characters, and the worlds they stand for.
+
+A drawing has a corner every ``4`` characters across and every ``2`` lines down; between corners runs a wall or not::
+
+    +---+---+
+    |   | o |      |  and  ---   a wall on the side of a cell
+    +   +---+      o             a round pillar in the middle of a cell
+    |     # |      #             a cell that is solid
+    +---+---+
+
+Before it stand lines ``name: value``; between both one line ``---``. The first line of the drawing is the north.
+"""
+
+from dataclasses import dataclass, fields
+
+from pioneer_gazebo.core.error import DescriptionError
+from pioneer_gazebo.core.pose import IDENTITY, Pose
+from pioneer_gazebo.core.world import Box, Collision, Cylinder, Link, Model, Shape, Visual, World
+
+ACROSS, DOWN = 4, 2
+
+
+@dataclass(frozen=True, slots=True)
+class Measures:
+    """What the head of a plan says, all in metres.
+
+    Attributes:
+        cell: side of a cell.
+        x: of the drawing's lower left corner.
+        y: of the drawing's lower left corner.
+        thickness: of a wall.
+        height: of walls, pillars and solid cells.
+        pillar: radius of a pillar.
+    """
+
+    cell: float = 1.0
+    x: float = 0.0
+    y: float = 0.0
+    thickness: float = 0.1
+    height: float = 0.8
+    pillar: float = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A drawing and its measures: ``rows`` from north to south."""
+
+    measures: Measures
+    rows: tuple[str, ...]
+
+    @property
+    def cells(self) -> tuple[int, int]:
+        """Number of cells down and across."""
+        return len(self.rows) // DOWN, max((len(row) for row in self.rows), default=0) // ACROSS
+
+    def _character(self, row: int, col: int) -> str:
+        line = self.rows[row] if row < len(self.rows) else ""
+        return line[col] if col < len(line) else " "
+
+    def wall_above(self, row: int, col: int) -> bool:
+        """Whether a wall runs along the upper side of a cell; ``row`` may be one past the last."""
+        return self._character(row * DOWN, col * ACROSS + ACROSS // 2) == "-"
+
+    def wall_left(self, row: int, col: int) -> bool:
+        """Whether a wall runs along the left side of a cell; ``col`` may be one past the last."""
+        return self._character(row * DOWN + 1, col * ACROSS) == "|"
+
+    def content(self, row: int, col: int) -> str:
+        """Returns what stands in the middle of a cell: blank, ``o`` or ``#``."""
+        return self._character(row * DOWN + 1, col * ACROSS + ACROSS // 2)
+
+
+def plan_from_text(text: str, source: str = "plan") -> Plan:
+    """Returns the plan written in ``text``.
+
+    Raises:
+        DescriptionError: an unknown measure, a bad number, or no drawing.
+    """
+    lines = text.splitlines()
+    if "---" not in lines:
+        raise DescriptionError(f"{source}: a line --- must stand between the measures and the drawing")
+    split = lines.index("---")
+    values: dict[str, float] = {}
+    known = [field.name for field in fields(Measures)]
+    for number, line in enumerate(lines[:split], 1):
+        if not line.strip() or line.startswith("#"):
+            continue
+        name, _, value = (part.strip() for part in line.partition(":"))
+        if name not in known:
+            raise DescriptionError(f"{source}, line {number}: {name!r} is not one of {', '.join(known)}")
+        try:
+            values[name] = float(value)
+        except ValueError:
+            raise DescriptionError(f"{source}, line {number}: {name}: {value!r} is not a number") from None
+    rows = tuple(line.rstrip() for line in lines[split + 1 :])
+    while rows and not rows[-1]:
+        rows = rows[:-1]
+    if len(rows) < DOWN + 1:
+        raise DescriptionError(f"{source}: the drawing has no cell")
+    return Plan(Measures(**values), rows)
+
+
+def world_of_plan(plan: Plan, name: str, ground: Model) -> World:
+    """Returns the plan's world: ``ground`` and one static model ``walls`` of boxes and pillars on it.
+
+    Walls in one line are one box, which reaches over the corners at its ends.
+    """
+    solids = [*_horizontal_walls(plan), *_vertical_walls(plan), *_blocks(plan), *_pillars(plan)]
+    if not solids:
+        return World(name, (ground,))
+    collisions = tuple(Collision(f"collision_{i}", pose, shape) for i, (pose, shape) in enumerate(solids))
+    visuals = tuple(
+        Visual(f"visual_{i}", pose, shape, (0.75, 0.73, 0.68, 1.0)) for i, (pose, shape) in enumerate(solids)
+    )
+    link = Link("link", IDENTITY, collisions=collisions, visuals=visuals)
+    return World(name, (ground, Model("walls", IDENTITY, static=True, links=(link,))))
+
+
+Solid = tuple[Pose, Shape]
+
+
+def _box(plan: Plan, west: float, south: float, east: float, north: float) -> Solid:
+    """Returns a box over a rectangle given in cells from the drawing's lower left corner, grown by half a wall."""
+    m = plan.measures
+    size = ((east - west) * m.cell + m.thickness, (north - south) * m.cell + m.thickness, m.height)
+    x, y = m.x + (west + east) / 2 * m.cell, m.y + (south + north) / 2 * m.cell
+    return Pose((round(x, 6), round(y, 6), m.height / 2)), Box((round(size[0], 6), round(size[1], 6), size[2]))
+
+
+def _runs(flags: list[bool]) -> list[tuple[int, int]]:
+    """Returns the half-open ranges in which ``flags`` holds."""
+    edges = [i for i in range(len(flags) + 1) if (i > 0 and flags[i - 1]) != (i < len(flags) and flags[i])]
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def _horizontal_walls(plan: Plan) -> list[Solid]:
+    rows, cols = plan.cells
+    return [
+        _box(plan, start, rows - row, end, rows - row)
+        for row in range(rows + 1)
+        for start, end in _runs([plan.wall_above(row, col) for col in range(cols)])
+    ]
+
+
+def _vertical_walls(plan: Plan) -> list[Solid]:
+    rows, cols = plan.cells
+    return [
+        _box(plan, col, rows - end, col, rows - start)
+        for col in range(cols + 1)
+        for start, end in _runs([plan.wall_left(row, col) for row in range(rows)])
+    ]
+
+
+def _blocks(plan: Plan) -> list[Solid]:
+    """Solid cells, each row's neighbours as one box that ends on the cells' borders."""
+    rows, cols = plan.cells
+    m = plan.measures
+    blocks: list[Solid] = []
+    for row in range(rows):
+        for start, end in _runs([plan.content(row, col) == "#" for col in range(cols)]):
+            pose, _ = _box(plan, start, rows - row - 1, end, rows - row)
+            blocks.append((pose, Box((round((end - start) * m.cell, 6), m.cell, m.height))))
+    return blocks
+
+
+def _pillars(plan: Plan) -> list[Solid]:
+    rows, cols = plan.cells
+    m = plan.measures
+    return [
+        (
+            Pose((round(m.x + (col + 0.5) * m.cell, 6), round(m.y + (rows - row - 0.5) * m.cell, 6), m.height / 2)),
+            Cylinder(m.pillar, m.height),
+        )
+        for row in range(rows)
+        for col in range(cols)
+        if plan.content(row, col) == "o"
+    ]

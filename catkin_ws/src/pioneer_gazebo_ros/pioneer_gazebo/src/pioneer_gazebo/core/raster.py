@@ -1,0 +1,158 @@
+"""Cross-sections of a world drawn into a grid of cells: the occupancy map of what a laser at one height can see."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pioneer_gazebo.core.section import Section
+
+OCCUPIED, FREE, UNKNOWN = 0, 254, 205
+"""Grey values of map_server's trinary maps."""
+
+_TOUCH = 1e-6
+"""Overlaps below this [m] do not count: a wall whose face lies on a cell's border does not fill the cell beside it."""
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """Where a grid lies: its lower left corner [m], its cells' side [m] and its shape."""
+
+    x: float
+    y: float
+    resolution: float
+    rows: int
+    cols: int
+
+    @classmethod
+    def around(cls, sections: Iterable[Section], resolution: float, margin: float) -> "Extent | None":
+        """Returns the smallest grid of whole cells with ``margin`` [m] around all sections, None where they are empty.
+
+        The corner is a whole multiple of ``resolution``.
+        """
+        boxes = [_bounds(section) for section in sections if len(section.segments) or len(section.circles)]
+        if not boxes:
+            return None
+        low = np.min([box[0] for box in boxes], axis=0) - margin
+        high = np.max([box[1] for box in boxes], axis=0) + margin
+        first = np.floor(low / resolution + _TOUCH).astype(int)
+        last = np.ceil(high / resolution - _TOUCH).astype(int)
+        cols, rows = (int(n) for n in last - first)
+        return cls(
+            round(float(first[0] * resolution), 9), round(float(first[1] * resolution), 9), resolution, rows, cols
+        )
+
+    def cells(self, low: float, high: float, origin: float, count: int) -> tuple[int, int]:
+        """Returns the half-open range of cells that an interval of one axis [m] overlaps, cut to the grid."""
+        first = math.floor((low - origin) / self.resolution + _TOUCH)
+        last = math.ceil((high - origin) / self.resolution - _TOUCH)
+        return max(0, first), min(count, max(last, first + 1))
+
+
+def _bounds(section: Section) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    starts, ends = section.segments[:, :2], section.segments[:, :2] + section.segments[:, 2:]
+    centres, radii = section.circles[:, :2], section.circles[:, 2:]
+    points = np.concatenate([starts, ends, centres - radii, centres + radii])
+    return points.min(axis=0), points.max(axis=0)
+
+
+def occupied_cells(sections: Iterable[Section], extent: Extent) -> Mask:
+    """Returns which cells any solid overlaps, shape (rows, cols), row 0 at the smallest y.
+
+    Each section is the outline of one solid; its inside counts as occupied by the even-odd rule.
+    """
+    grid = np.zeros((extent.rows, extent.cols), dtype=np.bool_)
+    for section in sections:
+        _fill_outline(section.segments, extent, grid)
+        for segment in section.segments:
+            _draw_segment(segment, extent, grid)
+        for circle in section.circles:
+            _draw_disc(circle, extent, grid)
+    return grid
+
+
+def _window(
+    extent: Extent, low: NDArray[np.float64], high: NDArray[np.float64]
+) -> tuple[slice, slice, NDArray[np.float64], NDArray[np.float64]] | None:
+    """Returns rows and columns of the cells in a rectangle with their centres' x (1, n) and y (m, 1) [m]."""
+    col, col_end = extent.cells(low[0], high[0], extent.x, extent.cols)
+    row, row_end = extent.cells(low[1], high[1], extent.y, extent.rows)
+    if col >= col_end or row >= row_end:
+        return None
+    x = extent.x + (np.arange(col, col_end) + 0.5) * extent.resolution
+    y = extent.y + (np.arange(row, row_end) + 0.5) * extent.resolution
+    return slice(row, row_end), slice(col, col_end), x[None, :], y[:, None]
+
+
+def _draw_segment(segment: NDArray[np.float64], extent: Extent, grid: Mask) -> None:
+    """Marks every cell whose inside the segment passes through (separating axes of segment and square)."""
+    start, along = segment[:2], segment[2:]
+    end = start + along
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    window = _window(extent, low, high)
+    if window is None:
+        return
+    rows, cols, x, y = window
+    half = extent.resolution / 2 - _TOUCH
+    reach = half * (abs(along[0]) + abs(along[1]))
+    beside = np.abs(along[0] * (y - start[1]) - along[1] * (x - start[0])) <= reach
+    within = (x > low[0] - half) & (x < high[0] + half) & (y > low[1] - half) & (y < high[1] + half)
+    grid[rows, cols] |= beside & within
+
+
+def _draw_disc(circle: NDArray[np.float64], extent: Extent, grid: Mask) -> None:
+    """Marks every cell that the disc overlaps."""
+    centre, radius = circle[:2], circle[2]
+    window = _window(extent, centre - radius, centre + radius)
+    if window is None:
+        return
+    rows, cols, x, y = window
+    half = extent.resolution / 2
+    dx = np.maximum(np.abs(x - centre[0]) - half, 0.0)
+    dy = np.maximum(np.abs(y - centre[1]) - half, 0.0)
+    grid[rows, cols] |= dx * dx + dy * dy < (radius - _TOUCH) ** 2
+
+
+def _fill_outline(segments: NDArray[np.float64], extent: Extent, grid: Mask) -> None:
+    """Marks every cell whose centre lies inside the closed outline."""
+    if not len(segments):
+        return
+    window = _window(extent, *_bounds(Section(segments, np.empty((0, 3)))))
+    if window is None:
+        return
+    rows, cols, x, y = window
+    left, heights = float(x[0, 0]), y[:, 0]
+    flips = np.zeros((len(heights), x.shape[1] + 1), dtype=np.int64)
+    for ax, ay, dx, dy in segments:
+        crossed = np.flatnonzero((ay <= heights) != (ay + dy <= heights))
+        if len(crossed):
+            crossing = ax + (heights[crossed] - ay) * (dx / dy)
+            first = np.ceil((crossing - left) / extent.resolution).astype(int)
+            np.add.at(flips, (crossed, np.clip(first, 0, x.shape[1])), 1)
+    grid[rows, cols] |= np.cumsum(flips, axis=1)[:, :-1] % 2 == 1
+
+
+def grey_map(occupied: Mask, outside_unknown: bool = True) -> NDArray[np.uint8]:
+    """Returns the grey values of a map, shape (rows, cols), row 0 at the smallest y.
+
+    Args:
+        occupied: from `occupied_cells`.
+        outside_unknown: whether free cells that a walk from the grid's border reaches are unknown. A world that
+            encloses nothing has no outside: there they are free.
+    """
+    free = ~occupied
+    grey = np.where(free, FREE, OCCUPIED).astype(np.uint8)
+    if not outside_unknown:
+        return grey
+    labels, count = ndimage.label(free)
+    border = np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]]))
+    is_outside = np.zeros(count + 1, dtype=np.bool_)
+    is_outside[border[border > 0]] = True
+    if not is_outside[1:].all():
+        grey[is_outside[labels]] = UNKNOWN
+    return grey

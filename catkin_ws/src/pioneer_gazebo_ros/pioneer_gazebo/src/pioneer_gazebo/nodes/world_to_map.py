@@ -1,0 +1,116 @@
+"""``world_to_map``: the occupancy map of a world, as map_server reads it."""
+# ruff: noqa: T201 - a command talks to people on standard output
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pioneer_gazebo.adapters.map_file import write_map
+from pioneer_gazebo.adapters.mesh import triangles_of_mesh
+from pioneer_gazebo.adapters.resource import model_path, package_directory, world_path
+from pioneer_gazebo.adapters.sdf import world_from_sdf
+from pioneer_gazebo.core.error import DescriptionError
+from pioneer_gazebo.core.raster import Extent, grey_map, occupied_cells
+from pioneer_gazebo.core.section import section_of
+from pioneer_gazebo.core.world import World
+
+LASER_HEIGHT = 0.27
+"""Height of the Pioneer's scan plane over the floor [m]."""
+EMPTY_SIDE = 50.0
+"""Side of the map of a world in which nothing stands [m]."""
+
+
+def map_of_world(
+    world: World,
+    height: float = LASER_HEIGHT,
+    resolution: float = 0.05,
+    margin: float = 0.5,
+    extent: Extent | None = None,
+    outside_unknown: bool = True,
+) -> tuple[NDArray[np.uint8], Extent]:
+    """Returns the grey values and the extent of a world's map: its static models cut at ``height`` [m].
+
+    Args:
+        world: the world.
+        height: of the cut over the world's origin [m].
+        resolution: side of a cell [m].
+        margin: left free around everything that stands [m]; not used where ``extent`` is given.
+        extent: the grid, instead of one that fits.
+        outside_unknown: whether what lies outside closed walls is unknown rather than free.
+    """
+    placed = list(world.collisions(static_only=True))
+    sections = [section_of(item.collision.shape, item.pose, height, triangles_of_mesh) for item in placed]
+    grid = extent or Extent.around(sections, resolution, margin) or _empty_extent(resolution)
+    return grey_map(occupied_cells(sections, grid), outside_unknown), grid
+
+
+def _empty_extent(resolution: float) -> Extent:
+    cells = round(EMPTY_SIDE / resolution)
+    return Extent(-EMPTY_SIDE / 2, -EMPTY_SIDE / 2, resolution, cells, cells)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Reads the command line, writes the map, and returns the exit status."""
+    options = _parser().parse_args(sys.argv[1:] if argv is None else argv)
+    try:
+        path = world_path(options.world)
+        world = world_from_sdf(path, model_path())
+        grey, extent = map_of_world(
+            world, options.height, options.resolution, options.margin, _extent(options), options.outside == "unknown"
+        )
+    except DescriptionError as error:
+        print(f"world_to_map: {error}", file=sys.stderr)
+        return 1
+    for warning in world.warnings:
+        print(f"world_to_map: {warning}", file=sys.stderr)
+    target = Path(options.output) if options.output else _default_target(path)
+    write_map(target, grey, extent)
+    print(f"{target.with_suffix('.yaml')}: {extent.cols} × {extent.rows} cells of {extent.resolution:g} m")
+    return 0
+
+
+def _default_target(path: Path) -> Path:
+    package = package_directory()
+    folder = package / "map" if package is not None and path.parent == package / "worlds" else Path.cwd()
+    return folder / path.stem
+
+
+def _extent(options: argparse.Namespace) -> Extent | None:
+    if options.extent is None:
+        return None
+    x, y, width, height = options.extent
+    cols, rows = round(width / options.resolution), round(height / options.resolution)
+    return Extent(x, y, options.resolution, rows, cols)
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be above 0, not {text}")
+    return value
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        "world_to_map", description="Draws a world's map: what stands in it at one height."
+    )
+    parser.add_argument("world", help="name of a world of this package, or the path of a .world file")
+    parser.add_argument("-o", "--output", help="path of the map without suffix (default: this package's map/NAME)")
+    parser.add_argument("--height", type=float, default=LASER_HEIGHT, help="of the cut [m] (default %(default)s)")
+    parser.add_argument("--resolution", type=_positive, default=0.05, help="side of a cell [m] (default %(default)s)")
+    parser.add_argument("--margin", type=float, default=0.5, help="around the world [m] (default %(default)s)")
+    parser.add_argument(
+        "--extent",
+        type=float,
+        nargs=4,
+        metavar=("X", "Y", "WIDTH", "HEIGHT"),
+        help="lower left corner and size of the map [m], instead of one that fits the world",
+    )
+    parser.add_argument(
+        "--outside", choices=("unknown", "free"), default="unknown", help="what lies outside closed walls"
+    )
+    return parser

@@ -1,0 +1,93 @@
+"""What is shipped fits together: drawings, worlds, maps and initial poses."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from scipy import ndimage
+
+from pioneer_gazebo.adapters.sdf import world_from_sdf
+from pioneer_gazebo.nodes.plan_to_world import world_text
+from pioneer_gazebo.nodes.world_to_map import map_of_world
+
+PACKAGE = Path(__file__).parents[2]
+POSES = PACKAGE.parent / "pioneer_description" / "config" / "pioneer_poses.yaml"
+NAMES = ["closed_maze", "utm_0", "small_world", "willow_office", "blank"]
+INSCRIBED_RADIUS, CIRCUMSCRIBED_RADIUS = 0.20, 0.37
+
+
+def read_map(name):
+    head = yaml.safe_load((PACKAGE / "map" / f"{name}.yaml").read_text())
+    data = (PACKAGE / "map" / head["image"]).read_bytes()
+    magic, width, height, depth, pixels = data.split(maxsplit=4) if data[:2] == b"P5" else (None,) * 5
+    assert (magic, depth) == (b"P5", b"255")
+    pixels = data[-int(width) * int(height) :]
+    return head, np.frombuffer(pixels, np.uint8).reshape(int(height), int(width))[::-1]
+
+
+def clearance(grey, resolution):
+    return ndimage.distance_transform_edt(grey == 254) * resolution
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_shipped_map_agrees_with_its_world(name):
+    head, grey = read_map(name)
+    expected, extent = map_of_world(world_from_sdf(PACKAGE / "worlds" / f"{name}.world"))
+    assert np.array_equal(grey, expected)
+    assert head["origin"] == pytest.approx([extent.x, extent.y, 0.0])
+    assert head["resolution"] == extent.resolution
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_shipped_world_is_read_without_a_warning(name):
+    world = world_from_sdf(PACKAGE / "worlds" / f"{name}.world")
+    assert world.name == name
+    assert world.warnings == ()
+
+
+@pytest.mark.parametrize("plan", sorted((PACKAGE / "worlds" / "plan").glob("*.plan")), ids=lambda path: path.stem)
+def test_shipped_world_is_what_its_plan_draws(plan):
+    assert (PACKAGE / "worlds" / f"{plan.stem}.world").read_text() == world_text(plan)
+
+
+@pytest.mark.parametrize("name", ["closed_maze", "utm_0"])
+def test_all_initial_poses_are_free_and_connected_for_a_robot(name):
+    head, grey = read_map(name)
+    resolution, (x0, y0, _) = head["resolution"], head["origin"]
+    room = clearance(grey, resolution)
+    regions, _ = ndimage.label(room > INSCRIBED_RADIUS)
+    poses = yaml.safe_load(POSES.read_text())
+    assert sorted(poses) == sorted(f"pioneer{i}" for i in range(1, 16))
+    cells = [(int((p["y"] - y0) / resolution), int((p["x"] - x0) / resolution)) for p in poses.values()]
+    assert min(room[cell] for cell in cells) > CIRCUMSCRIBED_RADIUS
+    assert len({regions[cell] for cell in cells}) == 1
+
+
+def test_two_robots_can_pass_each_other_between_any_poses_of_the_maze():
+    head, grey = read_map("closed_maze")
+    regions, count = ndimage.label(clearance(grey, head["resolution"]) > 0.8)
+    assert count == 1
+    assert regions.any()
+
+
+def test_small_world_is_the_grid_of_the_original():
+    drawing = """
+        111111111111
+        100111100001
+        100111100001
+        100110000001
+        100110000001
+        100000011001
+        100000011001
+        100000000001
+        100000000001
+        111111111111
+    """
+    head, grey = read_map("small_world")
+    x0, y0, _ = head["origin"]
+    for row, line in enumerate(drawing.split()):
+        for col, solid in enumerate(line):
+            x, y = -6.0 + col + 0.5, 5.0 - row - 0.5
+            cell = grey[int((y - y0) / 0.05), int((x - x0) / 0.05)]
+            assert cell == (0 if solid == "1" else 254), (row, col)
