@@ -1,0 +1,138 @@
+"""Adaptive Monte Carlo localisation: odometry and scans in, the robot's pose in the map out. No ROS, no clock."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle.core.alignment import refined
+from nav_bundle.core.amcl_config import AmclConfig
+from nav_bundle.core.error import NavigationError
+from nav_bundle.core.grid import Grid
+from nav_bundle.core.motion import motion_model
+from nav_bundle.core.particle import Estimate, FreeSpace, ParticleFilter
+from nav_bundle.core.pose import Pose, angle_difference
+from nav_bundle.core.sensor import Beams, LikelihoodField, Scan, SensorModel, sensor_model
+
+REFINING_BEAMS = 180
+"""Beams that refine an estimate: more cost little there, since they meet one pose, not hundreds."""
+
+
+class NoMapError(NavigationError):
+    """Localisation was asked for something that needs a map before one was set."""
+
+
+@dataclass(frozen=True, eq=False)
+class Update:
+    """What one scan led to.
+
+    Attributes:
+        estimate: where the robot was when the scan was taken; None when the particles were weighed, not resampled.
+        map_from_odom: the odometry frame's pose in the map; None as ``estimate``.
+    """
+
+    estimate: Estimate | None
+    map_from_odom: Pose | None
+
+
+class Localisation:
+    """Particles that follow a robot through a map.
+
+    Args:
+        config: amcl's parameters.
+        generator: source of all randomness; equal ones give equal results.
+    """
+
+    def __init__(self, config: AmclConfig, generator: np.random.Generator) -> None:
+        self._config = config
+        self._filter = ParticleFilter(config, generator)
+        self._generator = generator
+        alphas = (config.odom_alpha1, config.odom_alpha2, config.odom_alpha3, config.odom_alpha4, config.odom_alpha5)
+        self._move = motion_model(config.odom_model_type, alphas)
+        self._sensor: SensorModel | None = None
+        self._free: FreeSpace | None = None
+        self._odom: Pose | None = None
+        self._forced = False
+        self._updates = 0
+
+    @property
+    def particles(self) -> NDArray[np.float64]:
+        """The particles' x, y [m], yaw [rad] in the map, shape (n, 3)."""
+        return self._filter.poses
+
+    @property
+    def has_map(self) -> bool:
+        """Tells whether a map has been set."""
+        return self._sensor is not None
+
+    def set_map(self, grid: Grid) -> None:
+        """Uses ``grid`` from now on; the particles stay where they are."""
+        # The old field goes first: two of a large map need not be held at once.
+        self._sensor = self._free = None
+        self._sensor = sensor_model(self._config, grid)
+        self._free = FreeSpace(grid, self._generator)
+
+    def set_pose(self, pose: Pose, covariance: NDArray[np.float64]) -> None:
+        """Starts anew about ``pose`` (map frame); ``covariance`` over x, y, yaw, shape (3, 3)."""
+        self._filter.gather(pose, covariance)
+        self._odom = None
+
+    def scatter(self) -> None:
+        """Starts anew with particles all over the free space: the robot may be anywhere.
+
+        Raises:
+            NoMapError: there is no map yet.
+        """
+        if self._free is None:
+            raise NoMapError("no map yet: cannot spread particles over its free space")
+        self._filter.replace(self._free.draw(self._config.max_particles))
+        self._odom = None
+
+    def force_update(self) -> None:
+        """Makes the next scan count although the robot stands."""
+        self._forced = True
+
+    def due(self, odom: Pose) -> bool:
+        """Tells whether a scan taken at odometry pose ``odom`` would be used: enough movement, forced, or the first."""
+        if self._odom is None or self._forced:
+            return True
+        turn = angle_difference(odom.yaw, self._odom.yaw)
+        step = max(abs(odom.x - self._odom.x), abs(odom.y - self._odom.y))
+        return step > self._config.update_min_d or abs(turn) > self._config.update_min_a
+
+    def advance(self, odom: Pose, scan: Scan) -> Update:
+        """Moves the particles to odometry pose ``odom`` (odom frame, at the scan's time), weighs and resamples them.
+
+        The first scan after a start gives an estimate in any case, others each ``resample_interval``-th time.
+
+        Raises:
+            NoMapError: there is no map yet.
+        """
+        if self._sensor is None or self._free is None:
+            raise NoMapError("no map yet: cannot use scans")
+        first = self._odom is None
+        if self._odom is None:
+            self._updates = 0
+        else:
+            self._move(self._filter.poses, self._odom, odom, self._generator)
+        self._odom, self._forced = odom, False
+        config = self._config
+        beams = self._thinned(scan, config.laser_max_beams)
+        self._filter.weigh(self._sensor.likelihoods(self._filter.poses, beams))
+        self._updates += 1
+        resampled = self._updates % config.resample_interval == 0
+        if resampled:
+            self._filter.resample(self._free.draw)
+        if not (resampled or first):
+            return Update(None, None)
+        estimate = self._refined(self._filter.estimate(), scan)
+        return Update(estimate, estimate.pose.compose(odom.inverse()))
+
+    def _refined(self, estimate: Estimate, scan: Scan) -> Estimate:
+        """Lays the scan onto the map near the estimate; the particles do not learn of it: it would narrow them."""
+        if not (self._config.refine_estimate and isinstance(self._sensor, LikelihoodField)):
+            return estimate
+        return replace(estimate, pose=refined(estimate, self._thinned(scan, REFINING_BEAMS), self._sensor.field))
+
+    def _thinned(self, scan: Scan, beams: int) -> Beams:
+        return scan.thinned(beams, self._config.laser_min_range, self._config.laser_max_range)

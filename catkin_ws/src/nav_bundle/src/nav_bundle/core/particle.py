@@ -1,0 +1,148 @@
+"""A particle filter over poses whose size follows its uncertainty (Fox 2003), with recovery by random particles."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle import _particle
+from nav_bundle.core.amcl_config import AmclConfig
+from nav_bundle.core.grid import FREE, Grid
+from nav_bundle.core.pose import Pose
+
+PoseSource = Callable[[int], NDArray[np.float64]]
+"""Makes that many poses (x, y [m], yaw [rad]; shape (n, 3))."""
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Where the robot is thought to be.
+
+    Attributes:
+        pose: mean of the heaviest cluster of particles.
+        weight: that cluster's share of the weight, 0 … 1.
+        covariance: of all particles, over x [m], y [m], yaw [rad], shape (3, 3); yaw is not correlated.
+        cluster_covariance: of the heaviest cluster alone.
+    """
+
+    pose: Pose
+    weight: float
+    covariance: NDArray[np.float64]
+    cluster_covariance: NDArray[np.float64]
+
+
+class FreeSpace:
+    """The free cells of a map, to draw poses from evenly; keeps one number a row, not one a cell."""
+
+    def __init__(self, grid: Grid, generator: np.random.Generator) -> None:
+        self._grid = grid
+        self._generator = generator
+        self._until_row = np.cumsum(np.count_nonzero(grid.cells == FREE, axis=1))
+
+    def draw(self, count: int) -> NDArray[np.float64]:
+        """Returns ``count`` poses, anywhere in free cells and at any heading; anywhere in the map if none is free."""
+        cells = np.empty((count, 2))
+        for index, drawn in enumerate(self._generator.integers(0, max(1, self._until_row[-1]), count)):
+            cells[index] = self._cell(int(drawn))
+        grid = self._grid
+        offsets = self._generator.uniform(-0.5, 0.5, (count, 2))
+        points = grid.points_at(cells + offsets)
+        return np.column_stack([points, self._generator.uniform(-math.pi, math.pi, count)])
+
+    def _cell(self, drawn: int) -> tuple[int, int]:
+        """Returns (row, col) of free cell number ``drawn``."""
+        if self._until_row[-1] == 0:
+            return divmod(int(self._generator.integers(self._grid.cells.size)), self._grid.cols)
+        row = int(np.searchsorted(self._until_row, drawn, side="right"))
+        before = int(self._until_row[row - 1]) if row else 0
+        return row, int(np.flatnonzero(self._grid.cells[row] == FREE)[drawn - before])
+
+
+class ParticleFilter:
+    """Weighted poses in the map frame.
+
+    Attributes:
+        poses: x, y [m], yaw [rad], shape (n, 3), float64; n changes with each resampling.
+        weights: shape (n,), sum 1.
+    """
+
+    def __init__(self, config: AmclConfig, generator: np.random.Generator) -> None:
+        self._config = config
+        self._generator = generator
+        self._table = np.empty(1 << (2 * config.max_particles).bit_length(), np.int64)
+        self._labels = np.empty_like(self._table)
+        self._slow = self._fast = 0.0
+        self.replace(np.zeros((config.max_particles, 3)))
+
+    def replace(self, poses: NDArray[np.float64]) -> None:
+        """Starts anew from ``poses``, shape (n, 3), all of equal weight."""
+        self.poses = np.ascontiguousarray(poses, np.float64)
+        self.weights = np.full(len(poses), 1.0 / len(poses))
+        self._slow = self._fast = 0.0
+
+    def gather(self, pose: Pose, covariance: NDArray[np.float64]) -> None:
+        """Starts anew from a normal distribution about ``pose``; ``covariance`` over x, y, yaw, shape (3, 3)."""
+        values, axes = np.linalg.eigh(covariance)
+        spread = axes * np.sqrt(np.maximum(values, 0.0))
+        normal = self._generator.standard_normal((self._config.max_particles, 3))
+        self.replace(normal @ spread.T + np.array([pose.x, pose.y, pose.yaw]))
+
+    def weigh(self, likelihoods: NDArray[np.float64]) -> None:
+        """Multiplies the weights by ``likelihoods``, shape (n,), and follows their slow and fast averages."""
+        weights = self.weights * likelihoods
+        total = float(weights.sum())
+        if not (total > 0.0 and math.isfinite(total)):
+            self.weights = np.full(len(weights), 1.0 / len(weights))
+            return
+        self.weights = weights / total
+        self._slow = self._followed(self._slow, total, self._config.recovery_alpha_slow)
+        self._fast = self._followed(self._fast, total, self._config.recovery_alpha_fast)
+
+    @staticmethod
+    def _followed(mean: float, value: float, rate: float) -> float:
+        return value if mean == 0.0 else mean + rate * (value - mean)
+
+    def resample(self, random_poses: PoseSource) -> None:
+        """Draws the particles anew by their weights, as many as their spread needs.
+
+        Where scans have lately become less likely than in the long run, some come from ``random_poses`` instead, until
+        they are as likely again (augmented MCL; Noetic's amcl forgets both averages after the first such draw).
+        """
+        config, generator = self._config, self._generator
+        if config.selective_resampling and 1.0 / float((self.weights**2).sum()) > 0.5 * len(self.weights):
+            return
+        most = config.max_particles
+        share = max(0.0, 1.0 - self._fast / self._slow) if self._slow > 0.0 else 0.0
+        uniforms = generator.random(most)
+        renew, fresh = np.zeros(most, np.uint8), np.zeros((most, 3))
+        if share > 0.0:
+            renew = (generator.random(most) < share).astype(np.uint8)
+            fresh[renew > 0] = random_poses(int(renew.sum()))
+        drawn = np.empty((most, 3))
+        cumulative = np.cumsum(self.weights)
+        arguments = (config.min_particles, config.kld_err, config.kld_z, self._table, drawn)
+        count = _particle.resample(self.poses, cumulative, uniforms, renew, fresh, *arguments)
+        self.poses = drawn[:count].copy()
+        self.weights = np.full(count, 1.0 / count)
+
+    def estimate(self) -> Estimate:
+        """Returns the mean of the heaviest cluster and the covariance of all particles."""
+        sums = np.empty((len(self.poses), 9))
+        clusters = _particle.cluster(self.poses, self.weights, self._table, self._labels, sums)
+        best = sums[:clusters][sums[:clusters, 1].argmax()]
+        weight = float(best[1])
+        pose = Pose(best[2] / weight, best[3] / weight, math.atan2(best[5], best[4]))
+        return Estimate(pose, weight, _covariance(sums[:clusters].sum(axis=0)), _covariance(best))
+
+
+def _covariance(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the covariance of x, y, yaw from the sums of ``_particle.cluster``; yaw's is that of a wrapped normal."""
+    x, y, cosine, sine, xx, xy, yy = (sums[2:] / sums[1]).tolist()
+    length = min(1.0, max(1e-12, math.hypot(cosine, sine)))
+    result = np.zeros((3, 3))
+    result[0, 0], result[1, 1] = max(0.0, xx - x * x), max(0.0, yy - y * y)
+    result[0, 1] = result[1, 0] = xy - x * y
+    result[2, 2] = -2.0 * math.log(length)
+    return result

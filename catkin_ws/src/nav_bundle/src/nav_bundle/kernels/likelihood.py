@@ -1,0 +1,179 @@
+"""What a scan says about particles: distances to obstacles, likelihood fields, ray casting.
+
+Grids are row-major with row 0 at the origin; ``placement`` puts them into the map frame:
+(origin x [m], origin y [m], cosine and sine of the origin's yaw, 1 / resolution [1/m]).
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+SIGNATURES = {
+    "distance_field": "void(int8[:, ::1], int64, int64, uint16[:, ::1])",
+    "add_likelihoods": (
+        "void(float64[:, ::1], float64[:, ::1], uint16[:, ::1], float64[::1], float64[::1], float64[::1])"
+    ),
+    "count_agreement": "void(float64[:, ::1], float64[:, ::1], uint16[:, ::1], float64[::1], int64, int64[::1])",
+    "expected_ranges": (
+        "void(float64[:, ::1], float64[::1], float64[::1], int8[:, ::1], float64[::1], float64, float64[:, ::1])"
+    ),
+}
+
+
+def distance_field(cells, occupied, cap, out):
+    """Writes each cell's squared distance [cells²] to the nearest cell of value ``occupied``, at most ``cap``².
+
+    Exact Euclidean distance in two passes (Meijster, Roerdink and Hesselink 2000): along columns, then along rows
+    the lower envelope of parabolas. ``cap`` is at most 255, so that squares fit uint16.
+    """
+    rows, cols = cells.shape
+    for col in range(cols):
+        out[0, col] = 0 if cells[0, col] == occupied else cap
+    for row in range(1, rows):
+        for col in range(cols):
+            out[row, col] = 0 if cells[row, col] == occupied else min(cap, out[row - 1, col] + 1)
+    for row in range(rows - 2, -1, -1):
+        for col in range(cols):
+            below = out[row + 1, col] + 1
+            if below < out[row, col]:
+                out[row, col] = below
+    apex = np.empty(cols, np.int64)
+    height = np.empty(cols, np.int64)
+    start = np.empty(cols, np.int64)
+    for row in range(rows):
+        _envelope(out[row], cap, apex, height, start)
+
+
+@njit
+def _envelope(line, cap, apex, height, start):
+    """Replaces distances along columns by squared distances in the plane, for one row."""
+    count = 0
+    cols = line.shape[0]
+    for col in range(cols):
+        if line[col] >= cap:
+            continue
+        square = np.int64(line[col]) * np.int64(line[col])
+        begin = 0
+        while count > 0:
+            other = apex[count - 1]
+            # The first column where the parabola of ``col`` lies below the other one.
+            rise = square - height[count - 1] + col * col - other * other
+            begin = rise // (2 * (col - other)) + 1
+            if begin > start[count - 1]:
+                break
+            count -= 1
+        if count == 0:
+            begin = 0
+        if begin < cols:
+            apex[count], height[count], start[count] = col, square, begin
+            count += 1
+    most = cap * cap
+    for index in range(count):
+        end = start[index + 1] if index + 1 < count else cols
+        for col in range(start[index], end):
+            offset = col - apex[index]
+            line[col] = min(most, height[index] + offset * offset)
+    if count == 0:
+        line[:] = most
+
+
+@njit
+def _squared_distance(x, y, field):
+    """Squared distance at (x, y) [cells]; -1 outside the grid."""
+    col, row = math.floor(x), math.floor(y)
+    if 0 <= row < field.shape[0] and 0 <= col < field.shape[1]:
+        return np.int64(field[np.int64(row), np.int64(col)])
+    return np.int64(-1)
+
+
+@njit
+def _in_grid(pose, placement):
+    """Pose (x, y [m], yaw) of the map frame as (x, y [cells], cosine, sine of yaw) of the grid."""
+    dx, dy = pose[0] - placement[0], pose[1] - placement[1]
+    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    x = (placement[2] * dx + placement[3] * dy) * placement[4]
+    y = (placement[2] * dy - placement[3] * dx) * placement[4]
+    return x, y, placement[2] * cosine + placement[3] * sine, placement[2] * sine - placement[3] * cosine
+
+
+def add_likelihoods(poses, points, field, placement, table, out):
+    """Adds to ``out``, for each particle, the table's entries at its scan's end points.
+
+    Args:
+        poses: particles x, y [m], yaw [rad], shape (n, 3), map frame.
+        points: end points of the beams [cells], robot frame, shape (m, 2).
+        field: squared distances [cells²] from ``distance_field``.
+        placement: of the field.
+        table: value of each squared distance; its last entry also stands for points off the grid.
+        out: shape (n,).
+    """
+    outside = table[table.shape[0] - 1]
+    for index in range(poses.shape[0]):
+        x, y, cosine, sine = _in_grid(poses[index], placement)
+        total = 0.0
+        for beam in range(points.shape[0]):
+            along, across = points[beam, 0], points[beam, 1]
+            square = _squared_distance(x + cosine * along - sine * across, y + sine * along + cosine * across, field)
+            total += table[square] if square >= 0 else outside
+        out[index] += total
+
+
+def count_agreement(poses, points, field, placement, nearest, counts):
+    """Counts, for each beam, the particles that see an obstacle within ``nearest`` [cells²] of its end point."""
+    for index in range(poses.shape[0]):
+        x, y, cosine, sine = _in_grid(poses[index], placement)
+        for beam in range(points.shape[0]):
+            along, across = points[beam, 0], points[beam, 1]
+            square = _squared_distance(x + cosine * along - sine * across, y + sine * along + cosine * across, field)
+            if 0 <= square < nearest:
+                counts[beam] += 1
+
+
+def expected_ranges(poses, laser, bearings, cells, placement, longest, out):
+    """Writes the range [m] that each particle's laser would measure in the map, at most ``longest``.
+
+    A ray ends in the first cell that is not free (unknown ones stop it too) or at the grid's edge (``longest``).
+
+    Args:
+        poses: particles x, y [m], yaw [rad], shape (n, 3), map frame.
+        laser: x, y [m], yaw [rad] of the laser in the robot frame.
+        bearings: directions [rad] in the laser frame, shape (m,).
+        cells: occupancy.
+        placement: of the cells.
+        longest: [m].
+        out: shape (n, m).
+    """
+    limit = longest * placement[4]
+    turn = math.cos(laser[2]), math.sin(laser[2])
+    for index in range(poses.shape[0]):
+        x, y, cosine, sine = _in_grid(poses[index], placement)
+        eye_x = x + (cosine * laser[0] - sine * laser[1]) * placement[4]
+        eye_y = y + (sine * laser[0] + cosine * laser[1]) * placement[4]
+        for beam in range(bearings.shape[0]):
+            bx, by = math.cos(bearings[beam]), math.sin(bearings[beam])
+            lx, ly = turn[0] * bx - turn[1] * by, turn[1] * bx + turn[0] * by
+            reach = _ray(eye_x, eye_y, cosine * lx - sine * ly, sine * lx + cosine * ly, cells, limit)
+            out[index, beam] = reach / placement[4]
+
+
+@njit
+def _ray(x, y, dx, dy, cells, limit):
+    """Length [cells] of a ray from (x, y) along the unit vector (dx, dy): Amanatides and Woo's traversal."""
+    col, row = np.int64(math.floor(x)), np.int64(math.floor(y))
+    step_col, step_row = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
+    delta_col = abs(1.0 / dx) if dx != 0.0 else math.inf
+    delta_row = abs(1.0 / dy) if dy != 0.0 else math.inf
+    next_col = (col + (1 if dx > 0 else 0) - x) / dx if dx != 0.0 else math.inf
+    next_row = (row + (1 if dy > 0 else 0) - y) / dy if dy != 0.0 else math.inf
+    travelled = 0.0
+    while travelled < limit:
+        if not (0 <= row < cells.shape[0] and 0 <= col < cells.shape[1]):
+            return limit
+        if cells[row, col] != 0:
+            return travelled
+        if next_col < next_row:
+            travelled, next_col, col = next_col, next_col + delta_col, col + step_col
+        else:
+            travelled, next_row, row = next_row, next_row + delta_row, row + step_row
+    return limit
