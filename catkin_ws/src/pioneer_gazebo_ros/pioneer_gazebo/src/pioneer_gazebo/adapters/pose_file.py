@@ -1,0 +1,37 @@
+"""Reads files of initial poses: YAML with ``NAME: {x: …, y: …, a: …}``."""
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pioneer_gazebo.adapters.resource import package_directory
+from pioneer_gazebo.core.fleet import FleetError
+
+
+def poses_of_world(world: str) -> Path:
+    """Returns the poses file for a world: ``pioneer_poses_WORLD.yaml`` where there is one, else ``pioneer_poses.yaml``.
+
+    Raises:
+        FleetError: there is no package pioneer_description.
+    """
+    package = package_directory("pioneer_description")
+    if package is None:
+        raise FleetError("package pioneer_description, which has the initial poses, is not found")
+    special = package / "config" / f"pioneer_poses_{world}.yaml"
+    return special if special.is_file() else package / "config" / "pioneer_poses.yaml"
+
+
+def read_poses(path: Path) -> dict[str, Any]:
+    """Returns the file's content, unchecked but for being a mapping.
+
+    Raises:
+        FleetError: it cannot be read or is no mapping.
+    """
+    try:
+        content = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise FleetError(f"{path}: cannot be read: {error}") from None
+    if not isinstance(content, dict):
+        raise FleetError(f"{path}: needs NAME: {{x: …, y: …, a: …}}")
+    return content

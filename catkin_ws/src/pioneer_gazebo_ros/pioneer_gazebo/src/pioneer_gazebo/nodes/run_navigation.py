@@ -1,0 +1,89 @@
+"""``run-pioneer-nav-local``: one robot's topics and its localisation and navigation, on the robot's computer."""
+
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import rosgraph
+
+from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses
+from pioneer_gazebo.core.argument import ArgumentError, options_from_arguments, usage
+from pioneer_gazebo.core.fleet import InitialPose, initial_pose, robot_of_host
+from pioneer_gazebo.nodes.session import LaunchFile, Session, host_name, run_session
+
+NAME = "run-pioneer-nav-local"
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationOptions:
+    """The command line."""
+
+    robot_name: str
+    world_name: str = "utm_0"
+    poses: str = ""
+    gateway: bool = True
+
+
+DOCS = {
+    "robot_name": "the robot driven from here; environment: ROBOT_NAME, else pioneerX on a host aadiX",
+    "world_name": "the world it stands in, for its initial pose; environment: WORLD",
+    "poses": "YAML file of initial poses; empty for pioneer_description's",
+    "gateway": "pull and flip the robot's topics through this master's gateway",
+}
+
+
+def options_from(arguments: Sequence[str], environ: Mapping[str, str], host: str) -> NavigationOptions:
+    """Returns the options of a command line; environment and host give defaults.
+
+    Raises:
+        ArgumentError: an unknown name, a bad value, or no robot's name anywhere.
+    """
+    defaults = {"robot_name": environ.get("ROBOT_NAME") or robot_of_host(host) or ""}
+    if environ.get("WORLD"):
+        defaults["world_name"] = environ["WORLD"]
+    options = options_from_arguments(NavigationOptions, arguments, **defaults)
+    if not options.robot_name:
+        raise ArgumentError(f"which robot? Give robot_name:= or ROBOT_NAME: host {host} is not called aadiX")
+    return options
+
+
+def launch_files(robot: str, pose: InitialPose, poses: str) -> list[LaunchFile]:
+    """Returns the launch files of one robot's computer."""
+    start = {"robot_name": robot, "x": str(pose.x), "y": str(pose.y), "yaw": str(pose.a)}
+    return [
+        ("pioneer_description", "robot_description.launch", {"poses": poses}),
+        ("nav_bundle", "single_navigation.launch", start),
+    ]
+
+
+def navigate(session: Session, options: NavigationOptions) -> None:
+    """Brings the robot's navigation up and keeps it running until the end is asked for."""
+    poses = Path(options.poses).expanduser() if options.poses else poses_of_world(Path(options.world_name).stem)
+    pose = initial_pose(read_poses(poses), options.robot_name, str(poses))
+    session.wait_for_master()
+    # Before any node starts: a node reads it once.
+    rosgraph.Master(f"/{NAME}").setParam("/use_sim_time", True)
+    session.say(f"starting the navigation of {options.robot_name}")
+    session.launch(launch_files(options.robot_name, pose, str(poses)))
+    if options.gateway:
+        os.environ["ROBOT_NAME"] = options.robot_name
+        session.run(["rosrun", "rocon_flip", "pull-from-hub"])
+        session.run(["rosrun", "rocon_flip", "flip-from-remote"])
+        session.say("topics are pulled and flipped")
+    session.spin()
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs the command and returns its exit status."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    if {"-h", "--help"} & set(words):
+        sys.stdout.write(f"usage: {NAME} [name:=value …]\n{usage(NavigationOptions, DOCS)}\n")
+        return 0
+    try:
+        options = options_from(words, os.environ, host_name())
+    except ArgumentError as error:
+        sys.stderr.write(f"{NAME}: {error}\n")
+        return 2
+    return run_session(NAME, lambda session: navigate(session, options))

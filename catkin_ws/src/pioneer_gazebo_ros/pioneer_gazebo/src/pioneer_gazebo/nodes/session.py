@@ -1,0 +1,213 @@
+"""A running set of launch files and commands that starts together and ends together."""
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+import types
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Self
+
+import rosgraph
+import roslaunch
+import roslaunch.parent
+import roslaunch.pmon
+from rospkg import ResourceNotFound, RosPack, get_log_dir
+
+from pioneer_gazebo.core.error import SimulatorError
+
+# A node gets SIGINT, after so many seconds SIGTERM, after so many more SIGKILL.
+SIGINT_TIMEOUT, SIGTERM_TIMEOUT = 2.0, 1.0
+POLL = 0.1
+"""How often conditions are looked at [s]."""
+PATIENCE = 1.0
+"""A wait is told once it has taken so long [s]."""
+
+LaunchFile = tuple[str, str, dict[str, str]]
+"""Package, file in its ``launch`` folder, arguments."""
+
+
+class SessionError(SimulatorError):
+    """Something that the session needs failed or ended."""
+
+
+class Interrupted(Exception):  # noqa: N818 - no error: somebody asked for the end
+    """Ctrl-C or SIGTERM."""
+
+
+class Session(roslaunch.pmon.ProcessListener):
+    """Launch files in one roslaunch, commands beside it, and one orderly end for all of them.
+
+    To be used as a context manager in the main thread: from entry on, SIGINT and SIGTERM raise `Interrupted` out of
+    `wait_for`, `run` and `spin`; on exit everything that was started ends, within `SIGINT_TIMEOUT` and
+    `SIGTERM_TIMEOUT`, and the former signal handlers are back.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._stop = threading.Event()
+        self._parents: list[roslaunch.parent.ROSLaunchParent] = []
+        self._required: set[str] = set()
+        self._ended: list[str] = []
+        self._handlers: dict[int, object] = {}
+
+    def __enter__(self) -> Self:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            self._handlers[number] = signal.signal(number, self._interrupt)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        # Ctrl-C a second time must not leave processes behind.
+        for parent in self._parents:
+            parent.shutdown()
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]
+
+    def _interrupt(self, number: int, frame: types.FrameType | None) -> None:
+        self._stop.set()
+
+    def say(self, line: str) -> None:
+        """Prints a line under the session's name."""
+        sys.stdout.write(f"{self._name}: {line}\n")
+        sys.stdout.flush()
+
+    def launch(self, files: Sequence[LaunchFile]) -> None:
+        """Starts launch files; the master must run already.
+
+        Raises:
+            SessionError: a file is missing or wrong.
+        """
+        self.check()
+        paths = [(_launch_path(package, file), _words(arguments)) for package, file, arguments in files]
+        try:
+            run_id = rosgraph.Master(f"/{self._name}").getParam("/run_id")
+        except rosgraph.MasterError:
+            run_id = roslaunch.core.generate_run_id()
+        try:
+            parent = roslaunch.parent.ROSLaunchParent(
+                run_id, paths, process_listeners=[self], show_summary=False,
+                sigint_timeout=SIGINT_TIMEOUT, sigterm_timeout=SIGTERM_TIMEOUT,
+            )  # fmt: skip
+            self._parents.append(parent)
+            parent.start(auto_terminate=False)
+        except roslaunch.RLException as error:
+            raise SessionError(f"cannot launch: {error}") from None
+        self._required |= {_process_name(node) for node in parent.config.nodes if node.required}
+
+    def process_died(self, process_name: str, exit_code: int | None) -> None:
+        """Called by roslaunch, in its thread, when a node ended."""
+        name = process_name.rpartition("-")[0].strip("/")
+        if name in self._required:
+            self._ended.append(f"/{name} ended with exit status {exit_code}; its log is in {get_log_dir()}/latest")
+
+    def check(self) -> None:
+        """Raises Interrupted when the end was asked for, SessionError when a required node has ended."""
+        if self._stop.is_set():
+            raise Interrupted
+        if self._ended:
+            raise SessionError(self._ended[0])
+        for parent in self._parents:
+            if parent.pm is not None and parent.pm.is_shutdown:
+                raise SessionError(f"a required node has ended; the logs are in {get_log_dir()}/latest")
+
+    def wait_for(self, condition: Callable[[], bool], what: str) -> None:
+        """Returns once ``condition`` holds; says what it waits for when that takes longer than a moment."""
+        started, told = time.monotonic(), False
+        while not condition():
+            self.check()
+            if not told and time.monotonic() - started > PATIENCE:
+                self.say(f"waiting for {what}")
+                told = True
+            self._stop.wait(POLL)
+        self.check()
+
+    def wait_for_master(self) -> None:
+        """Returns once the ROS master of ROS_MASTER_URI answers."""
+        master = rosgraph.Master(f"/{self._name}")
+        self.wait_for(lambda: _answers(master), f"the ROS master at {master.master_uri}")
+
+    def run(self, command: Sequence[str]) -> None:
+        """Runs a command beside the session until it ends; an interrupted session ends it first.
+
+        Raises:
+            SessionError: its exit status is not 0.
+        """
+        self.check()
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
+        try:
+            while process.poll() is None:
+                self.check()
+                self._stop.wait(POLL)
+        finally:
+            _end_group(process)
+        if process.returncode:
+            raise SessionError(f"{' '.join(command)} failed with exit status {process.returncode}")
+
+    def spin(self) -> None:
+        """Keeps everything running until the end is asked for or a required node ends."""
+        while True:
+            self.check()
+            for parent in self._parents:
+                parent.spin_once()
+            self._stop.wait(POLL)
+
+
+def run_session(name: str, body: Callable[[Session], None]) -> int:
+    """Runs ``body`` in a session and returns the exit status: 0 when it was asked to end, 1 on any failure."""
+    try:
+        with Session(name) as session:
+            body(session)
+    except Interrupted:
+        return 0
+    except SimulatorError as error:
+        sys.stderr.write(f"{name}: {error}\n")
+        return 1
+    return 0
+
+
+def _launch_path(package: str, file: str) -> str:
+    try:
+        path = Path(RosPack().get_path(package)) / "launch" / file
+    except ResourceNotFound:
+        raise SessionError(f"package {package} is not found: is the workspace sourced?") from None
+    if not path.is_file():
+        raise SessionError(f"package {package} has no launch file {file}")
+    return str(path)
+
+
+def _words(arguments: dict[str, str]) -> list[str]:
+    return [f"{name}:={value}" for name, value in arguments.items()]
+
+
+def _answers(master: rosgraph.Master) -> bool:
+    try:
+        master.getPid()
+    except (OSError, rosgraph.MasterException):
+        return False
+    return True
+
+
+def _process_name(node: roslaunch.core.Node) -> str:
+    """Returns what roslaunch's process monitor calls a node, without the number behind."""
+    return rosgraph.names.ns_join(node.namespace, node.name).strip("/")
+
+
+def _end_group(process: subprocess.Popen[bytes]) -> None:
+    """Ends a command and what it started: SIGINT, then SIGKILL."""
+    for number in (signal.SIGINT, signal.SIGKILL):
+        if process.poll() is not None:
+            return
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, number)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(SIGINT_TIMEOUT)
+
+
+def host_name() -> str:
+    """Returns HOSTNAME of the environment, which the tutorial has users export, else the system's."""
+    return os.environ.get("HOSTNAME") or socket.gethostname()

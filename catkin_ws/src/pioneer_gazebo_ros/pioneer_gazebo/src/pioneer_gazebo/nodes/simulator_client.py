@@ -1,0 +1,83 @@
+"""What a program asks of a running simulator: is it ready, put a robot there, go on."""
+
+import threading
+
+import rosgraph
+import rospy
+from gazebo_msgs.srv import SpawnModel
+from geometry_msgs.msg import Point, Pose, Quaternion
+from std_msgs.msg import Bool
+from std_srvs.srv import Empty
+
+from pioneer_gazebo.core.error import SimulatorError
+from pioneer_gazebo.core.fleet import InitialPose
+from pioneer_gazebo.core.pose import quaternion_from_rpy
+
+SPAWN_SERVICE = "/gazebo/spawn_urdf_model"
+
+
+class SpawnError(SimulatorError):
+    """The simulator refused a robot."""
+
+
+class SimulatorClient:
+    """A client of the simulator at ``/gazebo``; the process must be a ROS node.
+
+    Subscribes:
+        /gazebo/ready (std_msgs/Bool): whether the world is loaded and steps.
+
+    Services called:
+        /gazebo/spawn_urdf_model, /gazebo/unpause_physics.
+
+    Threads: rospy's; `ready` may be called from any.
+    """
+
+    def __init__(self) -> None:
+        self._ready = threading.Event()
+        self._master = rosgraph.Master(rospy.get_name())
+        rospy.Subscriber("/gazebo/ready", Bool, self._store_ready, queue_size=1)
+
+    def _store_ready(self, message: Bool) -> None:
+        if message.data:
+            self._ready.set()
+        else:
+            self._ready.clear()
+
+    def ready(self) -> bool:
+        """Whether the world is loaded and steps."""
+        return self._ready.is_set()
+
+    def serving(self) -> bool:
+        """Whether robots can be spawned."""
+        try:
+            self._master.lookupService(SPAWN_SERVICE)
+        except (OSError, rosgraph.MasterException):
+            return False
+        return True
+
+    def spawn(self, robot: str, description: str, pose: InitialPose) -> None:
+        """Puts a robot into the world, in the namespace of its name.
+
+        Raises:
+            SpawnError: the simulator refused it or did not answer.
+        """
+        orientation = Quaternion(*quaternion_from_rpy(0.0, 0.0, pose.a))
+        try:
+            answer = rospy.ServiceProxy(SPAWN_SERVICE, SpawnModel)(
+                robot, description, robot, Pose(Point(pose.x, pose.y, 0.0), orientation), "world"
+            )
+        except rospy.ServiceException as error:
+            raise SpawnError(f"spawning {robot} failed: {error}") from None
+        if not answer.success:
+            raise SpawnError(f"spawning {robot} failed: {answer.status_message}")
+
+    def unpause(self) -> None:
+        """Lets time go on.
+
+        Raises:
+            SpawnError: the simulator did not answer.
+        """
+        try:
+            rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
+        except rospy.ServiceException as error:
+            raise SpawnError(f"unpausing the simulator failed: {error}") from None
