@@ -164,8 +164,12 @@ class ProcessGroup:
         """Adds the group's processes as they are now to ``account``."""
         account.add(self.states().values(), arguments)
 
-    def stop(self, grace: float = 3.0) -> tuple[str, ...]:
+    def stop(self, grace: float = 3.0, urgent: Callable[[], bool] = lambda: False) -> tuple[str, ...]:
         """Ends everything: SIGINT to what was started, after ``grace`` [s] SIGKILL to whatever still lives.
+
+        Args:
+            grace: time to end in order [s].
+            urgent: asked again and again; the grace is over once it returns true.
 
         Returns:
             The command lines of the processes that had to be killed; empty when all ended by themselves.
@@ -175,7 +179,7 @@ class ProcessGroup:
             for member in self._members.values():
                 if member.popen.returncode is None:
                     member.popen.send_signal(signal.SIGINT)
-        self._wait_for_the_end(time.monotonic() + grace)
+        self._wait_for_the_end(time.monotonic() + grace, urgent)
         killed = self._kill_all()
         self._close()
         return killed
@@ -204,8 +208,8 @@ class ProcessGroup:
             or has_variable(state.pid, _VARIABLE, self._tag)
         )
 
-    def _wait_for_the_end(self, deadline: float) -> None:
-        while self._living() and time.monotonic() < deadline:
+    def _wait_for_the_end(self, deadline: float, urgent: Callable[[], bool]) -> None:
+        while self._living() and time.monotonic() < deadline and not urgent():
             time.sleep(_POLL_INTERVAL)
 
     def _kill_all(self) -> tuple[str, ...]:

@@ -60,6 +60,15 @@ def test_a_process_that_ignores_sigint_is_killed_after_the_grace(group, tmp_path
     assert time.monotonic() - started < 3.0
 
 
+def test_an_urgent_stop_does_not_wait_for_the_grace(group, tmp_path):
+    ready = tmp_path / "ready"
+    group.start("stubborn", ["bash", "-c", f"trap '' INT TERM; echo 1 > {ready}; while :; do sleep 1000; done"])
+    wait_until(lambda: number_in(ready), "the trap", 5.0)
+    started = time.monotonic()
+    assert group.stop(grace=60.0, urgent=lambda: time.monotonic() - started > 0.1)
+    assert time.monotonic() - started < 5.0
+
+
 def test_orphans_in_a_session_of_their_own_end_too(group, tmp_path):
     noted = tmp_path / "pid"
     script = f"setsid bash -c 'trap \"\" INT TERM; echo $$ > {noted}; while :; do sleep 1000; done' & sleep 0.01"

@@ -1,0 +1,88 @@
+"""The fleet's ways drawn over its map."""
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+
+mpl.use("Agg")
+from matplotlib import pyplot
+from matplotlib.colors import ListedColormap
+from scipy import ndimage
+
+from pioneer_demo.core.fleet import Fleet
+from pioneer_demo.core.floor import Floor
+from pioneer_demo.core.track import RobotTrack
+
+_COLOURS = (
+    "#1f6feb", "#e4572e", "#2a9d5c", "#9b4dca", "#d99a00", "#0fa3b1", "#c2255c", "#6b705c",
+    "#5c7cfa", "#a0522d", "#74a12e", "#f06595", "#495057", "#20a39e", "#b5651d",
+)  # fmt: skip
+_FLOOR = ListedColormap(["#e7e9ec", "#ffffff", "#2f3640"])  # unknown, free, wall
+_MARGIN = 0.8
+
+
+def draw_fleet(floor: Floor, fleet: Fleet, title: str, path: Path) -> None:
+    """Writes a PNG: map, planned ways dashed, driven ways solid, numbered waypoints, starts; one colour a robot."""
+    floor = floor.cropped()
+    rows, cols = floor.free.shape
+    width, height = cols * floor.resolution, rows * floor.resolution
+    figure, axes = pyplot.subplots(figsize=_size(width, height), dpi=120)
+    # Walls of one or two cells would be drawn as hairlines.
+    walls = ndimage.binary_dilation(floor.occupied)
+    shade = np.where(walls, 2, np.where(floor.free, 1, 0))
+    extent = (floor.x, floor.x + width, floor.y, floor.y + height)
+    axes.imshow(shade, cmap=_FLOOR, vmin=0, vmax=2, origin="lower", extent=extent, interpolation="nearest")
+    for index, robot in enumerate(fleet.robots):
+        _draw_robot(axes, robot, _COLOURS[index % len(_COLOURS)])
+    _dress(axes, extent, title)
+    figure.savefig(path, bbox_inches="tight", pad_inches=0.15, facecolor="white")
+    pyplot.close(figure)
+
+
+def _size(width: float, height: float) -> tuple[float, float]:
+    longest = max(width, height)
+    return 3.0 + 7.0 * width / longest, 1.0 + 7.0 * height / longest
+
+
+def _draw_robot(axes: Any, robot: RobotTrack, colour: str) -> None:
+    for visit in robot.visits:
+        if visit.planned:
+            planned = np.array(visit.planned)
+            axes.plot(*planned.T, color=colour, linewidth=1.1, linestyle=(0, (4, 3)), alpha=0.8, zorder=3)
+    label = f"{robot.name}: {robot.reached}/{len(robot.visits)} waypoints, {robot.path_length:.1f} m"
+    driven = np.array(robot.driven or [(np.nan, np.nan)])
+    axes.plot(*driven.T, color=colour, linewidth=2.4, alpha=0.75, solid_capstyle="round", zorder=4, label=label)
+    if robot.start is not None:
+        axes.plot(*robot.start, marker="s", markersize=8, color=colour, markeredgecolor="white", zorder=6)
+    for number, visit in enumerate(robot.visits, 1):
+        _draw_waypoint(axes, visit.leg.goal.x, visit.leg.goal.y, str(number), colour, bool(visit.reached))
+
+
+def _draw_waypoint(axes: Any, x: float, y: float, text: str, colour: str, reached: bool) -> None:
+    face = colour if reached else "white"
+    axes.plot(x, y, marker="o", markersize=14, markerfacecolor=face, markeredgecolor=colour, zorder=7)
+    ink = "white" if reached else colour
+    axes.annotate(text, (x, y), ha="center", va="center", color=ink, fontsize=8.5, fontweight="bold", zorder=8)
+
+
+def _dress(axes: Any, extent: tuple[float, float, float, float], title: str) -> None:
+    axes.set_xlim(extent[0] - _MARGIN, extent[1] + _MARGIN)
+    axes.set_ylim(extent[2] - _MARGIN, extent[3] + _MARGIN)
+    axes.set_aspect("equal")
+    axes.set_title(title, loc="left", fontsize=11, color="#2f3640", pad=10)
+    axes.set_xlabel("x [m] in map", fontsize=9, color="#57606a")
+    axes.set_ylabel("y [m]", fontsize=9, color="#57606a")
+    axes.tick_params(labelsize=8, colors="#57606a", length=3)
+    for side in axes.spines.values():
+        side.set_visible(False)
+    handles, _ = axes.get_legend_handles_labels()
+    key = [
+        pyplot.Line2D([], [], color="#57606a", linewidth=2.4, label="driven (ground truth)"),
+        pyplot.Line2D([], [], color="#57606a", linewidth=1.1, linestyle=(0, (4, 3)), label="planned"),
+        pyplot.Line2D([], [], color="#57606a", marker="s", linestyle="", markersize=7, label="start"),
+    ]
+    axes.legend(
+        handles=[*handles, *key], loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=9
+    )  # fmt: skip

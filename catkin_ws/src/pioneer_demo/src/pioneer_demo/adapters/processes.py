@@ -1,0 +1,126 @@
+"""The processes of a demo: started on free ports, watched, accounted for, ended."""
+
+import glob
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+
+from pioneer_demo.core.command import (
+    FIRST_ROBOT_MASTER,
+    HUB,
+    HUB_GATEWAY_MASTER,
+    HUB_MASTER,
+    Ports,
+    commands,
+)
+from pioneer_demo.core.cost import Cost
+from pioneer_demo.core.kind import kind
+from pioneer_demo.core.launch_log import NodeDeath, node_deaths
+from pioneer_demo.core.option import DemoConfig
+from pioneer_harness.accounting import Account
+from pioneer_harness.error import ProcessDiedError
+from pioneer_harness.port import PortReservation
+from pioneer_harness.process import ProcessGroup, last_lines
+
+# A Python process of a fleet does one thing at a time; threads of its matrix library would only get in others' way.
+_SINGLE = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+_LAST_GRACE = 3.0
+_FOREIGN = ("ROS_HOSTNAME", "ROS_NAMESPACE", "ROS_IPV6")
+
+
+class FleetProcesses:
+    """All processes of one demo. To be used from the main thread only, as a context manager."""
+
+    def __init__(self, config: DemoConfig, log: Path) -> None:
+        """``log`` is a directory of this demo's own; its parents exist."""
+        self._config, self._log = config, log
+        self._reservation = PortReservation()
+        self.ports = _ports(self._reservation, config.robots)
+        self.group = ProcessGroup()
+        self._account = Account(kind)
+        self._read: dict[Path, int] = {}
+
+    def start(self) -> None:
+        """Starts everything at once; the parts wait for each other.
+
+        Raises:
+            ProcessStartError: a command cannot be found.
+        """
+        self._log.mkdir(exist_ok=True)
+        for command in commands(self._config, self.ports):
+            home = {"ROS_HOME": str(self._log / "ros"), "ROS_LOG_DIR": str(self._log / "ros" / "log")}
+            inherited = {name: value for name, value in os.environ.items() if name not in _FOREIGN}
+            log = self._log / f"{re.sub(r'[^A-Za-z0-9_]+', '-', command.name)}.log"
+            log.write_bytes(b"")
+            self._read[log] = 0
+            environment = {**_SINGLE, **inherited, **home, **command.environment}
+            self.group.start(command.name, command.argv, environment, log)
+
+    def check(self) -> None:
+        """Raises ``ProcessDiedError`` if a process has ended that was to live, a node under roslaunch included."""
+        self.group.check()
+        for log in self._read:
+            for death in node_deaths(self._news(log)):
+                raise ProcessDiedError(_told(death, log))
+
+    def sample(self) -> None:
+        """Takes in what the processes have used so far."""
+        self.group.sample(self._account)
+
+    def costs(self) -> dict[str, Cost]:
+        """Returns what each kind of process has cost up to the last sample, this process included."""
+        user, system, *_ = os.times()
+        rss = int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+        usage = {name: Cost(used.cpu, used.rss, used.processes) for name, used in self._account.usage().items()}
+        return {**usage, "this command": Cost(user + system, rss, 1)}
+
+    def cpu(self) -> float:
+        """Returns the CPU time of everything so far [s], this process included."""
+        self.sample()
+        return sum(cost.cpu for cost in self.costs().values())
+
+    def stop(self, grace: float, urgent: Callable[[], bool]) -> tuple[str, ...]:
+        """Ends everything within ``grace`` [s] and a moment; at once when ``urgent`` becomes true.
+
+        Returns:
+            The command lines of what had to be killed.
+        """
+        killed = self.group.stop(grace, urgent)
+        self._reservation.release()
+        return killed
+
+    def __enter__(self) -> "FleetProcesses":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop(_LAST_GRACE, lambda: False)
+
+    def _news(self, log: Path) -> str:
+        """Returns what was appended to ``log`` since the last call, whole lines only."""
+        with log.open("rb") as file:
+            file.seek(self._read[log])
+            text, newline, _ = file.read().rpartition(b"\n")
+        self._read[log] += len(text) + len(newline)
+        return text.decode(errors="replace")
+
+
+def _ports(reservation: PortReservation, robots: int) -> Ports:
+    return Ports(
+        hub=reservation.take(HUB),
+        hub_master=reservation.take(HUB_MASTER),
+        hub_gateway_master=reservation.take(HUB_GATEWAY_MASTER),
+        robot_masters=tuple(reservation.take(FIRST_ROBOT_MASTER + index) for index in range(robots)),
+    )
+
+
+def _told(death: NodeDeath, launch_log: Path) -> str:
+    how = "" if death.status is None else f", exit code {death.status}"
+    logs = [Path(name) for name in sorted(glob.glob(death.log))] if death.log else []
+    # What goes to the screen, a traceback say, is in roslaunch's own output; the rest in the node's file.
+    ends = ((path, last_lines(path)) for path in [*logs, launch_log])
+    text = "\n".join(f"  the last lines of {path}:\n{lines}" for path, lines in ends if lines)
+    return f"{death.name} (pid {death.pid}) has died{how}\n{text}"

@@ -1,0 +1,1 @@
+"""What needs no ROS and no process: waypoints, tracks, the verdict, the texts people read."""

@@ -1,0 +1,29 @@
+"""The errors of this package, one tree; each message is one line for the person who typed the command."""
+
+
+class DemoError(Exception):
+    """Root of every error that ends a demo."""
+
+
+class OptionError(DemoError):
+    """A command line argument that cannot be used."""
+
+
+class MapFileError(DemoError):
+    """A map that is missing or cannot be read."""
+
+
+class NoWaypointError(DemoError):
+    """The map has no room for the waypoints that were asked for."""
+
+
+class StartError(DemoError):
+    """A part did not come up in time; the message names what was awaited."""
+
+
+class FlipError(DemoError):
+    """The gateway refused a rule that the demo needs."""
+
+
+class StuckError(DemoError):
+    """The fleet was still under way at its time limit; the message names who, and what is known of why."""

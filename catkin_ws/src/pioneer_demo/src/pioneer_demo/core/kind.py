@@ -1,0 +1,42 @@
+"""Which part of the system a process belongs to, by its command line."""
+
+import os
+from collections.abc import Sequence
+
+OTHER = "other"
+
+_BY_NAME = {
+    "gazebo": "simulator",
+    "gateway": "gateways",
+    "hub": "hub and redis",
+    "redis-server": "hub and redis",
+    "amcl": "amcl",
+    "move_base": "move_base",
+    "rosmaster": "masters",
+    "rosout": "masters",
+    "roslaunch": "roslaunch",
+    "run-multi-pioneer-gazebo-master": "roslaunch",
+    "run-pioneer-nav-local": "roslaunch",
+    "run-pioneer-hub": "roslaunch",
+    "map_server": "map server",
+    "robot_state_publisher": "robot state publishers",
+    "map_goal_client": "waypoint clients, control",
+    "pioneer_ros": "waypoint clients, control",
+    "controller_spin_recover": "waypoint clients, control",
+}
+
+
+def kind(argv: Sequence[str]) -> str:
+    """Returns the part of the system that a command line belongs to; ``other`` where nothing is known of it."""
+    for name in _names(argv):
+        if name in _BY_NAME:
+            return _BY_NAME[name]
+    return OTHER
+
+
+def _names(argv: Sequence[str]) -> list[str]:
+    """Returns the names a process goes by: as a ROS node, as a script, as a program (redis rewrites its first word)."""
+    node = [word.removeprefix("__name:=") for word in argv if word.startswith("__name:=")]
+    scripts = [os.path.basename(word) for word in argv[1:2] if not word.startswith("-")]
+    program = [os.path.basename(word.split(" ")[0]) for word in argv[:1]]
+    return node + scripts + program

@@ -1,0 +1,40 @@
+"""What roslaunch says of the nodes it watches over."""
+
+import dataclasses
+import re
+
+_COLOUR = re.compile(r"\x1b(\[[0-9;]*m|\]2;[^\x07]*\x07)")
+_DIED = re.compile(
+    r"^\[(?P<name>\S+?)(-\d+)?\] process has died(?: without exit code)? \[pid (?P<pid>-?\d+)"
+    r"(?:, exit code (?P<status>-?\d+))?.*$",
+    re.MULTILINE,
+)
+_LOG = re.compile(r"\A\s*log file: (?P<path>.+)$", re.MULTILINE)
+
+
+@dataclasses.dataclass(frozen=True)
+class NodeDeath:
+    """A node that ended by itself and not well.
+
+    Attributes:
+        name: its full name without the leading slash.
+        pid: its process number.
+        status: exit status, minus the signal's number where one ended it; None where roslaunch knows none.
+        log: pattern of its log files, empty where roslaunch names none.
+    """
+
+    name: str
+    pid: int
+    status: int | None
+    log: str
+
+
+def node_deaths(text: str) -> list[NodeDeath]:
+    """Returns the deaths that a piece of roslaunch's output tells of, in order."""
+    text = _COLOUR.sub("", text)
+    deaths = []
+    for match in _DIED.finditer(text):
+        log = _LOG.match(text[match.end() :])
+        status = int(match["status"]) if match["status"] else None
+        deaths.append(NodeDeath(match["name"], int(match["pid"]), status, log["path"].strip() if log else ""))
+    return deaths

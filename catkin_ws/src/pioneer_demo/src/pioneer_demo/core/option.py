@@ -1,0 +1,97 @@
+"""The command line of ``./pioneer demo``."""
+
+import argparse
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from pioneer_demo.core.error import OptionError
+
+
+@dataclasses.dataclass(frozen=True)
+class DemoConfig:
+    """What a demo is to do.
+
+    Attributes:
+        robots: how many.
+        world: name of a world of pioneer_gazebo.
+        seed: of the waypoints, the simulator's sensor noise and the filters.
+        real_time_factor: wanted; 0 is as fast as the machine can.
+        waypoints: a robot.
+        report: directory for report.json, fleet.png and the logs.
+        limit: simulated time after which the fleet counts as stuck [s]; 0 is in proportion to the way.
+    """
+
+    robots: int = 2
+    world: str = "closed_maze"
+    seed: int = 1
+    real_time_factor: float = 1.0
+    waypoints: int = 3
+    report: Path = Path("demo-report")
+    limit: float = 0.0
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise OptionError(f"{message} (see ./pioneer demo --help)")
+
+
+def config_from_arguments(arguments: Sequence[str], places: Mapping[str, int]) -> DemoConfig:
+    """Returns the configuration; ``--help`` prints and exits as argparse does.
+
+    Args:
+        arguments: the command line without the program's name.
+        places: for each world that has a map, how many robots have an initial pose in it.
+
+    Raises:
+        OptionError: an unknown option, or a value out of its range.
+    """
+    values = vars(_parser(list(places)).parse_args(arguments))
+    config = DemoConfig(**values)
+    _check(config, places)
+    return config
+
+
+def _check(config: DemoConfig, places: Mapping[str, int]) -> None:
+    if config.world not in places:
+        raise OptionError(f"--world must be one of {', '.join(places)}, not '{config.world}'")
+    if not 1 <= config.robots <= places[config.world]:
+        raise OptionError(f"--robots must be 1 to {places[config.world]} in {config.world}, not {config.robots}")
+    if not 1 <= config.waypoints <= 50:
+        raise OptionError(f"--waypoints must be 1 to 50, not {config.waypoints}")
+    if not 0.0 <= config.real_time_factor < float("inf"):
+        raise OptionError(f"--rtf must be 0 (as fast as possible) or more, not {config.real_time_factor:g}")
+    if not 0 <= config.seed < 2**31:
+        raise OptionError(f"--seed must be 0 to {2**31 - 1}, not {config.seed}")
+    if not 0.0 <= config.limit < float("inf"):
+        raise OptionError(f"--limit must be 0 (in proportion to the way) or more seconds, not {config.limit:g}")
+
+
+def _parser(worlds: Sequence[str]) -> argparse.ArgumentParser:
+    default = DemoConfig()
+    parser = _Parser(
+        prog="./pioneer demo",
+        description="A fleet of simulated Pioneers drives to waypoints: a hub, a hub gateway with the simulator, and "
+        "one ROS master and gateway a robot. Ctrl-C ends everything.",
+        epilog="Exit status: 0 when every waypoint was reached without a collision, 1 when not, 2 for bad arguments, "
+        "130 after Ctrl-C.",
+        allow_abbrev=False,
+    )
+    add = parser.add_argument
+    add("--robots", type=int, default=default.robots, metavar="N", help="robots (default %(default)s)")
+    add("--world", default=default.world, metavar="W", help=f"{', '.join(worlds)} (default %(default)s)")
+    add("--seed", type=int, default=default.seed, metavar="S", help="of waypoints and noise (default %(default)s)")
+    add("--rtf", dest="real_time_factor", type=float, default=default.real_time_factor, metavar="R",
+        help="real-time factor to hold, 0 = as fast as possible (default %(default)s)")  # fmt: skip
+    add("--waypoints", type=int, default=default.waypoints, metavar="K", help="a robot (default %(default)s)")
+    add(
+        "--report",
+        type=Path,
+        default=default.report,
+        metavar="DIR",
+        help="numbers, picture, logs (default %(default)s)",
+    )
+    add("--limit", type=float, default=default.limit, metavar="T",
+        help="simulated seconds until a fleet counts as stuck (default: in proportion to the way)")  # fmt: skip
+    return parser

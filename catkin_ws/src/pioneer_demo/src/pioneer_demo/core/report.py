@@ -1,0 +1,166 @@
+"""What a demo leaves: the numbers, and the table of them."""
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from pioneer_demo.core.cost import Cost
+from pioneer_demo.core.fleet import Fleet
+from pioneer_demo.core.track import RobotTrack
+from pioneer_demo.core.view import number
+
+FORMAT = 1
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """How the demo ended.
+
+    Attributes:
+        success: every waypoint reached, no collision, everything ended by itself.
+        faults: what was not so, a line each.
+        milestones: seconds of wall time since the command was typed, in the order they came.
+        seconds_to_moving: the same for the moment when the last robot had begun to move; nan if one never did.
+        drive_wall: wall time [s] between sending the waypoints and the end.
+        drive_cpu: CPU time [s] of all processes in that time.
+        costs: by kind of process, start-up included.
+    """
+
+    success: bool
+    faults: list[str]
+    milestones: Mapping[str, float]
+    seconds_to_moving: float
+    drive_wall: float
+    drive_cpu: float
+    costs: Mapping[str, Cost]
+
+
+def report(fleet: Fleet, outcome: Outcome, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the numbers as they stand in ``report.json``; what is unknown is None. Units: SI."""
+    drive = fleet.ended - fleet.began
+    return _without_nan(
+        {
+            "format": FORMAT,
+            "success": outcome.success,
+            "faults": outcome.faults,
+            "settings": dict(settings),
+            "seconds_to_moving": outcome.seconds_to_moving,
+            "start_up": dict(outcome.milestones),
+            "drive": {
+                "simulated_seconds": drive,
+                "wall_seconds": outcome.drive_wall,
+                "real_time_factor": drive / outcome.drive_wall if outcome.drive_wall else math.nan,
+                "cpu_seconds_per_simulated_second": outcome.drive_cpu / drive if drive else math.nan,
+            },
+            "robots": {robot.name: _robot(robot, fleet.began) for robot in fleet.robots},
+            "processes": {
+                name: {"cpu_seconds": cost.cpu, "rss_bytes": cost.rss, "count": cost.processes}
+                for name, cost in outcome.costs.items()
+            },
+        }
+    )
+
+
+def table(numbers: Mapping[str, Any]) -> str:
+    """Returns the closing table of what ``report`` returned."""
+    return "\n".join([_robot_table(numbers["robots"]), "", _drive_line(numbers), "", _cost_table(numbers["processes"])])
+
+
+def _robot(robot: RobotTrack, began: float) -> dict[str, Any]:
+    mean, p95, largest = robot.error_statistics()
+    ended = max((visit.time for visit in robot.visits if visit.reached is not None), default=math.nan)
+    return {
+        "waypoints": len(robot.visits),
+        "reached": robot.reached,
+        "seconds": ended - began,
+        "path_length": robot.path_length,
+        "localisation_error": {"mean": mean, "p95": p95, "max": largest, "samples": len(robot.errors)},
+        "collisions": robot.collisions,
+        "visits": [
+            {
+                "x": visit.leg.goal.x,
+                "y": visit.leg.goal.y,
+                "heading_degrees": math.degrees(visit.leg.goal.yaw),
+                "reached": visit.reached,
+                "seconds": visit.time - began,
+                "true_distance": visit.distance,
+                "shortest_way": visit.leg.length,
+            }
+            for visit in robot.visits
+        ],
+    }
+
+
+def _robot_table(robots: Mapping[str, Any]) -> str:
+    head = ("robot", "waypoints", "time", "path", "loc. error mean", "p95", "collisions")
+    rows = [
+        (
+            name,
+            f"{robot['reached']}/{robot['waypoints']}",
+            f"{_number(robot['seconds'], 1)} s",
+            f"{_number(robot['path_length'], 1)} m",
+            f"{_number(robot['localisation_error']['mean'], 3)} m",
+            f"{_number(robot['localisation_error']['p95'], 3)} m",
+            str(robot["collisions"]),
+        )
+        for name, robot in robots.items()
+    ]
+    return columns(head, rows)
+
+
+def _drive_line(numbers: Mapping[str, Any]) -> str:
+    drive = numbers["drive"]
+    return (
+        f"{_number(drive['simulated_seconds'], 1)} s simulated in {_number(drive['wall_seconds'], 1)} s: real-time "
+        f"factor {_number(drive['real_time_factor'], 2)}, {_number(drive['cpu_seconds_per_simulated_second'], 2)} "
+        f"CPU-s a simulated second; all moving {_number(numbers['seconds_to_moving'], 1)} s after the start"
+    )
+
+
+def _cost_table(processes: Mapping[str, Any]) -> str:
+    total = {
+        "count": sum(cost["count"] for cost in processes.values()),
+        "cpu_seconds": sum(cost["cpu_seconds"] for cost in processes.values()),
+        "rss_bytes": sum(cost["rss_bytes"] for cost in processes.values()),
+    }
+    rows = [
+        (name, str(cost["count"]), f"{cost['cpu_seconds']:.1f} s", f"{cost['rss_bytes'] / 1e6:.0f} MB")
+        for name, cost in [*processes.items(), ("all", total)]
+    ]
+    return columns(("processes", "seen", "CPU", "peak RSS"), rows)
+
+
+def columns(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
+    """Returns a table: the first column to the left, the others to the right."""
+    widths = [max(len(row[index]) for row in [head, *rows]) for index in range(len(head))]
+    return "\n".join(
+        "  ".join(f"{cell:<{width}}" if not index else f"{cell:>{width}}" for index, (cell, width) in cells).rstrip()
+        for cells in (enumerate(zip(row, widths, strict=True)) for row in [head, *rows])
+    )
+
+
+def verdict_line(numbers: Mapping[str, Any]) -> str:
+    """Returns the one sentence that the demo ends with."""
+    if not numbers["success"]:
+        return "Failed: " + "; ".join(numbers["faults"])
+    robots, count = len(numbers["robots"]), sum(robot["waypoints"] for robot in numbers["robots"].values())
+    return f"Success: {counted(robots, 'robot')}, {counted(count, 'waypoint')} reached, no collision"
+
+
+def counted(count: int, noun: str) -> str:
+    """Returns a number and its noun: 1 robot, 2 robots."""
+    return f"{count} {noun}" + ("s" if count != 1 else "")
+
+
+def _number(value: float | None, digits: int) -> str:
+    return number(math.nan if value is None else value, digits)
+
+
+def _without_nan(value: Any) -> Any:
+    """Returns ``value`` with every nan replaced by None: JSON has no nan."""
+    if isinstance(value, dict):
+        return {key: _without_nan(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(entry) for entry in value]
+    return None if isinstance(value, float) and math.isnan(value) else value

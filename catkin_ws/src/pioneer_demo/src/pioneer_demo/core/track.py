@@ -1,0 +1,207 @@
+"""What one robot did: its ways, its waypoints, and how well it knew where it was."""
+
+import bisect
+import collections
+import dataclasses
+import enum
+import math
+
+import numpy as np
+
+from pioneer_demo.core.geometry import Pose, remaining_length
+from pioneer_demo.core.waypoint import Leg
+
+Points = list[tuple[float, float]]
+
+_MOVED = 0.05
+_PATH_STEP = 0.05
+_ERROR_INTERVAL = 0.1
+_ODOMETRY_KEPT = 400
+
+
+class ClientState(enum.IntEnum):
+    """States of the waypoint client, numbered as in ``simple_navigation_goals/WaypointQueue``."""
+
+    IDLE = 0
+    WAITING_FOR_MOVE_BASE = 1
+    DRIVING = 2
+
+
+@dataclasses.dataclass(frozen=True)
+class Queue:
+    """A report of the waypoint client: how many waypoints it got, reached and gave up, and what it says."""
+
+    state: ClientState
+    received: int
+    reached: int
+    aborted: int
+    text: str
+
+
+@dataclasses.dataclass
+class Visit:
+    """One waypoint as it went.
+
+    Attributes:
+        leg: where it is and the way the demo saw to it.
+        planned: the first plan of move_base towards it, in ``map``.
+        reached: None while under way, then whether it was reached.
+        time: simulated time of that [s].
+        distance: true distance to the waypoint at that moment [m].
+    """
+
+    leg: Leg
+    planned: Points = dataclasses.field(default_factory=list)
+    reached: bool | None = None
+    time: float = math.nan
+    distance: float = math.nan
+
+
+class RobotTrack:
+    """Collects one robot's messages. Times are simulated seconds, positions in ``map``.
+
+    The localisation error is the distance between the true position and ``map → odom → base_link``, made of the
+    newest correction and the odometry at the very stamp of the true position, ten times a second.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.visits: list[Visit] = []
+        self.pose: Pose | None = None
+        self.driven: Points = []
+        self.path_length = 0.0
+        self.first_motion: float | None = None
+        self.collisions = 0
+        self.errors: list[float] = []
+        self.queue: Queue | None = None
+        self.plan: Points = []
+        self.status = ""
+        self._stamp = self._picked = -math.inf
+        self._correction: Pose | None = None
+        self._odometry: collections.deque[tuple[float, Pose]] = collections.deque(maxlen=_ODOMETRY_KEPT)
+        self._unjudged: collections.deque[tuple[float, Pose]] = collections.deque(maxlen=_ODOMETRY_KEPT)
+
+    @property
+    def start(self) -> tuple[float, float] | None:
+        """Where the robot was first seen."""
+        return self.driven[0] if self.driven else None
+
+    @property
+    def localised(self) -> bool:
+        """Whether a correction has arrived, so that the robot knows where it is in the map."""
+        return self._correction is not None
+
+    @property
+    def finished(self) -> bool:
+        """Whether every waypoint was reached or given up."""
+        return bool(self.visits) and all(visit.reached is not None for visit in self.visits)
+
+    @property
+    def reached(self) -> int:
+        """How many waypoints were reached."""
+        return sum(visit.reached is True for visit in self.visits)
+
+    @property
+    def current(self) -> int:
+        """Index of the waypoint under way; the number of waypoints when there is none left."""
+        return sum(visit.reached is not None for visit in self.visits)
+
+    @property
+    def error(self) -> float:
+        """The newest localisation error [m], nan before the first."""
+        return self.errors[-1] if self.errors else math.nan
+
+    @property
+    def distance_to_go(self) -> float:
+        """Way left to the current waypoint [m], along the plan where there is one; nan where unknown."""
+        if self.pose is None or self.current >= len(self.visits):
+            return math.nan
+        goal = self.visits[self.current].leg.goal
+        if self.plan and math.dist(self.plan[-1], (goal.x, goal.y)) < 0.5:
+            return remaining_length(self.plan, (self.pose.x, self.pose.y))
+        return self.pose.distance(goal)
+
+    def error_statistics(self) -> tuple[float, float, float]:
+        """Returns mean, 95th percentile and maximum of the localisation error [m]; nan without any."""
+        if not self.errors:
+            return math.nan, math.nan, math.nan
+        return float(np.mean(self.errors)), float(np.percentile(self.errors, 95)), max(self.errors)
+
+    def assign(self, legs: list[Leg]) -> None:
+        """Notes the waypoints that the robot is sent, in order."""
+        self.visits = [Visit(leg) for leg in legs]
+
+    def add_truth(self, stamp: float, pose: Pose) -> None:
+        """Takes in a true pose of ``base_link``; one that is older than the last is left out."""
+        if stamp < self._stamp:
+            return
+        self._stamp, self.pose = stamp, pose
+        self._extend_path(stamp, pose)
+        if self.localised and stamp - self._picked >= _ERROR_INTERVAL:
+            self._picked = stamp
+            self._unjudged.append((stamp, pose))
+        self._judge()
+
+    def add_odometry(self, stamp: float, pose: Pose) -> None:
+        """Takes in a transform odom → base_link."""
+        if not self._odometry or stamp > self._odometry[-1][0]:
+            self._odometry.append((stamp, pose))
+            self._judge()
+
+    def add_correction(self, pose: Pose) -> None:
+        """Takes in a transform map → odom."""
+        self._correction = pose
+
+    def add_plan(self, points: Points) -> None:
+        """Takes in a global plan; an empty one is left out."""
+        if points:
+            self.plan = points
+            if self.current < len(self.visits) and not self.visits[self.current].planned:
+                goal = self.visits[self.current].leg.goal
+                if math.dist(points[-1], (goal.x, goal.y)) < 0.5:
+                    self.visits[self.current].planned = points
+
+    def add_queue(self, queue: Queue) -> None:
+        """Takes in the waypoint client's report and closes the visits it tells of."""
+        before = self.queue or Queue(ClientState.IDLE, 0, 0, 0, "")
+        self.queue = queue
+        for _ in range(queue.aborted - before.aborted):
+            self._close(False)
+        for _ in range(queue.reached - before.reached):
+            self._close(True)
+
+    def _close(self, reached: bool) -> None:
+        if self.current < len(self.visits):
+            visit = self.visits[self.current]
+            visit.time = self._stamp
+            visit.distance = self.pose.distance(visit.leg.goal) if self.pose else math.nan
+            visit.reached = reached
+
+    def _extend_path(self, stamp: float, pose: Pose) -> None:
+        point = (pose.x, pose.y)
+        if not self.driven:
+            self.driven.append(point)
+        step = math.dist(point, self.driven[-1])
+        if self.first_motion is None and step > _MOVED:
+            self.first_motion = stamp
+        if step >= _PATH_STEP:
+            self.driven.append(point)
+            self.path_length += step
+
+    def _judge(self) -> None:
+        """Turns true poses into errors once the odometry on both sides of their stamps is there."""
+        while self._unjudged and self._odometry and self._unjudged[0][0] <= self._odometry[-1][0]:
+            stamp, truth = self._unjudged.popleft()
+            odometry = self._odometry_at(stamp)
+            if odometry is not None and self._correction is not None:
+                self.errors.append(self._correction.compose(odometry).distance(truth))
+
+    def _odometry_at(self, stamp: float) -> Pose | None:
+        index = bisect.bisect_left(self._odometry, stamp, key=lambda entry: entry[0])
+        after, newer = self._odometry[index]
+        if after == stamp:
+            return newer
+        if index == 0:
+            return None
+        before, older = self._odometry[index - 1]
+        return older.between(newer, (stamp - before) / (after - before))

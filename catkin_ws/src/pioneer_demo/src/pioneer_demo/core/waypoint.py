@@ -1,0 +1,141 @@
+"""Waypoints for a fleet: a seeded choice of places that every robot can reach and park at."""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pioneer_demo.core.error import NoWaypointError
+from pioneer_demo.core.floor import Floor, distances, drivable, route
+from pioneer_demo.core.geometry import Pose
+
+# A Pioneer turns in a circle of 0.36 m radius.
+_PASSABLE = 0.42
+_CELL = 0.2
+_TRIALS = 40
+
+
+@dataclasses.dataclass(frozen=True)
+class WaypointConfig:
+    """What makes a good waypoint.
+
+    Attributes:
+        count: waypoints a robot.
+        clearance: distance to the nearest wall [m].
+        separation: distance to other robots' waypoints and starts [m].
+        shortest, longest: way to drive from the waypoint before [m].
+    """
+
+    count: int = 3
+    clearance: float = 0.6
+    separation: float = 1.5
+    shortest: float = 6.0
+    longest: float = 14.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Leg:
+    """The way to one waypoint.
+
+    Attributes:
+        goal: in the frame ``map``; the heading is whole degrees, in the direction of arrival.
+        way: cells of a shortest way as positions [m], array [n, 2].
+        length: of that way [m].
+    """
+
+    goal: Pose
+    way: NDArray[np.float64]
+    length: float
+
+
+def fleet_waypoints(
+    floor: Floor, starts: Sequence[Pose], config: WaypointConfig, rng: np.random.Generator
+) -> list[list[Leg]]:
+    """Returns ``config.count`` legs for each robot.
+
+    Of several random candidates the one is taken whose way comes least near to other robots' ways and parking places,
+    so that robots meet seldom; where they do, they have to manage.
+
+    Raises:
+        NoWaypointError: a robot starts where it cannot move, or there is no room left.
+    """
+    chooser = _Chooser(floor.cropped(), starts, config, rng)
+    # Round by round, so that the first robot does not take all the room.
+    for _ in range(config.count):
+        for robot in range(len(starts)):
+            chooser.extend(robot)
+    return chooser.legs
+
+
+class _Chooser:
+    def __init__(self, floor: Floor, starts: Sequence[Pose], config: WaypointConfig, rng: np.random.Generator) -> None:
+        self._config, self._rng, self._starts = config, rng, starts
+        self._passable = drivable(floor, _PASSABLE, _CELL)
+        self._roomy = drivable(floor, config.clearance, _CELL).free
+        self.legs: list[list[Leg]] = [[] for _ in starts]
+
+    def extend(self, robot: int) -> None:
+        """Adds one leg to a robot's list."""
+        last = self.legs[robot][-1].goal if self.legs[robot] else self._starts[robot]
+        steps = distances(self._passable, *self._cell_near(robot, last))
+        candidates = self._candidates(robot, steps)
+        if not len(candidates):
+            raise NoWaypointError(
+                f"no room for waypoint {len(self.legs[robot]) + 1} of robot {robot + 1}: try fewer robots, "
+                "fewer waypoints or another world"
+            )
+        picked = self._rng.choice(candidates, min(_TRIALS, len(candidates)), replace=False)
+        # The leg of the middle of the wanted lengths would be chosen each time if ties were not left to chance.
+        trials = [self._leg(steps, int(row), int(col)) for row, col in picked]
+        self.legs[robot].append(min(trials, key=lambda leg: self._crowding(robot, leg)))
+
+    def _candidates(self, robot: int, steps: NDArray[np.float64]) -> NDArray[np.intp]:
+        fits = self._roomy & np.isfinite(steps)
+        if not fits.any():
+            return np.argwhere(fits)
+        # A world too small for the wanted length gets the longest ways it has.
+        shortest = min(self._config.shortest, 0.5 * float(steps[fits].max()))
+        fits &= (steps >= shortest) & (steps <= max(self._config.longest, shortest + _CELL))
+        cells = np.argwhere(fits)
+        xy = self._positions(cells)
+        for place in self._places_of_others(robot):
+            apart = np.hypot(xy[:, 0] - place.x, xy[:, 1] - place.y) >= self._config.separation
+            cells, xy = cells[apart], xy[apart]
+        return cells
+
+    def _places_of_others(self, robot: int) -> list[Pose]:
+        others = [index for index in range(len(self._starts)) if index != robot]
+        return [self._starts[index] for index in others] + [leg.goal for i in others for leg in self.legs[i]]
+
+    def _crowding(self, robot: int, leg: Leg) -> float:
+        """Returns how much of the way [m] lies within the separation of other robots' ways and places."""
+        places = np.array([(place.x, place.y) for place in self._places_of_others(robot)]).reshape(-1, 2)
+        ways = [other.way for index, legs in enumerate(self.legs) if index != robot for other in legs]
+        busy = np.concatenate([places, *ways])
+        if not len(busy):
+            return 0.0
+        gaps = np.hypot(*(leg.way[:, None, :] - busy[None, :, :]).transpose(2, 0, 1)).min(axis=1)
+        return float(np.count_nonzero(gaps < self._config.separation)) * _CELL
+
+    def _leg(self, steps: NDArray[np.float64], row: int, col: int) -> Leg:
+        way = self._positions(np.array(route(steps, row, col)))
+        start, end = way[max(0, len(way) - 6)], way[-1]
+        heading = math.radians(round(math.degrees(math.atan2(end[1] - start[1], end[0] - start[0]))))
+        goal = Pose(round(float(end[0]), 3), round(float(end[1]), 3), heading)
+        return Leg(goal, way, float(steps[row, col]))
+
+    def _positions(self, cells: NDArray[np.intp]) -> NDArray[np.float64]:
+        corner = np.array([self._passable.x, self._passable.y])
+        return corner + (cells[:, ::-1] + 0.5) * self._passable.resolution
+
+    def _cell_near(self, robot: int, pose: Pose) -> tuple[int, int]:
+        """Returns the free cell nearest to ``pose``, at most half a metre away."""
+        row, col = self._passable.cell(pose.x, pose.y)
+        reach = math.ceil(0.5 / self._passable.resolution)
+        cells = [(r, c) for r in range(row - reach, row + reach + 1) for c in range(col - reach, col + reach + 1)]
+        free = [cell for cell in cells if self._passable.contains(*cell) and self._passable.free[cell]]
+        if not free:
+            raise NoWaypointError(f"robot {robot + 1} stands at ({pose.x:.2f}, {pose.y:.2f}), where it cannot move")
+        return min(free, key=lambda cell: math.dist(cell, (row, col)))

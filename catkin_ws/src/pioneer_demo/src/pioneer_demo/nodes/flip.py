@@ -1,0 +1,71 @@
+"""The rules by which the demo sees into the robots' masters."""
+
+import threading
+
+import rospy
+from gateway_msgs.msg import ConnectionType, ErrorCodes, RemoteRule, Rule
+from gateway_msgs.srv import Remote, RemoteRequest
+
+from pioneer_demo.core.command import gateway_name, robot_name
+from pioneer_demo.core.error import DemoError, FlipError
+
+_SERVICE = "/gateway/flip"
+_RETRY = 0.2
+_SUBSCRIBED = ("map_goal_client/queue", "move_base/NavfnROS/plan", "move_base/status")
+_NOT_YET = (ErrorCodes.NO_HUB_CONNECTION, ErrorCodes.HUB_CONNECTION_LOST, ErrorCodes.REMOTE_GATEWAY_NOT_VISIBLE)
+
+
+class FlipRequest(threading.Thread):
+    """Asks the hub gateway for the demo's flips, in a thread of its own: a service call cannot be interrupted.
+
+    Subscribers (the robots' publishers become visible here, to ``node`` alone): the waypoint client's queue, the
+    global plan, the state of move_base, and the corrections on /tf. One publisher: the waypoints.
+    """
+
+    def __init__(self, node: str, robots: int) -> None:
+        """Prepares the request of ``node`` (a name without slash) for so many robots."""
+        super().__init__(name="flip request", daemon=True)
+        self._node, self._robots = node, robots
+        self._cancelled = threading.Event()
+        self.done = False
+        self.error: DemoError | None = None
+
+    def cancel(self) -> None:
+        """Makes the thread give up soon."""
+        self._cancelled.set()
+
+    def run(self) -> None:
+        """Calls the service until it accepts, refuses, or ``cancel`` was called."""
+        try:
+            self.done = self._request()
+        except FlipError as error:
+            self.error = error
+
+    def _request(self) -> bool:
+        request = RemoteRequest(cancel=False, remotes=_rules(self._node, self._robots))
+        call = rospy.ServiceProxy(_SERVICE, Remote)
+        while not self._cancelled.is_set():
+            try:
+                answer = call(request)
+            except (rospy.ServiceException, rospy.ROSException, OSError):
+                answer = None  # the gateway is not up yet
+            if answer is not None and answer.result == ErrorCodes.SUCCESS:
+                return True
+            if answer is not None and answer.result not in _NOT_YET:
+                raise FlipError(f"the hub gateway refused the demo's flips: {answer.error_message} ({answer.result})")
+            self._cancelled.wait(_RETRY)
+        return False
+
+
+def _rules(node: str, robots: int) -> list[RemoteRule]:
+    rules = []
+    for number in range(1, robots + 1):
+        robot = robot_name(number)
+        topics = ["/tf", *(f"/{robot}/{topic}" for topic in _SUBSCRIBED)]
+        rules += [_rule(number, ConnectionType.SUBSCRIBER, topic, node) for topic in topics]
+        rules.append(_rule(number, ConnectionType.PUBLISHER, f"/{robot}/map_goal", node))
+    return rules
+
+
+def _rule(number: int, kind: str, topic: str, node: str) -> RemoteRule:
+    return RemoteRule(gateway_name(number), Rule(type=kind, name=topic, node=f"/{node}"))

@@ -1,0 +1,131 @@
+"""What the demo sees of the fleet, and what it says to it, from the hub gateway's master."""
+
+import functools
+import threading
+import time
+from typing import Any
+
+import rospy
+from actionlib_msgs.msg import GoalStatusArray
+from gateway_msgs.msg import GatewayInfo, RemoteRuleWithStatus
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry, Path
+from rosgraph_msgs.msg import Clock
+from simple_navigation_goals.msg import WaypointQueue
+from std_msgs.msg import Bool, Float64, UInt32
+from tf2_msgs.msg import TFMessage
+
+from pioneer_demo import conversions
+from pioneer_demo.core.fleet import Fleet
+from pioneer_demo.core.geometry import Pose
+from pioneer_demo.core.track import RobotTrack
+
+NAME = "fleet_observer"
+
+_MAP, _ODOM, _BASE = "map", "odom", "base_link"
+
+
+class ObserverNode:
+    """Stores the newest of what the fleet publishes in a ``Fleet`` and sends waypoints.
+
+    Subscribes:
+        /clock, /gazebo/ready, /gazebo/real_time_factor, /tf, /gateway/gateway_info,
+        and under each robot's name base_pose_ground_truth, collisions, map_goal_client/queue, move_base/status,
+        move_base/NavfnROS/plan (the last three come through the gateway).
+    Publishes:
+        NAME/map_goal (geometry_msgs/Twist) for each robot; it crosses to the robot's master through the gateway.
+    Threads: rospy's callbacks write under ``lock``; readers hold it too.
+    On error: none of its own; what is missing stays unknown in the fleet.
+    """
+
+    def __init__(self, fleet: Fleet, lock: threading.Lock) -> None:
+        """Connects all topics; the node is initialised by the caller."""
+        self._fleet, self._lock = fleet, lock
+        self.moving_since: dict[str, float] = {}
+        self.flips: dict[str, str] = {}
+        self._frames = {f"{robot.name}/{_ODOM}": robot for robot in fleet.robots}
+        self._bases = {f"{robot.name}/{_BASE}": robot for robot in fleet.robots}
+        self._goals = {
+            robot.name: rospy.Publisher(f"/{robot.name}/map_goal", Twist, queue_size=100) for robot in fleet.robots
+        }
+        self._subscribe("/clock", Clock, self._on_clock)
+        self._subscribe("/gazebo/ready", Bool, self._on_ready)
+        self._subscribe("/gazebo/real_time_factor", Float64, self._on_real_time_factor)
+        self._subscribe("/gateway/gateway_info", GatewayInfo, self._on_gateway_info)
+        self._subscribe("/tf", TFMessage, self._on_tf)
+        for robot in fleet.robots:
+            self._subscribe_robot(robot)
+
+    def can_be_told(self, robot: RobotTrack) -> bool:
+        """Returns whether somebody listens to the robot's waypoints: its client, through the gateways."""
+        return bool(self._goals[robot.name].get_num_connections() > 0)
+
+    def send(self, robot: RobotTrack, goal: Pose) -> None:
+        """Sends one waypoint."""
+        self._goals[robot.name].publish(conversions.twist_from_goal(goal))
+
+    def waiting_flips(self) -> list[str]:
+        """Returns topic and state of each of the demo's flips that is not accepted yet."""
+        with self._lock:
+            accepted = RemoteRuleWithStatus.ACCEPTED
+            return [f"{rule}: {status}" for rule, status in self.flips.items() if status != accepted]
+
+    def _subscribe_robot(self, robot: RobotTrack) -> None:
+        topics = {
+            "base_pose_ground_truth": (Odometry, self._on_truth),
+            "collisions": (UInt32, self._on_collisions),
+            "map_goal_client/queue": (WaypointQueue, self._on_queue),
+            "move_base/status": (GoalStatusArray, self._on_status),
+            "move_base/NavfnROS/plan": (Path, self._on_plan),
+        }
+        for topic, (kind, callback) in topics.items():
+            self._subscribe(f"/{robot.name}/{topic}", kind, functools.partial(callback, robot))
+
+    def _subscribe(self, topic: str, kind: Any, callback: Any) -> None:
+        rospy.Subscriber(topic, kind, self._locked, callback, queue_size=100, tcp_nodelay=True)
+
+    def _locked(self, message: Any, callback: Any) -> None:
+        with self._lock:
+            callback(message)
+
+    def _on_clock(self, message: Clock) -> None:
+        self._fleet.simulator.time = message.clock.to_sec()
+
+    def _on_ready(self, message: Bool) -> None:
+        self._fleet.simulator.ready = message.data
+
+    def _on_real_time_factor(self, message: Float64) -> None:
+        self._fleet.simulator.real_time_factor = message.data
+
+    def _on_gateway_info(self, message: GatewayInfo) -> None:
+        for flip in message.flipped_connections:
+            rule = flip.remote_rule.rule
+            if rule.node.strip("/") == NAME:
+                self.flips[f"{rule.name} of {flip.remote_rule.gateway}"] = flip.status
+
+    def _on_tf(self, message: TFMessage) -> None:
+        for transform in message.transforms:
+            parent = conversions.frame_from_message(transform.header.frame_id)
+            child = conversions.frame_from_message(transform.child_frame_id)
+            if parent == _MAP and child in self._frames:
+                self._frames[child].add_correction(conversions.pose_from_transform(transform.transform))
+            elif child in self._bases and parent in self._frames:
+                pose = conversions.pose_from_transform(transform.transform)
+                self._bases[child].add_odometry(transform.header.stamp.to_sec(), pose)
+
+    def _on_truth(self, robot: RobotTrack, message: Odometry) -> None:
+        robot.add_truth(message.header.stamp.to_sec(), conversions.pose_from_message(message.pose.pose))
+        if robot.first_motion is not None:
+            self.moving_since.setdefault(robot.name, time.monotonic())
+
+    def _on_collisions(self, robot: RobotTrack, message: UInt32) -> None:
+        robot.collisions = message.data
+
+    def _on_queue(self, robot: RobotTrack, message: WaypointQueue) -> None:
+        robot.add_queue(conversions.queue_from_message(message))
+
+    def _on_status(self, robot: RobotTrack, message: GoalStatusArray) -> None:
+        robot.status = conversions.status_from_message(message)
+
+    def _on_plan(self, robot: RobotTrack, message: Path) -> None:
+        robot.add_plan(conversions.points_from_path(message))

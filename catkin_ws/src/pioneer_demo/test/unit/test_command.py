@@ -1,0 +1,46 @@
+"""What is started where, and on which ports."""
+
+import dataclasses
+
+from pioneer_demo.core.command import Ports, commands
+from pioneer_demo.core.option import DemoConfig
+
+TUTORIAL = Ports(6380, 11311, 11312, (11313, 11314))
+
+
+def started(config=None, ports=TUTORIAL):
+    return {command.name: command for command in commands(config or DemoConfig(), ports)}
+
+
+def test_each_robot_has_a_gateway_and_navigation_on_a_master_of_its_own():
+    found = started()
+    assert list(found)[:3] == ["hub", "Hub_Gateway", "simulator"]
+    assert found["aadi2_gateway"].environment["ROS_MASTER_URI"] == "http://127.0.0.1:11314"
+    assert found["navigation of pioneer2"].environment["ROS_MASTER_URI"] == "http://127.0.0.1:11314"
+    assert found["navigation of pioneer2"].environment["ROBOT_NAME"] == "pioneer2"
+
+
+def test_gateways_take_their_names_from_hostname_as_in_the_tutorial():
+    found = started()
+    assert found["aadi1_gateway"].environment["HOSTNAME"] == "aadi1"
+    assert not any("gateway_name" in word for word in found["aadi1_gateway"].argv)
+    assert "gateway_name:=Hub_Gateway" in found["Hub_Gateway"].argv
+
+
+def test_every_gateway_is_told_this_demos_hub_and_looks_for_no_other():
+    ports = dataclasses.replace(TUTORIAL, hub=7380)
+    for name in ("Hub_Gateway", "aadi1_gateway"):
+        command = started(ports=ports)[name]
+        assert command.environment["GATEWAY_HUB_URI"] == "http://127.0.0.1:7380"
+        assert "gateway_disable_zeroconf:=true" in command.argv
+
+
+def test_the_simulator_gets_world_robots_speed_and_seed():
+    words = started(DemoConfig(robots=2, world="utm_0", seed=9, real_time_factor=0.0))["simulator"].argv
+    assert {"world_name:=utm_0", "robots:=2", "real_time_factor:=0", "seed:=9"} <= set(words)
+
+
+def test_the_tutorials_ports_are_known_as_such():
+    assert TUTORIAL.are_the_tutorials
+    assert not dataclasses.replace(TUTORIAL, hub_master=12311).are_the_tutorials
+    assert str(TUTORIAL) == "hub 6380, masters: hub 11311, Hub_Gateway 11312, robots 11313, 11314"

@@ -1,0 +1,73 @@
+"""When a fleet has succeeded, and what is said when it has not."""
+
+import numpy as np
+import pytest
+
+from pioneer_demo.core.fleet import Fleet, faults, stuck_report, time_limit
+from pioneer_demo.core.geometry import Pose
+from pioneer_demo.core.track import ClientState, Queue, RobotTrack
+from pioneer_demo.core.view import live_lines, state_word
+from pioneer_demo.core.waypoint import Leg
+
+
+@pytest.fixture
+def fleet():
+    robots = [RobotTrack("pioneer1"), RobotTrack("pioneer2")]
+    for robot in robots:
+        robot.assign([Leg(Pose(4.0, 0.0), np.zeros((1, 2)), 10.0)])
+        robot.add_truth(1.0, Pose(0.0, 0.0))
+    return Fleet(robots)
+
+
+def report(robot, **counts):
+    fields = {"reached": 0, "aborted": 0, "text": "", **counts}
+    robot.add_queue(Queue(ClientState.DRIVING, 1, fields["reached"], fields["aborted"], fields["text"]))
+
+
+def test_a_fleet_that_reached_everything_without_collision_has_no_fault(fleet):
+    for robot in fleet.robots:
+        report(robot, reached=1)
+    assert fleet.finished
+    assert faults(fleet) == []
+
+
+def test_missed_waypoints_and_collisions_are_faults(fleet):
+    report(fleet.robots[0], reached=1)
+    report(fleet.robots[1], aborted=1)
+    fleet.robots[0].collisions = 2
+    assert fleet.finished
+    assert faults(fleet) == ["pioneer1 collided twice", "pioneer2 reached 0 of 1 waypoints"]
+
+
+def test_who_is_stuck_is_named_with_what_it_says(fleet):
+    report(fleet.robots[0], reached=1)
+    report(fleet.robots[1], text="sent waypoint 1")
+    fleet.robots[1].status = "move_base: rotating to clear"
+    text = stuck_report(fleet, 90.0)
+    assert "pioneer1" not in text
+    assert "pioneer2 at (0.00, 0.00), waypoint 1/1: sent waypoint 1; move_base: rotating to clear" in text
+
+
+def test_the_time_limit_grows_with_the_way(fleet):
+    short = time_limit(fleet)
+    fleet.robots[0].assign(fleet.robots[0].visits[:1][0:0] + [fleet.robots[1].visits[0].leg] * 3)
+    assert time_limit(fleet) > short
+
+
+def test_the_live_view_has_a_line_a_robot_and_one_for_the_simulator(fleet):
+    lines = live_lines(fleet)
+    assert len(lines) == 3
+    assert "4.0 m to go" in lines[1]
+    assert "localisation error – m" in lines[1]
+
+
+def test_the_state_says_what_a_robot_waits_for(fleet):
+    robot = fleet.robots[0]
+    assert state_word(RobotTrack("new")) == "not spawned"
+    assert state_word(robot) == "waiting for amcl"
+    robot.add_correction(Pose(0.0, 0.0))
+    assert state_word(robot) == "waiting for client"
+    report(robot)
+    assert state_word(robot) == "driving"
+    report(robot, reached=1)
+    assert state_word(robot) == "done"

@@ -1,0 +1,99 @@
+"""The numbers, the table and the picture that a demo leaves."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pioneer_demo.adapters.map_file import floor_from_file, map_names
+from pioneer_demo.adapters.picture import draw_fleet
+from pioneer_demo.core.cost import Cost
+from pioneer_demo.core.error import MapFileError
+from pioneer_demo.core.fleet import Fleet
+from pioneer_demo.core.geometry import Pose
+from pioneer_demo.core.report import Outcome, columns, report, table, verdict_line
+from pioneer_demo.core.track import ClientState, Queue, RobotTrack
+from pioneer_demo.core.waypoint import Leg
+
+
+@pytest.fixture
+def fleet():
+    robot = RobotTrack("pioneer1")
+    robot.assign([Leg(Pose(3.0, 1.0, math.pi / 2), np.array([[1.0, 1.0], [3.0, 1.0]]), 2.0)])
+    robot.add_correction(Pose(0.0, 0.0))
+    robot.add_plan([(1.0, 1.0), (3.0, 1.0)])
+    for tick in range(21):
+        robot.add_odometry(10.0 + tick, Pose(1.0 + 0.1 * tick, 1.02))
+        robot.add_truth(10.0 + tick, Pose(1.0 + 0.1 * tick, 1.0))
+    robot.add_queue(Queue(ClientState.IDLE, 1, 1, 0, ""))
+    fleet = Fleet([robot], began=10.0)
+    fleet.simulator.time = fleet.ended = 30.0
+    return fleet
+
+
+@pytest.fixture
+def outcome():
+    return Outcome(True, [], {"simulator ready": 5.0}, 12.5, 10.0, 30.0, {"amcl": Cost(3.0, 50_000_000, 1)})
+
+
+def test_the_numbers_say_what_happened_and_are_json(fleet, outcome):
+    numbers = json.loads(json.dumps(report(fleet, outcome, {"seed": 1}), allow_nan=False))
+    robot = numbers["robots"]["pioneer1"]
+    assert robot["reached"] == 1
+    assert robot["seconds"] == 20.0
+    assert robot["path_length"] == pytest.approx(2.0)
+    assert robot["localisation_error"]["mean"] == pytest.approx(0.02)
+    assert robot["visits"][0]["heading_degrees"] == pytest.approx(90.0)
+    assert numbers["drive"]["real_time_factor"] == 2.0
+    assert numbers["drive"]["cpu_seconds_per_simulated_second"] == 1.5
+    assert numbers["seconds_to_moving"] == 12.5
+
+
+def test_what_is_unknown_is_null_and_shown_as_a_dash(outcome):
+    numbers = report(Fleet([RobotTrack("pioneer1")]), outcome, {})
+    assert numbers["robots"]["pioneer1"]["localisation_error"]["mean"] is None
+    assert "– m" in table(numbers)
+
+
+def test_the_table_names_robots_costs_and_the_real_time_factor(fleet, outcome):
+    text = table(report(fleet, outcome, {}))
+    assert "pioneer1        1/1  20.0 s" in text
+    assert "real-time factor 2.00" in text
+    assert "amcl" in text
+
+
+def test_the_verdict_is_one_line(fleet, outcome):
+    assert verdict_line(report(fleet, outcome, {})) == "Success: 1 robot, 1 waypoint reached, no collision"
+    failed = Outcome(False, ["pioneer1 collided once"], {}, math.nan, 1.0, 1.0, {})
+    assert verdict_line(report(fleet, failed, {})) == "Failed: pioneer1 collided once"
+
+
+def test_columns_line_up():
+    assert columns(("a", "bb"), [("xxx", "1")]) == "a    bb\nxxx   1"
+
+
+def test_a_map_is_read_by_its_thresholds_and_drawn_with_the_fleet(tmp_path, fleet):
+    pixels = np.full((40, 60), 254, np.uint8)
+    pixels[0, :] = 0
+    pixels[:, -10:] = 205
+    Image.fromarray(pixels).save(tmp_path / "hall.pgm")
+    fields = "image: hall.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196"
+    (tmp_path / "hall.yaml").write_text(fields)
+    assert map_names(tmp_path) == ["hall"]
+    floor = floor_from_file(tmp_path / "hall.yaml")
+    assert floor.occupied[-1, 5]  # the image's first line is the largest y
+    assert floor.free[5, 5]
+    assert not floor.free[5, -1]
+    draw_fleet(floor, fleet, "one robot", tmp_path / "fleet.png")
+    with Image.open(tmp_path / "fleet.png") as picture:
+        assert picture.width > 400
+
+
+def test_a_missing_or_broken_map_is_one_line(tmp_path):
+    with pytest.raises(MapFileError, match="cannot read the map"):
+        floor_from_file(tmp_path / "none.yaml")
+    (tmp_path / "bad.yaml").write_text("resolution: 0.05")
+    with pytest.raises(MapFileError, match="image"):
+        floor_from_file(tmp_path / "bad.yaml")

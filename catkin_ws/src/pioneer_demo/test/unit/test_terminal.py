@@ -1,0 +1,37 @@
+"""Progress goes to a terminal in place, and elsewhere as lines now and then."""
+
+import io
+
+from pioneer_demo.adapters.terminal import Display
+
+
+class FakeTerminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_without_a_terminal_lines_are_not_repeated_at_once():
+    output = io.StringIO()
+    display = Display(output)
+    for _ in range(10):
+        display.show(["one", "two"], "driving")
+    assert output.getvalue() == "one\ntwo\n"
+
+
+def test_a_new_phase_is_shown_at_once():
+    output = io.StringIO()
+    display = Display(output)
+    display.show(["waiting for a"], "a")
+    display.show(["waiting for b"], "b")
+    assert output.getvalue() == "waiting for a\nwaiting for b\n"
+
+
+def test_on_a_terminal_the_block_is_drawn_over_itself_and_fits_its_width():
+    output = FakeTerminal()
+    display = Display(output, columns=lambda: 20)
+    display.show(["x" * 50, "second"], "a")
+    display.show(["third"], "b")
+    first, again = output.getvalue().split("\x1b[2F")
+    assert "x" * 19 + "\n" in first
+    assert "x" * 20 not in first
+    assert again == "\x1b[Jthird\n"
