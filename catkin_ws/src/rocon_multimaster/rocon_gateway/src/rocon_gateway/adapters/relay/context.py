@@ -1,0 +1,56 @@
+"""What the parts of one relay share."""
+
+import logging
+from collections.abc import Callable
+
+from rocon_gateway.adapters.relay.call import Server
+from rocon_gateway.adapters.relay.reactor import Reactor
+from rocon_gateway.adapters.relay.resolver import Resolver
+from rocon_gateway.core.backlog import Backlog
+from rocon_gateway.core.connection import LinkOptions, RelayConfig
+
+
+class Context:
+    """Configuration, loop, log, and the servers that are called.
+
+    Attributes:
+        config: what the relay was given.
+        reactor: its loop.
+        resolver: its look-ups.
+        logger: where its log lines go.
+        master: our master.
+        changed: to be called when the state of a link has changed.
+    """
+
+    def __init__(self, config: RelayConfig, reactor: Reactor, logger: logging.Logger, changed: Callable[[], None]):
+        self.config = config
+        self.reactor = reactor
+        self.resolver = Resolver(reactor)
+        self.logger = logger
+        self.changed = changed
+        self.master = self.server(config.master_uri)
+
+    def server(self, uri: str) -> Server:
+        """Returns a client of a node's or master's XML-RPC server."""
+        return Server(self.reactor, self.resolver, uri, self.config.call_timeout)
+
+    def bound(self, backlog: Backlog, options: LinkOptions) -> None:
+        """Sets the bounds of the queue towards one receiver."""
+        backlog.bound(options.queue_size or self.config.queue_size, self.config.queue_bytes)
+
+
+class Pause:
+    """The pauses between attempts: each twice as long as the one before."""
+
+    def __init__(self, config: RelayConfig) -> None:
+        self._config = config
+        self._next = config.retry_shortest
+
+    def take(self) -> float:
+        """Returns how long to wait now [s]."""
+        pause, self._next = self._next, min(2 * self._next, self._config.retry_longest)
+        return pause
+
+    def reset(self) -> None:
+        """Begins with the shortest again."""
+        self._next = self._config.retry_shortest

@@ -1,0 +1,117 @@
+"""The connection that the importing end of a link dials."""
+
+import secrets
+from typing import Protocol
+
+from rocon_gateway.adapters.relay.context import Context
+from rocon_gateway.adapters.relay.stream import Stream, dialled_socket, watch_liveness
+from rocon_gateway.core.connection import Import, LinkState
+from rocon_gateway.core.fanout import Fanout
+from rocon_gateway.core.frame import is_control
+from rocon_gateway.core.header import header_bytes, header_end, header_fields
+from rocon_gateway.core.link import VERSION, Hello, LinkError, is_proof, proof, state_from_field
+
+
+class LinkOwner(Protocol):
+    """Whom a link tells what becomes of it."""
+
+    fanout: Fanout
+
+    def link_up(self) -> None:
+        """The far relay has accepted."""
+
+    def link_lost(self, state: LinkState, reason: str) -> None:
+        """The link is closed; called once."""
+
+    def told(self, fields: dict[str, str]) -> None:
+        """A control frame has come."""
+
+
+class DialledLink(Stream):
+    """One attempt at a link, and the link if it succeeds."""
+
+    def __init__(self, context: Context, owner: LinkOwner, wanted: Import) -> None:
+        sock = dialled_socket()
+        super().__init__(
+            context.reactor, sock, f"{wanted.source_gateway} at {wanted.address.host}:{wanted.address.port}"
+        )
+        watch_liveness(sock)
+        self._context = context
+        self._owner = owner
+        own = context.config.gateway
+        self._hello = Hello(
+            wanted.topic,
+            wanted.type,
+            wanted.md5sum,
+            wanted.source_node,
+            wanted.source_gateway,
+            own,
+            (own,),
+            secrets.token_hex(16),
+        )
+        self._proven = False
+        self._is_up = False
+        self._state = LinkState.UNREACHABLE
+        self._timer = context.reactor.call_later(context.config.handshake_timeout, self._too_late)
+        self.parse = self._parse_answer
+
+    def connected(self) -> None:
+        """See `stream.Stream`."""
+        self.send(header_bytes(self._hello.fields()))
+
+    def closed(self, reason: str) -> None:
+        """See `stream.Stream`."""
+        self._timer.cancel()
+        if reason.startswith("malformed"):
+            self._context.logger.warning("link to %s: %s", self.peer, reason)
+        self._owner.link_lost(self._state, f"{self.peer}: {reason or 'it closed the connection'}")
+
+    def _too_late(self) -> None:
+        self.close("no answer in time")
+
+    def _parse_answer(self, data: memoryview) -> int:
+        end = header_end(data)
+        if not end or len(data) < end:
+            return 0
+        fields = header_fields(data[4:end])
+        if "error" in fields:
+            self._state = state_from_field(fields.get("state", ""))
+            self.close(fields["error"])
+        elif fields.get("relay") != VERSION:
+            raise LinkError(f"it does not speak version {VERSION} of the link protocol")
+        elif "challenge" in fields:
+            self._answer_challenge(fields["challenge"], fields.get("proof", ""))
+        elif self._context.config.credential is not None and not self._proven:
+            self._state = LinkState.REFUSED
+            self.close("it has no credential, and ours asks for one")
+        else:
+            self._timer.cancel()
+            self._is_up = True
+            self.parse = self._parse_frames
+            self._owner.link_up()
+        return end
+
+    def _answer_challenge(self, challenge: str, given: str) -> None:
+        credential = self._context.config.credential
+        self._state = LinkState.REFUSED
+        if credential is None:
+            self.close("it asks for a credential, and we have none")
+        elif not is_proof(given, credential, "source", self._hello, challenge):
+            self.close("its credential differs from ours")
+        else:
+            self._proven = True
+            answer = proof(credential, "sink", self._hello, challenge)
+            self.send(header_bytes({"relay": VERSION, "proof": answer}))
+            self._state = LinkState.UNREACHABLE
+
+    def _parse_frames(self, data: memoryview) -> int:
+        return self._owner.fanout.feed(data) or self._parse_control(data)
+
+    def _parse_control(self, data: memoryview) -> int:
+        if not is_control(data):
+            return 0
+        end = header_end(data, 4)
+        if not end or len(data) < end:
+            return 0
+        self._owner.told(header_fields(data[8:end]))
+        return end

@@ -1,0 +1,198 @@
+"""The exporting end of a link: who dials us, may they have it, and then the frames."""
+
+import secrets
+import socket
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+from rocon_gateway.adapters.relay.context import Context
+from rocon_gateway.adapters.relay.reactor import Timer
+from rocon_gateway.adapters.relay.stream import Stream, watch_liveness
+from rocon_gateway.adapters.relay.subscription import Subscription
+from rocon_gateway.core.connection import ANY, Export, LinkState, LinkStatus
+from rocon_gateway.core.frame import CONTROL_MARK, Chunk, control_frame
+from rocon_gateway.core.header import header_bytes, header_end, header_fields
+from rocon_gateway.core.link import VERSION, Hello, LinkError, Refusal, is_proof, mismatch, proof
+
+_PASSED_ON = ("type", "md5sum", "message_definition", "latching", "topic")
+
+
+class Exporter(Protocol):
+    """What the ends of links need from the relay."""
+
+    def admit(self, end: "ExportEnd", hello: Hello) -> None:
+        """Decides, now or within the configured patience, by `accept` or `refuse`."""
+
+    def subscription(self, topic: str, node: str) -> Subscription:
+        """Returns the one subscription to a publisher, new or running."""
+
+    def ended(self, end: "ExportEnd") -> None:
+        """The link is closed."""
+
+
+class ExportEnd(Stream):
+    """One link that another gateway's relay dialled.
+
+    Attributes:
+        hello: what it wants, once it has said so.
+        export: what it was given, once it was accepted.
+    """
+
+    def __init__(self, context: Context, exporter: Exporter, sock: socket.socket, peer: str) -> None:
+        super().__init__(context.reactor, sock, peer)
+        watch_liveness(sock)
+        self.hello: Hello | None = None
+        self.export: Export | None = None
+        self._context = context
+        self._exporter = exporter
+        self._challenge = ""
+        self._wanted = False
+        self._demand = ""
+        self._leaving = False
+        self._subscription: Subscription | None = None
+        self._messages = 0
+        self._bytes = 0
+        self._state = LinkState.ACTIVE
+        self._reason = ""
+        self.timer: Timer = context.reactor.call_later(context.config.handshake_timeout, self._too_late)
+        self.parse = self._when_header(self._parse_hello)
+
+    def status(self) -> LinkStatus:
+        """How the link does."""
+        drops = self.backlog.drops
+        return LinkStatus(self._state, self._reason, int(self._wanted), self._messages - drops, self._bytes, drops)
+
+    def push(self, chunk: Chunk) -> None:
+        """See `core.fanout.Outlet`."""
+        self._messages += chunk.ended
+        self._bytes += len(chunk.data)
+        super().push(chunk)
+
+    def accept(self, export: Export) -> None:
+        """The relay exports it: the link stands."""
+        self.timer.cancel()
+        self.export = export
+        self._context.bound(self.backlog, export.options)
+        self.parse = self._parse_control
+        self.send(header_bytes({"relay": VERSION, "source_gateway": self._context.config.gateway}))
+        self._context.changed()
+
+    def refuse(self, state: LinkState, reason: str) -> None:
+        """Says no and closes."""
+        self.timer.cancel()
+        self.finish(header_bytes(Refusal(state, reason).fields()))
+
+    def source_found(self, header: Mapping[str, str]) -> bool:
+        """See `subscription.Customer`."""
+        assert self.hello is not None
+        wrong = mismatch(self.hello.type, self.hello.md5sum, header.get("type", ANY), header.get("md5sum", ANY))
+        if wrong:
+            self._tell(LinkState.TYPE_MISMATCH, wrong)
+            return False
+        self._set(LinkState.ACTIVE, "")
+        fields = {key: header[key] for key in _PASSED_ON if key in header}
+        self.send(control_frame(op="connected", demand=self._demand, **fields))
+        return True
+
+    def source_lost(self, reason: str) -> None:
+        """See `subscription.Customer`."""
+        self._tell(LinkState.NO_PUBLISHER, reason)
+
+    def left(self) -> None:
+        """See `core.fanout.Outlet`."""
+        self._leaving = False
+        if self._wanted:
+            self._join()
+        elif self._subscription is not None:
+            subscription, self._subscription = self._subscription, None
+            subscription.stop_if_unused()
+
+    def closed(self, reason: str) -> None:
+        """See `stream.Stream`."""
+        self.timer.cancel()
+        if reason.startswith("malformed"):
+            self._context.logger.warning("link from %s: %s", self.peer, reason)
+        if self._subscription is not None:
+            self._subscription.remove(self)
+        self._exporter.ended(self)
+        if self.export is not None:
+            self._context.changed()
+
+    def _join(self) -> None:
+        assert self.export is not None
+        self._subscription = self._exporter.subscription(self.export.topic, self.export.source_node)
+        self._subscription.join(self)
+
+    def _tell(self, state: LinkState, reason: str) -> None:
+        if (state, reason) != (self._state, self._reason):
+            self.send(control_frame(op="state", state=state, reason=reason))
+            self._set(state, reason)
+
+    def _set(self, state: LinkState, reason: str) -> None:
+        if (state, reason) != (self._state, self._reason):
+            self._state, self._reason = state, reason
+            self._context.changed()
+
+    def _too_late(self) -> None:
+        self.close("malformed: it did not introduce itself in time")
+
+    def _parse_hello(self, fields: dict[str, str]) -> None:
+        self.hello = Hello.from_fields(fields)
+        credential = self._context.config.credential
+        if credential is None:
+            self._admit(self.hello)
+            return
+        self._challenge = secrets.token_hex(16)
+        answer = proof(credential, "source", self.hello, self._challenge)
+        self.parse = self._when_header(self._parse_proof)
+        self.send(header_bytes({"relay": VERSION, "challenge": self._challenge, "proof": answer}))
+
+    def _parse_proof(self, fields: dict[str, str]) -> None:
+        assert self.hello is not None
+        credential = self._context.config.credential or b""
+        if is_proof(fields.get("proof", ""), credential, "sink", self.hello, self._challenge):
+            self._admit(self.hello)
+        else:
+            self._context.logger.warning("link from %s: its credential differs from ours", self.peer)
+            self.refuse(LinkState.REFUSED, "its credential differs from ours")
+
+    def _admit(self, hello: Hello) -> None:
+        own = self._context.config.gateway
+        if hello.source_gateway != own:
+            self.refuse(LinkState.REFUSED, f"this is {own}, not {hello.source_gateway}")
+        elif own in hello.gateways_passed:
+            self.refuse(LinkState.REFUSED, f"a loop: {' to '.join((own, *hello.gateways_passed))}")
+        else:
+            self.parse = self._when_header(self._too_much)
+            self._exporter.admit(self, hello)
+
+    def _too_much(self, _fields: dict[str, str]) -> None:
+        raise LinkError("it went on before it was answered")
+
+    def _when_header(self, use: Callable[[dict[str, str]], None], prefix: int = 0) -> Callable[[memoryview], int]:
+        def parse(data: memoryview) -> int:
+            end = header_end(data, prefix)
+            if not end or len(data) < end:
+                return 0
+            use(header_fields(data[prefix + 4 : end]))
+            return end
+
+        return parse
+
+    def _parse_control(self, data: memoryview) -> int:
+        if len(data) >= 4 and data[:4] != CONTROL_MARK:
+            raise LinkError("it sent messages against the link's direction")
+        return self._when_header(self._control, prefix=4)(data)
+
+    def _control(self, fields: dict[str, str]) -> None:
+        wanted = fields.get("op") == "subscribe"
+        if wanted == self._wanted:
+            return
+        self._demand = fields.get("demand", "")
+        self._wanted = wanted
+        if not wanted:
+            self._leaving = True
+            if self._subscription is not None:
+                self._subscription.leave(self)
+        elif not self._leaving:
+            self._join()

@@ -1,0 +1,206 @@
+"""The importing end of a link: dials, shows the proxy, fetches while somebody subscribes."""
+
+from collections.abc import Callable, Mapping
+
+from rocon_gateway.adapters.relay.context import Context, Pause
+from rocon_gateway.adapters.relay.dialled_link import DialledLink
+from rocon_gateway.adapters.relay.proxy_topic import Nodes, ProxyTopic
+from rocon_gateway.adapters.relay.reactor import Timer
+from rocon_gateway.adapters.relay.stream import Stream
+from rocon_gateway.core.connection import ANY, Import, LinkState, LinkStatus
+from rocon_gateway.core.fanout import Fanout
+from rocon_gateway.core.frame import control_frame
+from rocon_gateway.core.header import header_bytes
+from rocon_gateway.core.link import mismatch, state_from_field
+
+
+class ImportEnd:
+    """One import, from the first dialling to the last unregistration.
+
+    The link is dialled at once and kept; the proxy is registered while the link stands; messages are fetched
+    while the proxy has a subscriber. A subscriber's handshake is answered when the publisher's own connection
+    header is known, so that it sees the true type, definition and latching.
+    """
+
+    def __init__(self, context: Context, nodes: Nodes, wanted: Import, ended: Callable[[], None]) -> None:
+        self.wanted = wanted
+        self.fanout = Fanout(context.config.max_message_size)
+        self.topic = ProxyTopic(context, nodes, self, wanted)
+        self._context = context
+        self._ended = ended
+        self._link: DialledLink | None = None
+        self._timer: Timer | None = None
+        self._pause = Pause(context.config)
+        self._source: dict[str, str] | None = None
+        self._told_source: tuple[str, str] | None = None
+        self._pending: dict[Stream, Mapping[str, str]] = {}
+        self._demand = 0
+        self._wants = False
+        self._is_ending = False
+        self._drops = 0
+        self._state = LinkState.PENDING
+        self._reason = "dialling"
+
+    def start(self) -> None:
+        """Dials; repeated after each failure until `end`."""
+        self._timer = None
+        if self._is_ending:
+            return
+        address = self.wanted.address
+        self._context.resolver.resolve(
+            address.host, self._dial, lambda reason: self.link_lost(LinkState.UNREACHABLE, reason)
+        )
+
+    def replace(self, wanted: Import) -> None:
+        """Takes an import of the same key with another address, other nodes or other options."""
+        moved = (wanted.address, wanted.type, wanted.md5sum) != (
+            self.wanted.address,
+            self.wanted.type,
+            self.wanted.md5sum,
+        )
+        self.wanted = self.topic.wanted = wanted
+        for subscriber in self.topic.subscribers:
+            self._context.bound(subscriber.backlog, wanted.options)
+        self.topic.close_disallowed()
+        if moved:
+            self._pause.reset()
+            if self._link is not None:
+                self._link.close("its address or type has changed")
+            elif self._timer is not None:
+                self._timer.cancel()
+                self.start()
+
+    def end(self) -> None:
+        """Unregisters, closes; `ended` is called when that is done."""
+        self._is_ending = True
+        if self._timer is not None:
+            self._timer.cancel()
+        self.topic.hide()
+
+    def status(self) -> LinkStatus:
+        """How it does."""
+        drops = self._drops + sum(subscriber.backlog.drops for subscriber in self.topic.subscribers)
+        counted = self.fanout.messages, self.fanout.bytes
+        return LinkStatus(self._state, self._reason, len(self.topic.subscribers), *counted, drops)
+
+    def _dial(self, address: str) -> None:
+        if not self._is_ending:
+            self._link = DialledLink(self._context, self, self.wanted)
+            self._link.connect(address, self.wanted.address.port)
+
+    def link_up(self) -> None:
+        """See `dialled_link.LinkOwner`."""
+        self._pause.reset()
+        if not self._is_ending:
+            self._set(LinkState.PENDING, "being registered with the master")
+            self.topic.show()
+
+    def link_lost(self, state: LinkState, reason: str) -> None:
+        """See `dialled_link.LinkOwner`."""
+        self._link = self._source = None
+        self._wants = False
+        self.fanout.restart()
+        if self._is_ending:
+            return
+        self._set(state, reason)
+        self._timer = self._context.reactor.call_later(self._pause.take(), self.start)
+        self.topic.hide()
+
+    def told(self, fields: dict[str, str]) -> None:
+        """See `dialled_link.LinkOwner`."""
+        if fields.get("op") == "state":
+            self._source_failed(state_from_field(fields.get("state", "")), fields.get("reason", ""))
+        elif fields.get("op") == "connected" and self._wants and fields.get("demand") == str(self._demand):
+            self._source_found(fields)
+
+    def _source_failed(self, state: LinkState, reason: str) -> None:
+        self._set(state, reason)
+        if state is LinkState.TYPE_MISMATCH:
+            self.topic.hide()
+
+    def _source_found(self, fields: dict[str, str]) -> None:
+        wrong = mismatch(self.wanted.type, self.wanted.md5sum, fields.get("type", ANY), fields.get("md5sum", ANY))
+        if wrong:
+            self._source_failed(LinkState.TYPE_MISMATCH, wrong)
+            return
+        told = fields.get("type", ANY), fields.get("md5sum", ANY)
+        if self._told_source not in (None, told) and self.topic.subscribers:
+            self.topic.hide()  # they were told another definition: they must come anew
+            self.topic.show()
+            return
+        self._source = fields
+        self.fanout.begin(fields.get("latching") == "1")
+        if self._state is LinkState.TYPE_MISMATCH:
+            self.topic.show()
+        elif self._state is LinkState.NO_PUBLISHER:
+            self._set(LinkState.ACTIVE, "")
+        pending, self._pending = self._pending, {}
+        for subscriber, asked in pending.items():
+            refusal = self._serve(subscriber, asked)
+            if refusal:
+                subscriber.finish(header_bytes({"error": refusal}))
+
+    def subscribed(self, subscriber: Stream, fields: Mapping[str, str]) -> str:
+        """See `proxy_topic.TopicOwner`."""
+        self._context.bound(subscriber.backlog, self.wanted.options)
+        if self._source is not None:
+            return self._serve(subscriber, fields)
+        wrong = mismatch(fields.get("type", ANY), fields.get("md5sum", ANY), self.wanted.type, self.wanted.md5sum)
+        if wrong:
+            return wrong
+        self._pending[subscriber] = fields
+        self._want(True)
+        return ""
+
+    def unsubscribed(self, subscriber: Stream) -> None:
+        """See `proxy_topic.TopicOwner`."""
+        self._drops += subscriber.backlog.drops
+        self._pending.pop(subscriber, None)
+        self.fanout.remove(subscriber)
+        if not self.topic.subscribers and self._state is not LinkState.TYPE_MISMATCH:
+            self._want(False)
+
+    def shown(self) -> None:
+        """See `proxy_topic.TopicOwner`."""
+        self._set(LinkState.ACTIVE, "")
+        if not self.topic.subscribers:
+            self._want(False)
+
+    def not_shown(self, reason: str) -> None:
+        """See `proxy_topic.TopicOwner`."""
+        self._set(LinkState.PENDING, f"our master does not register it: {reason}")
+
+    def hidden(self) -> None:
+        """See `proxy_topic.TopicOwner`."""
+        if not self._is_ending:
+            return
+        if self._link is not None:
+            self._link.close("")
+        self._ended()
+
+    def _serve(self, subscriber: Stream, fields: Mapping[str, str]) -> str:
+        source = self._source or {}
+        type_, md5sum = source.get("type", ANY), source.get("md5sum", ANY)
+        wrong = mismatch(fields.get("type", ANY), fields.get("md5sum", ANY), type_, md5sum)
+        if wrong:
+            return wrong
+        header = {key: value for key, value in source.items() if key not in ("op", "demand")}
+        self._told_source = type_, md5sum
+        subscriber.send(header_bytes({**header, "topic": self.wanted.topic, "callerid": self.wanted.proxy}))
+        if not subscriber.is_closed:
+            self.fanout.join(subscriber)
+        return ""
+
+    def _want(self, wants: bool) -> None:
+        if wants == self._wants or self._link is None:
+            return
+        self._wants = wants
+        self._source = self._told_source = None
+        self._demand += wants
+        op = "subscribe" if wants else "unsubscribe"
+        self._link.send(control_frame(op=op, demand=str(self._demand)))
+
+    def _set(self, state: LinkState, reason: str) -> None:
+        if (state, reason) != (self._state, self._reason):
+            self._state, self._reason = state, reason
+            self._context.changed()

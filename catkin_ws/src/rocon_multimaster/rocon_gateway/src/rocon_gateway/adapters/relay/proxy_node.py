@@ -1,0 +1,147 @@
+"""Proxy nodes: each with a port of its own, where it answers as a ROS node and serves its subscribers.
+
+roscpp tells publishers apart by host and port, so no two nodes may share a port. One port does for both
+protocols of a node: XML-RPC begins with `POST`, which as the length of a TCPROS header is out of bounds.
+"""
+
+import socket
+
+from rocon_gateway.adapters.relay.context import Context
+from rocon_gateway.adapters.relay.proxy_topic import ProxyTopic
+from rocon_gateway.adapters.relay.reactor import Timer
+from rocon_gateway.adapters.relay.slave_api import SlaveApi
+from rocon_gateway.adapters.relay.stream import Listener, Stream
+from rocon_gateway.core.connection import RelayError, proxy_uri
+from rocon_gateway.core.header import header_bytes, header_end, header_fields
+from rocon_gateway.core.http import http_message, http_response
+
+
+class SubscriberError(RelayError):
+    """A subscriber sent something after its connection header."""
+
+
+class ProxyNodes:
+    """The proxy nodes of one relay, by name; a node lives while it has a topic."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._nodes: dict[str, ProxyNode] = {}
+
+    def open(self, topic: ProxyTopic) -> "ProxyNode":
+        """See `proxy_topic.Nodes`."""
+        name = topic.wanted.proxy
+        node = self._nodes.get(name)
+        if node is None:
+            node = self._nodes[name] = ProxyNode(self._context, name)
+        node.topics[topic.wanted.topic] = topic
+        return node
+
+    def release(self, topic: ProxyTopic) -> None:
+        """See `proxy_topic.Nodes`."""
+        node = self._nodes.get(topic.wanted.proxy)
+        if node is not None and node.topics.get(topic.wanted.topic) is topic:
+            del node.topics[topic.wanted.topic]
+            if not node.topics:
+                del self._nodes[node.name]
+                node.close()
+
+
+class ProxyNode:
+    """A node on our master that stands for a node of another gateway.
+
+    Attributes:
+        name: its name.
+        uri: its XML-RPC URI.
+        topics: its topics by name.
+    """
+
+    def __init__(self, context: Context, name: str) -> None:
+        self.name = name
+        self.topics: dict[str, ProxyTopic] = {}
+        self._context = context
+        config = context.config
+        self._listener = Listener(context.reactor, config.bind, 0, self._accepted)
+        self._connections: set[ProxyConnection] = set()
+        self.uri = proxy_uri(config.host, self._listener.port, config.gateway)
+        self.api = SlaveApi(self.name, self.uri, config.master_uri, config.host, self._listener.port, self.topics)
+        self._listener.start()
+
+    def close(self) -> None:
+        """Closes its port and all its connections."""
+        self._listener.close("")
+        for connection in tuple(self._connections):
+            connection.close("")
+
+    def forget(self, connection: "ProxyConnection") -> None:
+        """Called by a connection that has ended."""
+        self._connections.discard(connection)
+
+    def _accepted(self, sock: socket.socket, peer: str) -> None:
+        self._connections.add(ProxyConnection(self._context, self, sock, peer))
+
+
+class ProxyConnection(Stream):
+    """One connection to a proxy node, of either protocol."""
+
+    def __init__(self, context: Context, node: ProxyNode, sock: socket.socket, peer: str) -> None:
+        super().__init__(context.reactor, sock, peer)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        self._context = context
+        self._node = node
+        self._topic: ProxyTopic | None = None
+        self._timer: Timer = context.reactor.call_later(context.config.handshake_timeout, self._too_late)
+        self.parse = self._parse_first
+
+    def closed(self, reason: str) -> None:
+        """See `stream.Stream`."""
+        self._timer.cancel()
+        if reason.startswith("malformed"):
+            self._context.logger.warning("%s from %s: %s", self._node.name, self.peer, reason)
+        if self._topic is not None:
+            self._topic.unsubscribe(self)
+        self._node.forget(self)
+
+    def _too_late(self) -> None:
+        self.close("malformed: it did not say in time what it wants")
+
+    def _parse_first(self, data: memoryview) -> int:
+        if len(data) < 4:
+            return 0
+        self.parse = self._parse_http if data[:4] == b"POST" else self._parse_header
+        return self.parse(data)
+
+    def _parse_header(self, data: memoryview) -> int:
+        end = header_end(data)
+        if not end or len(data) < end:
+            return 0
+        self._timer.cancel()
+        self.parse = self._parse_nothing
+        self._subscribe(header_fields(data[4:end]))
+        return end
+
+    def _subscribe(self, fields: dict[str, str]) -> None:
+        topic = self._node.topics.get(fields.get("topic", ""))
+        if topic is None:
+            refusal = f"{self._node.name} does not publish {fields.get('topic', 'a topic without name')}"
+        else:
+            refusal = topic.subscribe(self, fields)
+        if refusal:
+            self.finish(header_bytes({"error": refusal}))
+        else:
+            self._topic = topic
+
+    def _parse_nothing(self, data: memoryview) -> int:
+        raise SubscriberError("it sends though it subscribes")
+
+    def _parse_http(self, data: memoryview) -> int:
+        message = http_message(data, 0)
+        if message is None or len(data) < message.end:
+            return 0
+        self._timer.cancel()
+        body = self._node.api.answer(bytes(data[message.start : message.end]))
+        response = http_response(body, message.keep_alive)
+        if message.keep_alive:
+            self.send(response)
+        else:
+            self.finish(response)
+        return message.end

@@ -1,0 +1,61 @@
+"""Names to addresses without waiting: look-ups run in one thread of their own, started when first needed."""
+
+import queue
+import socket
+import threading
+import time
+from collections.abc import Callable
+
+from rocon_gateway.adapters.relay.reactor import Reactor
+
+LIFETIME = 30.0
+"""How long an answer is used [s]."""
+
+Found = Callable[[str], None]
+Failed = Callable[[str], None]
+
+
+class Resolver:
+    """Finds the IPv4 address of a host. Its method belongs to the reactor's thread, and so do the answers."""
+
+    def __init__(self, reactor: Reactor) -> None:
+        self._reactor = reactor
+        self._known: dict[str, tuple[float, str]] = {}
+        self._questions: queue.SimpleQueue[tuple[str, Found, Failed]] = queue.SimpleQueue()
+        self._thread: threading.Thread | None = None
+
+    def resolve(self, host: str, found: Found, failed: Failed) -> None:
+        """Calls `found` with a numeric address, at once where that is possible, or `failed` with a sentence."""
+        address = self._at_once(host)
+        if address:
+            found(address)
+            return
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._run, name="relay-resolver", daemon=True)
+            self._thread.start()
+        self._questions.put((host, found, failed))
+
+    def _at_once(self, host: str) -> str:
+        if host == "localhost":
+            return "127.0.0.1"
+        try:
+            socket.inet_aton(host)
+        except OSError:
+            until, address = self._known.get(host, (0.0, ""))
+            return address if time.monotonic() < until else ""
+        return host
+
+    def _run(self) -> None:
+        while True:
+            host, found, failed = self._questions.get()
+            try:
+                answers = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)
+                address = str(answers[0][4][0])
+                self._reactor.call(lambda h=host, a=address, f=found: self._remember(h, a, f))
+            except (OSError, UnicodeError) as error:
+                reason = f"the name {host} cannot be resolved: {getattr(error, 'strerror', None) or error}"
+                self._reactor.call(lambda f=failed, r=reason: f(r))
+
+    def _remember(self, host: str, address: str, found: Found) -> None:
+        self._known[host] = (time.monotonic() + LIFETIME, address)
+        found(address)

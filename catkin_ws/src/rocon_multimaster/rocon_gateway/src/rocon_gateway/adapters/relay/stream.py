@@ -1,0 +1,251 @@
+"""A non-blocking TCP connection in the reactor: what arrives is parsed in place, what leaves may wait in a backlog."""
+
+import errno
+import os
+import select
+import socket
+from collections.abc import Callable
+
+from rocon_gateway.adapters.relay.reactor import Reactor
+from rocon_gateway.core.backlog import Backlog
+from rocon_gateway.core.connection import RelayError
+from rocon_gateway.core.frame import Chunk
+
+_IN, _OUT = select.EPOLLIN, select.EPOLLOUT
+_EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+_FAILED = select.EPOLLERR | select.EPOLLHUP
+
+Parse = Callable[[memoryview], int]
+"""Takes what has arrived and returns how many bytes it is done with; raises RelayError for what is malformed."""
+
+
+class Stream:
+    """One connection.
+
+    Subclasses set `parse` and may override `connected`, `closed` and `left`.
+
+    Attributes:
+        backlog: what waits to be sent.
+        peer: the other end, for log lines.
+        parse: gets what has arrived, again and again while it takes something and there is more.
+        is_closed: whether `close` was called.
+    """
+
+    def __init__(self, reactor: Reactor, sock: socket.socket, peer: str) -> None:
+        self.backlog = Backlog(1, 0)
+        self.peer = peer
+        self.parse: Parse = len
+        self.is_closed = False
+        self._reactor = reactor
+        self._socket = sock
+        self._kept = b""
+        self._connecting = False
+        self._finishing = False
+        self._events = _IN
+        sock.setblocking(False)
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        reactor.add(sock.fileno(), self, _IN)
+
+    def connect(self, host: str, port: int) -> None:
+        """Dials a numeric address; `connected` or `closed` follows."""
+        self._connecting = True
+        self._watch(_OUT)
+        try:
+            self._socket.connect((host, port))
+        except BlockingIOError:
+            pass
+        except (OSError, OverflowError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            self._reactor.call(lambda: self.close(reason))
+
+    def connected(self) -> None:
+        """Called once a dialled connection stands."""
+
+    def closed(self, reason: str) -> None:
+        """Called once, after the connection has ended for whatever reason."""
+
+    def left(self) -> None:
+        """See `core.fanout.Outlet`."""
+
+    def ready(self, events: int) -> None:
+        """See `reactor.Handler`."""
+        if self._connecting:
+            self._finish_connecting()
+            return
+        if events & _OUT:
+            self.flush()
+        if events & (_IN | _FAILED) and not self.is_closed:
+            self._receive()
+
+    def push(self, chunk: Chunk) -> None:
+        """See `core.fanout.Outlet`."""
+        direct = self.backlog.direct(chunk)
+        if direct is None:
+            self.backlog.queue(chunk)
+            return
+        try:
+            count = self._socket.send(direct) if direct else 0
+        except BlockingIOError:
+            count = 0
+        except OSError as error:
+            self.close(error.strerror)
+            return
+        self.backlog.sent(chunk, count)
+        self._watch_output()
+
+    def send(self, data: bytes) -> None:
+        """Sends bytes that are never dropped, after everything that waits."""
+        self.backlog.insert(data)
+        self.flush()
+
+    def finish(self, data: bytes) -> None:
+        """Sends the last bytes and closes once they are out; what arrives from now on is ignored."""
+        self._finishing = True
+        self.parse = len
+        self.send(data)
+
+    def flush(self) -> None:
+        """See `core.fanout.Outlet`."""
+        if self.is_closed or self._connecting:
+            return
+        try:
+            while buffers := self.backlog.batch():
+                self.backlog.advance(self._socket.sendmsg(buffers))
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            self.close(error.strerror)
+            return
+        if self._finishing and self.backlog.is_empty:
+            self.close("")
+        else:
+            self._watch_output()
+
+    def close(self, reason: str) -> None:
+        """Ends the connection; a second call does nothing."""
+        if self.is_closed:
+            return
+        self.is_closed = True
+        self._reactor.remove(self._socket.fileno())
+        self._socket.close()
+        self.closed(reason)
+
+    @property
+    def rest(self) -> bytes:
+        """What arrived last and was not taken by `parse`."""
+        return self._kept
+
+    def _finish_connecting(self) -> None:
+        error = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if error:
+            self.close(os.strerror(error))
+            return
+        self._connecting = False
+        self._watch(_IN)
+        self.connected()
+        self.flush()
+
+    def _receive(self) -> None:
+        buffer, kept = self._reactor.buffer, len(self._kept)
+        if kept:
+            buffer[:kept] = self._kept
+        try:
+            count = self._socket.recv_into(buffer[kept:])
+        except BlockingIOError:
+            return
+        except OSError as error:
+            self.close(error.strerror)
+            return
+        if not count:
+            self.close("")
+            return
+        self._kept = b""
+        self._parse_all(buffer[: kept + count])
+
+    def _parse_all(self, data: memoryview) -> None:
+        try:
+            while data and not self.is_closed and (done := self.parse(data)):
+                data = data[done:]
+        except RelayError as error:
+            self.close(f"malformed: {error}")
+        if self.is_closed:
+            return
+        if len(data) >= len(self._reactor.buffer) // 2:
+            self.close("malformed: too much without an end")
+        else:
+            self._kept = bytes(data)
+
+    def _watch_output(self) -> None:
+        if not self.is_closed:
+            self._watch(_IN if self.backlog.is_empty else _IN | _OUT)
+
+    def _watch(self, events: int) -> None:
+        if events != self._events:
+            self._events = events
+            self._reactor.change(self._socket.fileno(), events)
+
+
+def dialled_socket() -> socket.socket:
+    """Returns a socket to dial with."""
+    return socket.socket(socket.AF_INET, socket.SOCK_STREAM | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC)
+
+
+def watch_liveness(sock: socket.socket) -> None:
+    """Has the kernel end the connection when its peer has acknowledged nothing for eight seconds.
+
+    An idle connection is probed every two seconds; bytes that the peer's machine does not acknowledge, or that
+    the peer does not read, end it after seven. This costs the process no wake-up.
+    """
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 2)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 2)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPCNT, 3)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 7000)
+
+
+class Listener:
+    """A listening socket in the reactor.
+
+    Attributes:
+        port: its port.
+    """
+
+    def __init__(
+        self, reactor: Reactor, host: str, port: int, accepted: Callable[[socket.socket, str], None], backlog: int = 128
+    ) -> None:
+        self._reactor = reactor
+        self._accepted = accepted
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            self._socket.bind((host, port))
+        except OSError:
+            self._socket.close()
+            raise
+        self._socket.listen(backlog)
+        self.port = int(self._socket.getsockname()[1])
+
+    def start(self) -> None:
+        """Begins to accept."""
+        self._reactor.add(self._socket.fileno(), self, _IN)
+
+    def ready(self, events: int) -> None:
+        """See `reactor.Handler`."""
+        try:
+            sock, address = self._socket.accept()
+        except OSError as error:
+            if error.errno in _EXHAUSTED:  # epoll would say it again at once, for ever
+                self._reactor.change(self._socket.fileno(), 0)
+                self._reactor.call_later(1.0, self._resume)
+            return
+        self._accepted(sock, f"{address[0]}:{address[1]}")
+
+    def close(self, reason: str) -> None:
+        """Stops listening; a second call does nothing."""
+        if self._socket.fileno() >= 0:
+            self._reactor.remove(self._socket.fileno())
+            self._socket.close()
+
+    def _resume(self) -> None:
+        if self._socket.fileno() >= 0:
+            self._reactor.change(self._socket.fileno(), _IN)

@@ -1,0 +1,128 @@
+"""One stream of frames in, any number of receivers out, and what a latched topic owes to newcomers."""
+
+from typing import Protocol
+
+from rocon_gateway.core.backlog import Backlog
+from rocon_gateway.core.frame import Chunk, FrameSplitter
+
+
+class Outlet(Protocol):
+    """A receiver of frames."""
+
+    backlog: Backlog
+
+    def push(self, chunk: Chunk) -> None:
+        """Sends or queues a chunk."""
+
+    def flush(self) -> None:
+        """Sends what waits, as far as the receiver takes it."""
+
+    def left(self) -> None:
+        """Called when the frame that was under way at `Fanout.leave` has gone out whole."""
+
+    def close(self, reason: str) -> None:
+        """Ends the connection."""
+
+
+class Fanout:
+    """Passes frames on as they come, cut where the reads cut them.
+
+    Attributes:
+        messages: whole messages that came in.
+        bytes: their bytes, lengths included.
+        latching: whether the source's last message is kept for newcomers.
+    """
+
+    def __init__(self, max_message_size: int) -> None:
+        self.messages = 0
+        self.bytes = 0
+        self.latching = False
+        self._max_message_size = max_message_size
+        self._splitter = FrameSplitter(max_message_size)
+        self._outlets: list[Outlet] = []
+        self._leaving: list[Outlet] = []
+        self._last: memoryview | None = None
+        self._partial: list[memoryview] = []
+
+    def __len__(self) -> int:
+        return len(self._outlets) + len(self._leaving)
+
+    def feed(self, data: memoryview) -> int:
+        """Passes on what arrived and returns how many bytes of it are done with.
+
+        The rest is to be given once more at the beginning of the next data, or is a control frame.
+
+        Raises:
+            FrameError: a message is longer than allowed.
+        """
+        chunk = self._splitter.split(data)
+        size = len(chunk.data)
+        if size:
+            self.messages += chunk.ended
+            self.bytes += size
+            if self.latching:
+                self._keep(chunk)
+            for outlet in tuple(self._outlets):
+                outlet.push(chunk)
+            if self._leaving:
+                self._finish_leaving(chunk)
+        return size
+
+    def join(self, outlet: Outlet) -> None:
+        """Adds a receiver: of a latched topic it gets the last message first, then whatever comes."""
+        if self._last is not None:
+            outlet.backlog.insert(self._last.tobytes())
+        partial = memoryview(b"".join(self._partial)) if self._partial else None
+        outlet.backlog.begin(partial, self._splitter.remaining > 0)
+        self._outlets.append(outlet)
+        outlet.flush()
+
+    def remove(self, outlet: Outlet) -> None:
+        """Removes a receiver whose connection has ended; one that is not there is no error."""
+        for outlets in (self._outlets, self._leaving):
+            if outlet in outlets:
+                outlets.remove(outlet)
+
+    def leave(self, outlet: Outlet) -> None:
+        """Removes a receiver whose connection goes on; its `left` is called at the end of the frame under way to it."""
+        if outlet in self._outlets:
+            self._outlets.remove(outlet)
+            if not outlet.backlog.abandon():
+                self._leaving.append(outlet)
+                return
+        outlet.left()
+
+    def begin(self, latching: bool) -> None:
+        """Expects the messages of a source anew, between two frames; forgets the last one of before."""
+        self.latching = latching
+        self._last = None
+
+    def restart(self) -> None:
+        """Forgets the stream: its source is gone. A receiver to which half a message went is closed."""
+        self._splitter = FrameSplitter(self._max_message_size)
+        self._last = None
+        self._partial.clear()
+        for outlet in (*self._outlets, *self._leaving):
+            if not outlet.backlog.abandon():
+                outlet.close("its source ended within a message")
+
+    def _finish_leaving(self, chunk: Chunk) -> None:
+        last = Chunk(chunk.data[: chunk.head], chunk.head, chunk.head_ends, chunk.head, int(chunk.head_ends))
+        for outlet in tuple(self._leaving):
+            outlet.push(last)
+            if last.head_ends and outlet in self._leaving:
+                self._leaving.remove(outlet)
+                outlet.left()
+
+    def _keep(self, chunk: Chunk) -> None:
+        if chunk.head:
+            self._partial.append(chunk.stable[: chunk.head])
+        if not chunk.head_ends:
+            return
+        if chunk.head:
+            self._last = memoryview(b"".join(self._partial))
+            self._partial.clear()
+        for start, stop in chunk.frames():
+            self._last = chunk.stable[start:stop]
+        if chunk.tail < len(chunk.data):
+            self._partial.append(chunk.stable[chunk.tail :])
