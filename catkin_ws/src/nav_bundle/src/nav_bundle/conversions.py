@@ -13,8 +13,10 @@ from typing import Any, Self
 import numpy as np
 from geometry_msgs.msg import Point, PoseStamped, Quaternion
 from geometry_msgs.msg import Pose as PoseMessage
-from nav_msgs.msg import MapMetaData, OccupancyGrid
+from map_msgs.msg import OccupancyGridUpdate
+from nav_msgs.msg import MapMetaData, OccupancyGrid, Path
 from nav_msgs.srv import GetMap, GetMapResponse, SetMap, SetMapRequest
+from numpy.typing import NDArray
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Header
 
@@ -145,3 +147,54 @@ def message_from_grid(grid: Grid, frame: str, stamp: Any, load_time: Any | None 
     """
     info = MapMetaData(load_time or stamp, grid.resolution, grid.cols, grid.rows, message_from_pose(grid.origin))
     return GridMessage(Header(0, stamp, stripped(frame)), info, grid.cells.reshape(-1))
+
+
+class GridUpdateMessage(OccupancyGridUpdate):  # type: ignore[misc]
+    """An OccupancyGridUpdate whose ``data`` may be an int8 array when it is written. For publishers."""
+
+    def serialize(self, buff: io.BytesIO) -> None:
+        """Writes the message; ``data`` may be any sequence of int8."""
+        cells = np.asarray(self.data, np.int8)
+        self.data, kept = (), self.data
+        try:
+            super().serialize(buff)
+        finally:
+            self.data = kept
+        buff.seek(-4, io.SEEK_CUR)
+        buff.write(struct.pack("<I", cells.size))
+        buff.write(cells.tobytes())
+
+
+class PathMessage(Path):  # type: ignore[misc]
+    """A Path written from an array, because a PoseStamped object for each of hundreds of poses costs milliseconds.
+
+    Attributes:
+        track: poses (x, y [m], yaw [rad]), float64, shape (n, 3), in the header's frame and at its stamp.
+    """
+
+    def __init__(self, *args: Any, **fields: Any) -> None:
+        super().__init__(*args, **fields)
+        self.track = np.empty((0, 3))
+
+    def serialize(self, buff: io.BytesIO) -> None:
+        """Writes the header and the track's poses."""
+        super().serialize(buff)
+        buff.seek(-4, io.SEEK_CUR)
+        buff.write(struct.pack("<I", len(self.track)))
+        frame = self.header.frame_id.encode()
+        head = [("seq", "<u4"), ("secs", "<u4"), ("nsecs", "<u4"), ("length", "<u4")]
+        records = np.zeros(len(self.track), np.dtype([*head, ("frame", f"V{len(frame)}"), ("pose", "<f8", 7)]))
+        records["secs"], records["nsecs"] = self.header.stamp.secs, self.header.stamp.nsecs
+        records["length"], records["frame"] = len(frame), np.void(frame)
+        records["pose"][:, :2] = self.track[:, :2]
+        records["pose"][:, 5] = np.sin(self.track[:, 2] / 2.0)
+        records["pose"][:, 6] = np.cos(self.track[:, 2] / 2.0)
+        buff.write(records.tobytes())
+
+
+def path_message(track: NDArray[np.float64], frame: str, stamp: Any) -> PathMessage:
+    """Returns ``track`` (n, 3) in ``frame`` at ``stamp`` (genpy.Time) as a nav_msgs/Path."""
+    message = PathMessage()
+    message.header = Header(0, stamp, stripped(frame))
+    message.track = track
+    return message

@@ -1,0 +1,43 @@
+"""Compiled kernels of kernels/navfn.py; array types, layouts and lengths are not checked at run time."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+def begin(
+    potential: NDArray[np.float32],
+    waiting: NDArray[np.uint8],
+    costs: NDArray[np.uint8],
+    weights: NDArray[np.int32],
+    queue: NDArray[np.int32],
+    counts: NDArray[np.int64],
+    limits: NDArray[np.float64],
+    row: int,
+    col: int,
+) -> None: ...
+def spread(
+    potential: NDArray[np.float32],
+    waiting: NDArray[np.uint8],
+    costs: NDArray[np.uint8],
+    weights: NDArray[np.int32],
+    queue: NDArray[np.int32],
+    counts: NDArray[np.int64],
+    limits: NDArray[np.float64],
+    goal_row: int,
+    goal_col: int,
+    pull: float,
+    budget: int,
+) -> int: ...
+def descend(
+    potential: NDArray[np.float32],
+    path: NDArray[np.float64],
+    row: int,
+    col: int,
+    source_row: int,
+    source_col: int,
+) -> int: ...
+def nearest_reached(
+    potential: NDArray[np.float32],
+    row: int,
+    col: int,
+    tolerance: float,
+) -> int: ...

@@ -1,0 +1,73 @@
+"""The robot's outline on the ground."""
+
+import json
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle.core.error import NavigationError
+from nav_bundle.core.pose import Pose
+
+_CIRCLE_VERTICES = 16
+
+
+class FootprintError(NavigationError):
+    """A footprint that is no polygon."""
+
+
+class Footprint:
+    """A polygon around the robot's origin.
+
+    Attributes:
+        vertices: float64, shape (n, 2) [m], in the robot's frame, n at least 3.
+        inscribed_radius: of the largest circle around the origin inside the polygon [m].
+        circumscribed_radius: of the smallest circle around the origin that holds the polygon [m].
+    """
+
+    def __init__(self, vertices: NDArray[np.float64], padding: float = 0.0) -> None:
+        self.vertices: NDArray[np.float64] = np.ascontiguousarray(vertices + np.sign(vertices) * padding, np.float64)
+        following = np.roll(self.vertices, -1, axis=0)
+        self.inscribed_radius = min(
+            _distance_to_segment(*first, *second) for first, second in zip(self.vertices, following, strict=True)
+        )
+        self.circumscribed_radius = float(np.hypot(self.vertices[:, 0], self.vertices[:, 1]).max())
+
+    def outline(self, pose: Pose) -> NDArray[np.float64]:
+        """Returns the vertices, shape (n, 2) [m], of the robot at ``pose``, in the pose's frame."""
+        cosine, sine = math.cos(pose.yaw), math.sin(pose.yaw)
+        x, y = self.vertices[:, 0], self.vertices[:, 1]
+        return np.stack([pose.x + cosine * x - sine * y, pose.y + sine * x + cosine * y], axis=1)
+
+
+def footprint_from_parameters(polygon: Any, robot_radius: float, padding: float) -> Footprint:
+    """Returns the footprint of costmap_2d's parameters: a polygon (list or its text), or a circle without one.
+
+    Raises:
+        FootprintError: fewer than three vertices, or something that is no list of pairs of numbers.
+    """
+    if polygon in (None, "", [], "[]"):
+        angles = np.arange(_CIRCLE_VERTICES) * (math.tau / _CIRCLE_VERTICES)
+        return Footprint(robot_radius * np.stack([np.cos(angles), np.sin(angles)], axis=1), padding)
+    return Footprint(_vertices(polygon), padding)
+
+
+def _vertices(polygon: str | Sequence[Any]) -> NDArray[np.float64]:
+    try:
+        listed = json.loads(polygon) if isinstance(polygon, str) else polygon
+        vertices = np.array(listed, np.float64)
+    except (ValueError, TypeError) as error:
+        raise FootprintError(f"footprint must be a list of [x, y] pairs, not {polygon!r}") from error
+    if vertices.ndim != 2 or vertices.shape[1] != 2 or len(vertices) < 3 or not np.isfinite(vertices).all():
+        raise FootprintError(f"footprint must have at least three [x, y] vertices, not {polygon!r}")
+    return vertices
+
+
+def _distance_to_segment(x_0: float, y_0: float, x_1: float, y_1: float) -> float:
+    """Returns the distance from the origin to the segment."""
+    dx, dy = x_1 - x_0, y_1 - y_0
+    squared = dx * dx + dy * dy
+    along = 0.0 if squared == 0.0 else min(1.0, max(0.0, -(x_0 * dx + y_0 * dy) / squared))
+    return math.hypot(x_0 + along * dx, y_0 + along * dy)

@@ -1,0 +1,133 @@
+"""What a local planner is, and what every one of them does with the global plan."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle.core.costmap.costmap import Costmap
+from nav_bundle.core.error import NavigationError
+from nav_bundle.core.planner import Path
+from nav_bundle.core.pose import Pose
+
+_BEHIND = 1.0
+"""Plan points are dropped up to the first one this near [m] to the robot, as base_local_planner does."""
+
+
+class LocalPlannerError(NavigationError):
+    """There is no velocity that may be driven, and why."""
+
+
+@dataclass(frozen=True)
+class Velocity:
+    """A velocity in the robot's frame: forward and left [m/s], counter-clockwise [rad/s]."""
+
+    x: float = 0.0
+    y: float = 0.0
+    turn: float = 0.0
+
+
+STANDSTILL = Velocity()
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """What a local planner decides on.
+
+    Attributes:
+        costmap: the local costmap.
+        pose: the robot's, in the local costmap's frame.
+        velocity: the robot's, measured.
+        local_from_global: pose of the global plan's frame in the local costmap's frame.
+    """
+
+    costmap: Costmap
+    pose: Pose
+    velocity: Velocity
+    local_from_global: Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """What to drive now, and why.
+
+    Attributes:
+        velocity: the command.
+        reached: the goal is reached; the command is to stand still.
+        local_plan: poses (n, 3) the command leads through, in the local frame; empty when there is none.
+        global_plan: the part of the plan (n, 3) in the local costmap, in the local frame.
+    """
+
+    velocity: Velocity = STANDSTILL
+    reached: bool = False
+    local_plan: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    global_plan: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+
+
+class LocalPlanner(Protocol):
+    """Turns a global plan into velocities, cycle by cycle."""
+
+    def set_plan(self, plan: Path) -> None:
+        """Takes a new plan, in the global frame, and begins to follow it."""
+        ...
+
+    def decide(self, situation: Situation) -> Decision:
+        """Returns what to drive now.
+
+        Raises:
+            LocalPlannerError: nothing may be driven.
+        """
+        ...
+
+
+class Route:
+    """A global plan under way: what of it still lies ahead and in the local costmap."""
+
+    def __init__(self, plan: Path) -> None:
+        self.plan = plan
+        self._first = 0
+
+    @property
+    def goal(self) -> Pose:
+        """The plan's last pose, in the plan's frame."""
+        x, y, yaw = (float(value) for value in self.plan[-1])
+        return Pose(x, y, yaw)
+
+    def ahead(self, situation: Situation, prune: bool) -> NDArray[np.float64]:
+        """Returns the plan's poses (n, 3) in the local frame, from the first to the last within the costmap's reach.
+
+        With ``prune`` the poses that lie behind are forgotten for good.
+
+        Raises:
+            LocalPlannerError: no pose of the plan lies within reach.
+        """
+        place = situation.costmap.geometry
+        reach = max(place.rows, place.cols) * place.resolution / 2.0
+        robot = situation.local_from_global.inverse().compose(situation.pose)
+        distance = np.hypot(self.plan[self._first :, 0] - robot.x, self.plan[self._first :, 1] - robot.y)
+        near = distance <= reach
+        if not near.any():
+            raise LocalPlannerError("Received plan with zero length: the global plan does not pass the robot")
+        begin = int(near.argmax())
+        end = begin + (len(near) - begin if near[begin:].all() else int(near[begin:].argmin()))
+        if prune:
+            behind = distance[begin:end] < _BEHIND
+            if behind.any():
+                begin += int(behind.argmax())
+            part = self.plan[self._first + begin : self._first + end]
+            self._first += begin
+        else:
+            part = self.plan[self._first + begin : self._first + end]
+        return transformed(part, situation.local_from_global)
+
+
+def transformed(path: Path, transform: Pose) -> NDArray[np.float64]:
+    """Returns ``path`` (n, 3) in the parent frame of ``transform``; yaw is not normalised."""
+    cosine, sine = math.cos(transform.yaw), math.sin(transform.yaw)
+    moved = np.empty((len(path), 3))
+    moved[:, 0] = transform.x + cosine * path[:, 0] - sine * path[:, 1]
+    moved[:, 1] = transform.y + sine * path[:, 0] + cosine * path[:, 1]
+    moved[:, 2] = path[:, 2] + transform.yaw
+    return moved

@@ -1,0 +1,290 @@
+"""What move_base does when: a pure state machine.
+
+``advance`` takes the state, what happened since the last cycle and the time, and returns the next
+state, the velocity to command (None: command nothing) and what the node has to do. Plans, costmaps
+and goals stay with the node; the machine knows only how they turned out.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from nav_bundle.core.local_planner import STANDSTILL, Velocity
+from nav_bundle.core.pose import Pose
+
+
+class Phase(Enum):
+    """What move_base is at."""
+
+    IDLE = "idle"
+    PLANNING = "planning"
+    CONTROLLING = "controlling"
+    CLEARING = "clearing"
+
+
+class Trigger(Enum):
+    """Why recovery began; the value is the text of the abort when no recovery is left (Noetic's)."""
+
+    PLANNING = "Failed to find a valid plan. Even after executing recovery behaviors."
+    CONTROLLING = "Failed to find a valid control. Even after executing recovery behaviors."
+    OSCILLATION = "Robot is oscillating. Even after executing recovery behaviors."
+
+
+class PlanOutcome(Enum):
+    """How the search for a plan stands."""
+
+    NONE = "none"
+    FOUND = "found"
+    FAILED = "failed"
+
+
+class Outcome(Enum):
+    """How a goal ended."""
+
+    SUCCEEDED = "succeeded"
+    ABORTED = "aborted"
+    PREEMPTED = "preempted"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The parameters that decide: times [s], frequencies [Hz], distances [m].
+
+    ``max_planning_retries`` below 0 and ``oscillation_timeout`` 0 mean without limit;
+    ``planner_frequency`` 0 means plan once a goal and whenever control fails.
+    """
+
+    planner_frequency: float = 0.0
+    planner_patience: float = 5.0
+    controller_patience: float = 15.0
+    max_planning_retries: int = -1
+    oscillation_timeout: float = 0.0
+    oscillation_distance: float = 0.5
+    recoveries: int = 0
+
+    @property
+    def planning_period(self) -> float:
+        """Time from one plan to the next while the robot drives [s]; infinite without a frequency."""
+        return 1.0 / self.planner_frequency if self.planner_frequency > 0.0 else math.inf
+
+
+@dataclass(frozen=True)
+class State:
+    """Where move_base stands between two cycles; times in [s] of ROS time."""
+
+    phase: Phase = Phase.IDLE
+    plan_due: float = math.inf
+    last_valid_plan: float = 0.0
+    last_valid_control: float = 0.0
+    planning_retries: int = 0
+    last_oscillation_reset: float = 0.0
+    oscillation_pose: Pose | None = None
+    recovery_index: int = 0
+    recovering: bool = False
+    trigger: Trigger = Trigger.PLANNING
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What happened since the last cycle.
+
+    Attributes:
+        new_goal: a goal was accepted; it replaces the one under way.
+        cancel: the goal under way was cancelled.
+        pose: the robot's in the global frame, None when it is not known.
+        current: sensors, odometry and transforms are recent enough to drive on.
+        plan: how the search under way ended, if it did.
+        control: what the local planner wants, None when it found nothing to drive.
+        reached: the local planner says that the goal is reached.
+        recovery: what the recovery under way wants to drive.
+        recovered: the recovery under way has ended.
+    """
+
+    new_goal: bool = False
+    cancel: bool = False
+    pose: Pose | None = None
+    current: bool = True
+    plan: PlanOutcome = PlanOutcome.NONE
+    control: Velocity | None = None
+    reached: bool = False
+    recovery: Velocity | None = None
+    recovered: bool = False
+
+
+@dataclass(frozen=True)
+class StartPlanning:
+    """Begin a search for a plan to the goal."""
+
+
+@dataclass(frozen=True)
+class StopPlanning:
+    """Drop the search under way."""
+
+
+@dataclass(frozen=True)
+class FollowPlan:
+    """Hand the plan that was found to the local planner."""
+
+
+@dataclass(frozen=True)
+class StartRecovery:
+    """Begin the recovery behaviour of this index."""
+
+    index: int
+    trigger: Trigger
+
+
+@dataclass(frozen=True)
+class Finish:
+    """End the goal."""
+
+    outcome: Outcome
+    text: str
+
+
+@dataclass(frozen=True)
+class Warn:
+    """Tell the user."""
+
+    text: str
+
+
+Event = StartPlanning | StopPlanning | FollowPlan | StartRecovery | Finish | Warn
+Step = tuple[State, Velocity | None, tuple[Event, ...]]
+
+STALE_TEXT = "Sensor data is out of date, we're not going to allow commanding of the base for safety"
+
+
+def advance(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
+    """Returns the next state, the velocity to command (None: leave the base alone) and the events of one cycle."""
+    if inputs.new_goal:
+        return _begin(inputs, now)
+    if state.phase is Phase.IDLE:
+        return state, None, ()
+    if inputs.cancel:
+        return _finish(Outcome.PREEMPTED, "")
+    state = _watch_oscillation(state, inputs.pose, now, limits)
+    if not inputs.current:
+        return state, STANDSTILL, (Warn(STALE_TEXT),)
+    state, planned, events = _take_plan(state, inputs, now, limits)
+    if planned is not None:
+        return state, planned, events
+    state, command, more = _PHASES[state.phase](state, inputs, now, limits)
+    state, request = _request_plan(state, now)
+    return state, command, events + more + request
+
+
+def _begin(inputs: Inputs, now: float) -> Step:
+    """Starts on a new goal: the robot stands until there is a plan to it."""
+    state = State(
+        phase=Phase.PLANNING,
+        last_valid_plan=now,
+        last_valid_control=now,
+        last_oscillation_reset=now,
+        oscillation_pose=inputs.pose,
+    )
+    return state, STANDSTILL, (StopPlanning(), StartPlanning())
+
+
+def _finish(outcome: Outcome, text: str) -> Step:
+    return State(), STANDSTILL, (StopPlanning(), Finish(outcome, text))
+
+
+def _watch_oscillation(state: State, pose: Pose | None, now: float, limits: Limits) -> State:
+    """Notes that the robot got on, if it moved by ``oscillation_distance``."""
+    if pose is None:
+        return state
+    if state.oscillation_pose is not None and pose.distance(state.oscillation_pose) < limits.oscillation_distance:
+        return state
+    index = 0 if state.trigger is Trigger.OSCILLATION else state.recovery_index
+    return replace(state, last_oscillation_reset=now, oscillation_pose=pose, recovery_index=index)
+
+
+def _request_plan(state: State, now: float) -> tuple[State, tuple[Event, ...]]:
+    """Asks for a plan when one is due; the next is due when this one has turned out."""
+    if now < state.plan_due or state.phase not in (Phase.PLANNING, Phase.CONTROLLING):
+        return state, ()
+    return replace(state, plan_due=math.inf), (StartPlanning(),)
+
+
+def _take_plan(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
+    """Takes the search's outcome; a velocity in the step means that the cycle ends here."""
+    if state.phase not in (Phase.PLANNING, Phase.CONTROLLING) or inputs.plan is PlanOutcome.NONE:
+        return state, None, ()
+    if inputs.plan is PlanOutcome.FAILED:
+        return _planning_failed(state, now, limits)
+    started = state.phase is Phase.PLANNING
+    state = replace(
+        state,
+        phase=Phase.CONTROLLING,
+        last_valid_plan=now,
+        planning_retries=0,
+        plan_due=now + limits.planning_period,
+        recovery_index=0 if state.trigger is Trigger.PLANNING else state.recovery_index,
+    )
+    return state, STANDSTILL if started else None, (FollowPlan(),)
+
+
+def _planning_failed(state: State, now: float, limits: Limits) -> Step:
+    """Tries again, until patience or retries end; a robot under way goes on with the plan it has."""
+    period = limits.planning_period if math.isfinite(limits.planning_period) else 0.0
+    if state.phase is Phase.CONTROLLING:
+        return replace(state, plan_due=now + limits.planning_period), None, ()
+    retries = state.planning_retries + 1
+    state = replace(state, planning_retries=retries, plan_due=now + period)
+    exhausted = 0 <= limits.max_planning_retries < retries
+    if exhausted or now > state.last_valid_plan + limits.planner_patience:
+        return _clear(state, Trigger.PLANNING)
+    return state, None, ()
+
+
+def _clear(state: State, trigger: Trigger) -> Step:
+    """Stops the robot and goes over to recovery."""
+    state = replace(state, phase=Phase.CLEARING, trigger=trigger, recovering=False, plan_due=math.inf)
+    return state, STANDSTILL, (StopPlanning(),)
+
+
+def _plan_phase(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
+    return state, None, ()
+
+
+def _control_phase(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
+    if inputs.reached:
+        return _finish(Outcome.SUCCEEDED, "Goal reached.")
+    waited = now - state.last_oscillation_reset
+    if 0.0 < limits.oscillation_timeout < waited:
+        return _clear(state, Trigger.OSCILLATION)
+    if inputs.control is not None:
+        index = 0 if state.trigger is Trigger.CONTROLLING else state.recovery_index
+        return replace(state, last_valid_control=now, recovery_index=index), inputs.control, ()
+    if now > state.last_valid_control + limits.controller_patience:
+        return _clear(state, Trigger.CONTROLLING)
+    state = replace(state, phase=Phase.PLANNING, last_valid_plan=now, planning_retries=0, plan_due=now)
+    return state, STANDSTILL, (StopPlanning(),)
+
+
+def _clearing_phase(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
+    if not state.recovering:
+        if state.recovery_index >= limits.recoveries:
+            return _finish(Outcome.ABORTED, state.trigger.value)
+        return replace(state, recovering=True), None, (StartRecovery(state.recovery_index, state.trigger),)
+    if not inputs.recovered:
+        return state, inputs.recovery, ()
+    state = replace(
+        state,
+        phase=Phase.PLANNING,
+        recovering=False,
+        recovery_index=state.recovery_index + 1,
+        last_oscillation_reset=now,
+        last_valid_plan=now,
+        planning_retries=0,
+        plan_due=now,
+    )
+    return state, STANDSTILL, ()
+
+
+_PHASES = {
+    Phase.PLANNING: _plan_phase,
+    Phase.CONTROLLING: _control_phase,
+    Phase.CLEARING: _clearing_phase,
+}

@@ -1,0 +1,159 @@
+"""The global planner NavfnROS: a potential over the costmap and the steepest way down it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle import _navfn
+from nav_bundle.core.costmap.cost import INSCRIBED, UNKNOWN
+from nav_bundle.core.costmap.costmap import Costmap
+from nav_bundle.core.costmap.layer import Geometry
+from nav_bundle.core.planner import GoalOutsideError, NoPathError, Path, StartOutsideError
+from nav_bundle.core.pose import Pose
+
+NEUTRAL_COST = 50
+"""What a free cell costs."""
+COST_FACTOR = 0.8
+"""What a unit of costmap cost adds."""
+HIGHEST_COST = 253
+"""What the dearest cell that may be crossed costs."""
+
+_BLOCKED = -1
+# How far apart the wave's urgency bands lie; two steps over free ground, as in navfn, give the best speed at four.
+_BAND = 4.0 * NEUTRAL_COST
+_FAR = 1.0e10
+_RUNNING, _DONE, _FULL = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class NavfnConfig:
+    """Parameters under ``~NavfnROS``.
+
+    ``planner_window_x``, ``planner_window_y`` and ``visualize_potential`` are taken and change nothing.
+    """
+
+    allow_unknown: bool = True
+    default_tolerance: float = 0.0
+    visualize_potential: bool = False
+    planner_window_x: float = 0.0
+    planner_window_y: float = 0.0
+
+
+def weights(allow_unknown: bool) -> NDArray[np.int32]:
+    """Returns what crossing a cell adds, by its cost; negative where nothing may pass. Shape (256,)."""
+    table = np.minimum(NEUTRAL_COST + COST_FACTOR * np.arange(256), HIGHEST_COST).astype(np.int32)
+    table[INSCRIBED:] = _BLOCKED
+    table[UNKNOWN] = HIGHEST_COST if allow_unknown else _BLOCKED
+    return table
+
+
+class NavfnPlanner:
+    """Plans as navfn does: cells weigh ``50 + 0.8 cost``, so paths keep off walls as far as inflation reaches.
+
+    The wave starts at the robot, so that the nearest reachable place within the tolerance is known
+    when the goal itself is blocked. Unlike navfn, a robot whose centre stands in an inscribed cell
+    may leave it: the inscribed cells within its inscribed radius can be crossed, at the highest cost.
+    """
+
+    def __init__(self, config: NavfnConfig) -> None:
+        self.config = config
+        self._weights = weights(config.allow_unknown)
+
+    def search(self, costmap: Costmap, start: Pose, goal: Pose, tolerance: float | None = None) -> "NavfnSearch":
+        """Begins a search on a copy of the costmap's cells; see ``planner.GlobalPlanner``."""
+        place = costmap.geometry
+        start_cell, goal_cell = _cell(place, start), _cell(place, goal)
+        if not _inside(place, start_cell):
+            raise StartOutsideError(
+                "The robot's start position is off the global costmap. Planning will always fail, "
+                "are you sure the robot has been properly localized?"
+            )
+        if not _inside(place, goal_cell):
+            raise GoalOutsideError(
+                "The goal sent to the navfn planner is off the global costmap. Planning will always fail to this goal."
+            )
+        costs = costmap.snapshot()
+        _open_around(costs, start_cell, costmap.footprint.inscribed_radius / place.resolution)
+        reach = self.config.default_tolerance if tolerance is None else tolerance
+        return NavfnSearch(costs, Geometry(**vars(place)), start_cell, goal_cell, goal, reach, self._weights)
+
+
+class NavfnSearch:
+    """One search; its wave goes on where the last call left it."""
+
+    def __init__(
+        self,
+        costs: NDArray[np.uint8],
+        geometry: Geometry,
+        start: tuple[int, int],
+        goal_cell: tuple[int, int],
+        goal: Pose,
+        tolerance: float,
+        weight: NDArray[np.int32],
+    ) -> None:
+        self._costs, self._geometry, self._weights = costs, geometry, weight
+        self._start, self._goal_cell, self._goal = start, goal_cell, goal
+        self._tolerance = tolerance
+        self.potential: NDArray[np.float32] = np.empty(costs.shape, np.float32)
+        self._waiting = np.empty(costs.shape, np.uint8)
+        self._queue = np.empty((3, 4096 + 16 * sum(costs.shape)), np.int32)
+        self._counts = np.zeros(3, np.int64)
+        self._limits = np.array([0.0, _BAND])
+        _navfn.begin(self.potential, self._waiting, costs, weight, self._queue, self._counts, self._limits, *start)
+
+    def advance(self, budget: int) -> Path | None:
+        """Looks at about ``budget`` more cells; see ``planner.Search``."""
+        while (status := self._spread(budget)) == _FULL:
+            self._queue = np.concatenate([self._queue, np.empty_like(self._queue)], axis=1)
+        return self._path() if status == _DONE else None
+
+    def _spread(self, budget: int) -> int:
+        fields = (self.potential, self._waiting, self._costs, self._weights, self._queue, self._counts, self._limits)
+        return int(_navfn.spread(*fields, *self._goal_cell, 0.0, budget))
+
+    def _path(self) -> Path:
+        """Returns the path from the robot to the goal, or to the nearest reached place within the tolerance."""
+        exact = self.potential[self._goal_cell] < _FAR
+        end = self._goal_cell if exact else self._nearest()
+        steps = np.empty((4 * sum(self.potential.shape) + self.potential.size // 8, 2), np.float64)
+        count = _navfn.descend(self.potential, steps, *end, *self._start)
+        if count == 0 and end != self._start:
+            raise NoPathError("Failed to get a plan from potential when a legal potential was found.")
+        return self._poses(steps[:count][::-1], exact)
+
+    def _nearest(self) -> tuple[int, int]:
+        cell = _navfn.nearest_reached(self.potential, *self._goal_cell, self._tolerance / self._geometry.resolution)
+        if cell < 0:
+            raise NoPathError("Failed to get a plan.")
+        row, col = divmod(int(cell), self._geometry.cols)
+        return row, col
+
+    def _poses(self, cells: NDArray[np.float64], exact: bool) -> Path:
+        """Returns the points of ``cells`` (row, col) with yaw 0 as navfn has it, the last with the goal's heading."""
+        place = self._geometry
+        path = np.zeros((max(len(cells), 1), 3))
+        path[: len(cells), 0] = place.origin_x + (cells[:, 1] + 0.5) * place.resolution
+        path[: len(cells), 1] = place.origin_y + (cells[:, 0] + 0.5) * place.resolution
+        if exact or not len(cells):
+            path[-1, :2] = self._goal.x, self._goal.y
+        path[-1, 2] = self._goal.yaw
+        return path
+
+
+def _cell(place: Geometry, pose: Pose) -> tuple[int, int]:
+    return place.row_of(pose.y), place.col_of(pose.x)
+
+
+def _inside(place: Geometry, cell: tuple[int, int]) -> bool:
+    return 0 <= cell[0] < place.rows and 0 <= cell[1] < place.cols
+
+
+def _open_around(costs: NDArray[np.uint8], cell: tuple[int, int], radius: float) -> None:
+    """Makes the inscribed cells within ``radius`` [cells] passable at the highest price."""
+    reach = int(np.ceil(radius))
+    rows = np.arange(max(cell[0] - reach, 0), min(cell[0] + reach + 1, costs.shape[0]))
+    cols = np.arange(max(cell[1] - reach, 0), min(cell[1] + reach + 1, costs.shape[1]))
+    near = (rows[:, None] - cell[0]) ** 2 + (cols[None, :] - cell[1]) ** 2 <= radius * radius
+    part = costs[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
+    part[near & (part == INSCRIBED)] = INSCRIBED - 1

@@ -1,0 +1,194 @@
+"""Recovery behaviours: what move_base tries when planning or control fails."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from nav_bundle.core.costmap.costmap import Costmap
+from nav_bundle.core.local_planner import Velocity
+from nav_bundle.core.pose import Pose, angle_difference
+from pioneer_node.core.parameter import ParameterError, config_from_mapping
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What a recovery acts on: both costmaps, and the robot's pose in the frame of each."""
+
+    global_costmap: Costmap
+    global_pose: Pose
+    local_costmap: Costmap
+    local_pose: Pose
+
+
+class Recovery(Protocol):
+    """One behaviour, cycle by cycle.
+
+    ``name`` is its parameter namespace; ``complaint`` says why it ended early, if it did.
+    """
+
+    name: str
+    complaint: str
+
+    def start(self) -> None:
+        """Begins anew."""
+        ...
+
+    def step(self, around: Surroundings) -> Velocity | None:
+        """Acts; returns the velocity to drive, None once it has ended."""
+        ...
+
+
+@dataclass(frozen=True)
+class ClearConfig:
+    """Parameters of clear_costmap_recovery: side of the square that is kept [m], and which costmaps to clear.
+
+    ``layer_names`` is taken and changes nothing: every obstacle layer is cleared.
+    """
+
+    reset_distance: float = 3.0
+    invert_area_to_clear: bool = False
+    force_updating: bool = False
+    affected_maps: str = "both"
+    layer_names: Any = ()
+
+
+class ClearCostmapRecovery:
+    """Forgets the obstacles that sensors marked farther off than ``reset_distance`` / 2."""
+
+    def __init__(self, name: str, config: ClearConfig) -> None:
+        self.name, self.complaint = name, ""
+        self._config = config
+        if config.invert_area_to_clear:
+            raise ParameterError(f"~{name}/invert_area_to_clear true is not available")
+        if config.affected_maps not in ("local", "global", "both"):
+            raise ParameterError(f"~{name}/affected_maps must be local, global or both, not {config.affected_maps!r}")
+
+    def start(self) -> None:
+        """Has nothing to prepare."""
+
+    def step(self, around: Surroundings) -> Velocity | None:
+        """Clears and has ended."""
+        if self._config.affected_maps in ("global", "both"):
+            around.global_costmap.clear_outside(around.global_pose, self._config.reset_distance)
+        if self._config.affected_maps in ("local", "both"):
+            around.local_costmap.clear_outside(around.local_pose, self._config.reset_distance)
+        return None
+
+
+@dataclass(frozen=True)
+class RotateConfig:
+    """Parameters of rotate_recovery: angle between two looks [rad], speeds and acceleration [rad/s, rad/s**2]."""
+
+    sim_granularity: float = 0.017
+    frequency: float = 20.0
+    yaw_goal_tolerance: float = 0.10
+    acc_lim_th: float = 3.2
+    max_rotational_vel: float = 1.0
+    min_in_place_rotational_vel: float = 0.4
+
+
+_LOOSEST_TURN = 0.5
+
+
+class RotateRecovery:
+    """Turns once round to the left, as far as the footprint stays free, so that sensors see all around.
+
+    A goal tolerance wider than half a radian (3.15 means that a goal's heading does not matter) would
+    end the turn before it began; it counts as half a radian here.
+    """
+
+    def __init__(self, name: str, config: RotateConfig) -> None:
+        self.name, self.complaint = name, ""
+        self._config = config
+        self._tolerance = min(config.yaw_goal_tolerance, _LOOSEST_TURN)
+        self.start()
+
+    def start(self) -> None:
+        """Begins a new turn at whatever heading the robot has then."""
+        self.complaint = ""
+        self._begun: float | None = None
+        self._half_way = False
+
+    def step(self, around: Surroundings) -> Velocity | None:
+        """Returns the turning velocity, None after the turn or in front of an obstacle."""
+        yaw = around.local_pose.yaw
+        if self._begun is None:
+            self._begun = yaw
+        left = self._left(yaw)
+        if self._half_way and left < self._tolerance:
+            return None
+        if not self._is_free(around, left):
+            self.complaint = "Rotate recovery can't rotate in place because there is a potential collision."
+            return None
+        speed = math.sqrt(2.0 * self._config.acc_lim_th * left)
+        return Velocity(turn=min(max(speed, self._config.min_in_place_rotational_vel), self._config.max_rotational_vel))
+
+    def _left(self, yaw: float) -> float:
+        """Returns the angle that is still to turn [rad]."""
+        assert self._begun is not None
+        if not self._half_way:
+            to_half = angle_difference(self._begun + math.pi, yaw)
+            if abs(to_half) >= self._tolerance:
+                return math.pi + (to_half if to_half >= 0.0 else to_half + math.tau)
+            self._half_way = True
+        return abs(angle_difference(self._begun, yaw))
+
+    def _is_free(self, around: Surroundings, left: float) -> bool:
+        pose = around.local_pose
+        for i in range(math.ceil(left / self._config.sim_granularity)):
+            turned = Pose(pose.x, pose.y, pose.yaw + i * self._config.sim_granularity)
+            if around.local_costmap.footprint_cost(turned) < 0:
+                return False
+        return True
+
+
+_TYPES = {"ClearCostmapRecovery": ClearCostmapRecovery, "RotateRecovery": RotateRecovery}
+
+
+def recoveries_from_parameters(parameters: Mapping[str, Any], circumscribed_radius: float) -> list[Recovery]:
+    """Returns move_base's behaviours in order: those of ``recovery_behaviors``, else Noetic's four.
+
+    Raises:
+        ParameterError: a behaviour that is not {name, type}, an unknown type, or wrong parameters of one.
+    """
+    listed = parameters.get("recovery_behaviors")
+    if listed:
+        return [_recovery(parameters, entry, 3.0) for entry in listed]
+    clear, rotate = "clear_costmap_recovery/ClearCostmapRecovery", "rotate_recovery/RotateRecovery"
+    conservative = float(parameters.get("conservative_reset_dist", 3.0))
+    behaviours = [_recovery(parameters, {"name": "conservative_reset", "type": clear}, conservative)]
+    turn = [_recovery(parameters, {"name": "rotate_recovery", "type": rotate}, 0.0)]
+    turns = turn if parameters.get("clearing_rotation_allowed", True) else []
+    aggressive = _recovery(parameters, {"name": "aggressive_reset", "type": clear}, 4.0 * circumscribed_radius)
+    return [*behaviours, *turns, aggressive, *turns]
+
+
+def _recovery(parameters: Mapping[str, Any], entry: Any, reset_distance: float) -> Recovery:
+    try:
+        name, kind = entry["name"], str(entry["type"]).split("/")[-1]
+    except (KeyError, TypeError):
+        raise ParameterError(f"~recovery_behaviors needs entries of {{name, type}}, not {entry!r}") from None
+    own = dict(parameters.get(name, {}))
+    if kind == "ClearCostmapRecovery":
+        own.setdefault("reset_distance", reset_distance)
+        return ClearCostmapRecovery(name, config_from_mapping(ClearConfig, own, f"~{name}"))
+    if kind == "RotateRecovery":
+        return RotateRecovery(name, _rotate_config(parameters, own, name))
+    raise ParameterError(f"~recovery_behaviors: no such type {entry['type']!r}; there are {', '.join(_TYPES)}")
+
+
+def _rotate_config(parameters: Mapping[str, Any], own: Mapping[str, Any], name: str) -> RotateConfig:
+    """Returns the behaviour's parameters; the speeds stand in the local planner's namespace."""
+    planner = parameters.get("TrajectoryPlannerROS", {})
+    names = {
+        "yaw_goal_tolerance": "yaw_goal_tolerance",
+        "acc_lim_theta": "acc_lim_th",
+        "acc_lim_th": "acc_lim_th",
+        "max_vel_theta": "max_rotational_vel",
+        "max_rotational_vel": "max_rotational_vel",
+        "min_in_place_vel_theta": "min_in_place_rotational_vel",
+        "min_in_place_rotational_vel": "min_in_place_rotational_vel",
+    }
+    shared = {ours: planner[theirs] for theirs, ours in names.items() if theirs in planner}
+    return config_from_mapping(RotateConfig, {**shared, **own}, f"~{name}")

@@ -1,0 +1,102 @@
+"""Parameters of TrajectoryPlannerROS, under base_local_planner's names."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pioneer_node.core.parameter import ParameterError, config_from_mapping
+
+# Names that base_local_planner still takes, and what they are called now.
+_FORMER = {
+    "path_distance_bias": "pdist_scale",
+    "goal_distance_bias": "gdist_scale",
+    "acc_lim_th": "acc_lim_theta",
+    "backup_vel": "escape_vel",
+    "min_in_place_rotational_vel": "min_in_place_vel_theta",
+    "max_rotational_vel": "max_vel_theta",
+}
+
+
+@dataclass(frozen=True)
+class TrajectoryConfig:
+    """Defaults are those that take effect in Noetic: dynamic_reconfigure's, where both it and the code name one.
+
+    Speeds in [m/s] and [rad/s], accelerations in [m/s**2] and [rad/s**2], distances in [m], times in
+    [s]. ``stop_time_buffer``, ``simple_attractor``, ``heading_scoring``, ``heading_scoring_timestep``
+    and ``publish_cost_grid_pc`` are refused unless they ask for what is done anyway.
+    """
+
+    acc_lim_x: float = 2.5
+    acc_lim_y: float = 2.5
+    acc_lim_theta: float = 3.2
+    max_vel_x: float = 0.55
+    min_vel_x: float = 0.0
+    max_vel_theta: float = 1.0
+    min_vel_theta: float = -1.0
+    min_in_place_vel_theta: float = 0.4
+    escape_vel: float = -0.1
+    holonomic_robot: bool = False
+    xy_goal_tolerance: float = 0.10
+    yaw_goal_tolerance: float = 0.05
+    latch_xy_goal_tolerance: bool = False
+    sim_time: float = 1.7
+    sim_granularity: float = 0.025
+    angular_sim_granularity: float = 0.025
+    vx_samples: int = 20
+    vtheta_samples: int = 20
+    controller_frequency: float = 20.0
+    meter_scoring: bool = False
+    pdist_scale: float = 0.6
+    gdist_scale: float = 0.8
+    occdist_scale: float = 0.01
+    heading_lookahead: float = 0.325
+    dwa: bool = False
+    prune_plan: bool = True
+    oscillation_reset_dist: float = 0.05
+    escape_reset_dist: float = 0.10
+    escape_reset_theta: float = math.pi / 2
+    rot_stopped_velocity: float = 0.01
+    trans_stopped_velocity: float = 0.01
+    planner_frequency: float = 0.0
+    stop_time_buffer: float = 0.2
+    simple_attractor: bool = False
+    heading_scoring: bool = False
+    heading_scoring_timestep: float = 0.8
+    publish_cost_grid_pc: bool = False
+    y_vels: Any = ""
+    world_model: str = "costmap"
+    global_frame_id: str = ""
+
+
+def trajectory_config_from_parameters(parameters: Mapping[str, Any], owner: str, frequency: float) -> TrajectoryConfig:
+    """Returns the configuration in namespace ``owner``; ``frequency`` [Hz] holds where it names none.
+
+    Raises:
+        ParameterError: an unknown name, a wrong type, a value out of range, or an option that is not built.
+    """
+    values = {_FORMER.get(name, name): value for name, value in parameters.items()}
+    if "max_rotational_vel" in parameters:
+        values.setdefault("min_vel_theta", -parameters["max_rotational_vel"])
+    if "sim_granularity" in values:
+        values.setdefault("angular_sim_granularity", values["sim_granularity"])
+    values.setdefault("controller_frequency", frequency)
+    config = config_from_mapping(TrajectoryConfig, values, owner)
+    _check(config, owner)
+    return config
+
+
+def _check(config: TrajectoryConfig, owner: str) -> None:
+    for name in ("holonomic_robot", "simple_attractor", "heading_scoring", "publish_cost_grid_pc"):
+        if getattr(config, name):
+            raise ParameterError(f"{owner}: ~{name} true is not available")
+    for name in ("sim_time", "sim_granularity", "angular_sim_granularity", "controller_frequency", "acc_lim_x"):
+        if not getattr(config, name) > 0.0:
+            raise ParameterError(f"{owner}: ~{name} must be positive, not {getattr(config, name)}")
+    for name in ("vx_samples", "vtheta_samples"):
+        if getattr(config, name) < 1:
+            raise ParameterError(f"{owner}: ~{name} must be at least 1, not {getattr(config, name)}")
+    if config.min_vel_x > config.max_vel_x or config.min_vel_theta > config.max_vel_theta:
+        raise ParameterError(f"{owner}: a minimal velocity lies above the maximal one")
+    if config.escape_vel > 0.0:
+        raise ParameterError(f"{owner}: ~escape_vel must not be positive, it leads backwards; got {config.escape_vel}")

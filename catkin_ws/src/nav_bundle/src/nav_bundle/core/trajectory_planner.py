@@ -1,0 +1,175 @@
+"""The local planner TrajectoryPlannerROS: trajectory rollout."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle.core.goal_approach import GoalApproach
+from nav_bundle.core.local_planner import Decision, LocalPlannerError, Route, Situation, Velocity
+from nav_bundle.core.planner import Path
+from nav_bundle.core.pose import Pose, angle_difference
+from nav_bundle.core.rollout import Horizon, Rollout, Scales, Scored
+from nav_bundle.core.trajectory_config import TrajectoryConfig
+
+_NO_COMMAND = (
+    "The rollout planner failed to find a valid plan. This means that the footprint of the robot was in collision "
+    "for all simulated trajectories."
+)
+
+
+@dataclass
+class _Turning:
+    """Against swaying in place: once it turned one way, the robot may not turn the other way before it has moved."""
+
+    left: bool = False
+    right: bool = False
+    since: Pose | None = None
+
+    def note(self, chosen: Velocity, pose: Pose, reset_distance: float) -> None:
+        """Takes the chosen command at ``pose``."""
+        if chosen.x <= 0.0 and chosen.turn != 0.0:
+            self.left, self.right = chosen.turn > 0.0, chosen.turn < 0.0
+        if self.since is None or pose.distance(self.since) > reset_distance:
+            if self.since is not None:
+                self.left = self.right = False
+            self.since = pose
+
+
+class TrajectoryPlanner:
+    """Samples velocities, follows each over the local costmap, and drives the cheapest.
+
+    A sample costs its end's distance to the plan and to the plan's last point inside the costmap,
+    and the highest costmap cost on its way. Turns in place are tried with at least
+    ``min_in_place_vel_theta`` and told apart by the distance a little ahead of them. When nothing
+    may be driven forward, the robot backs up with ``escape_vel`` until it has moved or turned enough.
+    Unlike base_local_planner it never backs into what the costmap calls lethal, and it turns in place
+    where the cheapest sample leads no nearer to the goal: standing still can be the cheapest of all.
+    """
+
+    def __init__(self, config: TrajectoryConfig, resolution: float) -> None:
+        """Takes the configuration and the local costmap's cell size [m]."""
+        self.config = config
+        unit = resolution if config.meter_scoring else 1.0
+        self._rollout = Rollout(
+            Velocity(config.acc_lim_x, config.acc_lim_y, config.acc_lim_theta),
+            Horizon(config.sim_time, config.sim_granularity, config.angular_sim_granularity),
+            Scales(config.pdist_scale * unit, config.gdist_scale * unit, config.occdist_scale * unit),
+        )
+        self._period = 1.0 / config.controller_frequency
+        self._approach = GoalApproach(config)
+        self._turning = _Turning()
+        self._route: Route | None = None
+        self._escape_from: Pose | None = None
+
+    def set_plan(self, plan: Path) -> None:
+        """Takes a new plan; a goal approach begins anew only if the plan leads to another goal."""
+        route = Route(plan)
+        if self._route is None or self._route.goal != route.goal:
+            self._approach.reset()
+            self._turning = _Turning()
+            self._escape_from = None
+        self._route = route
+
+    def decide(self, situation: Situation) -> Decision:
+        """Returns what to drive now; see ``local_planner.LocalPlanner``."""
+        if self._route is None:
+            raise LocalPlannerError("there is no plan to follow")
+        ahead = self._route.ahead(situation, self.config.prune_plan)
+        goal = situation.local_from_global.compose(self._route.goal)
+        if not self._rollout.begin(situation, ahead):
+            raise LocalPlannerError("the global plan does not cross the local costmap")
+        if self._approach.is_near(situation.pose, goal):
+            return self._approach.decide(situation, goal, self._rollout.is_free)
+        best = self._best(situation, ahead)
+        if best is None:
+            raise LocalPlannerError(_NO_COMMAND)
+        return Decision(best, False, self._rollout.poses(best), ahead)
+
+    def _best(self, situation: Situation, ahead: NDArray[np.float64]) -> Velocity | None:
+        if not self._is_escaping(situation.pose):
+            goal_distance = math.hypot(ahead[-1, 0] - situation.pose.x, ahead[-1, 1] - situation.pose.y)
+            forward: Scored | None = self._rollout.cheapest(self._forward_samples(situation.velocity, goal_distance))
+            if forward is not None and not self._leads_on(forward, situation.pose):
+                chosen: Scored | None = self._turn_in_place(situation.velocity, None) or forward
+            else:
+                chosen = self._turn_in_place(situation.velocity, forward)
+            if chosen is not None:
+                self._turning.note(chosen.velocity, situation.pose, self.config.oscillation_reset_dist)
+                return chosen.velocity
+        return self._escape(situation.pose)
+
+    def _range(self, velocity: Velocity) -> tuple[float, float, float, float]:
+        """Returns the lowest and highest forward speed and turning speed that can be reached."""
+        config = self.config
+        time = self._period if config.dwa else config.sim_time
+        return (
+            max(config.min_vel_x, velocity.x - config.acc_lim_x * time),
+            max(min(config.max_vel_x, velocity.x + config.acc_lim_x * time), config.min_vel_x),
+            max(config.min_vel_theta, velocity.turn - config.acc_lim_theta * time),
+            min(config.max_vel_theta, velocity.turn + config.acc_lim_theta * time),
+        )
+
+    def _forward_samples(self, velocity: Velocity, goal_distance: float) -> NDArray[np.float64]:
+        """Returns straight and curved samples (n, 3), no faster than what reaches the local goal in ``sim_time``."""
+        slowest, fastest, right, left = self._range(velocity)
+        fastest = max(min(fastest, goal_distance / self.config.sim_time), slowest)
+        speeds = np.linspace(slowest, fastest, self.config.vx_samples)
+        turns = np.concatenate([[0.0], np.linspace(right, left, self.config.vtheta_samples)])
+        samples = np.zeros((len(speeds), len(turns), 3))
+        samples[:, :, 0] = speeds[:, None]
+        samples[:, :, 2] = turns[None, :]
+        return samples.reshape(-1, 3)
+
+    def _turn_in_place(self, velocity: Velocity, best: Scored | None) -> Scored | None:
+        """Returns the turn in place that looks best ahead, if it costs no more than ``best``, else ``best``."""
+        _, _, right, left = self._range(velocity)
+        step = (left - right) / max(self.config.vtheta_samples - 1, 1)
+        turns = [turn for turn in np.linspace(right, left, self.config.vtheta_samples) if abs(turn) > step]
+        samples = np.zeros((len(turns), 3))
+        samples[:, 2] = [math.copysign(max(abs(turn), self.config.min_in_place_vel_theta), turn) for turn in turns]
+        chosen, nearest = best, math.inf
+        for turned in self._rollout.all_of(samples):
+            if best is not None and turned.cost > best.cost:
+                continue
+            ahead = self._distance_ahead(turned.end)
+            if ahead < nearest and not self._is_swaying(turned.velocity.turn):
+                chosen, nearest = turned, ahead
+        return chosen
+
+    def _leads_on(self, scored: Scored, pose: Pose) -> bool:
+        """Tells whether a sample ends nearer to the local goal than the robot is: standing and creeping do not."""
+        before = self._rollout.goal_distance(pose.x, pose.y)
+        after = self._rollout.goal_distance(scored.end.x, scored.end.y)
+        return before is not None and after is not None and after < before
+
+    def _is_swaying(self, turn: float) -> bool:
+        return self._turning.right if turn > 0.0 else self._turning.left
+
+    def _distance_ahead(self, end: Pose) -> float:
+        """Returns the steps to the local goal from ``heading_lookahead`` in front of ``end``."""
+        x, y = end.apply(self.config.heading_lookahead, 0.0)
+        distance = self._rollout.goal_distance(x, y)
+        return math.inf if distance is None else float(distance)
+
+    def _is_escaping(self, pose: Pose) -> bool:
+        """Tells whether the robot still backs out; ends that once it has moved or turned enough."""
+        start = self._escape_from
+        if start is None:
+            return False
+        moved = pose.distance(start) > self.config.escape_reset_dist
+        turned = abs(angle_difference(pose.yaw, start.yaw)) > self.config.escape_reset_theta
+        if moved or turned:
+            self._escape_from = None
+        return not (moved or turned)
+
+    def _escape(self, pose: Pose) -> Velocity | None:
+        """Returns the velocity that backs up, None where the way back is not free."""
+        back = Velocity(self.config.escape_vel)
+        if self.config.escape_vel == 0.0 or not self._rollout.is_free(back):
+            self._escape_from = None
+            return None
+        if self._escape_from is None:
+            self._escape_from = pose
+        return back

@@ -1,0 +1,248 @@
+"""Navigation function: a potential that spreads from the robot over the costmap, and the way down it.
+
+The potential of a cell is the cost of the cheapest way from the source, each metre weighed by the
+cell's cost, from a planar wave through its neighbours (Brock and Khatib, 1999; the quadratic
+approximation is navfn's). The wave front lives in three buffers by urgency, not in a heap, and its
+whole state in arrays, so that one search can be spread over many calls.
+"""
+
+import numpy as np
+from numba import njit
+
+FAR = 1.0e10
+
+# Positions in ``counts`` and ``limits``.
+NOW, NEXT, LATER = 0, 1, 2
+LIMIT, STEP = 0, 1
+RUNNING, DONE, FULL = 0, 1, 2
+
+SIGNATURES = {
+    "begin": "void(f4[:, ::1], u1[:, ::1], u1[:, ::1], i4[::1], i4[:, ::1], i8[::1], f8[::1], i8, i8)",
+    "spread": "i8(f4[:, ::1], u1[:, ::1], u1[:, ::1], i4[::1], i4[:, ::1], i8[::1], f8[::1], i8, i8, f8, i8)",
+    "descend": "i8(f4[:, ::1], f8[:, ::1], i8, i8, i8, i8)",
+    "nearest_reached": "i8(f4[:, ::1], i8, i8, f8)",
+}
+
+
+@njit
+def _push(queue, counts, which, waiting, cell, cols):
+    """Appends the cell to a buffer unless it waits in one already."""
+    row = cell // cols
+    col = cell - row * cols
+    if waiting[row, col] == 0:
+        waiting[row, col] = 1
+        queue[which, counts[which]] = cell
+        counts[which] += 1
+
+
+def begin(potential, waiting, costs, weights, queue, counts, limits, row, col):
+    """Clears the search and puts its source at ``row, col``.
+
+    ``weights[cost]`` is what a cell of that cost adds, negative where nothing may pass.
+    """
+    potential[:, :] = FAR
+    waiting[:, :] = 0
+    counts[:] = 0
+    potential[row, col] = 0.0
+    rows, cols = potential.shape
+    limits[LIMIT] = limits[STEP]
+    for d_row, d_col in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+        r = row + d_row
+        c = col + d_col
+        if 0 < r < rows - 1 and 0 < c < cols - 1 and weights[costs[r, c]] >= 0:
+            _push(queue, counts, NOW, waiting, r * cols + c, cols)
+
+
+@njit
+def _wave(potential, row, col, weight):
+    """Returns the cell's potential from its neighbours': a plane wave where two axes carry, else a straight step."""
+    across = min(potential[row, col - 1], potential[row, col + 1])
+    along = min(potential[row - 1, col], potential[row + 1, col])
+    low = min(across, along)
+    gap = abs(across - along)
+    if gap >= weight:
+        return low + weight
+    d = gap / weight
+    return low + weight * (-0.2301 * d * d + 0.5307 * d + 0.7040)
+
+
+def spread(potential, waiting, costs, weights, queue, counts, limits, goal_row, goal_col, pull, budget):
+    """Lets the wave run for about ``budget`` cells; returns 0 running, 1 done, 2 buffers too small.
+
+    Done means that the goal's potential is final or that nothing is left to visit. With ``pull``
+    above zero, cells towards the goal come first by ``pull`` a cell of distance (A*).
+    """
+    rows, cols = potential.shape
+    capacity = queue.shape[1]
+    while budget > 0:
+        if counts[NOW] == 0:
+            if potential[goal_row, goal_col] < limits[LIMIT]:
+                return DONE
+            limits[LIMIT] += limits[STEP]
+            if counts[LATER] == 0:
+                return DONE
+            queue[NOW, : counts[LATER]] = queue[LATER, : counts[LATER]]
+            counts[NOW] = counts[LATER]
+            counts[LATER] = 0
+        count = counts[NOW]
+        if max(4 * count, counts[LATER] + 4 * count) > capacity:
+            return FULL
+        for i in range(count):
+            cell = queue[NOW, i]
+            row = cell // cols
+            waiting[row, cell - row * cols] = 0
+        for i in range(count):
+            cell = queue[NOW, i]
+            row = cell // cols
+            col = cell - row * cols
+            value = _wave(potential, row, col, weights[costs[row, col]])
+            if value >= potential[row, col]:
+                continue
+            potential[row, col] = value
+            urgency = value
+            if pull > 0.0:
+                urgency += pull * np.sqrt((row - goal_row) ** 2 + (col - goal_col) ** 2)
+            which = NEXT if urgency < limits[LIMIT] else LATER
+            for d_row, d_col in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+                r = row + d_row
+                c = col + d_col
+                if r < 1 or r >= rows - 1 or c < 1 or c >= cols - 1:
+                    continue
+                weight = weights[costs[r, c]]
+                if weight >= 0 and potential[r, c] > value + 0.7 * weight:
+                    _push(queue, counts, which, waiting, r * cols + c, cols)
+        budget -= count
+        queue[NOW, : counts[NEXT]] = queue[NEXT, : counts[NEXT]]
+        counts[NOW] = counts[NEXT]
+        counts[NEXT] = 0
+    return RUNNING
+
+
+@njit
+def _slope(potential, row, col, d_row, d_col):
+    """Returns how fast the potential falls in direction ``d_row, d_col``, from reached neighbours only."""
+    here = potential[row, col]
+    if here >= FAR:
+        return 0.0
+    ahead = potential[row + d_row, col + d_col]
+    behind = potential[row - d_row, col - d_col]
+    fall = 0.0
+    if ahead < FAR:
+        fall += here - ahead
+    if behind < FAR:
+        fall += behind - here
+    return fall
+
+
+@njit
+def _downhill(potential, y, x):
+    """Returns the unit direction (row, col) of steepest descent at a point, zero where there is none.
+
+    Bilinear between the slopes of the four cells around; the point is in cells, centres at integers.
+    """
+    rows, cols = potential.shape
+    row = int(np.floor(y))
+    col = int(np.floor(x))
+    if row < 1 or row > rows - 3 or col < 1 or col > cols - 3:
+        return 0.0, 0.0
+    fy = y - row
+    fx = x - col
+    down = 0.0
+    right = 0.0
+    for i in range(2):
+        for j in range(2):
+            share = (fy if i else 1.0 - fy) * (fx if j else 1.0 - fx)
+            a = _slope(potential, row + i, col + j, 1, 0)
+            b = _slope(potential, row + i, col + j, 0, 1)
+            length = np.sqrt(a * a + b * b)
+            if length > 0.0:
+                down += share * a / length
+                right += share * b / length
+    length = np.sqrt(down * down + right * right)
+    if length < 1.0e-6:
+        return 0.0, 0.0
+    return down / length, right / length
+
+
+@njit
+def _lowest_neighbour(potential, row, col):
+    """Returns the lowest of the eight neighbours, the cell itself where none is lower."""
+    rows, cols = potential.shape
+    best_row, best_col, best = row, col, potential[row, col]
+    for d_row in range(-1, 2):
+        for d_col in range(-1, 2):
+            r = row + d_row
+            c = col + d_col
+            if 0 <= r < rows and 0 <= c < cols and potential[r, c] < best:
+                best_row, best_col, best = r, c, potential[r, c]
+    return best_row, best_col
+
+
+@njit
+def _all_reached(potential, row, col):
+    rows, cols = potential.shape
+    if row < 1 or row > rows - 2 or col < 1 or col > cols - 2:
+        return False
+    for r in range(row - 1, row + 2):
+        for c in range(col - 1, col + 2):
+            if potential[r, c] >= FAR:
+                return False
+    return True
+
+
+def descend(potential, path, row, col, source_row, source_col):
+    """Walks from ``row, col`` down to the source in steps of half a cell.
+
+    Beside cells that were not reached, and where the interpolated slope does not lead down, the
+    walk steps from cell to cell instead. Writes (row, col) [cells] into ``path``; returns the number
+    of points, 0 if the walk got stuck or ``path`` is too short.
+    """
+    y = float(row)
+    x = float(col)
+    lowest = potential[row, col] + 1.0
+    idle = 0
+    for count in range(path.shape[0] - 1):
+        path[count, 0] = y
+        path[count, 1] = x
+        if abs(y - source_row) <= 1.0 and abs(x - source_col) <= 1.0:
+            path[count + 1, 0] = source_row
+            path[count + 1, 1] = source_col
+            return count + 2
+        r = int(np.floor(y + 0.5))
+        c = int(np.floor(x + 0.5))
+        here = potential[r, c]
+        if here < lowest:
+            lowest = here
+            idle = 0
+        else:
+            idle += 1
+        down, right = 0.0, 0.0
+        if idle < 4 and _all_reached(potential, r, c):
+            down, right = _downhill(potential, y, x)
+        if down != 0.0 or right != 0.0:
+            y += 0.5 * down
+            x += 0.5 * right
+            continue
+        next_row, next_col = _lowest_neighbour(potential, r, c)
+        if next_row == r and next_col == c:
+            return 0
+        y = float(next_row)
+        x = float(next_col)
+        idle = 0
+        lowest = potential[next_row, next_col] + 1.0
+    return 0
+
+
+def nearest_reached(potential, row, col, tolerance):
+    """Returns the flat index of the reached cell nearest to ``row, col`` within ``tolerance`` [cells], else -1."""
+    rows, cols = potential.shape
+    reach = int(np.ceil(tolerance))
+    best = -1
+    best_distance = tolerance * tolerance + 1.0e-9
+    for r in range(max(row - reach, 0), min(row + reach + 1, rows)):
+        for c in range(max(col - reach, 0), min(col + reach + 1, cols)):
+            distance = float((r - row) * (r - row) + (c - col) * (c - col))
+            if potential[r, c] < FAR and (distance < best_distance or (best < 0 and distance <= best_distance)):
+                best = r * cols + c
+                best_distance = distance
+    return best

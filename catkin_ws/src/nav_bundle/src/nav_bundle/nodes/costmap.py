@@ -1,0 +1,225 @@
+"""A costmap with its topics: what Costmap2DROS is in C++."""
+
+import numpy as np
+import rospy
+from geometry_msgs.msg import Point32, Polygon, PolygonStamped
+from map_msgs.msg import OccupancyGridUpdate
+from nav_msgs.msg import MapMetaData, OccupancyGrid
+from std_msgs.msg import Header
+
+from nav_bundle.conversions import GridMessage, GridUpdateMessage, ScanMessage, grid_from_message, message_from_pose
+from nav_bundle.core.costmap.config import CostmapConfig, ObstacleConfig, SourceConfig, StaticConfig
+from nav_bundle.core.costmap.cost import occupancy_by_cost
+from nav_bundle.core.costmap.costmap import Costmap
+from nav_bundle.core.costmap.layer import EMPTY, Observation
+from nav_bundle.core.costmap.scan import points_from_ranges
+from nav_bundle.core.grid import Grid
+from nav_bundle.core.pose import Pose
+from nav_bundle.core.transform import ExtrapolationError, TransformError
+from nav_bundle.nodes.sensor import Newest, newest_scans
+from nav_bundle.nodes.transform import TransformListener, robot_frame
+from pioneer_node.core.frame import stripped
+
+_WORLD_FRAME = "map"
+
+
+def costmap_frame(frame: str) -> str:
+    """Returns a costmap's global frame as tf calls it: the robots share ``map``, every other frame is the robot's."""
+    return _WORLD_FRAME if stripped(frame) == _WORLD_FRAME else robot_frame(frame)
+
+
+class CostmapNode:
+    """One costmap of move_base, updated by its owner's loop.
+
+    Subscribes: the static layer's map topic (nav_msgs/OccupancyGrid), each observation source's topic
+        (sensor_msgs/LaserScan).
+
+    Publishes: ``~<name>/costmap`` (nav_msgs/OccupancyGrid), ``~<name>/costmap_updates``
+        (map_msgs/OccupancyGridUpdate), ``~<name>/footprint`` (geometry_msgs/PolygonStamped); each only
+        while somebody listens, the whole costmap to every new listener.
+
+    Services: none.
+
+    Parameters: those of ``core.costmap.config`` under ``~<name>``.
+
+    Threads: subscriber threads store; everything else happens in the owner's thread.
+
+    On error: a pose or a scan that cannot be placed leaves the costmap as it is and makes it not current.
+    """
+
+    def __init__(self, name: str, config: CostmapConfig, listener: TransformListener) -> None:
+        self.name = name
+        self.costmap = Costmap(config)
+        self.frame = costmap_frame(config.global_frame)
+        self.base_frame = robot_frame(config.robot_base_frame)
+        self._config, self._listener = config, listener
+        listener.listen(self.frame, self.base_frame)
+        self._new_map: Grid | None = None
+        self._map_topic = ""
+        self._sources = [
+            (source, newest_scans(source.topic))
+            for layer in config.layers
+            if isinstance(layer, ObstacleConfig) and layer.enabled
+            for source in layer.sources
+        ]
+        self._subscribe_map()
+        self._advertise()
+        self._updated, self._published = -np.inf, -np.inf
+        self._changed = EMPTY
+        self._values = occupancy_by_cost()
+
+    def _subscribe_map(self) -> None:
+        for layer in self._config.layers:
+            if isinstance(layer, StaticConfig):
+                self._map_topic = stripped(layer.map_topic) if layer.map_topic != "/map" else layer.map_topic
+                self._map_subscriber = rospy.Subscriber(self._map_topic, GridMessage, self._on_map, queue_size=1)
+
+    def _on_map(self, message: GridMessage) -> None:
+        self._new_map = grid_from_message(message)
+
+    def _advertise(self) -> None:
+        listener = _NewListener()
+        self._listener_flag = listener
+        self._grid_publisher = rospy.Publisher(
+            f"~{self.name}/costmap", OccupancyGrid, subscriber_listener=listener, queue_size=1
+        )
+        self._update_publisher = rospy.Publisher(f"~{self.name}/costmap_updates", OccupancyGridUpdate, queue_size=10)
+        self._footprint_publisher = rospy.Publisher(f"~{self.name}/footprint", PolygonStamped, queue_size=1)
+
+    def missing(self, now: float) -> list[str]:
+        """Returns what the costmap still waits for, in words."""
+        found = []
+        if not self.costmap.ready and self._new_map is None:
+            found.append(f"the map on {rospy.resolve_name(self._map_topic)}")
+        if self.pose(now) is None:
+            found.append(f"a transform from {self.base_frame} to {self.frame}")
+        found += [f"scans on {scans.topic}" for _, scans in self._sources if scans.received is None]
+        return found
+
+    def pose(self, now: float) -> Pose | None:
+        """Returns the robot's pose in the costmap's frame, None where it is unknown or too old."""
+        try:
+            newest = self._listener.latest(self.frame, self.base_frame)
+            if now - newest > self._config.transform_tolerance:
+                rospy.logwarn_throttle(
+                    5.0,
+                    f"Costmap2DROS transform timeout. Current time: {now:.4f}, global_pose stamp: {newest:.4f}, "
+                    f"tolerance: {self._config.transform_tolerance:.4f}",
+                )
+                return None
+            return self._listener.lookup(self.frame, self.base_frame).planar()
+        except TransformError as error:
+            rospy.logdebug("%s: %s", self.name, error)
+            return None
+
+    def is_current(self, now: float) -> bool:
+        """Tells whether every source has spoken within its ``expected_update_rate``."""
+        return all(_is_current(source, scans, now) for source, scans in self._sources)
+
+    def update(self, now: float, forced: bool = False) -> None:
+        """Brings the costmap up to date and publishes it, each if due; ``forced`` updates in any case."""
+        if self._new_map is not None:
+            grid, self._new_map = self._new_map, None
+            self.costmap.set_map(grid)
+            self._listener_flag.arrived = True
+        due = now - self._updated >= 1.0 / self._config.update_frequency - 1.0e-6 or now < self._updated
+        if not self.costmap.ready or not (due or forced):
+            return
+        pose = self.pose(now)
+        if pose is None:
+            return
+        self._updated = now
+        changed = self.costmap.update(pose, [seen for seen in map(self._observation, self._sources) if seen])
+        self._changed = self._changed.joined(changed)
+        self._publish(now, pose)
+
+    def forget(self) -> None:
+        """Drops what sensors saw, for a clock that jumped back."""
+        for _, scans in self._sources:
+            scans.forget()
+        self.costmap.reset()
+
+    def _observation(self, source_and_scans: tuple[SourceConfig, Newest[ScanMessage]]) -> Observation | None:
+        """Returns the newest scan that can be placed in the costmap's frame."""
+        source, scans = source_and_scans
+        for scan in scans.messages():
+            try:
+                return self._placed(source, scan)
+            except ExtrapolationError as error:
+                if not error.future:
+                    return None
+            except TransformError as error:
+                rospy.logwarn_throttle(5.0, f"{self.name}: cannot place a scan of {source.topic}: {error}")
+                return None
+        return None
+
+    def _placed(self, source: SourceConfig, scan: ScanMessage) -> Observation:
+        frame = source.sensor_frame or scan.header.frame_id
+        place = self._listener.lookup(self.frame, frame, scan.header.stamp.to_sec())
+        points = place.apply(
+            points_from_ranges(
+                scan.ranges, scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, source.inf_is_valid
+            )
+        )
+        heights = points[:, 2]
+        kept = (heights >= source.min_obstacle_height) & (heights <= source.max_obstacle_height)
+        sensor_x, sensor_y, _ = place.translation
+        return Observation(source, sensor_x, sensor_y, np.ascontiguousarray(points[kept, :2]))
+
+    def _publish(self, now: float, pose: Pose) -> None:
+        if self._footprint_publisher.get_num_connections():
+            self._footprint_publisher.publish(self._footprint(now, pose))
+        frequency = self._config.publish_frequency
+        if frequency <= 0.0 or (0.0 <= now - self._published < 1.0 / frequency - 1.0e-6):
+            return
+        self._published = now
+        changed, self._changed = self._changed, EMPTY
+        if not self._grid_publisher.get_num_connections():
+            return
+        whole = self._listener_flag.arrived or self._config.always_send_full_costmap or self._config.rolling_window
+        if whole:
+            self._listener_flag.arrived = False
+            self._grid_publisher.publish(self._grid(now))
+        elif changed and self._update_publisher.get_num_connections():
+            part = self.costmap.cells[changed.row_0 : changed.row_1, changed.col_0 : changed.col_1]
+            rows, cols = part.shape
+            values = self._values[part].ravel()
+            header = Header(0, rospy.Time.from_sec(now), self.frame)
+            update = GridUpdateMessage(header, changed.col_0, changed.row_0, cols, rows, values)
+            self._update_publisher.publish(update)
+
+    def _grid(self, now: float) -> GridMessage:
+        stamp, place = rospy.Time.from_sec(now), self.costmap.geometry
+        origin = message_from_pose(Pose(place.origin_x, place.origin_y))
+        info = MapMetaData(stamp, place.resolution, place.cols, place.rows, origin)
+        return GridMessage(Header(0, stamp, self.frame), info, self._values[self.costmap.cells].ravel())
+
+    def _footprint(self, now: float, pose: Pose) -> PolygonStamped:
+        points = [Point32(x, y, 0.0) for x, y in self.costmap.footprint.outline(pose)]
+        return PolygonStamped(Header(0, rospy.Time.from_sec(now), self.frame), Polygon(points))
+
+
+class _NewListener(rospy.SubscribeListener):  # type: ignore[misc]
+    """Notes that somebody new listens, who needs the whole costmap first."""
+
+    arrived = True
+
+    def peer_subscribe(self, *_: object) -> None:
+        """Notes it; the owner's loop publishes."""
+        self.arrived = True
+
+
+def _is_current(source: SourceConfig, scans: Newest[ScanMessage], now: float) -> bool:
+    if source.expected_update_rate <= 0.0:
+        return True
+    age = scans.age(now)
+    if age is None:
+        return False
+    if age <= source.expected_update_rate:
+        return True
+    rospy.logwarn_throttle(
+        5.0,
+        f"The {scans.topic} observation buffer has not been updated for {age:.2f} seconds, "
+        f"and it should be updated every {source.expected_update_rate:.2f} seconds.",
+    )
+    return False

@@ -1,0 +1,113 @@
+"""Goals of move_base: its action, and the topic for those who have no action client."""
+
+import actionlib
+import rospy
+from geometry_msgs.msg import PoseStamped, Quaternion
+from move_base_msgs.msg import MoveBaseAction, MoveBaseActionGoal, MoveBaseFeedback, MoveBaseResult
+
+from nav_bundle.conversions import pose_from_message, stamped_from_pose
+from nav_bundle.core.error import NavigationError
+from nav_bundle.core.goal import check_goal
+from nav_bundle.core.move_base import Outcome
+from nav_bundle.core.pose import Pose
+from nav_bundle.core.transform import TransformError
+from nav_bundle.nodes.transform import TransformListener
+from pioneer_node.core.frame import stripped
+
+_INVALID = "Aborting on goal because it was sent with an invalid quaternion"
+
+
+class GoalServer:
+    """The action server ``move_base`` and the goals that come to it.
+
+    Goals in any frame are turned into the global frame when they are accepted.
+
+    Subscribes: ``move_base_simple/goal`` (geometry_msgs/PoseStamped), the action's ``goal`` and ``cancel``.
+
+    Publishes: ``~current_goal`` (geometry_msgs/PoseStamped), the action's ``feedback``, ``result`` and ``status``.
+
+    Services: none.
+
+    Parameters: none.
+
+    Threads: actionlib's callbacks store; ``take`` and the rest are called by the owner's loop. No execute thread.
+
+    On error: a goal that is no pose, or that no transform leads to, is aborted with a text that says why.
+    """
+
+    def __init__(self, name: str, global_frame: str, listener: TransformListener) -> None:
+        self._frame, self._listener = global_frame, listener
+        self._goal_publisher = rospy.Publisher("~current_goal", PoseStamped, queue_size=1)
+        self._action_goal_publisher = rospy.Publisher(f"{name}/goal", MoveBaseActionGoal, queue_size=1)
+        self._server = actionlib.SimpleActionServer(name, MoveBaseAction, auto_start=False)
+        self._server.start()
+        self._simple = rospy.Subscriber("move_base_simple/goal", PoseStamped, self._on_simple_goal, queue_size=1)
+
+    def _on_simple_goal(self, goal: PoseStamped) -> None:
+        action_goal = MoveBaseActionGoal()
+        action_goal.header.stamp = rospy.Time.now()
+        action_goal.goal.target_pose = goal
+        self._action_goal_publisher.publish(action_goal)
+
+    @property
+    def active(self) -> bool:
+        """True while a goal is under way."""
+        return bool(self._server.is_active())
+
+    def take(self) -> Pose | None:
+        """Returns a newly arrived goal in the global frame, None if there is none or it had to be refused."""
+        if not self._server.is_new_goal_available():
+            return None
+        target = self._server.accept_new_goal().target_pose
+        try:
+            goal = self._global_goal(target)
+        except NavigationError as error:
+            rospy.logerr("%s", error)
+            self._server.set_aborted(MoveBaseResult(), str(error) if isinstance(error, TransformError) else _INVALID)
+            return None
+        self._goal_publisher.publish(stamped_from_pose(goal, self._frame, rospy.Time.now()))
+        return goal
+
+    def _global_goal(self, target: PoseStamped) -> Pose:
+        position, rotation = target.pose.position, target.pose.orientation
+        check_goal((position.x, position.y, position.z), _components(rotation))
+        return self.in_global_frame(target)
+
+    def in_global_frame(self, pose: PoseStamped) -> Pose:
+        """Returns a pose in the global frame, by the newest transform; an empty frame means the global one.
+
+        Raises:
+            TransformError: no transform leads there.
+        """
+        frame = stripped(pose.header.frame_id) or self._frame
+        if frame == self._frame:
+            return pose_from_message(pose.pose)
+        try:
+            return self._listener.wait(self._frame, frame, None, 1.0).planar().compose(pose_from_message(pose.pose))
+        except TransformError as error:
+            text = f"Failed to transform the goal pose from {frame} into the {self._frame} frame: {error}"
+            raise TransformError(text) from error
+
+    def cancelled(self) -> bool:
+        """True if the goal under way was cancelled and no other has come."""
+        return bool(self._server.is_preempt_requested() and not self._server.is_new_goal_available())
+
+    def report(self, pose: Pose, now: float) -> None:
+        """Publishes where the robot is as the goal's feedback."""
+        stamped = stamped_from_pose(pose, self._frame, rospy.Time.from_sec(now))
+        self._server.publish_feedback(MoveBaseFeedback(stamped))
+
+    def finish(self, outcome: Outcome, text: str) -> None:
+        """Ends the goal under way."""
+        if not self._server.is_active():
+            return
+        ends = {
+            Outcome.SUCCEEDED: self._server.set_succeeded,
+            Outcome.ABORTED: self._server.set_aborted,
+            Outcome.PREEMPTED: self._server.set_preempted,
+        }
+        ends[outcome](MoveBaseResult(), text)
+
+
+def _components(rotation: Quaternion) -> tuple[float, float, float, float]:
+    return rotation.x, rotation.y, rotation.z, rotation.w

@@ -1,1 +1,0 @@
-"""Which rules each script asks for: no ROS."""

@@ -1,1 +1,0 @@
-"""Redis as a process, and the keys in it."""

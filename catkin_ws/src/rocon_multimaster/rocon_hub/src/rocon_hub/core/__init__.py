@@ -1,1 +1,0 @@
-"""What the hub decides: no ROS, no process, no clock."""

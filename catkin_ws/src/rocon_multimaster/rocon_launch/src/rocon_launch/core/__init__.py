@@ -1,1 +1,0 @@
-"""What a .concert file means: no process, no terminal."""
