@@ -7,7 +7,7 @@ from typing import Any
 
 import rospy
 from actionlib_msgs.msg import GoalStatusArray
-from gateway_msgs.msg import GatewayInfo, RemoteRuleWithStatus
+from gateway_msgs.msg import GatewayInfo, RemoteRule, RemoteRuleWithStatus
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry, Path
 from rosgraph_msgs.msg import Clock
@@ -98,10 +98,9 @@ class ObserverNode:
         self._fleet.simulator.real_time_factor = message.data
 
     def _on_gateway_info(self, message: GatewayInfo) -> None:
-        for flip in message.flipped_connections:
-            rule = flip.remote_rule.rule
-            if rule.node.strip("/") == NAME:
-                self.flips[f"{rule.name} of {flip.remote_rule.gateway}"] = flip.status
+        asked = {_key(remote): "not connected" for remote in message.flip_watchlist if _is_ours(remote)}
+        known = {_key(flip.remote_rule): flip.status for flip in message.flipped_connections}
+        self.flips = {key: known.get(key, status) for key, status in asked.items()}
 
     def _on_tf(self, message: TFMessage) -> None:
         for transform in message.transforms:
@@ -129,3 +128,11 @@ class ObserverNode:
 
     def _on_plan(self, robot: RobotTrack, message: Path) -> None:
         robot.add_plan(conversions.points_from_path(message))
+
+
+def _is_ours(remote: RemoteRule) -> bool:
+    return bool(remote.rule.node.strip("/") == NAME)
+
+
+def _key(remote: RemoteRule) -> str:
+    return f"{remote.rule.name} of {remote.gateway}"
