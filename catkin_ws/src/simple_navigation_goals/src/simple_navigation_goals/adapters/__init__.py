@@ -1,0 +1,1 @@
+"""Foreign things, one a module: the move_base action."""

@@ -1,0 +1,76 @@
+"""The action ``move_base`` as this package uses it: one goal at a time, and whether anybody is there to take it."""
+
+from collections.abc import Callable
+from functools import partial
+
+from actionlib import SimpleActionClient
+from actionlib_msgs.msg import GoalStatus
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal, MoveBaseResult
+
+from simple_navigation_goals.core.queue import Outcome
+
+_OUTCOMES = {
+    GoalStatus.SUCCEEDED: Outcome.REACHED,
+    GoalStatus.ABORTED: Outcome.ABORTED,
+    GoalStatus.REJECTED: Outcome.ABORTED,
+    GoalStatus.PREEMPTED: Outcome.CANCELLED,
+    GoalStatus.RECALLED: Outcome.CANCELLED,
+    GoalStatus.LOST: Outcome.LOST,
+}
+
+
+class MoveBase:
+    """A client of the move_base action.
+
+    Args:
+        name: of the action.
+        on_done: called with (serial, outcome, text) when the goal that ``send`` numbered ``serial`` has ended; from
+            a thread of rospy's.
+    """
+
+    def __init__(self, name: str, on_done: Callable[[int, Outcome, str], None]) -> None:
+        self._name = name
+        self._client = SimpleActionClient(name, MoveBaseAction)
+        self._on_done = on_done
+        self._serial = 0
+
+    def present(self) -> bool:
+        """Tells whether a server is connected in both directions. Does not wait.
+
+        actionlib's ``wait_for_server`` counts in ROS time, which stands still while a simulation is paused, and never
+        notices that a server has ended.
+        """
+        action = self._client.action_client
+        if action.last_status_msg is None:
+            return False
+        server = action.last_status_msg._connection_header["callerid"]
+        publishers = (action.pub_goal, action.pub_cancel)
+        subscribers = (action.status_sub, action.result_sub)
+        return all(publisher.impl.has_connection(server) for publisher in publishers) and all(
+            any(link.callerid_pub == server and link.socket is not None for link in subscriber.impl.connections)
+            for subscriber in subscribers
+        )
+
+    def send(self, goal: MoveBaseGoal) -> int:
+        """Sends a goal, forgets the one before, and returns the new goal's serial number."""
+        self._serial += 1
+        self._client.send_goal(goal, done_cb=partial(self._done, self._serial))
+        return self._serial
+
+    def cancel(self) -> None:
+        """Cancels the goal sent last, and forgets it."""
+        self._client.cancel_goal()
+        self._client.stop_tracking_goal()
+
+    def renew(self) -> None:
+        """Forgets the goal sent last and connects anew: its server is gone.
+
+        rospy does not see that a subscriber is gone until it writes to it; a goal for the next server would be written
+        to the last one's socket.
+        """
+        self._client.stop_tracking_goal()
+        self._client.action_client.stop()
+        self._client = SimpleActionClient(self._name, MoveBaseAction)
+
+    def _done(self, serial: int, status: int, result: MoveBaseResult) -> None:
+        self._on_done(serial, _OUTCOMES[status], self._client.get_goal_status_text())

@@ -1,0 +1,5 @@
+"""The errors of this package."""
+
+
+class WaypointError(ValueError):
+    """A waypoint that no robot can drive to: a number that is not finite, or an orientation that is none."""

@@ -1,0 +1,212 @@
+"""The queue of waypoints as a state machine: what to send to move_base, and what to do when that fails.
+
+It knows neither clock nor ROS. Whoever owns it tells it what happened (``add``, ``clear``, ``finished``,
+``server_found``, ``server_lost``), asks what is ``due``, and says when that was ``sent``. Every change leaves one line
+of text in ``take_events``.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+from typing import NamedTuple
+
+from pioneer_node.core.parameter import ParameterError
+from simple_navigation_goals.core.waypoint import Waypoint
+
+
+class Phase(IntEnum):
+    """What the queue is doing; the numbers are those of the message WaypointQueue."""
+
+    IDLE = 0
+    WAITING_FOR_MOVE_BASE = 1
+    DRIVING = 2
+
+
+class Outcome(Enum):
+    """How a goal at move_base ended."""
+
+    REACHED = "reached"
+    ABORTED = "aborted"
+    """move_base gave up, or rejected the goal."""
+    CANCELLED = "cancelled"
+    """Somebody else cancelled the goal or sent another one."""
+    LOST = "lost"
+    """move_base no longer knows the goal: it was started anew."""
+
+
+ABORT_POLICIES = ("skip", "retry", "stop", "clear")
+"""Values of ``on_abort``."""
+
+
+@dataclass(frozen=True)
+class QueueConfig:
+    """What follows when move_base gives a waypoint up.
+
+    ``on_abort``: ``skip`` goes on with the next one; ``retry`` sends it again up to ``retries`` times, then skips it;
+    ``stop`` keeps the rest back until a new waypoint arrives; ``clear`` drops the rest.
+
+    Raises:
+        ParameterError: an unknown policy, or a negative number of retries.
+    """
+
+    on_abort: str = "skip"
+    retries: int = 2
+
+    def __post_init__(self) -> None:
+        if self.on_abort not in ABORT_POLICIES:
+            raise ParameterError(
+                f"parameter ~on_abort must be one of {', '.join(ABORT_POLICIES)}, not {self.on_abort!r}"
+            )
+        if self.retries < 0:
+            raise ParameterError(f"parameter ~retries must not be negative, not {self.retries}")
+
+
+class Event(NamedTuple):
+    """One line on what happened, and whether it is something to warn of."""
+
+    text: str
+    trouble: bool = False
+
+
+class WaypointQueue:
+    """Waypoints in the order they came, the first of them under way. Not thread-safe.
+
+    Attributes:
+        received: waypoints taken since the start.
+        reached: of these, how many move_base reported as reached.
+        aborted: how many were given up after all retries; those cleared or cancelled by others are not among them.
+        current: the waypoint that is under way or about to be; None when there is none.
+        waiting: those after it.
+        text: the latest event.
+    """
+
+    def __init__(self, config: QueueConfig | None = None) -> None:
+        self.config = config or QueueConfig()
+        self.received = self.reached = self.aborted = 0
+        self.current: Waypoint | None = None
+        self.waiting: deque[Waypoint] = deque()
+        self.text = ""
+        self._number = 0  # of the current waypoint, counted as they were received
+        self._numbers: deque[int] = deque()
+        self._retries_left = 0
+        self._held = self._under_way = self._server = False
+        self._events: list[Event] = []
+
+    @property
+    def phase(self) -> Phase:
+        """What the queue is doing."""
+        if self._under_way:
+            return Phase.DRIVING
+        if self._wants_to_send():
+            return Phase.WAITING_FOR_MOVE_BASE
+        return Phase.IDLE
+
+    def add(self, waypoint: Waypoint) -> None:
+        """Appends a waypoint; a queue that was held goes on."""
+        self.received += 1
+        self.waiting.append(waypoint)
+        self._numbers.append(self.received)
+        self._held = False
+        self._say(f"waypoint {self.received} {waypoint} received, {len(self.waiting)} waiting")
+        self._say_if_waiting()
+
+    def clear(self) -> bool:
+        """Drops everything; tells whether a goal is under way, which the owner must then cancel at move_base."""
+        count = len(self.waiting) + (self.current is not None)
+        was_under_way = self._under_way
+        self._drop_current()
+        self._drop_waiting()
+        self._say(f"{count} waypoints cleared")
+        return was_under_way
+
+    def due(self) -> Waypoint | None:
+        """Returns the waypoint to send to move_base now, None while there is none or nobody to send it to."""
+        if not self._server or not self._wants_to_send():
+            return None
+        if self.current is None:
+            self.current, self._number = self.waiting.popleft(), self._numbers.popleft()
+            self._retries_left = self.config.retries if self.config.on_abort == "retry" else 0
+        return self.current
+
+    def sent(self, waypoint: Waypoint) -> None:
+        """Notes that the current waypoint is at move_base as ``waypoint``: perhaps in another frame than it came in."""
+        self.current = waypoint
+        self._under_way = True
+        self._say(f"driving to {self._named()}, {len(self.waiting)} waiting")
+
+    def server_found(self) -> None:
+        """Notes that move_base answers."""
+        self._server = True
+        self._say("move_base is there")
+
+    def server_lost(self) -> None:
+        """Notes that move_base is gone; a waypoint under way will be due again when it is back."""
+        self._server = self._under_way = False
+        self._say("move_base is gone" + (f"; {self._named()} will be sent again" if self.current else ""), trouble=True)
+
+    def finished(self, outcome: Outcome, reason: str = "") -> None:
+        """Notes how the goal under way ended; ``reason`` is move_base's own text. No-op when none is under way."""
+        if not self._under_way:
+            return
+        self._under_way = False
+        match outcome:
+            case Outcome.REACHED:
+                self.reached += 1
+                self._say(f"reached {self._named()}, {len(self.waiting)} waiting")
+                self._drop_current()
+            case Outcome.ABORTED:
+                self._give_up(f": {reason}" if reason else "")
+            case Outcome.CANCELLED:
+                self._held = bool(self.waiting)
+                self._say(f"{self._named()} was cancelled by somebody else{self._rest()}", trouble=True)
+                self._drop_current()
+            case Outcome.LOST:
+                self._say(f"move_base no longer knows {self._named()}; it is sent again", trouble=True)
+
+    def take_events(self) -> list[Event]:
+        """Returns what was said since the last call, oldest first."""
+        events, self._events = self._events, []
+        return events
+
+    def _give_up(self, reason: str) -> None:
+        if self._retries_left > 0:
+            self._retries_left -= 1
+            self._say(
+                f"move_base gave up {self._named()}{reason}; trying again, {self._retries_left} retries left",
+                trouble=True,
+            )
+            return
+        self.aborted += 1
+        if self.config.on_abort == "stop":
+            self._held = bool(self.waiting)
+        if self.config.on_abort == "clear":
+            self._drop_waiting()
+        self._say(f"gave up {self._named()}{reason}{self._rest()}", trouble=True)
+        self._drop_current()
+
+    def _rest(self) -> str:
+        if self._held:
+            return f"; {len(self.waiting)} held until a new waypoint comes"
+        return f"; {len(self.waiting)} waiting"
+
+    def _wants_to_send(self) -> bool:
+        return not self._under_way and not self._held and (self.current is not None or bool(self.waiting))
+
+    def _named(self) -> str:
+        return f"waypoint {self._number} {self.current}"
+
+    def _drop_current(self) -> None:
+        self.current, self._under_way = None, False
+
+    def _drop_waiting(self) -> None:
+        self.waiting.clear()
+        self._numbers.clear()
+        self._held = False
+
+    def _say(self, text: str, trouble: bool = False) -> None:
+        self.text = text
+        self._events.append(Event(text, trouble))
+
+    def _say_if_waiting(self) -> None:
+        if not self._server and len(self.waiting) == 1 and self.current is None:
+            self._say("waiting for move_base")

@@ -1,0 +1,71 @@
+"""When a robot that has a goal and does not move should turn in place, and which way."""
+
+from dataclasses import dataclass, replace
+
+SLOW = 0.001
+"""Commanded speed [m/s] below which the robot counts as standing."""
+
+
+@dataclass(frozen=True)
+class SpinConfig:
+    """Times [s of ROS time] and the turning speed [rad/s]; ``max_vel_theta`` is the local planner's."""
+
+    max_vel_theta: float = 1.0
+    patience: float = 5.0
+    duration: float = 1.5
+
+
+@dataclass(frozen=True)
+class SpinState:
+    """What the recovery remembers.
+
+    Attributes:
+        now: time of the newest step [s].
+        standing_since: since when a goal has been active without a command that moves; None while it is not so.
+        turning_until: end of the turn under way; None when there is none.
+        direction: side last commanded, 1 counter-clockwise or -1.
+        active: whether move_base has an active goal.
+    """
+
+    now: float = 0.0
+    standing_since: float | None = None
+    turning_until: float | None = None
+    direction: float = 1.0
+    active: bool = False
+
+    @property
+    def turning(self) -> bool:
+        """Whether a turn is under way."""
+        return self.turning_until is not None
+
+
+def commanded(state: SpinState, config: SpinConfig, linear: float, angular: float, now: float) -> SpinState:
+    """Returns the state after move_base commanded ``linear`` [m/s] and ``angular`` [rad/s] at ROS time ``now`` [s].
+
+    A command that drives, or turns at full speed, is no standing. One that turns says which way to turn.
+    """
+    if angular != 0.0:
+        state = replace(state, direction=1.0 if angular > 0.0 else -1.0)
+    if abs(linear) >= SLOW or abs(angular) >= config.max_vel_theta:
+        state = replace(state, standing_since=None)
+    return advanced(state, config, now)
+
+
+def watched(state: SpinState, config: SpinConfig, active: bool, now: float) -> SpinState:
+    """Returns the state after move_base's status said whether a goal is ``active``, at ROS time ``now`` [s]."""
+    return advanced(replace(state, active=active), config, now)
+
+
+def advanced(state: SpinState, config: SpinConfig, now: float) -> SpinState:
+    """Returns the state at ROS time ``now`` [s]: a turn begins after ``patience`` of standing, ends after ``duration``.
+
+    Without an active goal nothing turns. When time jumps back, the wait begins anew.
+    """
+    if not state.active or now < state.now:
+        return replace(state, now=now, standing_since=None, turning_until=None)
+    if state.turning_until is not None:
+        over = now >= state.turning_until
+        return replace(state, now=now, standing_since=None, turning_until=None if over else state.turning_until)
+    since = now if state.standing_since is None else state.standing_since
+    until = now + config.duration if now - since >= config.patience else None
+    return replace(state, now=now, standing_since=since, turning_until=until)

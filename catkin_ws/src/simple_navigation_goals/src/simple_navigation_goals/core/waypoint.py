@@ -1,0 +1,46 @@
+"""A waypoint: where to go, and facing where."""
+
+import math
+from dataclasses import dataclass
+
+from simple_navigation_goals.core.error import WaypointError
+
+
+@dataclass(frozen=True, slots=True)
+class Waypoint:
+    """A pose in the plane of some frame.
+
+    Attributes:
+        x: position [m].
+        y: position [m].
+        yaw: heading [rad], counter-clockwise from the frame's x axis.
+        frame: name of the frame, without leading slash.
+
+    Raises:
+        WaypointError: a number that is not finite.
+    """
+
+    x: float
+    y: float
+    yaw: float
+    frame: str
+
+    def __post_init__(self) -> None:
+        for name in ("x", "y", "yaw"):
+            if not math.isfinite(getattr(self, name)):
+                raise WaypointError(f"{name} is {getattr(self, name)}, it must be finite")
+
+    def __str__(self) -> str:
+        return f"({self.x:.2f}, {self.y:.2f}, {math.degrees(self.yaw):.0f} deg) in {self.frame}"
+
+
+def yaw_from_quaternion(x: float, y: float, z: float, w: float) -> float:
+    """Returns the heading [rad], in [-pi, pi], of a rotation of any length; roll and pitch are dropped.
+
+    Raises:
+        WaypointError: the quaternion is zero or not finite, so that it is no rotation.
+    """
+    length = x * x + y * y + z * z + w * w
+    if not math.isfinite(length) or length < 1e-12:
+        raise WaypointError(f"orientation ({x}, {y}, {z}, {w}) is no rotation")
+    return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)

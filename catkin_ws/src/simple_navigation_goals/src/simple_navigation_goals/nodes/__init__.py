@@ -1,0 +1,1 @@
+"""What needs rospy: the waypoint clients and the spin recovery."""

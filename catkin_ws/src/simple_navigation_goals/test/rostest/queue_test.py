@@ -1,0 +1,182 @@
+#!/usr/bin/env python3
+"""Real waypoint clients against a fake move_base that comes late, is killed and comes back."""
+
+import math
+import os
+import signal
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import rospy
+import rostest
+from actionlib_msgs.msg import GoalID
+from geometry_msgs.msg import PoseStamped, TransformStamped, Twist, Vector3
+from move_base_msgs.msg import MoveBaseActionGoal
+from simple_navigation_goals.msg import WaypointQueue
+from std_srvs.srv import Empty
+from tf2_msgs.msg import TFMessage
+
+from pioneer_harness.process import ProcessGroup
+from pioneer_harness.wait import wait_until
+
+FAKE = Path(__file__).parent / "fake_move_base.py"
+TIMEOUT = 10.0
+
+
+class Client:
+    """One client node seen from outside: its topics, its newest status, its texts."""
+
+    def __init__(self, node: str, topic: str) -> None:
+        self.status: WaypointQueue | None = None
+        self.texts: list[str] = []
+        self.publisher = rospy.Publisher(topic, Twist, queue_size=10)
+        self.poses = rospy.Publisher(f"{topic}_pose", PoseStamped, queue_size=10)
+        rospy.Subscriber(f"{node}/queue", WaypointQueue, self._on_status)
+        rospy.wait_for_service(f"{node}/clear", TIMEOUT)
+        self.clear = rospy.ServiceProxy(f"{node}/clear", Empty)
+        wait_until(lambda: self.publisher.get_num_connections() and self.status, f"{node} to listen", TIMEOUT)
+
+    def _on_status(self, status: WaypointQueue) -> None:
+        self.status = status
+        self.texts.append(status.text)
+
+    def go(self, *xs: float) -> None:
+        for x in xs:
+            self.publisher.publish(Twist(Vector3(x, 2.0, 0.0), Vector3(0.0, 0.0, 90.0)))
+
+    def wait(self, what: str, timeout: float = TIMEOUT, **fields: int) -> WaypointQueue:
+        def reached() -> bool:
+            return all(getattr(self.status, name) == value for name, value in fields.items())
+
+        wait_until(reached, f"{what}: {fields}", timeout)
+        return self.status
+
+
+class QueueTest(unittest.TestCase):
+    """The clients live as long as the test; move_base is there where a case wants it."""
+
+    @classmethod
+    def setUpClass(cls) -> None:
+        cls.group = ProcessGroup()
+        cls.logs = Path(tempfile.mkdtemp())
+        cls.process: int | None = None
+        cls.runs = 0
+        cls.map_client = Client("map_goal_client", "map_goal")
+        cls.robot_client = Client("base_link_goal_client", "base_link_goal")
+        cls.goals: list[MoveBaseActionGoal] = []
+        rospy.Subscriber("move_base/goal", MoveBaseActionGoal, lambda goal: cls.goals.append(goal))
+        cls.cancel = rospy.Publisher("move_base/cancel", GoalID, queue_size=1)
+
+    @classmethod
+    def tearDownClass(cls) -> None:
+        cls.group.stop()
+
+    def setUp(self) -> None:
+        self.goals.clear()
+        self.before = self.map_client.status
+
+    def tearDown(self) -> None:
+        self.map_client.clear()
+        self.map_client.wait("the queue to be idle", state=WaypointQueue.IDLE)
+
+    def start_move_base(self) -> None:
+        cls = type(self)
+        if cls.process is None:
+            cls.runs += 1
+            name = f"move_base {cls.runs}"
+            cls.process = self.group.start(name, [sys.executable, str(FAKE)], log=self.logs / name, may_end=True)
+
+    def kill_move_base(self) -> None:
+        if self.process is not None:
+            os.kill(self.process, signal.SIGKILL)
+            wait_until(lambda: self.map_client.status.text.startswith("move_base is gone"), "the loss", TIMEOUT)
+            type(self).process = None
+
+    def counted(self, **added: int) -> dict[str, int]:
+        return {name: getattr(self.before, name) + count for name, count in added.items()}
+
+    def test_waypoints_that_come_before_move_base_are_driven_in_order_once_it_is_there(self) -> None:
+        self.kill_move_base()
+        self.map_client.go(1.0, 2.0, 3.0)
+        self.map_client.wait(
+            "three waypoints to wait", state=WaypointQueue.WAITING_FOR_MOVE_BASE, **self.counted(received=3)
+        )
+        self.start_move_base()
+        self.map_client.wait("three waypoints reached", state=WaypointQueue.IDLE, **self.counted(reached=3))
+        wait_until(lambda: len(self.goals) == 3, "three goals", TIMEOUT)
+        assert [goal.goal.target_pose.pose.position.x for goal in self.goals] == [1.0, 2.0, 3.0]
+        pose = self.goals[0].goal.target_pose
+        assert pose.header.frame_id == "map"
+        assert math.isclose(pose.pose.orientation.z, math.sin(math.pi / 4.0))
+
+    def test_a_waypoint_that_move_base_gives_up_is_skipped_and_counted(self) -> None:
+        self.start_move_base()
+        self.map_client.go(100.0, 1.0)
+        status = self.map_client.wait("one reached, one given up", **self.counted(reached=1, aborted=1))
+        assert status.state == WaypointQueue.IDLE
+        assert any("gave up" in text and "too far" in text for text in self.map_client.texts)
+
+    def test_a_waypoint_that_is_not_finite_is_refused_and_the_next_is_driven(self) -> None:
+        self.start_move_base()
+        self.map_client.go(math.nan, math.inf, 1.0)
+        status = self.map_client.wait("the good one reached", **self.counted(reached=1))
+        assert status.received == self.before.received + 1
+
+    def test_a_move_base_that_is_killed_and_started_again_gets_the_waypoint_again(self) -> None:
+        self.start_move_base()
+        self.map_client.go(-1.0)
+        self.map_client.wait("driving", state=WaypointQueue.DRIVING)
+        self.kill_move_base()
+        self.map_client.wait("the loss noticed", state=WaypointQueue.WAITING_FOR_MOVE_BASE)
+        self.start_move_base()
+        self.map_client.wait("driving again", state=WaypointQueue.DRIVING)
+        wait_until(lambda: len(self.goals) == 2, "the goal a second time", TIMEOUT)
+
+    def test_clear_cancels_the_goal_under_way_and_drops_the_rest(self) -> None:
+        self.start_move_base()
+        self.map_client.go(-1.0, 1.0)
+        self.map_client.wait("driving", state=WaypointQueue.DRIVING)
+        self.map_client.clear()
+        status = self.map_client.wait("idle", state=WaypointQueue.IDLE)
+        assert (status.waiting, status.reached) == ([], self.before.reached)
+
+    def test_a_goal_that_somebody_else_cancels_holds_the_rest(self) -> None:
+        self.start_move_base()
+        self.map_client.go(-1.0, 1.0)
+        self.map_client.wait("driving", state=WaypointQueue.DRIVING)
+        wait_until(lambda: self.map_client.status.waiting and self.cancel.get_num_connections(), "both", TIMEOUT)
+        self.cancel.publish(GoalID())
+        status = self.map_client.wait("held", state=WaypointQueue.IDLE)
+        assert len(status.waiting) == 1
+
+    def test_a_pose_in_another_frame_goes_to_move_base_in_that_frame(self) -> None:
+        self.start_move_base()
+        pose = PoseStamped()
+        pose.header.frame_id = "/pioneer1/odom"
+        pose.pose.orientation.w = 1.0
+        self.map_client.poses.publish(pose)
+        self.map_client.wait("reached", **self.counted(reached=1))
+        assert self.goals[0].goal.target_pose.header.frame_id == "pioneer1/odom"
+
+    def test_a_waypoint_in_the_robots_frame_is_turned_into_the_map(self) -> None:
+        self.start_move_base()
+        frames = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
+        robot = TransformStamped(child_frame_id="pioneer1/base_link")
+        robot.header.frame_id = "map"
+        robot.transform.translation = Vector3(10.0, 20.0, 0.0)
+        robot.transform.rotation.z = robot.transform.rotation.w = math.sqrt(0.5)
+        frames.publish(TFMessage([robot]))
+        self.robot_client.go(1.0)
+        self.robot_client.wait("reached", reached=1)
+        pose = self.goals[0].goal.target_pose
+        assert pose.header.frame_id == "map"
+        assert math.isclose(pose.pose.position.x, 8.0)
+        assert math.isclose(pose.pose.position.y, 21.0)
+        assert math.isclose(abs(pose.pose.orientation.z), 1.0)
+
+
+if __name__ == "__main__":
+    rospy.init_node("queue_test")
+    rostest.rosrun("simple_navigation_goals", "queue", QueueTest)
