@@ -1,0 +1,4 @@
+#!/usr/bin/env python3
+from rocon_flip.nodes.command import flip_hub_publisher
+
+raise SystemExit(flip_hub_publisher())

@@ -1,0 +1,4 @@
+#!/usr/bin/env python3
+from rocon_flip.nodes.command import flip_remote_subscriber
+
+raise SystemExit(flip_remote_subscriber())

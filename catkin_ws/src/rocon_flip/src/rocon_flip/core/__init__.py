@@ -1,0 +1,1 @@
+"""Which rules each script asks for: no ROS."""

@@ -1,0 +1,116 @@
+"""The rules of the fleet, and of a single topic, as values.
+
+All names that the tutorial fixes are here: which topics cross, between which gateways, for which nodes.
+"""
+
+import enum
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+HUB_GATEWAY = "Hub_Gateway"
+SHARED_TOPICS = ("clock", "map", "tf", "tf_static")
+SENSOR_TOPICS = ("base_scan", "odom")
+COMMAND_TOPIC = "pioneer/cmd_vel"
+VIEWED_TOPICS = (
+    "move_base/current_goal",
+    "move_base/local_costmap/costmap",
+    "move_base/local_costmap/costmap_updates",
+    "move_base/NavfnROS/plan",
+    "move_base/TrajectoryPlannerROS/local_plan",
+)
+VIEWER = "/rviz"
+DEFAULT_ROBOTS = 15
+
+
+class PlanError(ValueError):
+    """A command line or environment from which no rules follow; the text says what to give."""
+
+
+class Action(enum.StrEnum):
+    """What is asked of the gateway; the name of its service."""
+
+    ADVERTISE = "advertise"
+    PULL = "pull"
+    FLIP = "flip"
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """One rule to ask for.
+
+    Attributes:
+        kind: "publisher" or "subscriber", seen from this gateway for a flip and from the other for a pull.
+        name: the topic, or a pattern.
+        node: the node, or a pattern; empty for any.
+        gateway: the other gateway; empty for an advertisement.
+    """
+
+    kind: str
+    name: str
+    node: str = ""
+    gateway: str = ""
+
+    def __str__(self) -> str:
+        return ", ".join(part for part in (self.gateway, self.name, self.kind, self.node) if part)
+
+
+def advertised_by_hub() -> list[Wish]:
+    """Returns what the hub's gateway advertises."""
+    return [Wish("publisher", f"/{topic}") for topic in SHARED_TOPICS]
+
+
+def pulled_from_hub(gateway: str = HUB_GATEWAY) -> list[Wish]:
+    """Returns what a robot pulls."""
+    return [Wish("publisher", f"/{topic}", gateway=gateway) for topic in SHARED_TOPICS]
+
+
+def flipped_from_hub(robots: int) -> list[Wish]:
+    """Returns what the hub's gateway flips so that RViz there sees `robots` robots."""
+    return [
+        Wish("subscriber", topic, VIEWER, f"aadi{number}_gateway")
+        for number in range(1, robots + 1)
+        for topic in ("/tf", *(topic_in(f"pioneer{number}", topic) for topic in VIEWED_TOPICS))
+    ]
+
+
+def flipped_from_robot(robot: str, gateway: str = HUB_GATEWAY) -> list[Wish]:
+    """Returns what a robot flips: its sensors here, its commands there."""
+    sensors = [Wish("subscriber", topic_in(robot, topic), gateway=gateway) for topic in SENSOR_TOPICS]
+    return [*sensors, Wish("publisher", topic_in(robot, COMMAND_TOPIC), gateway=gateway)]
+
+
+def topic_in(namespace: str, topic: str) -> str:
+    """Returns a topic under a namespace; one that begins with a slash stays as it is."""
+    if topic.startswith("/"):
+        return topic
+    namespace = namespace.strip("/")
+    return f"/{namespace}/{topic}" if namespace else f"/{topic}"
+
+
+def node_named(node: str) -> str:
+    """Returns a node's name with its slash; empty stays empty."""
+    return f"/{node.lstrip('/')}" if node else ""
+
+
+def robot_count(arguments: list[str], environment: Mapping[str, str]) -> int:
+    """Returns how many robots there are: the first argument, else ROBOTS, else 15. Raises PlanError for nonsense."""
+    text = arguments[0] if arguments else environment.get("ROBOTS") or str(DEFAULT_ROBOTS)
+    if not text.isdigit() or not 0 < int(text) <= 1000:
+        raise PlanError(f"'{text}' is not a number of robots; give one, or set ROBOTS")
+    return int(text)
+
+
+def robot_name(arguments: list[str], environment: Mapping[str, str], host: str) -> str:
+    """Returns the robot's name: the first argument, else ROBOT_NAME, else pioneerX on host aadiX.
+
+    Raises:
+        PlanError: none of these says.
+    """
+    name = arguments[0] if arguments else environment.get("ROBOT_NAME", "")
+    if name:
+        return name
+    found = re.match(r"aadi(\d+)(\.|$)", environment.get("HOSTNAME") or host)
+    if not found:
+        raise PlanError(f"set ROBOT_NAME (pioneer1, …): the host's name '{host}' is not aadiX")
+    return f"pioneer{found[1]}"

@@ -1,0 +1,1 @@
+"""The scripts, each a function."""

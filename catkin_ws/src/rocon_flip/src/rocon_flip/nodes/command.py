@@ -1,0 +1,161 @@
+"""What the scripts of this package do; each is a function that takes the command line and returns an exit status."""
+
+import argparse
+import os
+import socket
+import sys
+from collections.abc import Callable, Sequence
+
+import rospy
+
+from rocon_flip.adapters.gateway import GatewayClient
+from rocon_flip.core import plan
+from rocon_flip.core.plan import Action, PlanError, Wish
+
+Wishes = Callable[[list[str]], list[Wish]]
+
+
+def _run(name: str, usage: str, action: Action, wishes: Wishes, least: int = 0, most: int = 0) -> int:
+    """Asks for the rules that follow from the command line; with `--cancel` takes them back."""
+    arguments = rospy.myargv(sys.argv)[1:]
+    cancel = "--cancel" in arguments
+    arguments = [argument for argument in arguments if argument != "--cancel"]
+    if not least <= len(arguments) <= most or any(argument.startswith("-") for argument in arguments):
+        sys.stderr.write(f"Usage: {usage} [--cancel]\n")
+        return 0 if arguments in (["-h"], ["--help"]) else 2
+    try:
+        return _ask(name, action, wishes(arguments), cancel)
+    except PlanError as error:
+        sys.stderr.write(f"{name}: {error}\n")
+        return 2
+
+
+def _ask(name: str, action: Action, wishes: Sequence[Wish], cancel: bool) -> int:
+    rospy.init_node(name.replace("-", "_").removesuffix(".py"), anonymous=True)
+    try:
+        client = GatewayClient()
+        client.wait()
+        # One call for all flips, whichever way they go: all of them or none.
+        return 0 if client.ask(action, wishes, cancel) else 1
+    except rospy.ROSException:
+        return 130
+
+
+def advertise_from_hub() -> int:
+    """`advertise-from-hub`: the topics that all robots share."""
+    name = "advertise-from-hub"
+    return _run(name, name, Action.ADVERTISE, lambda _: plan.advertised_by_hub())
+
+
+def pull_from_hub() -> int:
+    """`pull-from-hub`: the same, on a robot."""
+    name = "pull-from-hub"
+    return _run(name, name, Action.PULL, lambda _: plan.pulled_from_hub())
+
+
+def flip_from_hub() -> int:
+    """`flip-from-hub [ROBOTS]`: what RViz on the hub shows of each robot."""
+    name = "flip-from-hub"
+
+    def wishes(arguments: list[str]) -> list[Wish]:
+        return plan.flipped_from_hub(plan.robot_count(arguments, os.environ))
+
+    return _run(name, f"{name} [ROBOTS]", Action.FLIP, wishes, most=1)
+
+
+def flip_from_remote() -> int:
+    """`flip-from-remote [ROBOT_NAME]`, also called `pioneer-nav-flip`: a robot's sensors and commands."""
+    name = "flip-from-remote"
+
+    def wishes(arguments: list[str]) -> list[Wish]:
+        return plan.flipped_from_robot(plan.robot_name(arguments, os.environ, socket.gethostname()))
+
+    return _run(name, f"{name} [ROBOT_NAME]", Action.FLIP, wishes, most=1)
+
+
+def advertise_hub_publisher() -> int:
+    """`advertise_hub_publisher.py TOPIC`."""
+    name = "advertise_hub_publisher.py"
+    usage = f"{name} topic"
+    return _run(name, usage, Action.ADVERTISE, lambda a: [Wish("publisher", plan.topic_in("", a[0]))], 1, 1)
+
+
+def pull_hub_publisher() -> int:
+    """`pull_hub_publisher.py TOPIC`."""
+    name = "pull_hub_publisher.py"
+
+    def wishes(arguments: list[str]) -> list[Wish]:
+        return [Wish("publisher", plan.topic_in("", arguments[0]), gateway=plan.HUB_GATEWAY)]
+
+    return _run(name, f"{name} topic", Action.PULL, wishes, 1, 1)
+
+
+def _flip_one(name: str, kind: str, from_hub: bool) -> int:
+    """A single flip: the hub's scripts name the robot's host (`aadi1`), a robot's always mean the hub."""
+
+    def wishes(arguments: list[str]) -> list[Wish]:
+        namespace, topic, node = arguments[:3]
+        gateway = f"{arguments[3]}_gateway" if from_hub else plan.HUB_GATEWAY
+        return [Wish(kind, plan.topic_in(namespace, topic), plan.node_named(node), gateway)]
+
+    count = 4 if from_hub else 3
+    usage = f"{name} namespace topic node{' gate' if from_hub else ''}"
+    return _run(name, usage, Action.FLIP, wishes, count, count)
+
+
+def flip_hub_subscriber() -> int:
+    """`flip_hub_subscriber.py NAMESPACE TOPIC NODE GATE`."""
+    return _flip_one("flip_hub_subscriber.py", "subscriber", from_hub=True)
+
+
+def flip_hub_publisher() -> int:
+    """`flip_hub_publisher.py NAMESPACE TOPIC NODE GATE`."""
+    return _flip_one("flip_hub_publisher.py", "publisher", from_hub=True)
+
+
+def flip_remote_subscriber() -> int:
+    """`flip_remote_subscriber.py NAMESPACE TOPIC NODE`."""
+    return _flip_one("flip_remote_subscriber.py", "subscriber", from_hub=False)
+
+
+def flip_remote_publisher() -> int:
+    """`flip_remote_publisher.py NAMESPACE TOPIC NODE`."""
+    return _flip_one("flip_remote_publisher.py", "publisher", from_hub=False)
+
+
+def _generic(name: str, action: Action, kind: str) -> int:
+    """One rule from options. Names are the same on both sides, so the two namespaces cannot differ for a topic."""
+    parser = argparse.ArgumentParser(name, description=f"{action} one {kind}")
+    parser.add_argument("-g", "--gateway", default="", help="the other gateway", required=action != Action.ADVERTISE)
+    parser.add_argument("-t", "--topic", required=True, help="the topic; with a leading slash as it stands")
+    parser.add_argument("-n", "--node", default="", help="the node; any if left out")
+    parser.add_argument("-r", "--remote_namespace", default="", help="namespace of the topic at the other gateway")
+    parser.add_argument("-l", "--local_namespace", default="", help="namespace of the topic here")
+    parser.add_argument("--cancel", action="store_true", help="take the rule back")
+    options = parser.parse_args(rospy.myargv(sys.argv)[1:])
+    namespaces = {one.strip("/") for one in (options.remote_namespace, options.local_namespace) if one.strip("/")}
+    if len(namespaces) > 1:
+        parser.error("a topic has one name on both sides: give one namespace")
+    topic = plan.topic_in(next(iter(namespaces), ""), options.topic)
+    gateway = "" if action == Action.ADVERTISE else options.gateway
+    return _ask(name, action, [Wish(kind, topic, plan.node_named(options.node), gateway)], options.cancel)
+
+
+def generic_advertiser() -> int:
+    """`generic_advertiser.py -t topic [-n node] [-l local_namespace]`."""
+    return _generic("generic_advertiser.py", Action.ADVERTISE, "publisher")
+
+
+def generic_puller() -> int:
+    """`generic_puller.py -g gateway -t topic [-n node] [-r remote_namespace]`."""
+    return _generic("generic_puller.py", Action.PULL, "publisher")
+
+
+def generic_flip_publisher() -> int:
+    """`generic_flip_publisher.py -g gateway -t topic [-n node] [-l local_namespace]`."""
+    return _generic("generic_flip_publisher.py", Action.FLIP, "publisher")
+
+
+def generic_flip_subscriber() -> int:
+    """`generic_flip_subscriber.py -g gateway -t topic [-n node] [-r remote_namespace]`."""
+    return _generic("generic_flip_subscriber.py", Action.FLIP, "subscriber")

@@ -1,0 +1,62 @@
+"""The topics that cross are the tutorial's, and the robot's name comes from where it may come from."""
+
+import pytest
+
+from rocon_flip.core.plan import (
+    PlanError,
+    Wish,
+    advertised_by_hub,
+    flipped_from_hub,
+    flipped_from_robot,
+    pulled_from_hub,
+    robot_count,
+    robot_name,
+    topic_in,
+)
+
+
+def test_the_hub_advertises_what_the_robots_pull() -> None:
+    assert [wish.name for wish in advertised_by_hub()] == ["/clock", "/map", "/tf", "/tf_static"]
+    assert [(wish.name, wish.gateway) for wish in pulled_from_hub()] == [
+        (wish.name, "Hub_Gateway") for wish in advertised_by_hub()
+    ]
+
+
+def test_a_robot_flips_its_sensors_here_and_its_commands_there() -> None:
+    assert flipped_from_robot("pioneer3") == [
+        Wish("subscriber", "/pioneer3/base_scan", "", "Hub_Gateway"),
+        Wish("subscriber", "/pioneer3/odom", "", "Hub_Gateway"),
+        Wish("publisher", "/pioneer3/pioneer/cmd_vel", "", "Hub_Gateway"),
+    ]
+
+
+def test_the_hub_flips_six_topics_a_robot_to_rviz() -> None:
+    wishes = flipped_from_hub(2)
+    assert len(wishes) == 12
+    assert {(wish.kind, wish.node) for wish in wishes} == {("subscriber", "/rviz")}
+    assert Wish("subscriber", "/pioneer2/move_base/NavfnROS/plan", "/rviz", "aadi2_gateway") in wishes
+    assert Wish("subscriber", "/tf", "/rviz", "aadi1_gateway") in wishes
+
+
+def test_the_number_of_robots_is_an_argument_or_a_variable_or_fifteen() -> None:
+    assert robot_count(["3"], {"ROBOTS": "5"}) == 3
+    assert robot_count([], {"ROBOTS": "5"}) == 5
+    assert robot_count([], {}) == 15
+    for text in ("0", "-1", "many"):
+        with pytest.raises(PlanError):
+            robot_count([text], {})
+
+
+def test_the_robots_name_is_an_argument_or_a_variable_or_the_hosts() -> None:
+    assert robot_name(["pioneer9"], {"ROBOT_NAME": "pioneer2"}, "aadi1") == "pioneer9"
+    assert robot_name([], {"ROBOT_NAME": "pioneer2"}, "aadi1") == "pioneer2"
+    assert robot_name([], {}, "aadi12") == "pioneer12"
+    assert robot_name([], {"HOSTNAME": "aadi4"}, "laptop") == "pioneer4"
+    with pytest.raises(PlanError, match="set ROBOT_NAME"):
+        robot_name([], {}, "laptop")
+
+
+def test_a_topic_is_under_its_namespace_unless_it_is_absolute() -> None:
+    assert topic_in("pioneer1", "odom") == topic_in("/pioneer1/", "odom") == "/pioneer1/odom"
+    assert topic_in("pioneer1", "/tf") == "/tf"
+    assert topic_in("", "clock") == "/clock"

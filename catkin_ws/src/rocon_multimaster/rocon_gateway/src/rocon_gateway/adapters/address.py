@@ -1,0 +1,32 @@
+"""Under which address other machines reach this one."""
+
+import contextlib
+import os
+import socket
+
+import rosgraph.network
+
+
+def own_address(towards: str) -> str:
+    """Returns ROS_HOSTNAME or ROS_IP if set; else the address of the interface that leads to host `towards`.
+
+    Where that is the loopback (a hub on this machine, or none), any other address of this machine is better for
+    others; where there is none, the loopback it is.
+    """
+    named = os.environ.get("ROS_HOSTNAME") or os.environ.get("ROS_IP")
+    if named:
+        return named
+    if towards:
+        with contextlib.suppress(OSError):
+            address = _route(towards)
+            if not address.startswith("127.") and address != "::1":
+                return address
+    return rosgraph.network.get_local_address()
+
+
+def _route(host: str) -> str:
+    family, kind, protocol, _, target = socket.getaddrinfo(host, 9, type=socket.SOCK_DGRAM)[0]
+    # Connecting a datagram socket sends nothing; it only chooses the way.
+    with socket.socket(family, kind, protocol) as probe:
+        probe.connect(target)
+        return str(probe.getsockname()[0])

@@ -1,0 +1,222 @@
+"""One connection to one hub, from registration to farewell. Every call may block for `TIMEOUT`, none longer."""
+
+import json
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+
+import redis
+
+from rocon_gateway.core.code import Code, HubError
+from rocon_gateway.core.hub import (
+    GATEWAYS_KEY,
+    NAME_KEY,
+    PROTOCOL_KEY,
+    HubAddress,
+    alive_key,
+    letters_key,
+    lost_key,
+    record_key,
+)
+from rocon_gateway.core.record import (
+    PROTOCOL,
+    Letter,
+    Record,
+    RecordError,
+    letter_from_text,
+    record_from_text,
+    text_from_letter,
+    text_from_record,
+)
+
+TIMEOUT = 2.0
+"""Within which the hub must have answered [s]."""
+
+ALIVE = 2.0
+"""For how long one sign of life counts [s]."""
+
+HEARTBEAT = 0.5
+"""Time between two signs of life [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """A gateway as `remote_gateway_info` shows it: its record, and how long ago [s] it was last heard of (0: alive)."""
+
+    record: Record
+    silence: float
+
+
+def redis_client(address: HubAddress, password: str | None) -> redis.Redis:
+    """Returns a client that has not connected yet."""
+    return redis.Redis(
+        host=address.host,
+        port=address.port,
+        password=password,
+        socket_timeout=TIMEOUT,
+        socket_connect_timeout=TIMEOUT,
+        socket_keepalive=True,
+        decode_responses=True,
+    )
+
+
+class HubSession:
+    """Registers a gateway on a hub and speaks for it; used by one thread, `describe` apart.
+
+    Raises:
+        HubError: 12 if nobody answers, 14 if whoever answers will not have us, 16 if it is not a hub.
+    """
+
+    def __init__(self, address: HubAddress, password: str | None, name: str, instance: str) -> None:
+        self.address = address
+        self.name = name
+        self.instance = instance
+        self.client = redis_client(address, password)
+        self._written: dict[str, Letter] = {}
+        self._record = ""
+        try:
+            self.hub_name = self._introduce()
+            self.events = self.client.pubsub()
+            self.events.subscribe(GATEWAYS_KEY, letters_key(name))
+            # What is read from now on cannot miss a change: it is either in what is read or told.
+            for _ in range(2):
+                self.events.get_message(timeout=TIMEOUT)
+        except redis.exceptions.AuthenticationError as error:
+            text = f"the hub at {address} wants another password: {error}"
+            raise HubError(Code.HUB_CONNECTION_FAILED, text) from None
+        except redis.exceptions.ResponseError as error:
+            raise HubError(Code.HUB_CONNECTION_FAILED, f"the hub at {address} refuses: {error}") from None
+        except (redis.RedisError, OSError) as error:
+            raise HubError(Code.HUB_CONNECTION_UNRESOLVABLE, f"no hub at {address}: {error}") from None
+
+    def _introduce(self) -> str:
+        name, protocol = self.client.mget(NAME_KEY, PROTOCOL_KEY)
+        if name is None:
+            raise HubError(Code.HUB_NAME_NOT_FOUND, f"the Redis at {self.address} is not a hub: it has no name")
+        if protocol != str(PROTOCOL):
+            text = f"the hub '{name}' at {self.address} speaks protocol {protocol}, this gateway speaks {PROTOCOL}"
+            raise HubError(Code.HUB_CONNECTION_FAILED, text)
+        return name
+
+    @property
+    def holder(self) -> str | None:
+        """The instance that lives under our name, if any."""
+        return self.client.get(alive_key(self.name))
+
+    def join(self, record: Record) -> None:
+        """Registers us, in place of whoever bore our name."""
+        self._record = text_from_record(record)
+        self._written.clear()
+        with self.client.pipeline() as pipe:
+            pipe.set(record_key(self.name), self._record)
+            pipe.set(alive_key(self.name), self.instance, px=int(ALIVE * 1000))
+            pipe.delete(lost_key(self.name))
+            pipe.sadd(GATEWAYS_KEY, self.name)
+            self._tell(pipe, "joined")
+            pipe.execute()
+
+    def _tell(self, pipe: redis.client.Pipeline, event: str) -> None:
+        pipe.publish(GATEWAYS_KEY, json.dumps({"gateway": self.name, "event": event}))
+
+    def live(self) -> str | None:
+        """Gives a sign of life; returns the instance that lived under our name until now."""
+        with self.client.pipeline() as pipe:
+            pipe.get(alive_key(self.name))
+            pipe.pexpire(alive_key(self.name), int(ALIVE * 1000))
+            return pipe.execute()[0]
+
+    def present(self) -> set[str]:
+        """Returns the unique names of all gateways that live, ourselves apart."""
+        names = sorted(self.client.smembers(GATEWAYS_KEY) - {self.name})
+        if not names:
+            return set()
+        alive = self.client.mget([alive_key(name) for name in names])
+        return {name for name, instance in zip(names, alive, strict=True) if instance}
+
+    def watch(self, names: Iterable[str]) -> None:
+        """Asks to be told when the records of these gateways change; read them when an event confirms that."""
+        self.events.subscribe(*(record_key(name) for name in names))
+
+    def unwatch(self, names: Iterable[str]) -> None:
+        """Asks no longer."""
+        self.events.unsubscribe(*(record_key(name) for name in names))
+
+    def records(self, names: Collection[str]) -> dict[str, Record]:
+        """Returns the records of those of `names` that have a sound one."""
+        names = sorted(names)
+        texts = self.client.mget([record_key(name) for name in names]) if names else []
+        return dict(_sound(names, texts, record_from_text))
+
+    def letters(self, senders: Collection[str] | None = None) -> dict[str, Letter | None]:
+        """Returns the letters to us, all or those of `senders`; None for a sender who has none or no sound one."""
+        if senders is None:
+            texts = self.client.hgetall(letters_key(self.name))
+        else:
+            ordered = sorted(senders)
+            texts = dict(zip(ordered, self.client.hmget(letters_key(self.name), ordered), strict=True))
+        return {**dict.fromkeys(texts), **dict(_sound(list(texts), list(texts.values()), letter_from_text))}
+
+    def write(self, record: Record, letters: Mapping[str, Letter]) -> None:
+        """Writes what differs from what was written last."""
+        text = text_from_record(record)
+        with self.client.pipeline() as pipe:
+            if text != self._record:
+                pipe.set(record_key(self.name), text)
+                pipe.publish(record_key(self.name), self.name)
+            for receiver in {*letters, *self._written}:
+                letter = letters.get(receiver)
+                if letter == self._written.get(receiver):
+                    continue
+                if letter is None:
+                    pipe.hdel(letters_key(receiver), self.name)
+                else:
+                    pipe.hset(letters_key(receiver), self.name, text_from_letter(letter))
+                pipe.publish(letters_key(receiver), self.name)
+            if len(pipe):
+                pipe.execute()
+        self._record = text
+        self._written = dict(letters)
+
+    def forget(self, receiver: str) -> None:
+        """Has the letter to `receiver` written anew: it is a new instance, or was lost with the old hub."""
+        self._written.pop(receiver, None)
+
+    def describe(self, names: Collection[str]) -> list[Description]:
+        """Returns what the hub knows of `names`, of all others if empty; unknown ones are left out. Any thread."""
+        names = sorted(names or self.client.smembers(GATEWAYS_KEY) - {self.name})
+        records = self.records(names)
+        if not records:
+            return []
+        since = self.client.mget([lost_key(name) for name in records])
+        now = self.client.time()[0]
+        return [
+            Description(record, 0.0 if lost is None else max(0.0, now - float(lost)))
+            for record, lost in zip(records.values(), since, strict=True)
+        ]
+
+    def leave(self) -> None:
+        """Removes all that is ours from the hub, unless somebody else bears our name by now."""
+        if self.holder not in (None, self.instance):
+            return
+        with self.client.pipeline() as pipe:
+            pipe.delete(record_key(self.name), alive_key(self.name))
+            pipe.srem(GATEWAYS_KEY, self.name)
+            for receiver in self._written:
+                pipe.hdel(letters_key(receiver), self.name)
+            self._tell(pipe, "left")
+            pipe.execute()
+
+    def close(self) -> None:
+        """Closes the sockets."""
+        self.events.close()
+        self.client.close()
+        self.client.connection_pool.disconnect()
+
+
+def _sound(names, texts, parse):  # type: ignore[no-untyped-def]
+    """Yields name and value of what can be read; what a stranger wrote badly counts as not written."""
+    for name, text in zip(names, texts, strict=True):
+        if text is not None:
+            try:
+                yield name, parse(text)
+            except RecordError:
+                continue

@@ -1,0 +1,95 @@
+"""Rules and reports as messages."""
+
+from collections.abc import Iterable
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from gateway_msgs.msg import ConnectionStatistics, RemoteGateway, RemoteRuleWithStatus
+from gateway_msgs.msg import RemoteRule as RemoteRuleMessage
+from gateway_msgs.msg import Rule as RuleMessage
+
+from rocon_gateway.core.code import Code
+from rocon_gateway.core.record import Record
+from rocon_gateway.core.rule import Connection, RemoteRule, Rule, rule_from_text
+from rocon_gateway.core.rulebook import remote_rule
+from rocon_gateway.core.situation import Flipped, RuleState, State
+
+
+def rules_from_messages(messages: Iterable[RuleMessage], code: Code) -> list[Rule]:
+    """Returns checked rules. Raises RequestError with `code`."""
+    return [rule_from_text(message.type, message.name, message.node, code) for message in messages]
+
+
+def remote_rules_from_messages(messages: Iterable[RemoteRuleMessage], code: Code) -> list[RemoteRule]:
+    """Returns checked remote rules. Raises RequestError with `code`."""
+    return [
+        remote_rule(
+            message.gateway, rule_from_text(message.rule.type, message.rule.name, message.rule.node, code), code
+        )
+        for message in messages
+    ]
+
+
+def message_from_rule(rule: Rule) -> RuleMessage:
+    """Returns a rule's message."""
+    return RuleMessage(type=str(rule.kind), name=rule.name, node=rule.node)
+
+
+def message_from_connection(connection: Connection) -> RuleMessage:
+    """Returns a connection as the rule that means exactly it."""
+    return RuleMessage(type=str(connection.kind), name=connection.name, node=connection.node)
+
+
+def message_from_remote_rule(remote: RemoteRule) -> RemoteRuleMessage:
+    """Returns a remote rule's message."""
+    return RemoteRuleMessage(gateway=remote.gateway, rule=message_from_rule(remote.rule))
+
+
+def message_from_flipped(flipped: Flipped) -> RemoteRuleMessage:
+    """Returns a connection with another gateway, without its status."""
+    return RemoteRuleMessage(gateway=flipped.gateway, rule=message_from_connection(flipped.connection))
+
+
+def status_message_from_flipped(flipped: Flipped) -> RemoteRuleWithStatus:
+    """Returns a connection with another gateway, with its status."""
+    return RemoteRuleWithStatus(remote_rule=message_from_flipped(flipped), status=flipped.status)
+
+
+def message_from_record(record: Record, silence: float) -> RemoteGateway:
+    """Returns another gateway's description; `silence` is how long it has not been heard of [s], 0 if it lives."""
+    return RemoteGateway(
+        name=record.name,
+        ip=record.host,
+        firewall=record.firewall,
+        conn_stats=ConnectionStatistics(gateway_available=silence == 0.0, time_since_last_seen=int(silence)),
+        public_interface=[message_from_connection(one) for one in record.advertisements],
+        flipped_interface=[message_from_remote_rule(one) for one in record.flips],
+        pulled_interface=[message_from_remote_rule(one) for one in record.pulls],
+    )
+
+
+def diagnostic_from_state(state: RuleState, gateway: str) -> DiagnosticStatus:
+    """Returns how a rule of our gateway `gateway` does, for `/diagnostics`."""
+    word = state.verdict.state
+    if word == State.ACTIVE:
+        level = DiagnosticStatus.OK
+    elif word == State.PENDING:
+        level = DiagnosticStatus.STALE
+    else:
+        level = DiagnosticStatus.WARN
+    target = f"{state.gateway} " if state.gateway else ""
+    values = {
+        "action": state.action,
+        "gateway": state.gateway,
+        "type": str(state.rule.kind),
+        "name": state.rule.name,
+        "node": state.rule.node,
+        "state": word,
+        "reason": state.verdict.reason,
+    }
+    return DiagnosticStatus(
+        level=level,
+        name=f"{gateway}: {state.action} {target}{state.rule}",
+        message=f"{word}: {state.verdict.reason}" if state.verdict.reason else word,
+        hardware_id=gateway,
+        values=[KeyValue(key, value) for key, value in values.items()],
+    )

@@ -1,0 +1,161 @@
+"""Where a hub is, how its keys are called, and who on it counts as present."""
+
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+
+from rocon_gateway.core.code import Code, HubError
+from rocon_gateway.core.situation import Remote
+
+DEFAULT_PORT = 6380
+
+NAME_KEY = "rocon:hub:name"
+PROTOCOL_KEY = "rocon:hub:protocol"
+GATEWAYS_KEY = "rocon:gateways"
+"""The set of all gateways' names, and the channel on which joining and leaving is told."""
+
+
+def record_key(gateway: str) -> str:
+    """Returns the key of a gateway's record, and the channel that tells of its changes."""
+    return f"rocon:gateway:{gateway}"
+
+
+def alive_key(gateway: str) -> str:
+    """Returns the key that exists while a gateway lives; its value is the gateway's instance."""
+    return f"rocon:alive:{gateway}"
+
+
+def letters_key(gateway: str) -> str:
+    """Returns the key of the letters to a gateway (hash: sender to letter), and the channel that tells senders."""
+    return f"rocon:letters:{gateway}"
+
+
+def lost_key(gateway: str) -> str:
+    """Returns the key that tells since when [s, the hub's clock] a gateway whose record is kept is not heard of."""
+    return f"rocon:lost:{gateway}"
+
+
+@dataclass(frozen=True, slots=True)
+class HubAddress:
+    """Where a hub's Redis listens."""
+
+    host: str
+    port: int
+
+    def __str__(self) -> str:
+        return f"http://{self.host}:{self.port}"
+
+
+def address_from_uri(uri: str) -> HubAddress:
+    """Returns the address in `http://host:port`, `host:port` or `host`.
+
+    Raises:
+        HubError: 12 for what is none of these.
+    """
+    found = re.fullmatch(r"(?:[a-z]+://)?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+)(?::(\d{1,5}))?/?", uri.strip())
+    if not found:
+        raise HubError(Code.HUB_CONNECTION_UNRESOLVABLE, f"'{uri}' is not a hub's address; write http://host:port")
+    port = int(found[2] or DEFAULT_PORT)
+    if not 0 < port < 65536:
+        raise HubError(Code.HUB_CONNECTION_UNRESOLVABLE, f"'{uri}': there is no port {port}")
+    return HubAddress(found[1].strip("[]"), port)
+
+
+def check_lists(address: HubAddress, name: str, whitelist: Collection[str], blacklist: Collection[str]) -> None:
+    """Raises HubError: 13 for a hub on the blacklist, 15 for one that a non-empty whitelist lacks.
+
+    Entries are hub names, or addresses as `address_from_uri` takes them.
+    """
+    if _listed(address, name, blacklist):
+        raise HubError(Code.HUB_CONNECTION_BLACKLISTED, f"the hub '{name}' at {address} is blacklisted")
+    if whitelist and not _listed(address, name, whitelist):
+        text = f"the hub '{name}' at {address} is not on the whitelist"
+        raise HubError(Code.HUB_CONNECTION_NOT_IN_NONEMPTY_WHITELIST, text)
+
+
+def _listed(address: HubAddress, name: str, entries: Collection[str]) -> bool:
+    own = str(address).removeprefix("http://")
+    return any(entry == name or re.sub(r"^[a-z]+://|/$", "", entry) == own for entry in entries)
+
+
+@dataclass(frozen=True)
+class HubView:
+    """What we know of the hub and of the others on it; without a connection, what we knew last.
+
+    Attributes:
+        connected: whether we are on a hub now.
+        hub_name: its name; empty when there was never one.
+        hub_uri: its address; empty likewise.
+        names: unique names of all gateways that are present, ourselves apart.
+        remotes: those that our rules or their letters concern.
+    """
+
+    connected: bool = False
+    hub_name: str = ""
+    hub_uri: str = ""
+    names: frozenset[str] = frozenset()
+    remotes: Mapping[str, Remote] = field(default_factory=dict)
+
+
+class Presence:
+    """Which gateways count as present when the hub no longer lists them.
+
+    A gateway that takes its leave is gone at once. One that the hub merely stopped hearing of is gone at once
+    too, unless our links to it still stand: then it, or its way to the hub, may only be slow, and it stays for
+    `LINKED_GRACE`. A hub that was restarted knows nobody yet, so whoever was there before stays for
+    `RESTART_GRACE`. All times are monotonic [s].
+    """
+
+    LINKED_GRACE = 6.0
+    RESTART_GRACE = 5.0
+
+    def __init__(self) -> None:
+        self.listed: set[str] = set()
+        self._retained: dict[str, tuple[float, bool]] = {}
+
+    @property
+    def names(self) -> frozenset[str]:
+        """All that are present."""
+        return frozenset(self.listed) | frozenset(self._retained)
+
+    @property
+    def waiting(self) -> bool:
+        """Whether somebody is only retained, so that `settle` must be called again."""
+        return bool(self._retained)
+
+    def start(self, listed: Collection[str], now: float) -> None:
+        """Takes the list of a hub to which we have just connected."""
+        for name in self.listed - set(listed):
+            self._retained[name] = (now + self.RESTART_GRACE, False)
+        self.listed = set(listed)
+        self._drop(self.listed)
+
+    def join(self, name: str) -> None:
+        """Somebody is there."""
+        self.listed.add(name)
+        self._drop((name,))
+
+    def leave(self, name: str) -> None:
+        """Somebody took its leave."""
+        self.listed.discard(name)
+        self._drop((name,))
+
+    def expire(self, name: str, now: float) -> None:
+        """The hub has not heard of somebody for too long."""
+        if name in self.listed:
+            self.listed.discard(name)
+            self._retained[name] = (now + self.LINKED_GRACE, True)
+
+    def settle(self, linked: Collection[str], now: float) -> bool:
+        """Lets go of those whose time is over or whose links are down; tells whether there were any."""
+        over = [
+            name
+            for name, (deadline, only_linked) in self._retained.items()
+            if now >= deadline or (only_linked and name not in linked)
+        ]
+        self._drop(over)
+        return bool(over)
+
+    def _drop(self, names: Collection[str]) -> None:
+        for name in names:
+            self._retained.pop(name, None)

@@ -1,0 +1,160 @@
+"""Rules and what they match: kinds, names, nodes and gateways.
+
+Everything "matches" by regular expression over the whole text. Besides, a gateway is met by its base name
+(without the unique suffix) taken literally, and a relative topic name by the absolute one.
+"""
+
+import enum
+import functools
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from rocon_gateway.core.code import Code, RequestError
+
+ALL = ".*"
+"""The name in a rule that the `*_all` services install."""
+
+SUFFIX_LENGTH = 32
+"""Hexadecimal digits that a gateway appends to its name to be unique, unless told not to."""
+
+
+class Kind(enum.StrEnum):
+    """What a rule is about, in the words of `gateway_msgs/ConnectionType`."""
+
+    PUBLISHER = "publisher"
+    SUBSCRIBER = "subscriber"
+    SERVICE = "service"
+    ACTION_CLIENT = "action_client"
+    ACTION_SERVER = "action_server"
+
+
+CARRIED = frozenset({Kind.PUBLISHER, Kind.SUBSCRIBER})
+"""The kinds that links exist for. Rules of the others are kept, and their state says that they are not carried."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Rule:
+    """One kind, a pattern for names, and a pattern for nodes (empty: any)."""
+
+    kind: Kind
+    name: str
+    node: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.name}" + (f" of {self.node}" if self.node else "")
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class RemoteRule:
+    """A rule towards the gateways that `gateway` matches."""
+
+    gateway: str
+    rule: Rule
+
+    def __str__(self) -> str:
+        return f"{self.gateway}: {self.rule}"
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Connection:
+    """One node's publication of, or subscription to, one topic; names as resolved, type `*` where unknown."""
+
+    kind: Kind
+    name: str
+    type: str
+    node: str
+
+
+def rule_from_text(kind: str, name: str, node: str, code: Code) -> Rule:
+    """Returns a checked rule.
+
+    Raises:
+        RequestError: with `code`, for an unknown kind, an empty name, or a pattern that is no regular expression.
+    """
+    try:
+        known = Kind(kind)
+    except ValueError:
+        raise RequestError(code, f"unknown connection type '{kind}'; it is one of {', '.join(Kind)}") from None
+    if not name:
+        raise RequestError(code, f"a {known} rule needs a name")
+    for what, pattern in (("name", name), ("node", node)):
+        check_pattern(what, pattern, code)
+    return Rule(known, name, node)
+
+
+def check_pattern(what: str, pattern: str, code: Code) -> None:
+    """Raises RequestError with `code` if `pattern` is no regular expression."""
+    try:
+        _compiled(pattern)
+    except (re.error, RecursionError, OverflowError) as error:
+        raise RequestError(code, f"the {what} '{pattern}' is not a regular expression: {error}") from None
+
+
+@functools.lru_cache(maxsize=4096)
+def _compiled(pattern: str) -> re.Pattern[str]:
+    return re.compile(pattern)
+
+
+def matches_whole(pattern: str, text: str) -> bool:
+    """Tells whether the whole of `text` matches; `pattern` must be a regular expression."""
+    return _compiled(pattern).fullmatch(text) is not None
+
+
+def is_literal(pattern: str) -> bool:
+    """Tells whether `pattern` can only match itself: a plain ROS name."""
+    return re.fullmatch(r"[A-Za-z0-9_/]+", pattern) is not None
+
+
+def absolute_name(pattern: str) -> str:
+    """Returns the topic that a literal name means: `chatter` means `/chatter`."""
+    return pattern if pattern.startswith("/") else "/" + pattern
+
+
+def name_matches(pattern: str, name: str, own_gateway: str) -> bool:
+    """Tells whether a rule's `pattern` means topic `name`: absolute, or relative to our gateway's name or the root."""
+    if matches_whole(pattern, name):
+        return True
+    return pattern != ALL and any(
+        name.startswith(prefix) and matches_whole(pattern, name[len(prefix) :]) for prefix in (f"/{own_gateway}/", "/")
+    )
+
+
+def node_matches(pattern: str, node: str) -> bool:
+    """Tells whether a rule's node pattern, if it has one, means `node`."""
+    return not pattern or matches_whole(pattern, node)
+
+
+def rule_matches(rule: Rule, connection: Connection, own_gateway: str) -> bool:
+    """Tells whether `rule` means `connection`."""
+    return (
+        rule.kind == connection.kind
+        and name_matches(rule.name, connection.name, own_gateway)
+        and node_matches(rule.node, connection.node)
+    )
+
+
+def blacklisting(blacklist: Iterable[Rule], connection: Connection) -> Rule | None:
+    """Returns the first rule of `blacklist` that names `connection`, None if there is none.
+
+    Unlike other rules, those of a blacklist know no relative names: kind, name and node match as they stand.
+    """
+    for rule in blacklist:
+        if (
+            rule.kind == connection.kind
+            and matches_whole(rule.name, connection.name)
+            and node_matches(rule.node, connection.node)
+        ):
+            return rule
+    return None
+
+
+def base_name(gateway: str) -> str:
+    """Returns a gateway's name without the unique suffix, if it has one."""
+    head, tail = gateway[:-SUFFIX_LENGTH], gateway[-SUFFIX_LENGTH:]
+    return head if head and re.fullmatch(r"[0-9a-f]{32}", tail) else gateway
+
+
+def gateway_matches(pattern: str, gateway: str) -> bool:
+    """Tells whether a rule's `pattern` means `gateway`: all of its unique name, or literally its base name."""
+    return pattern in (gateway, base_name(gateway)) or matches_whole(pattern, gateway)

@@ -1,0 +1,203 @@
+"""All rules of a gateway, as one value. Every change is a new value or a refusal, so that requests are atomic."""
+
+import dataclasses
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from rocon_gateway.core.code import Code, RequestError
+from rocon_gateway.core.rule import (
+    ALL,
+    Connection,
+    Kind,
+    RemoteRule,
+    Rule,
+    absolute_name,
+    base_name,
+    blacklisting,
+    check_pattern,
+    is_literal,
+)
+
+
+@dataclass(frozen=True)
+class Advertisements:
+    """What other gateways may pull.
+
+    Attributes:
+        rules: explicit rules, in order of arrival; the five `.*` rules in advertise-all mode.
+        everything: whether that mode is on.
+        blacklist: what the mode's caller excluded; the gateway's own blacklist comes on top.
+    """
+
+    rules: tuple[Rule, ...] = ()
+    everything: bool = False
+    blacklist: tuple[Rule, ...] = ()
+
+
+@dataclass(frozen=True)
+class Targets:
+    """Flips or pulls.
+
+    Attributes:
+        rules: all of them, in order of arrival.
+        everything: by gateway pattern, what the caller of flip_all or pull_all excluded.
+    """
+
+    rules: tuple[RemoteRule, ...] = ()
+    everything: tuple[tuple[str, tuple[Rule, ...]], ...] = ()
+
+    def excluded(self, remote: RemoteRule) -> tuple[Rule, ...]:
+        """Returns the caller's blacklist for a `.*` rule of flip_all or pull_all; empty for every other rule."""
+        return dict(self.everything).get(remote.gateway, ()) if remote.rule.name == ALL else ()
+
+
+@dataclass(frozen=True)
+class RuleBook:
+    """The rules, and what a change is checked against.
+
+    Attributes:
+        name: our unique name.
+        blacklist: what never leaves this gateway.
+    """
+
+    name: str
+    blacklist: tuple[Rule, ...] = ()
+    advertisements: Advertisements = field(default_factory=Advertisements)
+    flips: Targets = field(default_factory=Targets)
+    pulls: Targets = field(default_factory=Targets)
+
+    def advertised(self, rules: Iterable[Rule]) -> "RuleBook":
+        """Raises RequestError: 31 for a rule that exists, 39 for one that the blacklist names."""
+        known = list(self.advertisements.rules)
+        for rule in rules:
+            if rule in known:
+                raise RequestError(Code.ADVERTISEMENT_EXISTS, f"this advertisement exists already: {rule}")
+            self._refuse_blacklisted(rule, Code.UNKNOWN_ADVERTISEMENT_ERROR)
+            known.append(rule)
+        return self._with_advertisements(dataclasses.replace(self.advertisements, rules=tuple(known)))
+
+    def unadvertised(self, rules: Iterable[Rule]) -> "RuleBook":
+        """A rule without node takes away every rule of its kind and name. Raises RequestError 32 if none is there."""
+        known = list(self.advertisements.rules)
+        for rule in rules:
+            found = [one for one in known if _means(rule, one)]
+            if not found:
+                raise RequestError(Code.ADVERTISEMENT_NOT_FOUND, f"there is no such advertisement: {rule}")
+            known = [one for one in known if one not in found]
+        return self._with_advertisements(dataclasses.replace(self.advertisements, rules=tuple(known)))
+
+    def advertising_all(self, blacklist: Iterable[Rule]) -> "RuleBook":
+        """Replaces all advertisements. Raises RequestError 31 if that mode is on."""
+        if self.advertisements.everything:
+            raise RequestError(Code.ADVERTISEMENT_EXISTS, "everything is advertised already")
+        rules = tuple(Rule(kind, ALL) for kind in Kind)
+        return self._with_advertisements(Advertisements(rules, True, _unique(blacklist)))
+
+    def advertising_nothing(self) -> "RuleBook":
+        """Leaves advertise-all mode, and with it takes away explicit advertisements."""
+        return self._with_advertisements(Advertisements())
+
+    def flipped(self, remotes: Iterable[RemoteRule]) -> "RuleBook":
+        """Raises RequestError: 22 for a rule that exists, 52 for ourselves, 19 for one that the blacklist names."""
+        remotes = tuple(remotes)
+        for remote in remotes:
+            self._refuse_blacklisted(remote.rule, Code.HUB_UNKNOWN_ERROR)
+        added = self._added(self.flips, remotes, Code.FLIP_RULE_ALREADY_EXISTS, "flip")
+        return dataclasses.replace(self, flips=added)
+
+    def unflipped(self, remotes: Iterable[RemoteRule]) -> "RuleBook":
+        """A rule that is not there is no error."""
+        return dataclasses.replace(self, flips=_removed(self.flips, remotes))
+
+    def flipping_all(self, gateway: str, blacklist: Iterable[Rule]) -> "RuleBook":
+        """Replaces all flips to `gateway`. Raises RequestError: 22 if everything is flipped there, 52 for ourselves."""
+        return dataclasses.replace(self, flips=self._all(self.flips, gateway, blacklist, "flipped to"))
+
+    def flipping_nothing(self, gateway: str) -> "RuleBook":
+        """Takes away all flips to `gateway`."""
+        return dataclasses.replace(self, flips=_none(self.flips, gateway))
+
+    def pulled(self, remotes: Iterable[RemoteRule]) -> "RuleBook":
+        """Raises RequestError: 41 for a rule that exists, 52 for ourselves."""
+        added = self._added(self.pulls, tuple(remotes), Code.PULL_RULE_ALREADY_EXISTS, "pull")
+        return dataclasses.replace(self, pulls=added)
+
+    def unpulled(self, remotes: Iterable[RemoteRule]) -> "RuleBook":
+        """A rule that is not there is no error."""
+        return dataclasses.replace(self, pulls=_removed(self.pulls, remotes))
+
+    def pulling_all(self, gateway: str, blacklist: Iterable[Rule]) -> "RuleBook":
+        """Replaces all pulls from `gateway`. Raises RequestError: 22 (sic) if that is so already, 52 for ourselves."""
+        return dataclasses.replace(self, pulls=self._all(self.pulls, gateway, blacklist, "pulled from"))
+
+    def pulling_nothing(self, gateway: str) -> "RuleBook":
+        """Takes away all pulls from `gateway`."""
+        return dataclasses.replace(self, pulls=_none(self.pulls, gateway))
+
+    def _with_advertisements(self, advertisements: Advertisements) -> "RuleBook":
+        return dataclasses.replace(self, advertisements=advertisements)
+
+    def _refuse_self(self, gateway: str) -> None:
+        if gateway in (self.name, base_name(self.name)):
+            raise RequestError(Code.REMOTE_GATEWAY_SELF_IS_NOT, f"'{gateway}' is this gateway itself")
+
+    def _refuse_blacklisted(self, rule: Rule, code: Code) -> None:
+        """A plain name that the blacklist names cannot ever be carried, so the caller is told at once."""
+        if not is_literal(rule.name):
+            return
+        node = rule.node if is_literal(rule.node) else ""
+        barrier = blacklisting(self.blacklist, Connection(rule.kind, absolute_name(rule.name), "*", node))
+        if barrier:
+            raise RequestError(code, f"{rule} is blacklisted by {barrier}")
+
+    def _added(self, targets: Targets, remotes: tuple[RemoteRule, ...], exists: Code, what: str) -> Targets:
+        known = list(targets.rules)
+        for remote in remotes:
+            self._refuse_self(remote.gateway)
+            if remote in known:
+                raise RequestError(exists, f"this {what} rule exists already: {remote}")
+            known.append(remote)
+        return dataclasses.replace(targets, rules=tuple(known))
+
+    def _all(self, targets: Targets, gateway: str, blacklist: Iterable[Rule], what: str) -> Targets:
+        self._refuse_self(gateway)
+        if gateway in dict(targets.everything):
+            raise RequestError(Code.FLIP_RULE_ALREADY_EXISTS, f"everything is {what} '{gateway}' already")
+        emptied = _none(targets, gateway)
+        return Targets(
+            (*emptied.rules, *(RemoteRule(gateway, Rule(kind, ALL)) for kind in Kind)),
+            (*emptied.everything, (gateway, _unique(blacklist))),
+        )
+
+
+def remote_rule(gateway: str, rule: Rule, code: Code) -> RemoteRule:
+    """Returns a checked remote rule. Raises RequestError with `code` for a gateway that is empty or no pattern."""
+    if not gateway:
+        raise RequestError(code, f"the rule '{rule}' names no gateway")
+    check_pattern("gateway", gateway, code)
+    return RemoteRule(gateway, rule)
+
+
+def _means(asked: Rule, rule: Rule) -> bool:
+    return asked == rule or (not asked.node and (asked.kind, asked.name) == (rule.kind, rule.name))
+
+
+def _removed(targets: Targets, remotes: Iterable[RemoteRule]) -> Targets:
+    asked = tuple(remotes)
+    kept = tuple(
+        one
+        for one in targets.rules
+        if not any(remote.gateway == one.gateway and _means(remote.rule, one.rule) for remote in asked)
+    )
+    return dataclasses.replace(targets, rules=kept)
+
+
+def _none(targets: Targets, gateway: str) -> Targets:
+    return Targets(
+        tuple(one for one in targets.rules if one.gateway != gateway),
+        tuple(one for one in targets.everything if one[0] != gateway),
+    )
+
+
+def _unique(rules: Iterable[Rule]) -> tuple[Rule, ...]:
+    return tuple(dict.fromkeys(rules))

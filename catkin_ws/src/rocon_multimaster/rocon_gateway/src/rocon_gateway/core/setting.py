@@ -1,0 +1,167 @@
+"""The gateway's parameters, and the rules that they bring."""
+
+import uuid
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rocon_gateway.core.code import Code, GatewayError
+from rocon_gateway.core.rule import ALL, Kind, RemoteRule, Rule, rule_from_text
+from rocon_gateway.core.rulebook import RuleBook, remote_rule
+
+APPENDED = ("default_flips", "default_advertisements", "default_pulls")
+"""Keys of a custom rules file that add to a parameter; all others replace it."""
+
+
+class SettingError(GatewayError):
+    """A parameter of the gateway that cannot be meant."""
+
+
+@dataclass(frozen=True)
+class GatewaySetting:
+    """Parameters of the node `gateway`, named as rocon names them where rocon has them.
+
+    Attributes:
+        name: the gateway's name for people.
+        disable_uuids: whether that is its unique name too; otherwise 32 hexadecimal digits follow.
+        hub_uri: the hub's address, `http://host:port` or `host:port`; empty for none.
+        hub_whitelist: names or addresses of the only hubs to join; empty allows all.
+        hub_blacklist: names or addresses of hubs never to join.
+        hub_password_file: a file that holds the hub's password; empty for none, or the environment's.
+        disable_zeroconf: do not look for hubs by mDNS.
+        firewall: refuse flips to here.
+        watch_loop_period: at the latest after so long, all is compared anew even if nothing seems to change [s].
+        default_blacklist: `{name, node, type}` of what never leaves this gateway.
+        default_advertisements: `{name, node, type}`.
+        default_flips: `{gateway, rule: {name, node, type}}`; without `rule`, everything is flipped there.
+        default_pulls: likewise.
+        advertise_all: start with everything advertised.
+        custom_rules_file: YAML with more of these; empty for none.
+        network_interface: accepted and not used: no interface has to be chosen.
+        relay_port: TCP port for links from other gateways; 0 is any free one.
+        max_message_size: the longest message that is carried [bytes].
+    """
+
+    name: str = "gateway"
+    disable_uuids: bool = False
+    hub_uri: str = ""
+    hub_whitelist: Any = ()
+    hub_blacklist: Any = ()
+    hub_password_file: str = ""
+    disable_zeroconf: bool = False
+    firewall: bool = True
+    watch_loop_period: float = 10.0
+    default_blacklist: Any = ()
+    default_advertisements: Any = ()
+    default_flips: Any = ()
+    default_pulls: Any = ()
+    advertise_all: Any = ()
+    custom_rules_file: str = ""
+    network_interface: str = ""
+    relay_port: int = 0
+    max_message_size: int = 256 * 2**20
+
+    def __post_init__(self) -> None:
+        """Raises SettingError for values that cannot be meant."""
+        if not self.name.strip() or not self.name.isprintable():
+            raise SettingError(f"gateway: ~name must be a printable text, not {self.name!r}")
+        if self.watch_loop_period <= 0:
+            raise SettingError("gateway: ~watch_loop_period must be greater than 0")
+        if not 0 <= self.relay_port < 65536:
+            raise SettingError(f"gateway: ~relay_port must be 0 to 65535, not {self.relay_port}")
+
+    def unique_name(self) -> str:
+        """Returns a unique name; a new one with each call unless `disable_uuids`."""
+        return self.name if self.disable_uuids else self.name + uuid.uuid4().hex
+
+    @property
+    def hubs_allowed(self) -> tuple[str, ...]:
+        """The whitelist."""
+        return _entries("hub_whitelist", self.hub_whitelist)
+
+    @property
+    def hubs_refused(self) -> tuple[str, ...]:
+        """The blacklist of hubs."""
+        return _entries("hub_blacklist", self.hub_blacklist)
+
+
+def with_custom_rules(parameters: Mapping[str, Any], custom: object) -> dict[str, Any]:
+    """Returns `parameters` with what a custom rules file holds. Raises SettingError if that is no mapping."""
+    if custom is None:
+        return dict(parameters)
+    if not isinstance(custom, Mapping):
+        raise SettingError("gateway: ~custom_rules_file must hold a mapping of parameters")
+    merged = dict(parameters)
+    for key, value in custom.items():
+        merged[key] = [*(merged.get(key) or ()), *(value or ())] if key in APPENDED else value
+    return merged
+
+
+def book_from_setting(setting: GatewaySetting, name: str) -> tuple[RuleBook, tuple[str, ...]]:
+    """Returns the rules to start with, for unique name `name`, and a complaint about each that cannot be had.
+
+    One bad rule keeps no other from being taken.
+    """
+    blacklist, complaints = [], []
+    for row in _rows(setting.default_blacklist):
+        try:
+            blacklist.append(_rule(row))
+        except GatewayError as error:
+            complaints.append(f"default_blacklist: {error}")
+    book = RuleBook(name, tuple(blacklist))
+    if setting.advertise_all:
+        book = book.advertising_all(())
+    changes: tuple[tuple[str, Any, Callable[[RuleBook, object], RuleBook]], ...] = (
+        ("default_advertisements", setting.default_advertisements, lambda book, row: book.advertised([_rule(row)])),
+        ("default_flips", setting.default_flips, _flipped),
+        ("default_pulls", setting.default_pulls, _pulled),
+    )
+    for parameter, rows, change in changes:
+        for row in _rows(rows):
+            try:
+                book = change(book, row)
+            except GatewayError as error:
+                complaints.append(f"{parameter}: {error}")
+    return book, tuple(complaints)
+
+
+def _flipped(book: RuleBook, row: object) -> RuleBook:
+    remote = _remote(row)
+    return book.flipping_all(remote, ()) if isinstance(remote, str) else book.flipped([remote])
+
+
+def _pulled(book: RuleBook, row: object) -> RuleBook:
+    remote = _remote(row)
+    return book.pulling_all(remote, ()) if isinstance(remote, str) else book.pulled([remote])
+
+
+def _remote(row: object) -> RemoteRule | str:
+    """Returns the rule of a row, or only the gateway where the row has no rule."""
+    if not isinstance(row, Mapping) or not isinstance(row.get("gateway"), str):
+        raise SettingError(f"{row!r} names no gateway")
+    gateway = row["gateway"]
+    rule = _rule(row["rule"]) if row.get("rule") else Rule(Kind.PUBLISHER, ALL)
+    checked = remote_rule(gateway, rule, Code.HUB_UNKNOWN_ERROR)
+    return checked if row.get("rule") else gateway
+
+
+def _rule(row: object) -> Rule:
+    if not isinstance(row, Mapping):
+        raise SettingError(f"{row!r} is not a rule of name, node and type")
+    node = str(row.get("node") or "")
+    # In YAML, people write None for no node.
+    node = "" if node.lower() == "none" else node
+    return rule_from_text(str(row.get("type") or ""), str(row.get("name") or ""), node, Code.HUB_UNKNOWN_ERROR)
+
+
+def _rows(value: Any) -> Sequence[object]:
+    return value if isinstance(value, (list, tuple)) else [value] if value else []
+
+
+def _entries(name: str, value: Any) -> tuple[str, ...]:
+    """Returns a list parameter; a text is taken as entries divided by semicolons, as old launch files write it."""
+    if isinstance(value, str):
+        value = [entry for entry in value.split(";") if entry.strip()]
+    if not isinstance(value, (list, tuple)) or not all(isinstance(entry, str) for entry in value):
+        raise SettingError(f"gateway: ~{name} must be a list of texts, not {value!r}")
+    return tuple(entry.strip() for entry in value)

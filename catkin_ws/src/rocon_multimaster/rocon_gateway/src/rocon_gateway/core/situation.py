@@ -1,0 +1,122 @@
+"""What the reconciler looks at, and what it answers."""
+
+import enum
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from rocon_gateway.core.connection import Export, Import, LinkStatus
+from rocon_gateway.core.record import EMPTY, Letter, Record
+from rocon_gateway.core.rule import Connection, Rule
+from rocon_gateway.core.rulebook import RuleBook
+
+
+class State(enum.StrEnum):
+    """How a rule does. Where several connections belong to a rule, the best state among them is the rule's."""
+
+    ACTIVE = "active"
+    PENDING = "pending"
+    NO_GATEWAY = "no such gateway"
+    NO_TOPIC = "no such topic"
+    NO_PUBLISHER = "no publisher"
+    TYPE_MISMATCH = "type mismatch"
+    BLACKLISTED = "blacklisted"
+    FIREWALLED = "firewalled"
+    UNREACHABLE = "unreachable"
+    REFUSED = "refused"
+    NOT_CARRIED = "not carried"
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """A state, and one sentence on it for people (empty where there is nothing to add)."""
+
+    state: str
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RuleState:
+    """How one rule does.
+
+    Attributes:
+        action: "advertise", "flip" or "pull".
+        gateway: the rule's gateway pattern; empty for an advertisement.
+        rule: the rule.
+        verdict: its state.
+    """
+
+    action: str
+    gateway: str
+    rule: Rule
+    verdict: Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class Remote:
+    """Another gateway as we see it: what it tells all, and what it tells us."""
+
+    record: Record
+    letter: Letter = EMPTY
+
+
+@dataclass(frozen=True)
+class Situation:
+    """All that decides what to connect.
+
+    Attributes:
+        book: our rules.
+        firewall: whether we refuse flips to us.
+        local: our master's publishers and subscribers, without our own and without any gateway's proxies.
+        connected: whether we are on a hub. Without one the remotes are those last seen.
+        names: unique names of all other gateways that are alive.
+        remotes: those of them that our rules or their letters concern, by unique name.
+        links: how our imports do.
+    """
+
+    book: RuleBook
+    firewall: bool
+    local: frozenset[Connection]
+    connected: bool
+    names: frozenset[str] = frozenset()
+    remotes: Mapping[str, Remote] = field(default_factory=dict)
+    links: Mapping[Import, LinkStatus] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Flipped:
+    """A local connection that is flipped to a gateway, or a remote one that is flipped or pulled to here.
+
+    Attributes:
+        gateway: the other gateway's unique name.
+        connection: the connection; its node is the one on the flipping or advertising side.
+        status: a word of `gateway_msgs/RemoteRuleWithStatus`.
+    """
+
+    gateway: str
+    connection: Connection
+    status: str = "accepted"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What to do and what to say.
+
+    Attributes:
+        advertised: our public interface.
+        letters: by unique name of the receiver; gateways that are absent get none.
+        exports: what our relay shall export.
+        imports: what our relay shall import.
+        states: one for each rule, in the order advertisements, flips, pulls.
+        flipped: local connections flipped away.
+        flipped_in: remote connections flipped to here.
+        pulled: remote connections pulled to here.
+    """
+
+    advertised: tuple[Connection, ...] = ()
+    letters: Mapping[str, Letter] = field(default_factory=dict)
+    exports: frozenset[Export] = frozenset()
+    imports: frozenset[Import] = frozenset()
+    states: tuple[RuleState, ...] = ()
+    flipped: tuple[Flipped, ...] = ()
+    flipped_in: tuple[Flipped, ...] = ()
+    pulled: tuple[Flipped, ...] = ()

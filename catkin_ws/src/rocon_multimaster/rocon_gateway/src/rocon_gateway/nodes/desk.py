@@ -1,0 +1,145 @@
+"""The gateway's services: they check, change the rules as a whole or not at all, and answer at once."""
+
+import threading
+from collections.abc import Callable
+
+import rospy
+from gateway_msgs import srv
+
+from rocon_gateway import conversions
+from rocon_gateway.adapters.hub import Hub
+from rocon_gateway.core.code import Code, GatewayError, HubError, RequestError
+from rocon_gateway.core.rule import check_pattern
+from rocon_gateway.core.rulebook import RuleBook
+
+
+class Desk:
+    """Holds the rules and serves requests to change them.
+
+    Args:
+        book: the rules to start with.
+        hub: our connection to the hub.
+        on_change: called after each change, from a service's thread.
+        set_period: sets the period of the safety net [s] and returns the old one.
+    """
+
+    def __init__(
+        self, book: RuleBook, hub: Hub, on_change: Callable[[], None], set_period: Callable[[float], float]
+    ) -> None:
+        self._book = book
+        self._hub = hub
+        self._on_change = on_change
+        self._set_period = set_period
+        self._lock = threading.Lock()
+
+    def open(self) -> None:
+        """Offers the services."""
+        for name, kind, handler in (
+            ("advertise", srv.Advertise, self._advertise),
+            ("advertise_all", srv.AdvertiseAll, self._advertise_all),
+            ("flip", srv.Remote, self._flip),
+            ("flip_all", srv.RemoteAll, self._flip_all),
+            ("pull", srv.Remote, self._pull),
+            ("pull_all", srv.RemoteAll, self._pull_all),
+            ("connect_hub", srv.ConnectHub, self._connect_hub),
+            ("remote_gateway_info", srv.RemoteGatewayInfo, self._remote_gateway_info),
+            ("set_watcher_period", srv.SetWatcherPeriod, self._set_watcher_period),
+        ):
+            rospy.Service(f"~{name}", kind, handler)
+
+    @property
+    def book(self) -> RuleBook:
+        """The rules now."""
+        return self._book
+
+    def _change(self, change: Callable[[RuleBook], RuleBook]) -> tuple[int, str]:
+        """Returns result and error message of a request; on an error nothing has changed."""
+        try:
+            with self._lock:
+                self._book = change(self._book)
+        except GatewayError as error:
+            rospy.logwarn("refused: %s", error)
+            return int(error.code if isinstance(error, RequestError) else Code.HUB_UNKNOWN_ERROR), str(error)
+        self._on_change()
+        return int(Code.SUCCESS), ""
+
+    def _need_hub(self) -> None:
+        if not self._hub.view().connected:
+            raise RequestError(Code.NO_HUB_CONNECTION, "there is no hub connection yet; see connect_hub")
+
+    def _advertise(self, request: srv.AdvertiseRequest) -> srv.AdvertiseResponse:
+        def change(book: RuleBook) -> RuleBook:
+            rules = conversions.rules_from_messages(request.rules, Code.UNKNOWN_ADVERTISEMENT_ERROR)
+            return book.unadvertised(rules) if request.cancel else book.advertised(rules)
+
+        result, message = self._change(change)
+        watchlist = [conversions.message_from_rule(rule) for rule in self._book.advertisements.rules]
+        return srv.AdvertiseResponse(result, message, watchlist)
+
+    def _advertise_all(self, request: srv.AdvertiseAllRequest) -> srv.AdvertiseAllResponse:
+        def change(book: RuleBook) -> RuleBook:
+            rules = conversions.rules_from_messages(request.blacklist, Code.UNKNOWN_ADVERTISEMENT_ERROR)
+            return book.advertising_nothing() if request.cancel else book.advertising_all(rules)
+
+        result, message = self._change(change)
+        book = self._book
+        in_force = dict.fromkeys((*book.blacklist, *book.advertisements.blacklist))
+        return srv.AdvertiseAllResponse(result, message, [conversions.message_from_rule(rule) for rule in in_force])
+
+    def _flip(self, request: srv.RemoteRequest) -> srv.RemoteResponse:
+        def change(book: RuleBook) -> RuleBook:
+            remotes = conversions.remote_rules_from_messages(request.remotes, Code.HUB_UNKNOWN_ERROR)
+            return book.unflipped(remotes) if request.cancel else book.flipped(remotes)
+
+        return srv.RemoteResponse(*self._change(change))
+
+    def _pull(self, request: srv.RemoteRequest) -> srv.RemoteResponse:
+        def change(book: RuleBook) -> RuleBook:
+            if not request.cancel:
+                self._need_hub()
+            remotes = conversions.remote_rules_from_messages(request.remotes, Code.HUB_UNKNOWN_ERROR)
+            return book.unpulled(remotes) if request.cancel else book.pulled(remotes)
+
+        return srv.RemoteResponse(*self._change(change))
+
+    def _flip_all(self, request: srv.RemoteAllRequest) -> srv.RemoteAllResponse:
+        return self._all(request, RuleBook.flipping_all, RuleBook.flipping_nothing)
+
+    def _pull_all(self, request: srv.RemoteAllRequest) -> srv.RemoteAllResponse:
+        return self._all(request, RuleBook.pulling_all, RuleBook.pulling_nothing)
+
+    def _all(
+        self,
+        request: srv.RemoteAllRequest,
+        begin: Callable[..., RuleBook],
+        end: Callable[[RuleBook, str], RuleBook],
+    ) -> srv.RemoteAllResponse:
+        def change(book: RuleBook) -> RuleBook:
+            if request.cancel:
+                return end(book, request.gateway)
+            self._need_hub()
+            if not request.gateway:
+                raise RequestError(Code.HUB_UNKNOWN_ERROR, "the request names no gateway")
+            check_pattern("gateway", request.gateway, Code.HUB_UNKNOWN_ERROR)
+            rules = conversions.rules_from_messages(request.blacklist, Code.HUB_UNKNOWN_ERROR)
+            return begin(book, request.gateway, rules)
+
+        return srv.RemoteAllResponse(*self._change(change))
+
+    def _connect_hub(self, request: srv.ConnectHubRequest) -> srv.ConnectHubResponse:
+        try:
+            self._hub.connect(request.uri)
+        except HubError as error:
+            return srv.ConnectHubResponse(int(error.code), str(error))
+        return srv.ConnectHubResponse(int(Code.SUCCESS), "")
+
+    def _remote_gateway_info(self, request: srv.RemoteGatewayInfoRequest) -> srv.RemoteGatewayInfoResponse:
+        found = self._hub.describe(request.gateways)
+        for name in set(request.gateways) - {one.record.name for one in found}:
+            rospy.logwarn("there is no gateway '%s' on the hub", name)
+        return srv.RemoteGatewayInfoResponse(
+            [conversions.message_from_record(one.record, one.silence) for one in found]
+        )
+
+    def _set_watcher_period(self, request: srv.SetWatcherPeriodRequest) -> srv.SetWatcherPeriodResponse:
+        return srv.SetWatcherPeriodResponse(self._set_period(request.period))

@@ -1,0 +1,256 @@
+"""The node `gateway`."""
+
+import contextlib
+import logging
+import os
+import select
+import time
+import uuid
+from typing import Any
+
+import rosgraph
+import rospy
+import yaml
+from diagnostic_msgs.msg import DiagnosticArray
+from gateway_msgs.msg import GatewayInfo
+
+from pioneer_node.core.parameter import config_from_mapping
+from pioneer_node.nodes import entry
+from rocon_gateway import conversions
+from rocon_gateway.adapters.address import own_address
+from rocon_gateway.adapters.hub import Hub, HubConfig
+from rocon_gateway.adapters.master import MasterError, MasterWatch
+from rocon_gateway.adapters.password import password_from
+from rocon_gateway.adapters.relay.relay import TcpRelay
+from rocon_gateway.core.code import GatewayError
+from rocon_gateway.core.connection import LinkState, RelayConfig
+from rocon_gateway.core.hub import HubView, address_from_uri
+from rocon_gateway.core.reconcile import reconcile
+from rocon_gateway.core.record import Record
+from rocon_gateway.core.setting import GatewaySetting, SettingError, book_from_setting, with_custom_rules
+from rocon_gateway.core.situation import Outcome, Situation
+from rocon_gateway.nodes.desk import Desk
+
+LOOK_PERIOD = 0.15
+"""Time between two looks at the master [s]."""
+
+DIAGNOSTIC_PERIOD = 1.0
+"""Time between two messages on `/diagnostics` [s]."""
+
+
+class GatewayNode:
+    """Connects this master's topics with other masters', by rules.
+
+    Subscribes: nothing by itself; the relay subscribes what is exported while somebody fetches it.
+
+    Publishes: `~gateway_info` (GatewayInfo, latched, on change), `~rules` (DiagnosticArray, latched, on change: one
+    status a rule, with state and reason), `/diagnostics` (the same, each second while somebody listens).
+
+    Services: see `Desk`.
+
+    Parameters: the fields of `GatewaySetting`, private.
+
+    Threads: the main thread compares and applies; the hub and the relay have one each; services run in rospy's.
+
+    On error: a bad parameter ends the node with one line, a bad default rule is named and left out. A hub or master
+    that is lost is told once and waited for.
+    """
+
+    def __init__(self) -> None:
+        self._logger = logging.getLogger("rosout")
+        self._setting = config_from_mapping(GatewaySetting, _parameters(), rospy.get_name())
+        self._period = self._setting.watch_loop_period
+        self._name, self._instance = self._setting.unique_name(), uuid.uuid4().hex
+        book, complaints = book_from_setting(self._setting, self._name)
+        for complaint in complaints:
+            rospy.logerr("rule left out: %s", complaint)
+        self._reader, self._writer = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+        self._stopping = False
+        self._host_for = ("", own_address(""))
+        self._info = rospy.Publisher("~gateway_info", GatewayInfo, queue_size=5, latch=True)
+        self._rules = rospy.Publisher("~rules", DiagnosticArray, queue_size=5, latch=True)
+        self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=5)
+        self._master = MasterWatch(rosgraph.get_master_uri(), rospy.get_name())
+        self._master_lost = False
+        self._outcome = Outcome()
+        self._said: tuple[object, object] = (None, None)
+        self._relay = TcpRelay(self._relay_config(), self._wake, self._logger)
+        self._hub = Hub(self._hub_config(), self._record(HubView()), self._linked, self._wake, self._logger)
+        self._desk = Desk(book, self._hub, self._wake, self._set_period)
+        rospy.on_shutdown(self._stop)
+
+    def _relay_config(self) -> RelayConfig:
+        return RelayConfig(
+            gateway=self._name,
+            node=rospy.get_name(),
+            master_uri=rosgraph.get_master_uri(),
+            host=rosgraph.network.get_host_name(),
+            port=self._setting.relay_port,
+            max_message_size=self._setting.max_message_size,
+        )
+
+    def _hub_config(self) -> HubConfig:
+        return HubConfig(
+            uris=(self._setting.hub_uri,) if self._setting.hub_uri else (),
+            whitelist=self._setting.hubs_allowed,
+            blacklist=self._setting.hubs_refused,
+            password=password_from(self._setting.hub_password_file),
+        )
+
+    def spin(self) -> None:
+        """Runs until shutdown, then takes everything back."""
+        try:
+            self._turn()
+            self._desk.open()
+            rospy.loginfo("gateway '%s', relay on port %d", self._name, self._relay.port)
+            self._loop()
+        finally:
+            self._hub.shutdown()
+            self._relay.shutdown()
+            self._master.close()
+
+    def _loop(self) -> None:
+        full = diagnose = 0.0
+        while not self._stopping:
+            woken = bool(select.select([self._reader], [], [], LOOK_PERIOD)[0])
+            if woken:
+                with contextlib.suppress(BlockingIOError):
+                    os.read(self._reader, 4096)
+            now = time.monotonic()
+            if self._look() or woken or now >= full:
+                self._turn()
+                full = now + self._period
+            if now >= diagnose:
+                diagnose = now + DIAGNOSTIC_PERIOD
+                if self._diagnostics.get_num_connections():
+                    self._diagnostics.publish(self._diagnostic_array())
+
+    def _look(self) -> bool:
+        try:
+            changed = self._master.changed()
+        except MasterError as error:
+            if not self._master_lost:
+                rospy.logwarn("%s; running links go on", error)
+            self._master_lost = True
+            return False
+        if self._master_lost:
+            self._master_lost = False
+            rospy.logwarn("the ROS master answers again")
+            self._relay.refresh()
+        return changed
+
+    def _turn(self) -> None:
+        """Compares what is wanted with what is, and sees to the difference."""
+        view = self._hub.view()
+        book = self._desk.book
+        situation = Situation(
+            book=book,
+            firewall=self._setting.firewall,
+            local=self._master.local,
+            connected=view.connected,
+            names=view.names,
+            remotes=view.remotes,
+            links=self._relay.status().imports,
+        )
+        self._outcome = outcome = reconcile(situation)
+        self._relay.apply(set(outcome.exports), set(outcome.imports))
+        interest = frozenset(remote.gateway for remote in (*book.flips.rules, *book.pulls.rules))
+        self._hub.publish(self._record(view, outcome), outcome.letters, interest)
+        self._tell(view)
+
+    def _record(self, view: HubView, outcome: Outcome | None = None) -> Record:
+        book = self._desk.book if outcome else None
+        return Record(
+            name=self._name,
+            instance=self._instance,
+            host=self._host(view),
+            port=self._relay.port,
+            firewall=self._setting.firewall,
+            advertisements=outcome.advertised if outcome else (),
+            flips=book.flips.rules if book else (),
+            pulls=book.pulls.rules if book else (),
+        )
+
+    def _host(self, view: HubView) -> str:
+        """Our address as others see it, which depends on the way to the hub."""
+        if self._host_for[0] != view.hub_uri:
+            self._host_for = (view.hub_uri, own_address(address_from_uri(view.hub_uri).host))
+        return self._host_for[1]
+
+    def _linked(self) -> set[str]:
+        """Gateways that a link now stands to."""
+        status = self._relay.status()
+        up = {LinkState.ACTIVE, LinkState.NO_PUBLISHER}
+        return {one.source_gateway for one, link in status.imports.items() if link.state in up} | {
+            one.to_gateway for one, link in status.exports.items() if link.state in up
+        }
+
+    def _tell(self, view: HubView) -> None:
+        info = self._gateway_info(view)
+        if info != self._said[0]:
+            self._info.publish(info)
+        if self._outcome.states != self._said[1]:
+            self._rules.publish(self._diagnostic_array())
+        self._said = (info, self._outcome.states)
+
+    def _gateway_info(self, view: HubView) -> GatewayInfo:
+        book, outcome = self._desk.book, self._outcome
+        remote_rule = conversions.message_from_remote_rule
+        flipped = conversions.message_from_flipped
+        return GatewayInfo(
+            name=self._name,
+            discover_hubs_by_zeroconf=False,
+            discover_hubs_by_uri=[self._setting.hub_uri] if self._setting.hub_uri else [],
+            connected=view.connected,
+            ip=self._host(view),
+            hub_names=[view.hub_name] if view.connected else [],
+            hub_uris=[view.hub_uri] if view.connected else [],
+            firewall=self._setting.firewall,
+            public_watchlist=[conversions.message_from_rule(rule) for rule in book.advertisements.rules],
+            public_interface=[conversions.message_from_connection(one) for one in outcome.advertised],
+            flipped_connections=[conversions.status_message_from_flipped(one) for one in outcome.flipped],
+            flip_watchlist=[remote_rule(one) for one in book.flips.rules],
+            flipped_in_connections=[flipped(one) for one in outcome.flipped_in],
+            pull_watchlist=[remote_rule(one) for one in book.pulls.rules],
+            pulled_connections=[flipped(one) for one in outcome.pulled],
+        )
+
+    def _diagnostic_array(self) -> DiagnosticArray:
+        array = DiagnosticArray(
+            status=[conversions.diagnostic_from_state(state, self._name) for state in self._outcome.states]
+        )
+        array.header.stamp = rospy.Time.now()
+        return array
+
+    def _set_period(self, period: float) -> float:
+        last, self._period = self._period, max(float(period), LOOK_PERIOD)
+        return last
+
+    def _stop(self) -> None:
+        self._stopping = True
+        self._wake()
+
+    def _wake(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            os.write(self._writer, b"x")
+
+
+def _parameters() -> dict[str, Any]:
+    """Returns the node's parameters with those of the custom rules file, which may be missing."""
+    parameters = entry.parameters()
+    path = parameters.get("custom_rules_file")
+    if not path:
+        return parameters
+    try:
+        with open(path, encoding="utf-8") as file:
+            return with_custom_rules(parameters, yaml.safe_load(file))
+    except OSError as error:
+        rospy.logwarn("the custom rules file is left out: %s", error)
+        return parameters
+    except yaml.YAMLError as error:
+        raise SettingError(f"gateway: {path} is not YAML: {error}") from None
+
+
+def main() -> int:
+    """Entry point of the executables `gateway` and `gateway.py`."""
+    return entry.run("gateway", GatewayNode, (GatewayError,))

@@ -1,0 +1,75 @@
+"""Addresses of hubs, lists of hubs, and who counts as present."""
+
+import pytest
+
+from rocon_gateway.core.code import Code, HubError
+from rocon_gateway.core.hub import HubAddress, Presence, address_from_uri, check_lists
+
+HUB = HubAddress("192.168.2.100", 6380)
+
+
+@pytest.mark.parametrize(
+    "uri", ["http://192.168.2.100:6380", "http://192.168.2.100:6380/", "192.168.2.100:6380", "192.168.2.100"]
+)
+def test_an_address_may_be_written_in_several_ways(uri: str) -> None:
+    assert address_from_uri(uri) == HUB
+
+
+def test_an_ipv6_address_is_written_in_brackets() -> None:
+    assert address_from_uri("http://[::1]:6390") == HubAddress("::1", 6390)
+
+
+@pytest.mark.parametrize("uri", ["", "http://", "a b", "host:port", "host:0", "host:99999", "http://host:1:2"])
+def test_what_is_no_address_is_unresolvable(uri: str) -> None:
+    with pytest.raises(HubError) as caught:
+        address_from_uri(uri)
+    assert caught.value.code == Code.HUB_CONNECTION_UNRESOLVABLE
+
+
+def test_the_lists_of_hubs_take_names_and_addresses() -> None:
+    check_lists(HUB, "Pioneer Hub", [], ["Other Hub"])
+    check_lists(HUB, "Pioneer Hub", ["http://192.168.2.100:6380"], [])
+    with pytest.raises(HubError) as barred:
+        check_lists(HUB, "Pioneer Hub", ["Pioneer Hub"], ["192.168.2.100:6380"])
+    with pytest.raises(HubError) as unlisted:
+        check_lists(HUB, "Pioneer Hub", ["Pioneer"], [])
+    assert (barred.value.code, unlisted.value.code) == (
+        Code.HUB_CONNECTION_BLACKLISTED,
+        Code.HUB_CONNECTION_NOT_IN_NONEMPTY_WHITELIST,
+    )
+
+
+def test_who_leaves_is_gone_at_once() -> None:
+    presence = Presence()
+    presence.start({"a", "b"}, 0.0)
+    presence.leave("a")
+    assert presence.names == {"b"}
+
+
+def test_who_falls_silent_stays_only_while_links_stand_and_not_for_long() -> None:
+    presence = Presence()
+    presence.start({"a", "b"}, 0.0)
+    presence.expire("a", 1.0)
+    presence.expire("b", 1.0)
+    assert presence.settle({"b"}, 1.1)
+    assert presence.names == {"b"}
+    assert not presence.settle({"b"}, 1.0 + Presence.LINKED_GRACE - 0.1)
+    assert presence.settle({"b"}, 1.0 + Presence.LINKED_GRACE)
+    assert presence.names == frozenset()
+
+
+def test_a_restarted_hub_gives_everybody_time_to_register() -> None:
+    presence = Presence()
+    presence.start({"a", "b"}, 0.0)
+    presence.start(set(), 10.0)
+    assert presence.names == {"a", "b"}
+    presence.join("a")
+    presence.settle(set(), 10.0 + Presence.RESTART_GRACE)
+    assert presence.names == {"a"}
+    assert not presence.waiting
+
+
+def test_a_name_that_was_never_there_cannot_expire() -> None:
+    presence = Presence()
+    presence.expire("ghost", 0.0)
+    assert presence.names == frozenset()

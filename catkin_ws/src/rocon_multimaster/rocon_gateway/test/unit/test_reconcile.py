@@ -1,0 +1,334 @@
+"""Gateways that exchange records and letters agree on what flows; here without hub, relay or master."""
+
+import dataclasses
+from dataclasses import dataclass, field
+
+import pytest
+
+from rocon_gateway.core.connection import Import, LinkState, LinkStatus
+from rocon_gateway.core.reconcile import reconcile
+from rocon_gateway.core.record import Letter, Record, letter_from_text, text_from_letter
+from rocon_gateway.core.rule import ALL, Connection, Kind, RemoteRule, Rule
+from rocon_gateway.core.rulebook import RuleBook
+from rocon_gateway.core.situation import Outcome, Remote, Situation, State
+
+STRING = "std_msgs/String"
+
+
+def publisher(topic: str, node: str = "/talker", kind: str = STRING) -> Connection:
+    return Connection(Kind.PUBLISHER, topic, kind, node)
+
+
+def subscriber(topic: str, node: str = "/listener", kind: str = STRING) -> Connection:
+    return Connection(Kind.SUBSCRIBER, topic, kind, node)
+
+
+def to(gateway: str, kind: Kind, name: str, node: str = "") -> RemoteRule:
+    return RemoteRule(gateway, Rule(kind, name, node))
+
+
+@dataclass
+class FakeGateway:
+    book: RuleBook
+    local: set[Connection] = field(default_factory=set)
+    firewall: bool = False
+    outcome: Outcome = field(default_factory=Outcome)
+    links: dict[Import, LinkStatus] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        return self.book.name
+
+    @property
+    def record(self) -> Record:
+        return Record(self.name, "i", self.name, 4000, self.firewall, self.outcome.advertised)
+
+    def states(self) -> dict[str, str]:
+        return {f"{one.action} {one.rule.name}": one.verdict.state for one in self.outcome.states}
+
+    def reason(self, name: str) -> str:
+        return next(one.verdict.reason for one in self.outcome.states if one.rule.name == name)
+
+    def imported(self) -> set[tuple[str, str, str]]:
+        return {(one.topic, one.source_gateway, one.source_node) for one in self.outcome.imports}
+
+
+class Fleet:
+    """Gateways on one hub whose links always work; `settle` goes on until nothing changes."""
+
+    def __init__(self, *gateways: FakeGateway) -> None:
+        self.gateways = {gateway.name: gateway for gateway in gateways}
+
+    def settle(self) -> "Fleet":
+        for _ in range(10):
+            before = {name: gateway.outcome for name, gateway in self.gateways.items()}
+            for gateway in self.gateways.values():
+                gateway.outcome = reconcile(self.situation(gateway))
+                gateway.links = {one: LinkStatus(LinkState.ACTIVE) for one in gateway.outcome.imports}
+            if before == {name: gateway.outcome for name, gateway in self.gateways.items()}:
+                self.check()
+                return self
+        raise AssertionError("the gateways never agree")
+
+    def situation(self, gateway: FakeGateway) -> Situation:
+        others = {name: other for name, other in self.gateways.items() if name != gateway.name}
+        letters = {name: other.outcome.letters.get(gateway.name, Letter()) for name, other in others.items()}
+        return Situation(
+            book=gateway.book,
+            firewall=gateway.firewall,
+            local=frozenset(gateway.local),
+            connected=True,
+            names=frozenset(others),
+            remotes={
+                name: Remote(other.record, letter_from_text(text_from_letter(letters[name])))
+                for name, other in others.items()
+            },
+            links=gateway.links,
+        )
+
+    def check(self) -> None:
+        """What one imports the other exports to it, and nothing else; and it is the other's own publisher."""
+        imports = {
+            (one.source_gateway, one.source_node, one.topic, name)
+            for name, gateway in self.gateways.items()
+            for one in gateway.outcome.imports
+        }
+        exports = {
+            (name, one.source_node, one.topic, one.to_gateway)
+            for name, gateway in self.gateways.items()
+            for one in gateway.outcome.exports
+        }
+        assert imports <= exports
+        for name, node, topic, _ in exports:
+            assert any((one.name, one.node) == (topic, node) for one in self.gateways[name].local)
+
+
+def fleet_of(hub: FakeGateway, robot: FakeGateway) -> Fleet:
+    return Fleet(hub, robot).settle()
+
+
+def gateway(name: str, *local: Connection, firewall: bool = False) -> FakeGateway:
+    return FakeGateway(RuleBook(name), set(local), firewall)
+
+
+def test_a_pull_brings_what_is_advertised() -> None:
+    hub, robot = gateway("hub", publisher("/clock", "/gazebo"), publisher("/secret")), gateway("robot")
+    hub.book = hub.book.advertised([Rule(Kind.PUBLISHER, "/clock")])
+    robot.book = robot.book.pulled([to("hub", Kind.PUBLISHER, ALL)])
+    fleet_of(hub, robot)
+    assert robot.imported() == {("/clock", "hub", "/gazebo")}
+    assert robot.outcome.pulled[0].connection == publisher("/clock", "/gazebo")
+    assert robot.states() == {f"pull {ALL}": "active"}
+    assert hub.states() == {"advertise /clock": "active"}
+
+
+def test_a_pulled_topic_may_come_later() -> None:
+    hub, robot = gateway("hub"), gateway("robot")
+    hub.book = hub.book.advertised([Rule(Kind.PUBLISHER, "/clock")])
+    robot.book = robot.book.pulled([to("hub", Kind.PUBLISHER, "clock")])
+    fleet = fleet_of(hub, robot)
+    assert robot.states() == {"pull clock": State.NO_TOPIC}
+    hub.local.add(publisher("/clock"))
+    fleet.settle()
+    assert robot.imported() == {("/clock", "hub", "/talker")}
+
+
+def test_a_flipped_publisher_appears_at_the_other_gateway() -> None:
+    hub, robot = gateway("hub"), gateway("robot", publisher("/p1/cmd_vel", "/p1/controller"), publisher("/p1/scan"))
+    robot.book = robot.book.flipped([to("hub", Kind.PUBLISHER, "/p1/cmd_vel")])
+    fleet_of(hub, robot)
+    assert hub.imported() == {("/p1/cmd_vel", "robot", "/p1/controller")}
+    assert robot.imported() == set()
+    assert robot.outcome.flipped[0].status == "accepted"
+    assert [one.gateway for one in hub.outcome.flipped_in] == ["robot"]
+    assert robot.states() == {"flip /p1/cmd_vel": "active"}
+
+
+def test_a_flipped_subscriber_brings_the_publishers_for_its_node_only() -> None:
+    hub = gateway("hub", publisher("/p1/scan", "/gazebo"), publisher("/p1/scan", "/other"))
+    robot = gateway("robot")
+    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/p1/scan", "/amcl.*")])
+    fleet_of(hub, robot)
+    assert robot.imported() == {("/p1/scan", "hub", "/gazebo"), ("/p1/scan", "hub", "/other")}
+    assert {one.allowed_nodes for one in robot.outcome.imports} == {"/amcl.*"}
+    assert robot.states() == {"flip /p1/scan": "active"}
+
+
+def test_two_rules_for_two_nodes_make_one_import_for_both() -> None:
+    hub, robot = gateway("hub", publisher("/scan")), gateway("robot")
+    robot.book = robot.book.flipped(
+        [to("hub", Kind.SUBSCRIBER, "/scan", node) for node in ("/b", "/a", "/a)|(?:c")][:2]
+    )
+    fleet_of(hub, robot)
+    (only,) = robot.outcome.imports
+    assert only.allowed_nodes == "(?:/a)|(?:/b)"
+    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/scan")])
+    fleet_of(hub, robot)
+    (only,) = robot.outcome.imports
+    assert only.allowed_nodes == ""
+
+
+def test_a_pattern_of_subscribers_means_subscribers_that_exist() -> None:
+    hub = gateway("hub", publisher("/a"), publisher("/b"))
+    robot = gateway("robot", subscriber("/a"))
+    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, ALL)])
+    fleet_of(hub, robot)
+    assert robot.imported() == {("/a", "hub", "/talker")}
+    assert [one.connection for one in robot.outcome.flipped] == [subscriber("/a")]
+
+
+def test_a_pulled_subscriber_gets_the_pullers_publishers() -> None:
+    hub = gateway("hub", subscriber("/a", "/listener"), subscriber("/a", "/other"))
+    robot = gateway("robot", publisher("/a"))
+    hub.book = hub.book.advertised([Rule(Kind.SUBSCRIBER, "/a", "/listener")])
+    robot.book = robot.book.pulled([to("hub", Kind.SUBSCRIBER, "/a")])
+    fleet_of(hub, robot)
+    (only,) = hub.outcome.imports
+    assert (only.source_gateway, only.allowed_nodes) == ("robot", "/listener")
+    assert robot.states() == {"pull /a": "active"}
+
+
+def test_nobody_imports_what_nobody_asked_for() -> None:
+    hub, robot = gateway("hub", publisher("/a")), gateway("robot", publisher("/b"), subscriber("/a"))
+    fleet_of(hub, robot)
+    assert hub.outcome.exports == robot.outcome.imports == frozenset()
+
+
+def test_tf_crosses_both_ways_and_nothing_comes_back() -> None:
+    hub = gateway("hub", publisher("/tf", "/gazebo"), subscriber("/tf", "/rviz"))
+    robot = gateway("robot", publisher("/tf", "/amcl"), subscriber("/tf", "/move_base"))
+    hub.book = hub.book.advertised([Rule(Kind.PUBLISHER, "/tf")]).flipped(
+        [to("robot", Kind.SUBSCRIBER, "/tf", "/rviz")]
+    )
+    robot.book = robot.book.pulled([to("hub", Kind.PUBLISHER, "/tf")])
+    fleet_of(hub, robot)
+    assert robot.imported() == {("/tf", "hub", "/gazebo")}
+    assert hub.imported() == {("/tf", "robot", "/amcl")}
+
+
+def test_a_firewall_refuses_flips_and_says_so_and_lets_pulls_through() -> None:
+    hub = gateway("hub", publisher("/a"), firewall=True)
+    robot = gateway("robot", publisher("/b"))
+    hub.book = hub.book.advertised([Rule(Kind.PUBLISHER, "/a")])
+    robot.book = robot.book.flipped([to("hub", Kind.PUBLISHER, "/b"), to("hub", Kind.SUBSCRIBER, "/c")]).pulled(
+        [to("hub", Kind.PUBLISHER, "/a")]
+    )
+    fleet_of(hub, robot)
+    assert robot.states() == {"flip /b": State.FIREWALLED, "flip /c": State.FIREWALLED, "pull /a": State.ACTIVE}
+    assert hub.imported() == set()
+    assert robot.outcome.flipped[0].status == "blocked"
+
+
+def test_a_firewall_that_falls_lets_the_flip_in() -> None:
+    hub, robot = gateway("hub", firewall=True), gateway("robot", publisher("/b"))
+    robot.book = robot.book.flipped([to("hub", Kind.PUBLISHER, "/b")])
+    fleet = fleet_of(hub, robot)
+    hub.firewall = False
+    fleet.settle()
+    assert robot.states() == {"flip /b": State.ACTIVE}
+
+
+def test_what_is_blacklisted_does_not_leave_and_the_rule_says_why() -> None:
+    hub = FakeGateway(RuleBook("hub", (Rule(Kind.PUBLISHER, "/rosout.*"),)), {publisher("/rosout"), publisher("/a")})
+    robot = gateway("robot")
+    hub.book = hub.book.flipped([to("robot", Kind.PUBLISHER, "/ros.*"), to("robot", Kind.PUBLISHER, ALL)])
+    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/rosout")])
+    fleet_of(hub, robot)
+    assert robot.imported() == {("/a", "hub", "/talker")}
+    assert hub.states()["flip /ros.*"] == "blacklisted by publisher /rosout.*"
+    assert robot.states()["flip /rosout"] == "blacklisted by publisher /rosout.*"
+
+
+def test_a_flip_alls_own_blacklist_bars_only_there() -> None:
+    hub, robot = gateway("hub", publisher("/a"), publisher("/b")), gateway("robot")
+    hub.book = hub.book.flipping_all("robot", [Rule(Kind.PUBLISHER, "/a")]).advertised([Rule(Kind.PUBLISHER, "/a")])
+    fleet_of(hub, robot)
+    assert robot.imported() == {("/b", "hub", "/talker")}
+    assert [one.name for one in hub.outcome.advertised] == ["/a"]
+
+
+def test_types_that_differ_are_told_and_not_connected() -> None:
+    hub = gateway("hub", publisher("/a", kind="std_msgs/Int32"))
+    robot = gateway("robot", subscriber("/a"))
+    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/a")])
+    hub.book = hub.book.flipped([to("robot", Kind.PUBLISHER, "/a")])
+    fleet_of(hub, robot)
+    assert robot.outcome.imports == frozenset()
+    assert robot.states() == hub.states() == {"flip /a": State.TYPE_MISMATCH}
+    assert robot.reason("/a") == "/a is std_msgs/String at robot and std_msgs/Int32 at hub"
+
+
+@pytest.mark.parametrize(
+    ("rule", "state", "reason"),
+    [
+        (to("rbot", Kind.SUBSCRIBER, "/a"), State.NO_GATEWAY, "nearest on the hub: robot"),
+        (to("robot", Kind.SUBSCRIBER, "/p1/base_scam"), State.NO_TOPIC, "nearest there: /p1/base_scan"),
+        (to("robot", Kind.SUBSCRIBER, "/heard"), State.NO_PUBLISHER, "subscribed there, but not published"),
+        (to("robot", Kind.PUBLISHER, "/chater"), State.NO_TOPIC, "nearest here: /chatter"),
+        (to("robot", Kind.PUBLISHER, "/chatter", "/tacker"), State.NO_PUBLISHER, "published by /talker, not /tacker"),
+        (to("robot", Kind.SERVICE, "/a"), State.NOT_CARRIED, "not carried"),
+    ],
+)
+def test_a_typo_is_answered_with_what_exists(rule: RemoteRule, state: State, reason: str) -> None:
+    hub = gateway("hub", publisher("/chatter"))
+    robot = gateway("robot", publisher("/p1/base_scan"), subscriber("/heard"))
+    hub.book = hub.book.flipped([rule])
+    fleet_of(hub, robot)
+    assert list(hub.states().values()) == [state]
+    assert reason in hub.reason(rule.rule.name)
+
+
+def test_rules_wait_for_a_hub() -> None:
+    book = RuleBook("hub").flipped([to("robot", Kind.PUBLISHER, "/a")])
+    (state,) = reconcile(Situation(book, False, frozenset(), connected=False)).states
+    assert (state.verdict.state, state.verdict.reason) == (State.PENDING, "waiting for a hub")
+
+
+def test_one_rule_may_mean_several_gateways() -> None:
+    hub, one, two = (gateway("hub"), gateway("aadi1_gateway", publisher("/a")), gateway("aadi2_gateway"))
+    hub.book = hub.book.flipped([to("aadi._gateway", Kind.SUBSCRIBER, "/a")])
+    Fleet(hub, one, two).settle()
+    assert hub.imported() == {("/a", "aadi1_gateway", "/talker")}
+    assert hub.states() == {"flip /a": State.ACTIVE}
+
+
+def test_three_that_flip_everything_in_a_ring_carry_each_publisher_once() -> None:
+    ring = [gateway(name, publisher("/tf", f"/from_{name}")) for name in ("a", "b", "c")]
+    for this, after in zip(ring, ring[1:] + ring[:1], strict=True):
+        this.book = this.book.flipping_all(after.name, [])
+    Fleet(*ring).settle()
+    for this, before in zip(ring, ring[-1:] + ring[:-1], strict=True):
+        assert this.imported() == {("/tf", before.name, f"/from_{before.name}")}
+
+
+def test_a_cancelled_rule_takes_everything_back() -> None:
+    hub, robot = gateway("hub", publisher("/a")), gateway("robot")
+    empty, rules = robot.book, [to("hub", Kind.SUBSCRIBER, "/a")]
+    robot.book = empty.flipped(rules)
+    fleet = fleet_of(hub, robot)
+    assert robot.outcome.imports
+    robot.book = robot.book.unflipped(rules)
+    fleet.settle()
+    assert robot.book == empty
+    for one in (hub, robot):
+        assert one.outcome == Outcome()
+
+
+def test_a_broken_link_is_the_rules_state() -> None:
+    hub, robot = gateway("hub", publisher("/a")), gateway("robot")
+    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/a")])
+    fleet = fleet_of(hub, robot)
+    robot.links = {
+        one: dataclasses.replace(link, state=LinkState.UNREACHABLE, reason="no route")
+        for one, link in robot.links.items()
+    }
+    (state,) = reconcile(fleet.situation(robot)).states
+    assert (state.verdict.state, state.verdict.reason) == (State.UNREACHABLE, "no route")
+
+
+def test_what_was_not_wanted_is_not_imported_though_offered() -> None:
+    hub, robot = gateway("hub", publisher("/a")), gateway("robot")
+    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/a")])
+    fleet = fleet_of(hub, robot)
+    robot.book = RuleBook("robot")
+    assert reconcile(fleet.situation(robot)).imports == frozenset()

@@ -1,0 +1,102 @@
+"""A request changes the rules as a whole, or is refused with the protocol's code and changes nothing."""
+
+import pytest
+
+from rocon_gateway.core.code import Code, RequestError
+from rocon_gateway.core.rule import ALL, Kind, RemoteRule, Rule
+from rocon_gateway.core.rulebook import RuleBook
+
+A, B, C = (Rule(Kind.PUBLISHER, name) for name in ("/a", "/b", "/c"))
+EMPTY = RuleBook("mine")
+
+
+def remote(rule: Rule, gateway: str = "other") -> RemoteRule:
+    return RemoteRule(gateway, rule)
+
+
+def refusal(change, *arguments: object) -> Code:
+    with pytest.raises(RequestError) as caught:
+        change(*arguments)
+    return caught.value.code
+
+
+def test_unadvertising_one_of_three_leaves_the_other_two() -> None:
+    assert EMPTY.advertised([A, B, C]).unadvertised([A]).advertisements.rules == (B, C)
+
+
+def test_unadvertising_without_a_node_takes_every_node_and_with_one_only_that() -> None:
+    of_x, of_y = Rule(Kind.PUBLISHER, "/a", "/x"), Rule(Kind.PUBLISHER, "/a", "/y")
+    book = EMPTY.advertised([of_x, of_y, B])
+    assert book.unadvertised([A]).advertisements.rules == (B,)
+    assert book.unadvertised([of_y]).advertisements.rules == (of_x, B)
+
+
+def test_an_advertisement_that_exists_or_is_missing_is_refused() -> None:
+    assert refusal(EMPTY.advertised([A]).advertised, [B, A]) == Code.ADVERTISEMENT_EXISTS
+    assert refusal(EMPTY.advertised, [A, A]) == Code.ADVERTISEMENT_EXISTS
+    assert refusal(EMPTY.advertised([A]).unadvertised, [A, B]) == Code.ADVERTISEMENT_NOT_FOUND
+
+
+def test_advertising_all_replaces_and_ending_it_clears() -> None:
+    book = EMPTY.advertised([A]).advertising_all([B])
+    assert {rule.name for rule in book.advertisements.rules} == {ALL}
+    assert book.advertisements.blacklist == (B,)
+    assert refusal(book.advertising_all, []) == Code.ADVERTISEMENT_EXISTS
+    assert book.advertising_nothing() == EMPTY
+
+
+def test_a_flip_or_pull_that_exists_is_refused() -> None:
+    assert refusal(EMPTY.flipped([remote(A)]).flipped, [remote(B), remote(A)]) == Code.FLIP_RULE_ALREADY_EXISTS
+    assert refusal(EMPTY.pulled([remote(A)]).pulled, [remote(B), remote(A)]) == Code.PULL_RULE_ALREADY_EXISTS
+
+
+@pytest.mark.parametrize("name", ["mine", "mine" + "0" * 32])
+def test_a_flip_or_pull_with_ourselves_is_refused(name: str) -> None:
+    book = RuleBook(name)
+    for target in {name, "mine"}:
+        assert refusal(book.flipped, [remote(A, target)]) == Code.REMOTE_GATEWAY_SELF_IS_NOT
+        assert refusal(book.pulled, [remote(A, target)]) == Code.REMOTE_GATEWAY_SELF_IS_NOT
+        assert refusal(book.flipping_all, target, []) == Code.REMOTE_GATEWAY_SELF_IS_NOT
+        assert refusal(book.pulling_all, target, []) == Code.REMOTE_GATEWAY_SELF_IS_NOT
+
+
+def test_cancelling_takes_the_rule_of_that_gateway_only_and_nothing_is_no_error() -> None:
+    book = EMPTY.flipped([remote(A), remote(A, "third"), remote(B)])
+    assert book.unflipped([remote(A)]).flips.rules == (remote(A, "third"), remote(B))
+    assert book.unflipped([remote(C)]) == book
+
+
+def test_a_cancel_without_a_node_takes_every_node() -> None:
+    of_x = Rule(Kind.SUBSCRIBER, "/a", "/x")
+    book = EMPTY.pulled([remote(of_x)])
+    assert book.unpulled([remote(Rule(Kind.SUBSCRIBER, "/a"))]).pulls.rules == ()
+    assert book.unpulled([remote(Rule(Kind.SUBSCRIBER, "/a", "/y"))]) == book
+
+
+def test_flipping_all_replaces_that_gateways_flips_and_its_blacklist_ends_with_it() -> None:
+    book = EMPTY.flipped([remote(A), remote(B, "third")]).flipping_all("other", [C])
+    assert remote(A) not in book.flips.rules
+    assert remote(B, "third") in book.flips.rules
+    everything = remote(Rule(Kind.PUBLISHER, ALL))
+    assert book.flips.excluded(everything) == (C,)
+    assert book.flips.excluded(remote(A)) == ()
+    assert book.blacklist == ()
+    assert refusal(book.flipping_all, "other", []) == Code.FLIP_RULE_ALREADY_EXISTS
+    ended = book.flipping_nothing("other")
+    assert ended.flips.rules == (remote(B, "third"),)
+    assert ended.flips.excluded(everything) == ()
+
+
+def test_pulling_all_twice_answers_the_code_of_flips() -> None:
+    assert refusal(EMPTY.pulling_all("other", []).pulling_all, "other", []) == Code.FLIP_RULE_ALREADY_EXISTS
+
+
+def test_a_plain_name_on_the_blacklist_is_refused_with_the_rule() -> None:
+    book = RuleBook("mine", (Rule(Kind.PUBLISHER, "/rosout.*"),))
+    barred = Rule(Kind.PUBLISHER, "/rosout")
+    with pytest.raises(RequestError, match=r"blacklisted by publisher /rosout\.\*"):
+        book.flipped([remote(A), remote(barred)])
+    assert refusal(book.advertised, [barred]) == Code.UNKNOWN_ADVERTISEMENT_ERROR
+    assert refusal(book.flipped, [remote(Rule(Kind.PUBLISHER, "rosout"))]) == Code.HUB_UNKNOWN_ERROR
+    assert book.flipped([remote(Rule(Kind.SUBSCRIBER, "/rosout"))]).flips.rules
+    assert book.flipped([remote(Rule(Kind.PUBLISHER, ALL))]).flips.rules

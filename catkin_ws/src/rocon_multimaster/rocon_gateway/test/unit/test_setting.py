@@ -1,0 +1,69 @@
+"""The gateway's parameters: what launch files of rocon write is understood, and one bad rule harms no other."""
+
+import pytest
+
+from rocon_gateway.core.rule import ALL, Kind, RemoteRule, Rule
+from rocon_gateway.core.setting import GatewaySetting, SettingError, book_from_setting, with_custom_rules
+
+
+def test_a_unique_name_has_32_digits_more_unless_told_not_to() -> None:
+    name = GatewaySetting(name="pirate").unique_name()
+    assert name.startswith("pirate")
+    assert len(name) == len("pirate") + 32
+    assert GatewaySetting(name="Hub_Gateway", disable_uuids=True).unique_name() == "Hub_Gateway"
+
+
+@pytest.mark.parametrize("values", [{"name": " "}, {"name": "a\nb"}, {"watch_loop_period": 0.0}, {"relay_port": -1}])
+def test_a_value_that_cannot_be_meant_is_refused(values: dict[str, object]) -> None:
+    with pytest.raises(SettingError):
+        GatewaySetting(**values)
+
+
+def test_hub_lists_may_be_lists_or_texts() -> None:
+    assert GatewaySetting(hub_whitelist=["a", "b"]).hubs_allowed == ("a", "b")
+    assert GatewaySetting(hub_blacklist="a; b;").hubs_refused == ("a", "b")
+    with pytest.raises(SettingError):
+        _ = GatewaySetting(hub_whitelist=[1]).hubs_allowed
+
+
+def test_default_rules_become_rules() -> None:
+    setting = GatewaySetting(
+        default_blacklist=[{"name": "/rosout.*", "node": None, "type": "publisher"}],
+        default_advertisements=[{"name": "/map", "node": "None", "type": "publisher"}],
+        default_flips=[{"gateway": "pirate", "rule": {"name": "/odom", "node": "/nonesuch", "type": "subscriber"}}],
+        default_pulls=[{"gateway": "pirate"}],
+    )
+    book, complaints = book_from_setting(setting, "mine")
+    assert complaints == ()
+    assert book.blacklist == (Rule(Kind.PUBLISHER, "/rosout.*"),)
+    assert book.advertisements.rules == (Rule(Kind.PUBLISHER, "/map"),)
+    assert book.flips.rules == (RemoteRule("pirate", Rule(Kind.SUBSCRIBER, "/odom", "/nonesuch")),)
+    assert {remote.rule.name for remote in book.pulls.rules} == {ALL}
+
+
+def test_a_bad_default_rule_is_named_and_the_others_are_taken() -> None:
+    setting = GatewaySetting(
+        default_blacklist=[{"name": "(", "type": "publisher"}],
+        default_flips=[
+            {"rule": {"name": "/a", "type": "publisher"}},
+            {"gateway": "mine", "rule": {"name": "/a", "type": "publisher"}},
+            {"gateway": "pirate", "rule": {"name": "/a", "type": "publisher"}},
+            "pirate",
+        ],
+    )
+    book, complaints = book_from_setting(setting, "mine")
+    assert [remote.gateway for remote in book.flips.rules] == ["pirate"]
+    assert len(complaints) == 4
+
+
+def test_advertise_all_may_be_an_empty_list_for_no() -> None:
+    assert not book_from_setting(GatewaySetting(advertise_all=[]), "mine")[0].advertisements.everything
+    assert book_from_setting(GatewaySetting(advertise_all=True), "mine")[0].advertisements.everything
+
+
+def test_a_custom_rules_file_appends_rules_and_replaces_the_rest() -> None:
+    merged = with_custom_rules({"default_flips": [1], "firewall": True}, {"default_flips": [2], "firewall": False})
+    assert merged == {"default_flips": [1, 2], "firewall": False}
+    assert with_custom_rules({"name": "a"}, None) == {"name": "a"}
+    with pytest.raises(SettingError):
+        with_custom_rules({}, ["rules"])

@@ -1,0 +1,1 @@
+"""Redis as a process, and the keys in it."""

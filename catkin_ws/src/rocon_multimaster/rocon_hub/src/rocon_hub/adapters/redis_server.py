@@ -1,0 +1,115 @@
+"""A redis-server of our own: started, recognised as ours, restarted, and never left behind."""
+
+import contextlib
+import shutil
+import signal
+import socket
+import subprocess
+import time
+from pathlib import Path
+
+import redis
+
+from rocon_hub.core.error import PortBusyError, RedisError
+from rocon_hub.core.setting import HubSetting, is_open, redis_configuration
+
+START_TIMEOUT = 10.0
+"""Within which a new server must answer [s]."""
+
+
+class RedisServer:
+    """One process. It must be started by the program's main thread: it dies with the thread that started it.
+
+    Args:
+        setting: the hub's parameters.
+        directory: for configuration and log; made if absent, readable by us only.
+        password: what clients must say, None for nothing.
+    """
+
+    def __init__(self, setting: HubSetting, directory: Path, password: str | None) -> None:
+        self._setting = setting
+        self._directory = directory
+        self._password = password
+        self._process: subprocess.Popen[bytes] | None = None
+        self.log = directory / "redis-server.log"
+        self.client = redis.Redis(
+            port=setting.port, password=password, socket_timeout=2.0, socket_connect_timeout=2.0, decode_responses=True
+        )
+
+    @property
+    def pid(self) -> int | None:
+        """The server's process number while it runs."""
+        return self._process.pid if self._process and self._process.poll() is None else None
+
+    def start(self) -> None:
+        """Starts the server and waits until it answers.
+
+        Raises:
+            PortBusyError: somebody else has the port.
+            RedisError: there is no redis-server, or it does not come up.
+        """
+        executable = shutil.which("redis-server")
+        if executable is None:
+            raise RedisError("hub: there is no redis-server on the PATH; install the package redis-server")
+        self._check_port()
+        configuration = self._write_configuration()
+        with self.log.open("ab") as log:
+            # setpriv asks the kernel to kill the server when we die, however we die.
+            self._process = subprocess.Popen(
+                ["setpriv", "--pdeathsig", "KILL", "--", executable, str(configuration)],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+            )
+        self._await()
+
+    def _check_port(self) -> None:
+        address = "" if is_open(self._setting, self._password) else "127.0.0.1"
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((address, self._setting.port))
+            except OSError as error:
+                port = self._setting.port
+                text = f"hub: port {port} is in use ({error.strerror}): another hub or Redis runs there"
+                raise PortBusyError(f"{text}. End it, or set hub_port") from None
+
+    def _write_configuration(self) -> Path:
+        self._directory.mkdir(parents=True, exist_ok=True)
+        self._directory.chmod(0o700)
+        path = self._directory / "redis.conf"
+        path.touch(mode=0o600)
+        path.write_text(redis_configuration(self._setting, self._directory, self._password))
+        return path
+
+    def _await(self) -> None:
+        deadline = time.monotonic() + START_TIMEOUT
+        assert self._process is not None
+        while time.monotonic() < deadline:
+            with contextlib.suppress(redis.ConnectionError, redis.TimeoutError):
+                if self.client.info("server")["process_id"] == self._process.pid:
+                    return
+                self.stop()
+                raise PortBusyError(f"hub: port {self._setting.port} was taken by another Redis while ours started")
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(0.02)
+                raise RedisError(f"hub: redis-server ended at once: {self._last_line()} (log: {self.log})")
+        self.stop()
+        raise RedisError(f"hub: redis-server did not answer within {START_TIMEOUT:g} s (log: {self.log})")
+
+    def _last_line(self) -> str:
+        lines = self.log.read_text(errors="replace").strip().splitlines()
+        return lines[-1] if lines else "it said nothing"
+
+    def stop(self) -> None:
+        """Ends the server, gently first; nothing to do if it has ended."""
+        process, self._process = self._process, None
+        if process is None or process.poll() is not None:
+            return
+        process.send_signal(signal.SIGTERM)
+        try:
+            process.wait(2.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()

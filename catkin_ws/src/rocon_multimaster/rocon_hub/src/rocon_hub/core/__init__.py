@@ -1,0 +1,1 @@
+"""What the hub decides: no ROS, no process, no clock."""

@@ -1,0 +1,104 @@
+"""The hub's parameters, and the Redis configuration that follows from them."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from rocon_hub.core.error import HubNodeError
+
+_LOOPBACK = "127.0.0.1 -::1"
+_EVERYWHERE = "* -::*"
+
+# Commands that nobody on the hub needs, and by which a stranger could read or write files or stop the server.
+_DISABLED = (
+    "CONFIG",
+    "SAVE",
+    "BGSAVE",
+    "BGREWRITEAOF",
+    "SHUTDOWN",
+    "REPLICAOF",
+    "SLAVEOF",
+    "MODULE",
+    "DEBUG",
+    "MIGRATE",
+)
+
+
+@dataclass(frozen=True)
+class HubSetting:
+    """Parameters of the node `hub`.
+
+    Attributes:
+        name: what gateways see as the hub's name.
+        port: TCP port of the hub's own Redis.
+        zeroconf: whether to announce the hub by mDNS.
+        max_memory: what Redis may use for data, in its notation.
+        gateway_gone_timeout: time after which the record of a gateway that is not heard of is deleted [s].
+        watcher_thread_rate: how often records are looked over for that [Hz].
+        password_file: a file that holds the hub's password; empty for none, or the environment's.
+        insecure: accept everybody on the network without a password.
+    """
+
+    name: str = "Gateway Hub"
+    port: int = 6380
+    zeroconf: bool = True
+    max_memory: str = "64mb"
+    gateway_gone_timeout: float = 300.0
+    watcher_thread_rate: float = 0.2
+    password_file: str = ""
+    insecure: bool = False
+
+    def __post_init__(self) -> None:
+        """Raises HubNodeError for values that cannot be meant."""
+        if not self.name.strip() or not self.name.isprintable():
+            raise HubNodeError(f"hub: ~name must be a printable text, not {self.name!r}")
+        if not 0 < self.port < 65536:
+            raise HubNodeError(f"hub: ~port must be 1 to 65535, not {self.port}")
+        if not re.fullmatch(r"\d+(b|kb?|mb?|gb?)?", self.max_memory.lower()):
+            raise HubNodeError(f"hub: ~max_memory must be a size such as 64mb, not {self.max_memory!r}")
+        if self.gateway_gone_timeout <= 0 or self.watcher_thread_rate <= 0:
+            raise HubNodeError("hub: ~gateway_gone_timeout and ~watcher_thread_rate must be greater than 0")
+
+    @property
+    def directory_name(self) -> str:
+        """The name of the directory for configuration and log: two hubs on one machine differ by port."""
+        return re.sub(r"[^a-z0-9]+", "_", self.name.lower()).strip("_") + f"_{self.port}"
+
+
+def is_open(setting: HubSetting, password: str | None) -> bool:
+    """Tells whether other machines may connect: only with a password, or where the user insists."""
+    return bool(password) or setting.insecure
+
+
+def redis_configuration(setting: HubSetting, directory: Path, password: str | None) -> str:
+    """Returns the text of a redis.conf for a private server that keeps nothing on disk."""
+    lines = [
+        f"bind {_EVERYWHERE if is_open(setting, password) else _LOOPBACK}",
+        f"protected-mode {'no' if is_open(setting, password) else 'yes'}",
+        f"port {setting.port}",
+        "daemonize no",
+        "supervised no",
+        "databases 1",
+        'save ""',
+        "appendonly no",
+        f"maxmemory {setting.max_memory}",
+        "maxmemory-policy noeviction",
+        f"dir {quoted(str(directory))}",
+        'logfile ""',
+        "tcp-keepalive 10",
+        "client-output-buffer-limit pubsub 8mb 2mb 30",
+        *(f'rename-command {command} ""' for command in _DISABLED),
+    ]
+    if password:
+        lines.append(f"requirepass {quoted(password)}")
+    return "\n".join(lines) + "\n"
+
+
+def quoted(text: str) -> str:
+    """Returns `text` as one argument of a redis.conf line."""
+    body = "".join(c if c.isascii() and c.isprintable() and c not in '"\\' else _escaped(c) for c in text)
+    return f'"{body}"'
+
+
+def _escaped(character: str) -> str:
+    return "".join(f"\\x{byte:02x}" for byte in character.encode())

@@ -1,0 +1,32 @@
+"""Which gateways have just fallen silent, and which have been silent for too long."""
+
+from collections.abc import Collection, Mapping
+
+
+class Watch:
+    """Compares who is registered with who gives signs of life. Times are monotonic [s].
+
+    Args:
+        patience: how long the record of a silent gateway is kept.
+    """
+
+    def __init__(self, patience: float) -> None:
+        self._patience = patience
+        self._silent: dict[str, float] = {}
+
+    @property
+    def silent(self) -> Mapping[str, float]:
+        """Gateways that are not heard of, and since when."""
+        return self._silent
+
+    def fallen_silent(self, registered: Collection[str], alive: Collection[str], now: float) -> set[str]:
+        """Returns those who are registered, not alive, and were not returned since they last lived."""
+        silent = set(registered) - set(alive)
+        self._silent = {name: since for name, since in self._silent.items() if name in silent}
+        new = silent - set(self._silent)
+        self._silent.update(dict.fromkeys(new, now))
+        return new
+
+    def gone(self, now: float) -> set[str]:
+        """Returns those whose time is over."""
+        return {name for name, since in self._silent.items() if now - since >= self._patience}

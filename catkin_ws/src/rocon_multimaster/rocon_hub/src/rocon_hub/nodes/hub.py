@@ -1,0 +1,112 @@
+"""The node `hub`."""
+
+import contextlib
+import threading
+import time
+from pathlib import Path
+
+import redis
+import rosgraph
+import rospkg
+import rospy
+
+from pioneer_node.core.parameter import config_from_mapping
+from pioneer_node.nodes import entry
+from rocon_gateway.adapters.password import password_from
+from rocon_gateway.core.code import GatewayError
+from rocon_hub.adapters.announcement import Announcement
+from rocon_hub.adapters.redis_server import RedisServer
+from rocon_hub.adapters.registry import Registry
+from rocon_hub.core.error import HubNodeError, RedisError
+from rocon_hub.core.setting import HubSetting, is_open
+
+LOOK_PERIOD = 0.25
+"""Time between two looks at who is alive [s]."""
+
+SHORT_LIFE = 5.0
+"""A Redis that dies sooner than this after its start [s] counts as failing."""
+
+FAILURES = 3
+"""Failing so often in a row ends the hub."""
+
+
+class HubNode:
+    """Starts a private redis-server and keeps it and its register of gateways in order.
+
+    Subscribes: nothing. Publishes: nothing. Services: none; gateways speak to Redis.
+
+    Parameters: the fields of `HubSetting`, private.
+
+    Threads: the main thread alone, but for rospy's own and those of the mDNS announcement.
+
+    On error: a port in use, a missing redis-server or an unreadable password file end the node with one line; a
+    Redis that dies is started again, and gateways register anew.
+    """
+
+    def __init__(self) -> None:
+        self._setting = config_from_mapping(HubSetting, entry.parameters(), rospy.get_name())
+        password = password_from(self._setting.password_file)
+        directory = Path(rospkg.get_ros_home()) / "redis" / self._setting.directory_name
+        self._server = RedisServer(self._setting, directory, password)
+        self._registry = Registry(self._server.client, self._setting.gateway_gone_timeout)
+        self._stop = threading.Event()
+        rospy.on_shutdown(self._stop.set)
+        self._announcement: Announcement | None = None
+        self._open = is_open(self._setting, password)
+        self._failures = 0
+        self._warn(password)
+
+    def _warn(self, password: str | None) -> None:
+        if self._setting.insecure and not password:
+            rospy.logwarn(
+                "INSECURE: anybody on the network can connect to this hub and through it to every gateway. "
+                "Use it on a network of your own only, or set a password"
+            )
+        elif not self._open:
+            rospy.logwarn(
+                "no password is set, so only this machine can reach the hub. For robots on other machines set "
+                "ROCON_HUB_PASSWORD_FILE (or hub_password_file:=) here and there, or hub_insecure:=true here"
+            )
+
+    def spin(self) -> None:
+        """Runs until shutdown, then ends Redis."""
+        try:
+            self._start()
+            if self._setting.zeroconf and self._open:
+                self._announcement = Announcement(self._setting.name, self._setting.port, rosgraph.get_address())
+            self._watch()
+        finally:
+            if self._announcement:
+                self._announcement.close()
+            self._server.stop()
+
+    def _start(self) -> None:
+        self._server.start()
+        self._registry.open(self._setting.name)
+        self._started = time.monotonic()
+        rospy.loginfo("hub '%s' on port %d (redis-server %d)", self._setting.name, self._setting.port, self._server.pid)
+
+    def _watch(self) -> None:
+        next_clear = 0.0
+        while not self._stop.wait(LOOK_PERIOD):
+            if self._server.pid is None:
+                self._restart()
+            with contextlib.suppress(redis.ConnectionError, redis.TimeoutError):
+                for name in self._registry.look():
+                    rospy.logwarn("gateway '%s' is not heard of any more", name)
+                if time.monotonic() >= next_clear:
+                    next_clear = time.monotonic() + 1.0 / self._setting.watcher_thread_rate
+                    for name in self._registry.clear():
+                        rospy.loginfo("gateway '%s' removed", name)
+
+    def _restart(self) -> None:
+        self._failures = self._failures + 1 if time.monotonic() - self._started < SHORT_LIFE else 1
+        if self._failures >= FAILURES:
+            raise RedisError(f"hub: redis-server died {self._failures} times in a row (log: {self._server.log})")
+        rospy.logerr("redis-server died; starting it again (log: %s)", self._server.log)
+        self._start()
+
+
+def main() -> int:
+    """Entry point of the executables `hub` and `hub.py`."""
+    return entry.run("hub", HubNode, (HubNodeError, GatewayError))

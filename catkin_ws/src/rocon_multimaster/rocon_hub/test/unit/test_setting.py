@@ -1,0 +1,65 @@
+"""Redis is open to others only with a password, or where the user insists; and keeps nothing on disk."""
+
+from pathlib import Path
+
+import pytest
+
+from rocon_hub.core.error import HubNodeError
+from rocon_hub.core.setting import HubSetting, quoted, redis_configuration
+from rocon_hub.core.watch import Watch
+
+DIRECTORY = Path("/tmp/a b")
+
+
+def lines(setting: HubSetting, password: str | None = None) -> list[str]:
+    return redis_configuration(setting, DIRECTORY, password).splitlines()
+
+
+def test_without_a_password_only_this_machine_may_connect() -> None:
+    assert "bind 127.0.0.1 -::1" in lines(HubSetting())
+    assert "protected-mode yes" in lines(HubSetting())
+
+
+@pytest.mark.parametrize(("setting", "password"), [(HubSetting(insecure=True), None), (HubSetting(), "secret")])
+def test_a_password_or_insistence_opens_the_hub(setting: HubSetting, password: str | None) -> None:
+    assert "bind * -::*" in lines(setting, password)
+    assert "protected-mode no" in lines(setting, password)
+    assert ('requirepass "secret"' in lines(setting, password)) is (password is not None)
+
+
+def test_nothing_is_saved_and_strangers_cannot_reconfigure() -> None:
+    text = lines(HubSetting(port=1234))
+    assert {"port 1234", 'save ""', "appendonly no", 'rename-command CONFIG ""', 'dir "/tmp/a b"'} <= set(text)
+
+
+def test_a_password_cannot_add_a_line() -> None:
+    assert quoted('a"b\\c\nd ü') == '"a\\x22b\\x5cc\\x0ad \\xc3\\xbc"'
+
+
+@pytest.mark.parametrize(
+    "values", [{"name": ""}, {"port": 0}, {"max_memory": "much"}, {"gateway_gone_timeout": 0.0}, {"name": "a\nb"}]
+)
+def test_a_value_that_cannot_be_meant_is_refused(values: dict[str, object]) -> None:
+    with pytest.raises(HubNodeError):
+        HubSetting(**values)
+
+
+def test_two_hubs_of_one_name_have_two_directories() -> None:
+    assert HubSetting(name="Pioneer Hub").directory_name == "pioneer_hub_6380"
+    assert HubSetting(name="Pioneer Hub", port=6381).directory_name == "pioneer_hub_6381"
+
+
+def test_a_gateway_falls_silent_once_and_is_gone_after_the_patience() -> None:
+    watch = Watch(30.0)
+    assert watch.fallen_silent({"a", "b"}, {"a"}, 0.0) == {"b"}
+    assert watch.fallen_silent({"a", "b"}, {"a"}, 1.0) == set()
+    assert watch.gone(29.9) == set()
+    assert watch.gone(30.0) == {"b"}
+
+
+def test_a_gateway_that_comes_back_may_fall_silent_again() -> None:
+    watch = Watch(30.0)
+    watch.fallen_silent({"a"}, set(), 0.0)
+    watch.fallen_silent({"a"}, {"a"}, 1.0)
+    assert watch.gone(100.0) == set()
+    assert watch.fallen_silent({"a"}, set(), 2.0) == {"a"}

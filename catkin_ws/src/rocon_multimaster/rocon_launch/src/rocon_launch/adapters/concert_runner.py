@@ -1,0 +1,87 @@
+"""All launches of a concert, together: started in order, ended together."""
+
+import os
+import re
+import signal
+import sys
+import threading
+import time
+from collections.abc import Sequence
+
+import psutil
+
+from rocon_launch.adapters.roslaunch import RoslaunchProcess
+from rocon_launch.core.concert import Launch
+
+GENTLE = 3.5
+"""How long the launches may take to end by themselves [s]."""
+
+
+class ConcertRunner:
+    """Runs launches until they all end, or until interrupted.
+
+    Args:
+        launches: what to run.
+        screen: give roslaunch `--screen`.
+    """
+
+    def __init__(self, launches: Sequence[Launch], screen: bool) -> None:
+        self._launches = launches
+        self._screen = screen
+        self._stop = threading.Event()
+        self._lock = threading.Lock()
+        self._processes: list[RoslaunchProcess] = []
+
+    def run(self) -> int:
+        """Returns 0 after an interrupt or when all launches ended well, else the status of the first that did not."""
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, lambda *_: self._stop.set())
+        try:
+            for launch in self._launches:
+                if not self._stop.is_set():
+                    self._processes.append(self._start(launch))
+            while not self._stop.wait(0.2) and any(process.status is None for process in self._processes):
+                pass
+            return 0 if self._stop.is_set() else next((p.status or 0 for p in self._processes if p.status), 0)
+        finally:
+            self._end()
+
+    def _start(self, launch: Launch) -> RoslaunchProcess:
+        command = ["roslaunch", *(["--screen"] if self._screen else []), *(["--wait"] if launch.waits else [])]
+        command += ["-p", str(launch.port), *([launch.package] if launch.package else []), launch.name]
+        command += [f"{name}:={value}" for name, value in launch.arguments.items()]
+        return RoslaunchProcess(launch, command, _environment(launch), self._show)
+
+    def _show(self, title: str, line: str) -> None:
+        with self._lock:
+            sys.stdout.write(f"[{title}] {line}\n")
+            sys.stdout.flush()
+
+    def _end(self) -> None:
+        """Asks all, waits, and kills what is left, so that nothing survives us."""
+        descendants = {process.pid: _descendants(process.pid) for process in self._processes}
+        for process in self._processes:
+            process.interrupt()
+        deadline = time.monotonic() + GENTLE
+        for process in self._processes:
+            process.wait(max(0.0, deadline - time.monotonic()))
+            left = [child.pid for child in descendants[process.pid] if child.is_running()]
+            if process.status is None or left:
+                process.kill(left)
+
+
+def _descendants(pid: int) -> list[psutil.Process]:
+    try:
+        return psutil.Process(pid).children(recursive=True)
+    except psutil.NoSuchProcess:
+        return []
+
+
+def _environment(launch: Launch) -> dict[str, str]:
+    """Our environment, pointed at the launch's master; the namespace of whoever called us does not count."""
+    environment = {name: value for name, value in os.environ.items() if name != "ROS_NAMESPACE"}
+    uri = environment.get("ROS_MASTER_URI") or "http://localhost:11311"
+    host = re.sub(r"^[a-z]+://|[:/].*$", "", re.sub(r"^([a-z]+://)", "", uri)) or "localhost"
+    environment["ROS_MASTER_URI"] = f"http://{host}:{launch.port}"
+    environment["PYTHONUNBUFFERED"] = "1"
+    return environment

@@ -1,0 +1,76 @@
+"""One roslaunch process, with its output line by line, and its end with all its descendants."""
+
+import os
+import signal
+import subprocess
+import threading
+from collections.abc import Callable, Mapping, Sequence
+
+from rocon_launch.core.concert import Launch
+
+
+class RoslaunchProcess:
+    """Runs one launch in a session of its own.
+
+    Args:
+        launch: what to run.
+        command: the whole command line.
+        environment: of the process.
+        show: called with the title and each line of output, from a thread.
+    """
+
+    def __init__(
+        self,
+        launch: Launch,
+        command: Sequence[str],
+        environment: Mapping[str, str],
+        show: Callable[[str, str], None],
+    ) -> None:
+        self.launch = launch
+        self._process = subprocess.Popen(
+            # The kernel tells roslaunch when we die without a word, and roslaunch ends its nodes.
+            ["setpriv", "--pdeathsig", "TERM", "--", *command],
+            env=dict(environment),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+        threading.Thread(target=self._read, args=(show,), daemon=True).start()
+
+    def _read(self, show: Callable[[str, str], None]) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            show(self.launch.title, line.decode(errors="replace").rstrip("\n"))
+
+    @property
+    def status(self) -> int | None:
+        """The exit status, None while it runs."""
+        return self._process.poll()
+
+    def interrupt(self) -> None:
+        """Asks it to end; roslaunch then ends its nodes and its master."""
+        if self.status is None:
+            self._process.send_signal(signal.SIGINT)
+
+    def wait(self, timeout: float) -> bool:
+        """Waits [s] for its end; tells whether it came."""
+        try:
+            self._process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
+    def kill(self, others: Sequence[int]) -> None:
+        """Ends it and `others`, its descendants, without asking."""
+        for pid in (*others, self._process.pid):
+            try:
+                os.kill(pid, signal.SIGKILL)
+            except ProcessLookupError:
+                continue
+        self._process.wait()
+
+    @property
+    def pid(self) -> int:
+        """Its process number."""
+        return self._process.pid

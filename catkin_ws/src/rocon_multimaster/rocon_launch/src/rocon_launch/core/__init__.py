@@ -1,0 +1,1 @@
+"""What a .concert file means: no process, no terminal."""

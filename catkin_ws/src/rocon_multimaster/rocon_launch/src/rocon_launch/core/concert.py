@@ -1,0 +1,118 @@
+"""Reading `.concert` files: `<concert>` with `<arg>` and `<launch>` elements.
+
+An `<arg>` has a name and exactly one of `default` and `value`; both give way to the command line. A `<launch>` has
+a `name` (of a launch file), a `package` that it is in (or `name` is a path), a `port` for its ROS master, a
+`title`, and `<arg name= value=>` children. Substitutions (`$(arg x)`, `$(find pkg)`, `$(env X)`, `$(optenv X y)`)
+are the caller's: the reader is given a function for them.
+"""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from rocon_launch.core.error import ConcertError
+
+Substitute = Callable[[str, Mapping[str, str]], str]
+"""Resolves the substitutions in a text, given the arguments so far."""
+
+
+@dataclass(frozen=True)
+class Launch:
+    """One roslaunch to run.
+
+    Attributes:
+        package: where the launch file is; empty if `name` is a path.
+        name: the launch file.
+        port: the port of its ROS master.
+        title: what its lines of output begin with.
+        arguments: its arguments, by name.
+        waits: whether an earlier one starts the master on that port.
+    """
+
+    package: str
+    name: str
+    port: int
+    title: str
+    arguments: Mapping[str, str]
+    waits: bool = False
+
+
+def launches_from_text(
+    text: str, mappings: Mapping[str, str], default_port: int, substitute: Substitute
+) -> list[Launch]:
+    """Returns the launches of a .concert file, in order.
+
+    Args:
+        text: the file's content.
+        mappings: `arg:=value` of the command line.
+        default_port: for a launch without `port`.
+        substitute: resolves substitutions.
+
+    Raises:
+        ConcertError: the text is not such a file, or `mappings` names an argument that it does not have.
+    """
+    try:
+        root = ET.fromstring(text)
+    except ET.ParseError as error:
+        raise ConcertError(f"not XML: {error}") from None
+    if root.tag != "concert":
+        raise ConcertError(f"the root is <{root.tag}>, not <concert>")
+    arguments: dict[str, str] = {}
+    launches: list[Launch] = []
+    for element in root:
+        if element.tag == "arg":
+            arguments[_name(element)] = _argument(element, mappings, arguments, substitute)
+        elif element.tag == "launch":
+            launches.append(_launch(element, arguments, default_port, substitute, launches))
+        else:
+            raise ConcertError(f"<{element.tag}> is neither <arg> nor <launch>")
+    unknown = sorted(set(mappings) - set(arguments))
+    if unknown:
+        raise ConcertError(f"there is no argument '{unknown[0]}'; there are {', '.join(sorted(arguments)) or 'none'}")
+    return launches
+
+
+def _name(element: ET.Element) -> str:
+    name = element.get("name")
+    if not name:
+        raise ConcertError(f"an <{element.tag}> has no name")
+    return name
+
+
+def _argument(
+    element: ET.Element, mappings: Mapping[str, str], arguments: Mapping[str, str], substitute: Substitute
+) -> str:
+    name, default, value = _name(element), element.get("default"), element.get("value")
+    if (default is None) == (value is None):
+        raise ConcertError(f"argument '{name}' needs exactly one of default and value")
+    return mappings[name] if name in mappings else substitute(default or value or "", arguments)
+
+
+def _launch(
+    element: ET.Element,
+    arguments: Mapping[str, str],
+    default_port: int,
+    substitute: Substitute,
+    earlier: list[Launch],
+) -> Launch:
+    name = substitute(_name(element), arguments)
+    port = _port(substitute(element.get("port", str(default_port)), arguments), name)
+    nested = {}
+    for child in element:
+        if child.tag != "arg" or child.get("value") is None:
+            raise ConcertError(f"launch '{name}' may hold only <arg name= value=>")
+        nested[_name(child)] = substitute(child.get("value", ""), arguments)
+    return Launch(
+        package=substitute(element.get("package", ""), arguments),
+        name=name,
+        port=port,
+        title=substitute(element.get("title", f"rocon_launch:{port}"), arguments),
+        arguments=nested,
+        waits=any(one.port == port for one in earlier),
+    )
+
+
+def _port(text: str, name: str) -> int:
+    if not text.isdigit() or not 0 < int(text) < 65536:
+        raise ConcertError(f"launch '{name}': '{text}' is not a port")
+    return int(text)
