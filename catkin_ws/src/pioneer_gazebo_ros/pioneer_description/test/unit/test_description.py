@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+
 from pioneer_gazebo.adapters.urdf import robot_from_urdf
 
 PACKAGE = Path(__file__).parents[2]
@@ -57,7 +58,7 @@ def test_body_stays_inside_the_footprint_that_navigation_plans_with(robot):
             size = getattr(collision.shape, "size", (0.075, 0.04, 0.075))
             if link.name in ("left_wheel", "right_wheel"):
                 size = (0.195, 0.04, 0.195)
-            assert -0.30 <= pose.position[0] - size[0] / 2
+            assert pose.position[0] - size[0] / 2 >= -0.30
             assert pose.position[0] + size[0] / 2 <= 0.20
             assert abs(pose.position[1]) + size[1] / 2 <= 0.20
 

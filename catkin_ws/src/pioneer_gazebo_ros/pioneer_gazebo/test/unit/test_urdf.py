@@ -1,0 +1,141 @@
+import math
+
+import pytest
+
+from pioneer_gazebo.adapters.urdf import robot_from_urdf
+from pioneer_gazebo.core.error import DescriptionError
+from pioneer_gazebo.core.world import Box, Cylinder
+
+CART = """
+<robot name="cart">
+  <material name="red"><color rgba="1 0 0 1"/></material>
+  <link name="base"/>
+  <link name="body">
+    <inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <visual><geometry><box size="1 1 1"/></geometry><material name="red"/></visual>
+    <collision><origin xyz="0 0 0.5"/><geometry><box size="1 2 3"/></geometry></collision>
+  </link>
+  <link name="left"><collision><geometry><cylinder radius="0.1" length="0.05"/></geometry></collision></link>
+  <link name="right"/>
+  <joint name="fix" type="fixed">
+    <origin xyz="0 0 1" rpy="0 0 1.5707963"/><parent link="base"/><child link="body"/>
+  </joint>
+  <joint name="l" type="continuous">
+    <origin xyz="1 0 0"/><parent link="body"/><child link="left"/><axis xyz="0 2 0"/>
+  </joint>
+  <joint name="r" type="revolute">
+    <parent link="body"/><child link="right"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="2" effort="3" velocity="4"/><dynamics damping="0.5" friction="0.25"/>
+  </joint>
+  {extra}
+</robot>
+"""
+DRIVE = """<gazebo><plugin name="d" filename="libgazebo_ros_diff_drive.so">
+  <leftJoint>l</leftJoint><rightJoint>r</rightJoint>{extra}</plugin></gazebo>"""
+LASER = """<gazebo reference="body"><sensor type="ray" name="s"><update_rate>40</update_rate>{pose}<ray>
+  <scan><horizontal><samples>{samples}</samples><min_angle>-1</min_angle><max_angle>1</max_angle></horizontal></scan>
+  <range><min>0.1</min><max>30</max><resolution>0.01</resolution></range>
+  <noise><type>gaussian</type><mean>0.0</mean><stddev>0.01</stddev></noise></ray>
+  <plugin name="p" filename="libgazebo_ros_laser.so"><topicName>scan</topicName><frameName>laser</frameName></plugin>
+  </sensor></gazebo>"""
+
+
+def cart(extra=""):
+    return robot_from_urdf(CART.format(extra=extra), "cart.urdf")
+
+
+def test_links_know_where_they_are_in_the_root():
+    robot = cart()
+    assert robot.root.name == "base"
+    assert robot.link("left").pose.position == pytest.approx((0, 1, 1), abs=1e-6)
+    assert robot.link("left").pose.yaw == pytest.approx(math.pi / 2, abs=1e-6)
+
+
+def test_shapes_masses_and_colours_are_read():
+    robot = cart()
+    body = robot.link("body")
+    assert body.collisions[0].shape == Box((1, 2, 3))
+    assert robot.link("left").collisions[0].shape == Cylinder(0.1, 0.05)
+    assert body.visuals[0].colour == (1, 0, 0, 1)
+    assert (body.mass, robot.link("base").mass) == (2, 0)
+
+
+def test_joint_limits_and_axis_are_read():
+    joint = cart().joint("r")
+    assert (joint.lower, joint.upper, joint.effort, joint.velocity) == (-1, 2, 3, 4)
+    assert (joint.damping, joint.friction) == (0.5, 0.25)
+    assert cart().joint("l").axis == (0, 1, 0)
+    assert cart().joint("l").upper == math.inf
+
+
+def test_friction_and_colour_of_a_gazebo_reference_apply_to_the_link():
+    robot = cart('<gazebo reference="body"><mu1>0.2</mu1><material>Gazebo/Blue</material></gazebo>')
+    assert robot.link("body").collisions[0].friction == 0.2
+    assert robot.link("body").visuals[0].colour == (0, 0, 1, 1)
+
+
+def test_drive_is_read_under_the_plugins_names():
+    extra = "<wheelSeparation>0.4</wheelSeparation><torque>7</torque>"
+    extra += "<odometrySource>0</odometrySource><publishTf>0</publishTf>"
+    (drive,) = cart(DRIVE.format(extra=extra)).drives
+    assert (drive.wheelSeparation, drive.wheelTorque, drive.odometrySource, drive.publishTf) == (
+        0.4,
+        7,
+        "encoder",
+        False,
+    )
+
+
+def test_laser_is_read_under_the_sensors_names():
+    (laser,) = cart(LASER.format(samples=720, pose="<pose>0 0 1 0 0 0</pose>")).lasers
+    assert (laser.samples, laser.min_angle, laser.max_range, laser.update_rate) == (720, -1, 30, 40)
+    assert (laser.noise_stddev, laser.topic, laser.frame, laser.link) == (0.01, "scan", "laser", "body")
+    assert laser.pose.position == (0, 0, 1)
+
+
+def test_unknown_plugins_and_elements_are_named_once():
+    other = '<gazebo><plugin name="x" filename="libgazebo_ros_imu.so"/></gazebo>'
+    robot = cart(other * 2 + DRIVE.format(extra="<wheelSeperation>1</wheelSeperation>"))
+    assert robot.warnings == (
+        "plugin libgazebo_ros_imu.so is not supported and left out",
+        "<wheelSeperation> of plugin libgazebo_ros_diff_drive.so is not supported and left out; "
+        "is <wheelSeparation> meant?",
+    )
+
+
+@pytest.mark.parametrize(
+    ("extra", "message"),
+    [
+        (DRIVE.format(extra="<wheelDiameter>0</wheelDiameter>"), "wheelDiameter must be above 0"),
+        (DRIVE.format(extra="<wheelDiameter>big</wheelDiameter>"), "'big' is not a number"),
+        (DRIVE.format(extra="<odometrySource>gps</odometrySource>"), "encoder or world"),
+        (DRIVE.format(extra="").replace(">l<", ">left<"), "joint 'left', which is not there"),
+        (LASER.format(samples=0, pose=""), "samples.* must be 1 or more"),
+        (LASER.format(samples=1.5, pose=""), "whole number"),
+        (LASER.format(samples=5, pose="").replace("body", "bod"), "link 'bod', which is not there; is it 'body'?"),
+        ('<gazebo><plugin name="p" filename="libgazebo_ros_p3d.so"/></gazebo>', "<bodyName> is missing"),
+        ('<link name="loose"/>', "one link that is no joint's child, not 2: base, loose"),
+        ('<joint name="j" type="bent"><parent link="base"/><child link="left"/></joint>', "'bent' is not one of"),
+        ('<joint name="j" type="fixed"><parent link="base"/><child link="left"/></joint>', "child of two joints"),
+        ('<joint name="j" type="fixed"><parent link="base"/><child link="x"/></joint>', "no link 'x'"),
+        ('<link name="m"><inertial><mass value="0"/></inertial></link>', "must be above 0, not 0"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_with_file_and_element(extra, message):
+    with pytest.raises(DescriptionError, match=message) as caught:
+        cart(extra)
+    assert str(caught.value).startswith("cart.urdf, line ")
+
+
+def test_joints_in_a_circle_are_refused():
+    text = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
+      <joint name="x" type="fixed"><parent link="b"/><child link="c"/></joint>
+      <joint name="y" type="fixed"><parent link="c"/><child link="b"/></joint></robot>"""
+    with pytest.raises(DescriptionError, match="circle: x, y"):
+        robot_from_urdf(text)
+
+
+def test_xacro_that_is_not_expanded_is_refused():
+    text = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="x"/></robot>'
+    with pytest.raises(DescriptionError, match="expand it first"):
+        robot_from_urdf(text)
