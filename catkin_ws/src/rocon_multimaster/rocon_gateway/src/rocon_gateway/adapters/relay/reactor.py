@@ -102,7 +102,9 @@ class Reactor:
         while self._running:
             for descriptor, events in self._epoll.poll(self._pause()):
                 handler = self._handlers.get(descriptor)
-                if handler is not None:
+                if descriptor == self._wake_up:
+                    os.eventfd_read(self._wake_up)
+                elif handler is not None:
                     self._guard(lambda h=handler, e=events: h.ready(e), handler)  # type: ignore[misc]
             self._run_timers()
             self._run_calls()
