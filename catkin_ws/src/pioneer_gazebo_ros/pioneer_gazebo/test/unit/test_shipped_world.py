@@ -12,7 +12,7 @@ from pioneer_gazebo.nodes.plan_to_world import world_text
 from pioneer_gazebo.nodes.world_to_map import map_of_world
 
 PACKAGE = Path(__file__).parents[2]
-POSES = PACKAGE.parent / "pioneer_description" / "config" / "pioneer_poses.yaml"
+POSES = PACKAGE.parent / "pioneer_description" / "config"
 NAMES = ["closed_maze", "utm_0", "small_world", "willow_office", "blank"]
 INSCRIBED_RADIUS, CIRCUMSCRIBED_RADIUS = 0.20, 0.37
 
@@ -51,14 +51,23 @@ def test_shipped_world_is_what_its_plan_draws(plan):
     assert (PACKAGE / "worlds" / f"{plan.stem}.world").read_text() == world_text(plan)
 
 
-@pytest.mark.parametrize("name", ["closed_maze", "utm_0"])
-def test_all_initial_poses_are_free_and_connected_for_a_robot(name):
+@pytest.mark.parametrize(
+    ("name", "file", "count"),
+    [
+        ("closed_maze", "pioneer_poses.yaml", 15),
+        ("utm_0", "pioneer_poses.yaml", 15),
+        ("blank", "pioneer_poses.yaml", 15),
+        ("willow_office", "pioneer_poses_willow_office.yaml", 15),
+        ("small_world", "pioneer_poses_small_world.yaml", 6),
+    ],
+)
+def test_all_initial_poses_are_free_and_connected_for_a_robot(name, file, count):
     head, grey = read_map(name)
     resolution, (x0, y0, _) = head["resolution"], head["origin"]
     room = clearance(grey, resolution)
     regions, _ = ndimage.label(room > INSCRIBED_RADIUS)
-    poses = yaml.safe_load(POSES.read_text())
-    assert sorted(poses) == sorted(f"pioneer{i}" for i in range(1, 16))
+    poses = yaml.safe_load((POSES / file).read_text())
+    assert sorted(poses) == sorted(f"pioneer{i}" for i in range(1, count + 1))
     cells = [(int((p["y"] - y0) / resolution), int((p["x"] - x0) / resolution)) for p in poses.values()]
     assert min(room[cell] for cell in cells) > CIRCUMSCRIBED_RADIUS
     assert len({regions[cell] for cell in cells}) == 1
