@@ -65,7 +65,7 @@ class Reactor:
         self._thread.start()
 
     def call(self, callback: Callable[[], None]) -> None:
-        """Has `callback` called soon in the loop's thread; from any thread."""
+        """Has `callback` called soon in the loop's thread, or never once the loop has ended; from any thread."""
         self._calls.append(callback)
         os.eventfd_write(self._wake_up, 1)
 
@@ -90,7 +90,7 @@ class Reactor:
         self._epoll.unregister(descriptor)
 
     def stop(self) -> None:
-        """Ends the loop after what it is doing."""
+        """Ends the loop after what it is doing, and closes every connection."""
         self._running = False
 
     def join(self, timeout: float) -> None:
@@ -108,6 +108,8 @@ class Reactor:
                     self._guard(lambda h=handler, e=events: h.ready(e), handler)  # type: ignore[misc]
             self._run_timers()
             self._run_calls()
+        for handler in tuple(self._handlers.values()):
+            self._guard(lambda h=handler: h.close(""))  # type: ignore[misc]
         self._epoll.close()
 
     def _pause(self) -> float:
