@@ -1,0 +1,39 @@
+"""Velocity commands as bytes: a Twist is six doubles, and this controller wants no more of it."""
+
+import io
+import struct
+from typing import Any, Self
+
+from geometry_msgs.msg import Twist
+
+from pioneer_ros.core.controller import ZERO, Command
+
+_TWIST = struct.Struct("<6d")
+
+
+class CommandMessage(Twist):  # type: ignore[misc]
+    """A geometry_msgs/Twist that reads and writes its six numbers at once, without the Vector3 objects.
+
+    Attributes:
+        command: the velocity.
+    """
+
+    def __init__(self, *args: Any, **fields: Any) -> None:
+        super().__init__(*args, **fields)
+        self.command: Command = ZERO
+
+    def serialize(self, buff: io.BytesIO) -> None:
+        """Writes ``command``."""
+        buff.write(_TWIST.pack(*self.command))
+
+    def deserialize(self, data: bytes) -> Self:
+        """Reads ``command`` from ``data``."""
+        self.command = _TWIST.unpack(data)
+        return self
+
+
+def message_from_command(command: Command) -> CommandMessage:
+    """Returns ``command`` as a message."""
+    message = CommandMessage()
+    message.command = command
+    return message

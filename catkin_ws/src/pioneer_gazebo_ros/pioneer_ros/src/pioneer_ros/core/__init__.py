@@ -1,0 +1,1 @@
+"""What needs no ROS: the gains, and the watch over a source of commands."""

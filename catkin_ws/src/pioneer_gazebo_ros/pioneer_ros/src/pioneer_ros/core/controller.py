@@ -1,0 +1,118 @@
+"""Velocity commands scaled by gains, and stopped where their source falls silent."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pioneer_node.core.parameter import ParameterError
+
+Command = tuple[float, float, float, float, float, float]
+"""A velocity: linear x, y, z [m/s], angular x, y, z [rad/s], in the robot's frame."""
+
+ZERO: Command = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class CommandError(ValueError):
+    """A command that is not finite."""
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Factors between a commanded velocity and the one passed on.
+
+    Attributes:
+        linear: of the linear parts.
+        angular: of the angular parts.
+    """
+
+    linear: float = 1.0
+    angular: float = 1.0
+
+    def scaled(self, command: Command) -> Command:
+        """Returns ``command`` scaled.
+
+        Raises:
+            CommandError: a part of it, or of the result, is not finite.
+        """
+        x, y, z, roll, pitch, yaw = command
+        linear, angular = self.linear, self.angular
+        result = (linear * x, linear * y, linear * z, angular * roll, angular * pitch, angular * yaw)
+        if not math.isfinite(sum(map(abs, result))):
+            raise CommandError(f"velocity {command} is not finite")
+        return result
+
+
+def gains_from_parameters(parameters: Mapping[str, Any], owner: str) -> Gains:
+    """Returns the gains in ``controller_gains/body/{linear,angular}/p``; an absent one is 1.
+
+    Integral and derivative gains (``i``, ``d``) may be given as 0 only: the robot's own drive closes the loop.
+
+    Raises:
+        ParameterError: another name, a gain that is no finite number, or an ``i`` or ``d`` other than 0.
+    """
+    gains = _inner(_inner(parameters, "controller_gains", "", owner), "body", "controller_gains/", owner)
+    parts = {"linear": 1.0, "angular": 1.0}
+    for name in gains:
+        if name not in parts:
+            raise ParameterError(f"{owner}: unknown parameter ~controller_gains/body/{name}; there are linear, angular")
+        parts[name] = _proportional(gains[name], f"~controller_gains/body/{name}", owner)
+    return Gains(**parts)
+
+
+def _inner(mapping: Mapping[str, Any], name: str, above: str, owner: str) -> Mapping[str, Any]:
+    for other in mapping:
+        if other != name:
+            raise ParameterError(f"{owner}: unknown parameter ~{above}{other}; did you mean ~{above}{name}?")
+    inner = mapping.get(name, {})
+    if not isinstance(inner, Mapping):
+        raise ParameterError(f"{owner}: parameter ~{above}{name} must hold names, not {inner!r}")
+    return inner
+
+
+def _proportional(values: Any, where: str, owner: str) -> float:
+    if not isinstance(values, Mapping):
+        raise ParameterError(f"{owner}: parameter {where} must hold a gain p, not {values!r}")
+    for name, value in values.items():
+        if name not in ("p", "i", "d"):
+            raise ParameterError(f"{owner}: unknown parameter {where}/{name}; there is p")
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise ParameterError(f"{owner}: parameter {where}/{name} must be a finite number, not {value!r}")
+        if name != "p" and value != 0:
+            raise ParameterError(f"{owner}: parameter {where}/{name} must be 0: the controller only scales by p")
+    return float(values.get("p", 1.0))
+
+
+class Watchdog:
+    """Notices that a source which last commanded movement has fallen silent. Not thread-safe.
+
+    Args:
+        timeout: longest silence [s of ROS time].
+    """
+
+    def __init__(self, timeout: float) -> None:
+        self.timeout = timeout
+        self._last: float | None = None
+
+    @property
+    def armed(self) -> bool:
+        """Whether the last command moves the robot, so that silence must be noticed."""
+        return self._last is not None
+
+    def command(self, moving: bool, now: float) -> None:
+        """Notes a command at ROS time ``now`` [s]."""
+        self._last = now if moving else None
+
+    def expired(self, now: float) -> bool:
+        """Tells, once, that the silence has lasted too long at ROS time ``now`` [s].
+
+        When time has jumped back, the silence counts from the new time on.
+        """
+        if self._last is None:
+            return False
+        if now < self._last:
+            self._last = now
+        if now - self._last <= self.timeout:
+            return False
+        self._last = None
+        return True
