@@ -58,10 +58,14 @@ class ImportEnd:
             self.wanted.type,
             self.wanted.md5sum,
         )
+        nodes_changed = wanted.allowed_nodes != self.wanted.allowed_nodes
         self.wanted = self.topic.wanted = wanted
         for subscriber in self.topic.subscribers:
             self._context.bound(subscriber.backlog, wanted.options)
         self.topic.close_disallowed()
+        if nodes_changed:
+            # Registering once more has the master name us to all subscribers: those refused until now come back.
+            self.topic.refresh()
         if moved:
             self._pause.reset()
             if self._link is not None:

@@ -1,0 +1,217 @@
+"""Real masters, a real hub and real gateway processes, and a client that speaks to any of their services."""
+
+import socket
+import struct
+import sys
+import xmlrpc.client
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rosgraph
+import rosgraph.network
+from diagnostic_msgs.msg import DiagnosticArray
+from gateway_msgs import msg, srv
+
+from pioneer_harness.masters import Master
+from pioneer_harness.port import PortReservation
+from pioneer_harness.process import ProcessGroup
+from pioneer_harness.wait import wait_until
+
+PROBE = Path(__file__).with_name("probe.py")
+
+
+class Site:
+    """A master with a gateway, and probes."""
+
+    def __init__(self, name: str, fleet: "Fleet") -> None:
+        self.name = name
+        self.master = Master()
+        self._client = self.master.proxy("/test")
+        self._fleet = fleet
+        self.log = fleet.folder / f"{name}.log"
+        self.pid = 0
+
+    def start(self, **parameters: Any) -> "Site":
+        """Starts the gateway."""
+        defaults = {"name": self.name, "disable_uuids": True, "firewall": False, "hub_uri": self._fleet.hub_uri}
+        self.master.set_param("/gateway", {**defaults, **parameters})
+        argv = ["rosrun", "rocon_gateway", "gateway"]
+        self.pid = self._fleet.group.start(self.name, argv, self.master.environment, self.log)
+        # The last one that the gateway offers.
+        wait_until(lambda: self._has_service("/gateway/set_watcher_period"), f"{self.name}'s services", 15)
+        return self
+
+    def _has_service(self, name: str) -> bool:
+        return name in self.master.system_state()[2]
+
+    def connected(self) -> "Site":
+        wait_until(lambda: self.info().connected, f"{self.name} on the hub", 10)
+        return self
+
+    def call(self, service: str, kind: type, **fields: Any) -> Any:
+        """Calls one of the gateway's services over TCPROS."""
+        request, response = kind._request_class(**fields), kind._response_class()
+        uri = self._client.lookupService(f"/gateway/{service}")
+        address = rosgraph.network.parse_http_host_and_port(uri.replace("rosrpc", "http"))
+        with socket.create_connection(address, timeout=10) as connection:
+            header = {"service": f"/gateway/{service}", "md5sum": kind._md5sum, "callerid": "/test"}
+            rosgraph.network.write_ros_handshake_header(connection, header)
+            _frame(connection)
+            body = BytesIO()
+            request.serialize(body)
+            connection.sendall(struct.pack("<I", len(body.getvalue())) + body.getvalue())
+            assert _read(connection, 1) == b"\x01"
+            response.deserialize(_frame(connection))
+        return response
+
+    def flip(self, gateway: str, kind: str, name: str, node: str = "", cancel: bool = False) -> int:
+        return self.remote("flip", gateway, kind, name, node, cancel).result
+
+    def pull(self, gateway: str, kind: str, name: str, node: str = "", cancel: bool = False) -> int:
+        return self.remote("pull", gateway, kind, name, node, cancel).result
+
+    def remote(self, action: str, gateway: str, kind: str, name: str, node: str = "", cancel: bool = False) -> Any:
+        remotes = [msg.RemoteRule(gateway, msg.Rule(kind, name, node))]
+        return self.call(action, srv.Remote, remotes=remotes, cancel=cancel)
+
+    def advertise(self, *names: str, cancel: bool = False) -> Any:
+        return self.call(
+            "advertise", srv.Advertise, rules=[msg.Rule("publisher", name, "") for name in names], cancel=cancel
+        )
+
+    def info(self) -> msg.GatewayInfo:
+        """The latched gateway_info."""
+        return self.latched("/gateway/gateway_info", msg.GatewayInfo)
+
+    def states(self) -> dict[str, str]:
+        """By action and name of each rule: state and reason."""
+        found = {}
+        for status in self.latched("/gateway/rules", DiagnosticArray).status:
+            values = {one.key: one.value for one in status.values}
+            found[f"{values['action']} {values['name']}"] = status.message
+        return found
+
+    def latched(self, topic: str, kind: type) -> Any:
+        """Returns the message that waits for each new subscriber of the gateway's topic."""
+        with xmlrpc.client.ServerProxy(self._client.lookupNode("/gateway")) as node:
+            _, _, (_, host, port) = node.requestTopic("/test", topic, [["TCPROS"]])
+        with socket.create_connection((host, port), timeout=10) as connection:
+            header = {"topic": topic, "type": kind._type, "md5sum": kind._md5sum, "callerid": "/test"}
+            rosgraph.network.write_ros_handshake_header(connection, header)
+            _frame(connection)
+            return kind().deserialize(_frame(connection))
+
+    def talk(self, topic: str, name: str = "talker") -> int:
+        """Starts a node that publishes its name on `topic`, and waits until the master knows."""
+        pid = self._probe("talk", name, topic)
+        wait_until(lambda: f"/{name}" in self.master.system_state()[0].get(topic, []), f"{topic} of {name}", 10)
+        return pid
+
+    def hear(self, topic: str, name: str = "listener") -> "Ear":
+        """Starts a node that listens to `topic`, and waits until the master knows."""
+        log = self._fleet.folder / f"{self.name}-{name}.log"
+        pid = self._probe("hear", name, topic, log)
+        wait_until(lambda: f"/{name}" in self.master.system_state()[1].get(topic, []), f"{name} on {topic}", 10)
+        return Ear(log, pid)
+
+    def _probe(self, what: str, name: str, topic: str, log: Path | None = None) -> int:
+        argv = [sys.executable, str(PROBE), what, name, topic]
+        log = log or self._fleet.folder / f"{self.name}-{name}.log"
+        return self._fleet.group.start(f"{self.name} {name}", argv, self.master.environment, log, may_end=True)
+
+    def publishers(self, topic: str) -> list[str]:
+        """Nodes that the master says publish `topic`."""
+        return sorted(self.master.system_state()[0].get(topic, []))
+
+
+def _read(connection: socket.socket, count: int) -> bytes:
+    data = b""
+    while len(data) < count:
+        part = connection.recv(count - len(data))
+        assert part, "the connection was closed"
+        data += part
+    return data
+
+
+def _frame(connection: socket.socket) -> bytes:
+    return _read(connection, *struct.unpack("<I", _read(connection, 4)))
+
+
+class Ear:
+    """What a hearing probe has heard."""
+
+    def __init__(self, log: Path, pid: int) -> None:
+        self._log = log
+        self.pid = pid
+
+    def times(self, text: str = "") -> list[float]:
+        """When each message came, monotonic [s]; only those that say `text` if given."""
+        rows = [line.split(" ", 1) for line in self._log.read_text().splitlines() if line[:1].isdigit()]
+        return [float(row[0]) for row in rows if not text or row[1] == text]
+
+    def first_after(self, moment: float, text: str = "", timeout: float = 10) -> float:
+        """Waits for a message after `moment`; returns how long after [s]."""
+        wait_until(lambda: any(t > moment for t in self.times(text)), f"a message {text} in {self._log.name}", timeout)
+        return min(t for t in self.times(text) if t > moment) - moment
+
+
+class Fleet:
+    """A hub, and sites; all end together."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.group = ProcessGroup()
+        self.ports = PortReservation()
+        self.hub_port = self.ports.take(16380)
+        self.hub_uri = f"http://127.0.0.1:{self.hub_port}"
+        self.hub_master = Master()
+        self.sites: list[Site] = []
+
+    def start_hub(self) -> int:
+        self.hub_master.set_param("/hub", {"name": "Test Hub", "port": self.hub_port, "zeroconf": False})
+        argv = ["rosrun", "rocon_hub", "hub"]
+        return self.group.start("hub", argv, self.hub_master.environment, self.folder / "hub.log")
+
+    def site(self, name: str) -> Site:
+        self.sites.append(Site(name, self))
+        return self.sites[-1]
+
+    def close(self) -> None:
+        self.group.stop()
+        for site in self.sites:
+            site.master.stop()
+        self.hub_master.stop()
+        self.ports.release()
+
+
+@pytest.fixture
+def fleet(tmp_path: Path) -> Iterator[Fleet]:
+    made = Fleet(tmp_path)
+    yield made
+    made.close()
+    for log in tmp_path.glob("*.log"):
+        assert "Traceback" not in log.read_text(), log.read_text()
+
+
+@pytest.fixture
+def pair(fleet: Fleet) -> tuple[Site, Site]:
+    """Two sites, `base` and `robot`, on a hub."""
+    fleet.start_hub()
+    base, robot = fleet.site("base"), fleet.site("robot")
+    base.start()
+    robot.start()
+    return base.connected(), robot.connected()
+
+
+@pytest.fixture
+def report(record_property: Any) -> Any:
+    """Notes a measured time [s] in the results, and shows it with `-s`."""
+
+    def note(what: str, seconds: float) -> None:
+        record_property(what, round(seconds, 3))
+        sys.stdout.write(f"{what}: {seconds:.3f} s\n")
+
+    return note
