@@ -11,11 +11,11 @@ import struct
 from typing import Any, Self
 
 import numpy as np
-from geometry_msgs.msg import Point, PoseStamped, Quaternion
+from geometry_msgs.msg import Point, PoseArray, PoseStamped, PoseWithCovarianceStamped, Quaternion
 from geometry_msgs.msg import Pose as PoseMessage
 from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import MapMetaData, OccupancyGrid, Path
-from nav_msgs.srv import GetMap, GetMapResponse, SetMap, SetMapRequest
+from nav_msgs.srv import GetMap, GetMapResponse, LoadMap, LoadMapResponse, SetMap, SetMapRequest
 from numpy.typing import NDArray
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Header
@@ -23,6 +23,8 @@ from std_msgs.msg import Header
 from nav_bundle.core.error import MapError
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose
+from nav_bundle.core.sensor import Scan
+from nav_bundle.core.transform import Transform
 from pioneer_node.core.frame import stripped
 
 
@@ -92,6 +94,49 @@ class SetMapArray(SetMap):  # type: ignore[misc]
     _request_class = SetMapArrayRequest
 
 
+class LoadMapArrayResponse(LoadMapResponse):  # type: ignore[misc]
+    """A LoadMap response around a ``GridMessage``. For services."""
+
+    def __init__(self, *args: Any, **fields: Any) -> None:
+        super().__init__(*args, **fields)
+        if not args and "map" not in fields:
+            self.map = GridMessage()
+
+    def serialize(self, buff: io.BytesIO) -> None:
+        """Writes the response: the map's bytes and the result."""
+        self.map.serialize(buff)
+        buff.write(struct.pack("<B", self.result))
+
+
+class LoadMapArray(LoadMap):  # type: ignore[misc]
+    """nav_msgs/LoadMap with array cells."""
+
+    _response_class = LoadMapArrayResponse
+
+
+class ParticlesMessage(PoseArray):  # type: ignore[misc]
+    """A PoseArray written from an array. For publishers.
+
+    Attributes:
+        particles: x, y [m], yaw [rad], shape (n, 3).
+    """
+
+    def __init__(self, particles: NDArray[np.float64], frame: str, stamp: Any) -> None:
+        super().__init__(Header(0, stamp, stripped(frame)), [])
+        self.particles = particles
+
+    def serialize(self, buff: io.BytesIO) -> None:
+        """Writes the particles as poses at z = 0."""
+        super().serialize(buff)
+        poses = np.zeros((len(self.particles), 7))
+        poses[:, :2] = self.particles[:, :2]
+        poses[:, 5] = np.sin(self.particles[:, 2] / 2.0)
+        poses[:, 6] = np.cos(self.particles[:, 2] / 2.0)
+        buff.seek(-4, io.SEEK_CUR)
+        buff.write(struct.pack("<I", len(poses)))
+        buff.write(poses.tobytes())
+
+
 def yaw_from_quaternion(quaternion: Quaternion) -> float:
     """Returns the heading [rad], in [-pi, pi], of a rotation; the quaternion's length does not matter."""
     x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
@@ -116,6 +161,32 @@ def message_from_pose(pose: Pose) -> PoseMessage:
 def stamped_from_pose(pose: Pose, frame: str, stamp: Any) -> PoseStamped:
     """Returns ``pose``, given in ``frame`` at time ``stamp`` (genpy.Time), as a PoseStamped."""
     return PoseStamped(Header(0, stamp, stripped(frame)), message_from_pose(pose))
+
+
+def covariance_from_message(message: PoseWithCovarianceStamped) -> NDArray[np.float64]:
+    """Returns the covariance over x [m], y [m], yaw [rad], shape (3, 3), of a pose with covariance."""
+    full = np.array(message.pose.covariance).reshape(6, 6)
+    return full[np.ix_([0, 1, 5], [0, 1, 5])]
+
+
+def covariance_message(covariance: NDArray[np.float64]) -> list[float]:
+    """Returns a 6 x 6 covariance, row by row, from one over x, y, yaw."""
+    full = np.zeros((6, 6))
+    full[np.ix_([0, 1, 5], [0, 1, 5])] = covariance
+    return full.ravel().tolist()
+
+
+def scan_from_message(message: LaserScan, base_from_laser: Transform) -> Scan:
+    """Returns the scan of a (Scan)Message as seen from the robot; a laser mounted upside down turns the other way."""
+    side = 1.0 if base_from_laser.upright() else -1.0
+    return Scan(
+        np.asarray(message.ranges, np.float32),
+        side * message.angle_min,
+        side * message.angle_increment,
+        message.range_min,
+        message.range_max,
+        base_from_laser.planar(),
+    )
 
 
 def grid_from_message(message: OccupancyGrid) -> Grid:

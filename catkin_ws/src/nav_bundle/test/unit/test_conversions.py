@@ -7,13 +7,16 @@ import time
 import genpy
 import numpy as np
 import pytest
+from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from nav_msgs.msg import OccupancyGrid
+from nav_msgs.srv import LoadMapResponse
 from sensor_msgs.msg import LaserScan
 
 from nav_bundle import conversions
 from nav_bundle.core.error import MapError
 from nav_bundle.core.grid import Grid, grid_from_text
 from nav_bundle.core.pose import Pose
+from nav_bundle.core.transform import Transform
 
 STAMP = genpy.Time(3, 4)
 
@@ -86,3 +89,34 @@ def test_a_quaternion_of_any_length_has_a_heading() -> None:
     quaternion = conversions.quaternion_from_yaw(1.2)
     quaternion.z, quaternion.w = 3 * quaternion.z, 3 * quaternion.w
     assert math.isclose(conversions.yaw_from_quaternion(quaternion), 1.2)
+
+
+def test_particles_are_written_as_poses() -> None:
+    particles = np.array([[1.0, 2.0, 0.5], [-1.0, 0.0, -3.0]])
+    received = PoseArray().deserialize(serialised(conversions.ParticlesMessage(particles, "/map", STAMP)))
+    assert received.header.frame_id == "map"
+    poses = [conversions.pose_from_message(pose) for pose in received.poses]
+    assert np.allclose([[pose.x, pose.y, pose.yaw] for pose in poses], particles)
+
+
+def test_a_load_response_is_written_as_genpy_writes_it() -> None:
+    message = conversions.message_from_grid(small_grid(), "map", STAMP)
+    sent = serialised(conversions.LoadMapArrayResponse(message, 2))
+    received = LoadMapResponse().deserialize(sent)
+    assert (received.result, list(received.map.data)) == (2, small_grid().cells.ravel().tolist())
+
+
+def test_a_covariance_survives_its_message() -> None:
+    covariance = np.array([[1.0, 0.2, 0.0], [0.2, 2.0, 0.1], [0.0, 0.1, 3.0]])
+    message = PoseWithCovarianceStamped()
+    message.pose.covariance = conversions.covariance_message(covariance)
+    assert (conversions.covariance_from_message(message) == covariance).all()
+
+
+def test_a_laser_mounted_upside_down_turns_the_other_way() -> None:
+    message = LaserScan(angle_min=-1.0, angle_increment=0.5, ranges=[1.0, 2.0])
+    rolled = Transform((0.1, 0.0, 0.2), (1.0, 0.0, 0.0, 0.0))
+    scan = conversions.scan_from_message(message, rolled)
+    assert (scan.angle_min, scan.angle_increment) == (1.0, -0.5)
+    upright = conversions.scan_from_message(message, Transform())
+    assert (upright.angle_min, upright.angle_increment) == (-1.0, 0.5)

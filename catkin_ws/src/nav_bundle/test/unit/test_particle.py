@@ -62,6 +62,7 @@ def test_the_heaviest_cluster_is_the_estimate() -> None:
     far = np.random.default_rng(3).normal([8.0, 8.0, 2.0], 0.05, (60, 3))
     particles.replace(np.vstack([near, far]))
     estimate = particles.estimate()
+    assert type(estimate.pose.x) is float  # numpy's floats cannot go to the parameter server
     assert estimate.pose.distance(Pose(1, 1)) < 0.05
     assert math.isclose(estimate.weight, 100 / 160)
     particles.weigh(np.array([1.0] * 100 + [4.0] * 60))

@@ -132,8 +132,8 @@ class ParticleFilter:
         sums = np.empty((len(self.poses), 9))
         clusters = _particle.cluster(self.poses, self.weights, self._table, self._labels, sums)
         best = sums[:clusters][sums[:clusters, 1].argmax()]
-        weight = float(best[1])
-        pose = Pose(best[2] / weight, best[3] / weight, math.atan2(best[5], best[4]))
+        _, weight, x, y, cosine, sine = best[:6].tolist()
+        pose = Pose(x / weight, y / weight, math.atan2(sine, cosine))
         return Estimate(pose, weight, _covariance(sums[:clusters].sum(axis=0)), _covariance(best))
 
 

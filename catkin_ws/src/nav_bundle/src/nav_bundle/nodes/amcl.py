@@ -1,0 +1,308 @@
+"""The amcl node: adaptive Monte Carlo localisation under the names of ROS Noetic's amcl."""
+
+import functools
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import rospy
+from geometry_msgs.msg import PoseArray, PoseWithCovariance, PoseWithCovarianceStamped
+from nav_msgs.srv import SetMapResponse
+from std_msgs.msg import Header
+from std_srvs.srv import Empty, EmptyResponse
+
+from nav_bundle.conversions import (
+    GetMapArray,
+    GridMessage,
+    ParticlesMessage,
+    ScanMessage,
+    SetMapArray,
+    SetMapArrayRequest,
+    covariance_from_message,
+    covariance_message,
+    grid_from_message,
+    message_from_pose,
+    pose_from_message,
+    scan_from_message,
+)
+from nav_bundle.core.amcl_config import UNSUPPORTED, AmclConfig
+from nav_bundle.core.error import MapError, NavigationError
+from nav_bundle.core.localisation import Localisation, NoMapError
+from nav_bundle.core.particle import Estimate
+from nav_bundle.core.pose import Pose
+from nav_bundle.core.transform import Transform, TransformError
+from nav_bundle.nodes.pose_store import PoseStore
+from nav_bundle.nodes.transform import TransformBroadcaster, TransformListener, robot_frame
+from pioneer_node.core.frame import stripped
+from pioneer_node.core.parameter import config_from_mapping
+from pioneer_node.nodes import entry
+
+TRANSFORM_TIMEOUT = 0.5
+"""Wall time [s] a scan waits for the odometry of its stamp."""
+WARNING_PERIOD = 5.0
+"""Least time [s] between two equal warnings."""
+
+
+def read_config() -> AmclConfig:
+    """Returns the node's parameters; one line names those of Noetic's amcl that have no effect here."""
+    values = entry.parameters()
+    idle = sorted(UNSUPPORTED & values.keys())
+    if idle:
+        rospy.logwarn("amcl: no effect here: ~%s", ", ~".join(idle))
+    return config_from_mapping(AmclConfig, values, "amcl", ignored=UNSUPPORTED)
+
+
+class AmclNode:
+    """Localises a robot in a map by its laser and odometry.
+
+    Subscribes: ``scan`` (sensor_msgs/LaserScan), ``initialpose`` (geometry_msgs/PoseWithCovarianceStamped), ``map``
+    (nav_msgs/OccupancyGrid, with ~use_map_topic), /tf, /tf_static.
+
+    Publishes: ``amcl_pose`` (geometry_msgs/PoseWithCovarianceStamped, latched), ``particlecloud``
+    (geometry_msgs/PoseArray, latched), /tf (map to odom).
+
+    Services: ``global_localization``, ``request_nomotion_update`` (std_srvs/Empty), ``set_map`` (nav_msgs/SetMap).
+    Calls ``static_map`` (nav_msgs/GetMap) without ~use_map_topic.
+
+    Parameters: ``AmclConfig``. Frames of the robot go under ``tf_prefix``, the map's does not.
+
+    Threads: callbacks store the newest scan or queue a command; ``spin`` does all the work.
+
+    On error: scans without map or transforms are dropped with a warning that names what is missing; a bad parameter
+    ends the node. When time jumps back, localisation starts again at the initial pose.
+    """
+
+    def __init__(self) -> None:
+        self._config = config = read_config()
+        self._map_frame = stripped(config.global_frame_id)
+        self._odom_frame, self._base_frame = robot_frame(config.odom_frame_id), robot_frame(config.base_frame_id)
+        self._localisation = Localisation(config, np.random.default_rng(config.seed))
+        self._store = PoseStore(config.save_pose_rate)
+        self._arrived = threading.Condition()
+        self._scan: ScanMessage | None = None
+        self._commands: deque[Callable[[], None]] = deque()
+        self._lasers: dict[str, Transform] = {}
+        self._estimate: Estimate | None = None
+        self._map_from_odom: Pose | None = None
+        self._now = self._next_cloud = 0.0
+        self._start_at_initial_pose()
+        self._listener = TransformListener()
+        self._listener.listen(self._odom_frame, self._base_frame)
+        self._broadcaster = TransformBroadcaster()
+        self._advertise()
+        self._subscribe()
+        rospy.on_shutdown(self._wake)
+
+    def _advertise(self) -> None:
+        self._pose_publisher = rospy.Publisher("amcl_pose", PoseWithCovarianceStamped, queue_size=2, latch=True)
+        self._cloud_publisher = rospy.Publisher("particlecloud", PoseArray, queue_size=2, latch=True)
+        rospy.Service("global_localization", Empty, lambda _: self._do(self._scatter, EmptyResponse()))
+        rospy.Service(
+            "request_nomotion_update", Empty, lambda _: self._do(self._localisation.force_update, EmptyResponse())
+        )
+        rospy.Service("set_map", SetMapArray, self._on_set_map)
+
+    def _subscribe(self) -> None:
+        if self._config.use_map_topic:
+            rospy.Subscriber("map", GridMessage, self._on_map, queue_size=1)
+        else:
+            threading.Thread(target=self._fetch_map, name="static_map", daemon=True).start()
+        rospy.Subscriber("initialpose", PoseWithCovarianceStamped, self._on_initial_pose, queue_size=2)
+        self._scans = rospy.Subscriber("scan", ScanMessage, self._on_scan, queue_size=1, tcp_nodelay=True)
+
+    # Callbacks: store and wake.
+
+    def _on_scan(self, message: ScanMessage) -> None:
+        with self._arrived:
+            self._scan = message
+            self._arrived.notify()
+
+    def _on_map(self, message: GridMessage) -> None:
+        self._post(lambda: self._set_map(message))
+
+    def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
+        self._post(lambda: self._set_initial_pose(message))
+
+    def _on_set_map(self, request: SetMapArrayRequest) -> SetMapResponse:
+        def change() -> None:
+            self._set_map(request.map, again=True)
+            self._set_initial_pose(request.initial_pose)
+            if self._config.force_update_after_set_map:
+                self._localisation.force_update()
+
+        return self._do(change, SetMapResponse(True))
+
+    def _post(self, command: Callable[[], None]) -> None:
+        with self._arrived:
+            self._commands.append(command)
+            self._arrived.notify()
+
+    def _do(self, command: Callable[[], None], response: Any) -> Any:
+        """Has the loop run ``command``, and returns ``response`` when it has; an error becomes the service's."""
+        done = threading.Event()
+        errors: list[NavigationError] = []
+
+        def run() -> None:
+            try:
+                command()
+            except NavigationError as error:
+                errors.append(error)
+            done.set()
+
+        self._post(run)
+        while not done.wait(0.5):
+            if rospy.is_shutdown():
+                raise rospy.ServiceException("amcl is shutting down")
+        if errors:
+            raise rospy.ServiceException(str(errors[0]))
+        return response
+
+    def _wake(self) -> None:
+        with self._arrived:
+            self._arrived.notify()
+
+    # The loop.
+
+    def spin(self) -> None:
+        """Works on scans and commands until shutdown."""
+        while not rospy.is_shutdown():
+            with self._arrived:
+                self._arrived.wait_for(lambda: self._commands or self._scan or rospy.is_shutdown())
+                commands, scan = list(self._commands), self._scan
+                self._commands.clear()
+                self._scan = None
+            for command in commands:
+                self._guarded(command)
+            if scan is not None:
+                self._guarded(functools.partial(self._use_scan, scan))
+
+    def _guarded(self, work: Callable[[], None]) -> None:
+        try:
+            work()
+        except (NoMapError, MapError, TransformError) as error:
+            if not rospy.is_shutdown():
+                self._warn(error)
+
+    def _warn(self, error: NavigationError) -> None:
+        text = f"scans are dropped: {error}" if isinstance(error, TransformError) else str(error)
+        rospy.logwarn_throttle(WARNING_PERIOD, "%s", text)
+
+    def _use_scan(self, message: ScanMessage) -> None:
+        self._restart_if_time_jumped()
+        if not self._localisation.has_map:
+            source = "topic" if self._config.use_map_topic else "service"
+            name = rospy.resolve_name("map" if self._config.use_map_topic else "static_map")
+            raise NoMapError(f"waiting for a map from {source} {name}; scans are dropped until it comes")
+        stamp = message.header.stamp
+        laser = self._laser(stripped(message.header.frame_id))
+        odom = self._listener.wait(self._odom_frame, self._base_frame, stamp.to_sec(), TRANSFORM_TIMEOUT).planar()
+        if self._localisation.due(odom):
+            update = self._localisation.advance(odom, scan_from_message(message, laser))
+            if update.estimate is not None:
+                self._estimate, self._map_from_odom = update.estimate, update.map_from_odom
+                self._publish_estimate(update.estimate, stamp)
+            self._publish_cloud(stamp)
+        self._broadcast(stamp)
+        if self._estimate is not None:
+            self._store.save(self._estimate, self._now)
+
+    def _laser(self, frame: str) -> Transform:
+        """Returns base_from_laser; it is asked for once, lasers do not move."""
+        if frame not in self._lasers:
+            self._lasers[frame] = self._listener.wait(self._base_frame, frame, None, TRANSFORM_TIMEOUT)
+        return self._lasers[frame]
+
+    def _restart_if_time_jumped(self) -> None:
+        now = rospy.get_time()
+        if now < self._now:
+            rospy.logwarn("time jumped back: localisation starts again at the initial pose")
+            self._start_at_initial_pose()
+            self._store.restart()
+            self._next_cloud = 0.0
+        self._now = now
+
+    # What commands do.
+
+    def _start_at_initial_pose(self) -> None:
+        config = self._config
+        pose = Pose(config.initial_pose_x, config.initial_pose_y, config.initial_pose_a)
+        covariance = np.diag([config.initial_cov_xx, config.initial_cov_yy, config.initial_cov_aa])
+        self._localisation.set_pose(pose, covariance)
+        self._estimate = self._map_from_odom = None
+
+    def _scatter(self) -> None:
+        self._localisation.scatter()
+        self._map_from_odom = None
+        rospy.loginfo("particles spread over the whole map")
+
+    def _fetch_map(self) -> None:
+        """Waits for the map service, in a thread of its own, and has the loop use its map."""
+        name = rospy.resolve_name("static_map")
+        rospy.loginfo("waiting for the map from service %s", name)
+        try:
+            rospy.wait_for_service("static_map")
+            message = rospy.ServiceProxy("static_map", GetMapArray)().map
+        except rospy.ROSException as error:
+            if not rospy.is_shutdown():
+                rospy.logerr("no map from service %s: %s", name, error)
+            return
+        self._post(lambda: self._set_map(message))
+
+    def _set_map(self, message: GridMessage, again: bool = False) -> None:
+        if self._config.first_map_only and self._localisation.has_map and not again:
+            return
+        if stripped(message.header.frame_id) != self._map_frame:
+            rospy.logwarn("the map is in frame '%s', not '%s'", message.header.frame_id, self._map_frame)
+        grid = grid_from_message(message)
+        self._localisation.set_map(grid)
+        rospy.loginfo("map of %d x %d cells of %g m", grid.cols, grid.rows, grid.resolution)
+
+    def _set_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
+        frame = stripped(message.header.frame_id)
+        if frame not in ("", self._map_frame):
+            rospy.logwarn("initial pose ignored: it is in frame '%s', not '%s'", frame, self._map_frame)
+            return
+        pose = pose_from_message(message.pose.pose).compose(self._moved_since(message.header.stamp))
+        self._localisation.set_pose(pose, covariance_from_message(message))
+        self._map_from_odom = None
+        if self._config.force_update_after_initialpose:
+            self._localisation.force_update()
+        rospy.loginfo("initial pose %.3f %.3f m, heading %.3f rad", pose.x, pose.y, pose.yaw)
+
+    def _moved_since(self, stamp: rospy.Time) -> Pose:
+        """Returns how far the robot has driven since ``stamp``, which a pose given for then has to be moved by."""
+        if stamp.is_zero():
+            return Pose()
+        try:
+            then = self._listener.lookup(self._odom_frame, self._base_frame, stamp.to_sec())
+            now = self._listener.lookup(self._odom_frame, self._base_frame)
+        except TransformError:
+            return Pose()  # the stamp is newer than the odometry, or too old: the pose is taken as of now
+        return then.inverse().compose(now).planar()
+
+    # What goes out.
+
+    def _publish_estimate(self, estimate: Estimate, stamp: rospy.Time) -> None:
+        body = PoseWithCovariance(message_from_pose(estimate.pose), covariance_message(estimate.covariance))
+        self._pose_publisher.publish(PoseWithCovarianceStamped(Header(0, stamp, self._map_frame), body))
+
+    def _publish_cloud(self, stamp: rospy.Time) -> None:
+        if self._now < self._next_cloud:
+            return
+        rate = self._config.gui_publish_rate
+        self._next_cloud = self._now + 1.0 / rate if rate > 0.0 else 0.0
+        self._cloud_publisher.publish(ParticlesMessage(self._localisation.particles.copy(), self._map_frame, stamp))
+
+    def _broadcast(self, stamp: rospy.Time) -> None:
+        """Sends the newest map_from_odom, stamped ahead so that others need not wait for the next one."""
+        if self._map_from_odom is None or not self._config.tf_broadcast:
+            return
+        ahead = stamp + rospy.Duration.from_sec(self._config.transform_tolerance)
+        self._broadcaster.send(self._map_frame, self._odom_frame, ahead, self._map_from_odom)
+
+
+def main() -> int:
+    """Runs the node; returns the exit status."""
+    return entry.run("amcl", AmclNode, expected=(NavigationError,))

@@ -1,0 +1,82 @@
+"""The map server: one map from disk, on a latched topic and by service."""
+
+from pathlib import Path
+
+import rospy
+from nav_msgs.msg import MapMetaData
+from nav_msgs.srv import LoadMapRequest, LoadMapResponse
+
+from nav_bundle.adapters.map_file import MapFileMissingError, MapImageError, MapMetadataError, read_map
+from nav_bundle.conversions import (
+    GetMapArray,
+    GetMapArrayResponse,
+    GridMessage,
+    LoadMapArray,
+    LoadMapArrayResponse,
+    message_from_grid,
+)
+from nav_bundle.core.error import MapError, NavigationError
+from pioneer_node.core.frame import stripped
+from pioneer_node.nodes import entry
+
+USAGE = "usage: map_server MAP.yaml"
+
+_RESULTS = {
+    MapFileMissingError: LoadMapResponse.RESULT_MAP_DOES_NOT_EXIST,
+    MapImageError: LoadMapResponse.RESULT_INVALID_MAP_DATA,
+    MapMetadataError: LoadMapResponse.RESULT_INVALID_MAP_METADATA,
+}
+
+
+class UsageError(NavigationError):
+    """The command line is not as it should be."""
+
+
+class MapServerNode:
+    """Serves the map named on the command line.
+
+    Publishes: ``map`` (nav_msgs/OccupancyGrid, latched), ``map_metadata`` (nav_msgs/MapMetaData, latched).
+
+    Services: ``static_map`` (nav_msgs/GetMap); ``change_map`` (nav_msgs/LoadMap): serves another file from then on.
+
+    Parameters: ``~frame_id`` ("map").
+
+    On error: a file that is no map ends the node with one line; in ``change_map`` it is answered, the old map stays.
+    """
+
+    def __init__(self) -> None:
+        arguments = rospy.myargv()[1:]
+        if len(arguments) != 1:
+            raise UsageError(f"{USAGE} (got {len(arguments)} arguments)")
+        self._frame = stripped(str(rospy.get_param("~frame_id", "map")))
+        self._map_publisher = rospy.Publisher("map", GridMessage, queue_size=1, latch=True)
+        self._metadata_publisher = rospy.Publisher("map_metadata", MapMetaData, queue_size=1, latch=True)
+        self._serve(self._load(Path(arguments[0])))
+        rospy.Service("static_map", GetMapArray, lambda _: GetMapArrayResponse(self._map))
+        rospy.Service("change_map", LoadMapArray, self._change)
+
+    def _load(self, path: Path) -> GridMessage:
+        grid = read_map(path)
+        rospy.loginfo("map %s: %d x %d cells of %g m", path, grid.cols, grid.rows, grid.resolution)
+        return message_from_grid(grid, self._frame, rospy.Time.now())
+
+    def _serve(self, message: GridMessage) -> None:
+        self._map = message
+        self._metadata_publisher.publish(message.info)
+        self._map_publisher.publish(message)
+
+    def _change(self, request: LoadMapRequest) -> LoadMapArrayResponse:
+        # A URL of a local file, or a plain path.
+        path = Path(request.map_url.removeprefix("file://"))
+        try:
+            self._serve(self._load(path))
+        except MapError as error:
+            rospy.logerr("%s", error)
+            result = _RESULTS.get(type(error), LoadMapResponse.RESULT_UNDEFINED_FAILURE)
+            return LoadMapArrayResponse(GridMessage(), result)
+        return LoadMapArrayResponse(self._map, LoadMapResponse.RESULT_SUCCESS)
+
+
+def main() -> int:
+    """Runs the node; returns the exit status."""
+    return entry.run("map_server", MapServerNode, expected=(NavigationError,))
