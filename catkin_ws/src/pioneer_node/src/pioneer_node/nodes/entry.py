@@ -9,7 +9,9 @@ import rospy
 from pioneer_node.core.parameter import ParameterError
 
 
-def run(name: str, build: Callable[[], Any], expected: tuple[type[Exception], ...] = ()) -> int:
+def run(
+    name: str, build: Callable[[], Any], expected: tuple[type[Exception], ...] = (), wall_time: bool = False
+) -> int:
     """Initialises the node, builds it, spins until shutdown, and returns the process's exit status.
 
     Args:
@@ -18,8 +20,9 @@ def run(name: str, build: Callable[[], Any], expected: tuple[type[Exception], ..
             method is spun by that method, any other by ``rospy.spin``.
         expected: errors that mean bad input rather than a fault of ours: one line, no traceback.
             ``ParameterError`` always counts as one.
+        wall_time: the node keeps to wall time even where ``/use_sim_time`` is set, and does not listen to ``/clock``.
     """
-    rospy.init_node(name)
+    rospy.init_node(name, disable_rostime=wall_time)
     try:
         node = build()
         getattr(node, "spin", rospy.spin)()

@@ -1,0 +1,139 @@
+"""Collision shapes in pybullet: one at a time for bodies, in batches for the standing world."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from pioneer_gazebo.core.engine import EngineError
+from pioneer_gazebo.core.pose import IDENTITY, Pose
+from pioneer_gazebo.core.world import Box, Collision, Cylinder, Mesh, PlacedCollision, Plane, Sphere
+
+Triangles = Callable[[Mesh], NDArray[np.float64]]
+
+SHAPES_AT_MOST = 16
+"""pybullet makes compounds of up to so many shapes; more are dropped without a word."""
+
+FRICTION_AT_MOST = 1.0
+"""ODE takes the smaller coefficient of the two that touch, Bullet the product: no coefficient may be above 1."""
+
+_REGION = 4.0
+"""Side [m] of the squares that shapes are sorted by, so that a batch holds neighbours."""
+
+
+def batches(placed: Sequence[PlacedCollision]) -> Iterator[list[PlacedCollision]]:
+    """Yields shapes that one body can hold: neighbours, of the same friction and restitution."""
+    groups: dict[tuple[Any, ...], list[PlacedCollision]] = {}
+    for one in placed:
+        alone = id(one) if isinstance(one.collision.shape, Plane | Mesh) else 0
+        groups.setdefault((one.collision.friction, one.collision.restitution, alone), []).append(one)
+    for group in groups.values():
+        group.sort(key=_region)
+        for start in range(0, len(group), SHAPES_AT_MOST):
+            yield group[start : start + SHAPES_AT_MOST]
+
+
+def _region(one: PlacedCollision) -> tuple[int, int]:
+    """Sorts shapes into rows of squares that run to and fro."""
+    x, y, _ = one.pose.position
+    row = int(y // _REGION)
+    column = int(x // _REGION)
+    return row, column if row % 2 == 0 else -column
+
+
+def compound(shapes: Sequence[tuple[Collision, Pose]], triangles: Triangles, moving: bool, client: int) -> int:
+    """Returns a pybullet collision shape of all ``shapes``, -1 for none.
+
+    Args:
+        shapes: each with its pose in the part or body.
+        triangles: reads meshes.
+        moving: a mesh becomes its convex hull; else it keeps its hollows.
+        client: pybullet's number of the physics client.
+
+    Raises:
+        EngineError: pybullet refuses a shape, or a mesh is one of several.
+    """
+    if not shapes:
+        return -1
+    if len(shapes) > SHAPES_AT_MOST:
+        raise EngineError(f"a link has {len(shapes)} collision shapes; at most {SHAPES_AT_MOST} are supported")
+    try:
+        if any(isinstance(collision.shape, Mesh | Plane) for collision, _ in shapes):
+            return _lone(shapes, triangles, moving, client)
+        return _array(shapes, client)
+    except pybullet.error as error:
+        names = ", ".join(collision.name for collision, _ in shapes)
+        raise EngineError(f"the physics engine refuses the collision shape of {names}: {error}") from error
+
+
+def _lone(shapes: Sequence[tuple[Collision, Pose]], triangles: Triangles, moving: bool, client: int) -> int:
+    if len(shapes) > 1:
+        raise EngineError(f"collision {shapes[0][0].name}: a mesh or plane has to be the only shape of its link")
+    collision, pose = shapes[0]
+    options: dict[str, Any] = {"collisionFramePosition": pose.position, "collisionFrameOrientation": pose.rotation}
+    if isinstance(collision.shape, Plane):
+        return pybullet.createCollisionShape(
+            pybullet.GEOM_PLANE, planeNormal=collision.shape.normal, physicsClientId=client, **options
+        )
+    assert isinstance(collision.shape, Mesh)
+    corners, index = np.unique(triangles(collision.shape).reshape(-1, 3), axis=0, return_inverse=True)
+    if not moving:
+        options |= {"indices": index.ravel().tolist(), "flags": pybullet.GEOM_FORCE_CONCAVE_TRIMESH}
+    return pybullet.createCollisionShape(
+        pybullet.GEOM_MESH, vertices=corners.tolist(), physicsClientId=client, **options
+    )
+
+
+def _array(shapes: Sequence[tuple[Collision, Pose]], client: int) -> int:
+    kinds, radii, halves, lengths = [], [], [], []
+    for collision, _ in shapes:
+        kind, radius, half, length = _primitive(collision)
+        kinds.append(kind)
+        radii.append(radius)
+        halves.append(half)
+        lengths.append(length)
+    return pybullet.createCollisionShapeArray(
+        shapeTypes=kinds,
+        radii=radii,
+        halfExtents=halves,
+        lengths=lengths,
+        collisionFramePositions=[pose.position for _, pose in shapes],
+        collisionFrameOrientations=[pose.rotation for _, pose in shapes],
+        physicsClientId=client,
+    )
+
+
+def _primitive(collision: Collision) -> tuple[int, float, list[float], float]:
+    """Returns pybullet's shape type, radius, half extents and length."""
+    match collision.shape:
+        case Box(size=size):
+            return pybullet.GEOM_BOX, 0.0, [side / 2 for side in size], 0.0
+        case Cylinder(radius=radius, length=length):
+            return pybullet.GEOM_CYLINDER, radius, [0.0] * 3, length
+        case Sphere(radius=radius):
+            return pybullet.GEOM_SPHERE, radius, [0.0] * 3, 0.0
+        case shape:
+            raise EngineError(f"collision {collision.name}: {type(shape).__name__} cannot be one of several shapes")
+
+
+def standing_body(batch: Sequence[PlacedCollision], triangles: Triangles, client: int) -> int:
+    """Makes one fixed body of a batch and returns pybullet's number for it.
+
+    Raises:
+        EngineError: as `compound`.
+    """
+    alone = len(batch) == 1
+    base = batch[0].pose if alone else IDENTITY
+    shape = compound([(one.collision, IDENTITY if alone else one.pose) for one in batch], triangles, False, client)
+    body = pybullet.createMultiBody(
+        baseMass=0.0, baseCollisionShapeIndex=shape, basePosition=base.position, baseOrientation=base.rotation,
+        physicsClientId=client,
+    )  # fmt: skip
+    first = batch[0].collision
+    pybullet.changeDynamics(
+        body, -1, lateralFriction=min(first.friction, FRICTION_AT_MOST), restitution=first.restitution,
+        physicsClientId=client,
+    )  # fmt: skip
+    return body

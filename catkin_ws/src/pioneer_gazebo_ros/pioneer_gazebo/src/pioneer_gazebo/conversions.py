@@ -1,0 +1,204 @@
+"""Messages from the simulator's values.
+
+What goes out often is written into a template: the frame as TCPROS carries it (length, then the serialised message),
+made once, in which only the numbers change.
+"""
+
+import io
+import math
+import struct
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Point, Quaternion, Twist, Vector3
+from geometry_msgs.msg import Pose as PoseMessage
+from nav_msgs.msg import Odometry as OdometryMessage
+from numpy.typing import NDArray
+from sensor_msgs.msg import JointState, LaserScan, Range
+
+from pioneer_gazebo.core.engine import Velocity
+from pioneer_gazebo.core.pose import Pose, Vector
+from pioneer_gazebo.core.robot import LaserSensor, SonarSensor
+
+POSE_COVARIANCE = (1e-5, 1e-5, 1e12, 1e12, 1e12, 1e-3)
+"""Diagonal that gazebo_ros' diff drive gives its odometry."""
+
+_LENGTH = 4
+_SEQ_STAMP = struct.Struct("<III")
+_POSE = struct.Struct("<7d")
+_SIX = struct.Struct("<6d")
+
+
+def frame_of(message: Any) -> bytearray:
+    """Returns a message as TCPROS carries it: its length, then its bytes."""
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    body = buffer.getvalue()
+    return bytearray(struct.pack("<I", len(body)) + body)
+
+
+def seconds_nanoseconds(time: int) -> tuple[int, int]:
+    """Returns a time [ns] as whole seconds and the rest."""
+    return divmod(time, 1_000_000_000)
+
+
+def clock_frame(time: int) -> bytes:
+    """Returns a Clock's frame for a time [ns]."""
+    return struct.pack("<III", 8, *seconds_nanoseconds(time))
+
+
+class _Stamped:
+    """A template that begins with a Header; ``seq`` counts its messages."""
+
+    def __init__(self, message: Any) -> None:
+        self.frame = frame_of(message)
+        self._seq = 0
+        self._body = _LENGTH + _SEQ_STAMP.size + 4 + len(message.header.frame_id.encode())
+
+    def _stamp(self, time: int) -> None:
+        _SEQ_STAMP.pack_into(self.frame, _LENGTH, self._seq, *seconds_nanoseconds(time))
+        self._seq = (self._seq + 1) & 0xFFFFFFFF
+
+
+class OdometryTemplate(_Stamped):
+    """nav_msgs/Odometry whose covariances stay."""
+
+    def __init__(self, frame: str, child_frame: str, covariance: Sequence[float]) -> None:
+        """Takes frame names and the six diagonal values of both covariances."""
+        message = OdometryMessage()
+        message.header.frame_id, message.child_frame_id = frame, child_frame
+        message.pose.covariance = message.twist.covariance = np.diag(covariance).ravel().tolist()
+        super().__init__(message)
+        self._pose = self._body + 4 + len(child_frame.encode())
+        self._twist = self._pose + _POSE.size + 36 * 8
+
+    def fill(self, time: int, pose: Pose, linear: Vector, angular: Vector) -> bytearray:
+        """Returns the frame for a time [ns], a pose and velocities [m/s, rad/s]."""
+        self._stamp(time)
+        _POSE.pack_into(self.frame, self._pose, *pose.position, *pose.rotation)
+        _SIX.pack_into(self.frame, self._twist, *linear, *angular)
+        return self.frame
+
+
+class TransformTemplate:
+    """One transform of a TFMessage, without a frame of its own."""
+
+    def __init__(self, frame: str, child_frame: str) -> None:
+        """Takes the names of parent and child."""
+        parent, child = frame.encode(), child_frame.encode()
+        self._bytes = bytearray(_SEQ_STAMP.size)
+        self._bytes += struct.pack("<I", len(parent)) + parent + struct.pack("<I", len(child)) + child
+        self._pose = len(self._bytes)
+        self._bytes += bytes(_POSE.size)
+
+    def fill(self, time: int, pose: Pose) -> bytes:
+        """Returns the transform's bytes for a time [ns]."""
+        _SEQ_STAMP.pack_into(self._bytes, 0, 0, *seconds_nanoseconds(time))
+        _POSE.pack_into(self._bytes, self._pose, *pose.position, *pose.rotation)
+        return bytes(self._bytes)
+
+
+def transforms_frame(transforms: Sequence[bytes]) -> bytes:
+    """Returns a TFMessage's frame of the transforms' bytes."""
+    body = b"".join(transforms)
+    return struct.pack("<II", len(body) + 4, len(transforms)) + body
+
+
+class ScanTemplate(_Stamped):
+    """sensor_msgs/LaserScan without intensities."""
+
+    def __init__(self, config: LaserSensor, frame: str, increment: float) -> None:
+        """Takes the laser's settings, the frame's name and the angle between beams [rad]."""
+        message = LaserScan(angle_min=config.min_angle, angle_max=config.max_angle, angle_increment=increment)
+        message.header.frame_id = frame
+        message.range_min, message.range_max = config.min_range, config.max_range
+        message.scan_time = 1.0 / config.update_rate if config.update_rate > 0 else 0.0
+        message.ranges = [0.0] * config.samples
+        super().__init__(message)
+        self._ranges = np.frombuffer(self.frame, "<f4", config.samples, self._body + 7 * 4 + 4)
+
+    def fill(self, time: int, ranges: NDArray[np.float64]) -> bytearray:
+        """Returns the frame for a time [ns] and ranges [m]."""
+        self._stamp(time)
+        self._ranges[:] = ranges
+        return self.frame
+
+
+class JointStateTemplate(_Stamped):
+    """sensor_msgs/JointState without efforts."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        """Takes the joints' names, in the order of `fill`."""
+        count = len(names)
+        message = JointState(name=list(names), position=[0.0] * count, velocity=[0.0] * count)
+        super().__init__(message)
+        start = self._body + 4 + sum(4 + len(name.encode()) for name in names) + 4
+        self._positions = np.frombuffer(self.frame, "<f8", count, start)
+        self._velocities = np.frombuffer(self.frame, "<f8", count, start + 8 * count + 4)
+
+    def fill(self, time: int, states: Sequence[tuple[float, float]]) -> bytearray:
+        """Returns the frame for a time [ns] and each joint's position and speed."""
+        self._stamp(time)
+        self._positions[:] = [state[0] for state in states]
+        self._velocities[:] = [state[1] for state in states]
+        return self.frame
+
+
+class RangeTemplate(_Stamped):
+    """sensor_msgs/Range."""
+
+    def __init__(self, config: SonarSensor, frame: str) -> None:
+        """Takes the sonar's settings and the frame's name."""
+        kind = Range.INFRARED if config.radiation == "infrared" else Range.ULTRASOUND
+        message = Range(radiation_type=kind, field_of_view=config.fov)
+        message.min_range, message.max_range = config.min_range, config.max_range
+        message.header.frame_id = frame
+        super().__init__(message)
+
+    def fill(self, time: int, distance: float) -> bytearray:
+        """Returns the frame for a time [ns] and a range [m]."""
+        self._stamp(time)
+        struct.pack_into("<f", self.frame, len(self.frame) - 4, distance)
+        return self.frame
+
+
+def planar_pose(x: float, y: float, yaw: float) -> Pose:
+    """Returns the pose at x, y [m] in the plane, turned by yaw [rad]."""
+    return Pose((x, y, 0.0), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
+
+
+def message_from_pose(pose: Pose) -> PoseMessage:
+    """Returns a geometry_msgs/Pose."""
+    return PoseMessage(Point(*pose.position), Quaternion(*pose.rotation))
+
+
+def pose_from_message(message: PoseMessage) -> Pose:
+    """Returns a pose; a quaternion of all zeros, as an empty message has, means no turn.
+
+    Raises:
+        ValueError: a number that is not finite, or a rotation of length 0.
+    """
+    p, q = message.position, message.orientation
+    numbers = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError(f"a pose of {numbers} is not finite")
+    rotation = (0.0, 0.0, 0.0, 1.0) if numbers[3:] == (0.0, 0.0, 0.0, 0.0) else numbers[3:]
+    return Pose.from_quaternion(numbers[:3], rotation)
+
+
+def message_from_velocity(velocity: Velocity) -> Twist:
+    """Returns a geometry_msgs/Twist."""
+    return Twist(Vector3(*velocity.linear), Vector3(*velocity.angular))
+
+
+def vector_from_message(message: Vector3 | Point) -> Vector:
+    """Returns x, y, z.
+
+    Raises:
+        ValueError: a number that is not finite.
+    """
+    vector = (message.x, message.y, message.z)
+    if not all(map(math.isfinite, vector)):
+        raise ValueError(f"{vector} is not finite")
+    return vector

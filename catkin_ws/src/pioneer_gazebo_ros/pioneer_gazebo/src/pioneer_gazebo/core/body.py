@@ -1,0 +1,257 @@
+"""What the engine simulates: a robot's links lumped over fixed joints into a tree of rigid parts.
+
+As in Gazebo, a link behind a fixed joint becomes part of the link before it: its shapes and its mass move there.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pioneer_gazebo.core import robot as kinds
+from pioneer_gazebo.core.error import DescriptionError
+from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
+from pioneer_gazebo.core.robot import Joint, Robot
+from pioneer_gazebo.core.world import Box, Collision, Cylinder, Inertia, Link, Model, Shape, Sphere
+
+LEAST_MASS = 1e-3
+"""A part lighter than this [kg] gets this mass: no solver works with none."""
+
+WHEEL_CLEARANCE = 0.004
+"""The drum that stands for a wheel against obstacles ends this much [m] above the ground."""
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """A shape of a part.
+
+    Attributes:
+        link: name of the link it came from.
+        collision: the shape; its pose is in the part's frame.
+        rolling: meets the ground only. A wheel rolls as a ball, which touches at one point; what is wide about a ball
+            is kept from walls by this, and a drum of the wheel's true width meets them in its place.
+    """
+
+    link: str
+    collision: Collision
+    rolling: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One rigid part.
+
+    Attributes:
+        name: of its first link.
+        parent: index of the part that carries it; -1 for the base.
+        joint: what connects it to its parent; None for the base. Its pose is in the parent part's frame.
+        mass: [kg].
+        inertia: principal moments; its pose is that of the centre of mass and the principal axes in the part.
+        touches: the shapes.
+        frames: (link name, pose in the part) of every link that is lumped here.
+    """
+
+    name: str
+    parent: int
+    joint: Joint | None
+    mass: float
+    inertia: Inertia
+    touches: tuple[Touch, ...]
+    frames: tuple[tuple[str, Pose], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A tree of parts, base first and depth first: behind each part stands all that it carries."""
+
+    name: str
+    parts: tuple[Part, ...]
+
+    def part_of(self, link: str) -> tuple[int, Pose]:
+        """Returns the index of the part that holds ``link`` and the link's pose in it.
+
+        Raises:
+            KeyError: there is no such link.
+        """
+        for index, part in enumerate(self.parts):
+            for name, pose in part.frames:
+                if name == link:
+                    return index, pose
+        raise KeyError(link)
+
+    def joint_index(self, joint: str) -> int:
+        """Returns the index of the part that ``joint`` moves.
+
+        Raises:
+            KeyError: there is no such joint, or it is fixed.
+        """
+        for index, part in enumerate(self.parts):
+            if part.joint is not None and part.joint.name == joint:
+                return index
+        raise KeyError(joint)
+
+
+def body_from_model(model: Model) -> Body:
+    """Returns a dynamic model as one rigid body whose frame is the model's: its links are held together."""
+    group = [(link, link.pose) for link in model.links]
+    mass, inertia = _lumped(group)
+    touches = tuple(Touch(k.name, _moved(c, k.pose)) for k in model.links for c in k.collisions)
+    frames = tuple((link.name, link.pose) for link in model.links)
+    return Body(model.name, (Part(model.name, -1, None, mass, inertia, touches, frames),))
+
+
+def body_from_robot(robot: Robot) -> Body:
+    """Returns the robot as the engine simulates it.
+
+    Raises:
+        DescriptionError: a floating joint, which a tree of parts has no room for.
+    """
+    wheels = {joint for drive in robot.drives for joint in (drive.leftJoint, drive.rightJoint)}
+    groups = _groups(robot)
+    index = {group[0][0].name: number for number, group in enumerate(groups)}
+    home = {link.name: (index[group[0][0].name], pose) for group in groups for link, pose in group}
+    movable = {joint.child: joint for joint in robot.joints if joint.kind != kinds.FIXED}
+    touches: list[list[Touch]] = [[Touch(k.name, _moved(c, p)) for k, p in g for c in k.collisions] for g in groups]
+    parts = []
+    for number, group in enumerate(groups):
+        joint = movable.get(group[0][0].name)
+        parent = -1
+        if joint is not None:
+            parent, parent_pose = home[joint.parent]
+            joint = replace(joint, pose=parent_pose.compose(joint.pose))
+            if joint.name in wheels:
+                rolling, drums = _as_balls(touches[number], joint)
+                touches[number] = rolling
+                touches[parent] += drums
+        mass, inertia = _lumped(group)
+        frames = tuple((link.name, pose) for link, pose in group)
+        parts.append(Part(group[0][0].name, parent, joint, mass, inertia, (), frames))
+    return Body(robot.name, tuple(replace(p, touches=tuple(t)) for p, t in zip(parts, touches, strict=True)))
+
+
+def _groups(robot: Robot) -> list[list[tuple[Link, Pose]]]:
+    """Returns, base first and depth first, the links that fixed joints hold together, with poses in their first."""
+    children: dict[str, list[Joint]] = {}
+    for joint in robot.joints:
+        if joint.kind == kinds.FLOATING:
+            raise DescriptionError(f"robot {robot.name}: joint {joint.name} is floating, which is not supported")
+        children.setdefault(joint.parent, []).append(joint)
+    groups: list[list[tuple[Link, Pose]]] = []
+    starts = [robot.root]
+    while starts:
+        group: list[tuple[Link, Pose]] = []
+        behind: list[Link] = []
+        pending = [(starts.pop(0), IDENTITY)]
+        while pending:
+            link, pose = pending.pop(0)
+            group.append((link, pose))
+            for joint in children.get(link.name, ()):
+                if joint.kind == kinds.FIXED:
+                    pending.append((robot.link(joint.child), pose.compose(joint.pose)))
+                else:
+                    behind.append(robot.link(joint.child))
+        groups.append(group)
+        starts = behind + starts
+    return groups
+
+
+def _moved(collision: Collision, pose: Pose) -> Collision:
+    return replace(collision, pose=pose.compose(collision.pose))
+
+
+def _as_balls(touches: Iterable[Touch], joint: Joint) -> tuple[list[Touch], list[Touch]]:
+    """Returns a wheel's shapes as balls that roll, and the drums for its parent that meet obstacles in their place.
+
+    A cylinder or ball about the joint's axis becomes a ball of its radius; any other shape stays as it is.
+    """
+    balls, drums = [], []
+    for touch in touches:
+        shape = touch.collision.shape
+        if not isinstance(shape, Cylinder | Sphere) or not _about(touch.collision, joint.axis):
+            balls.append(touch)
+            continue
+        balls.append(replace(touch, collision=replace(touch.collision, shape=Sphere(shape.radius)), rolling=True))
+        drum = _drum(shape)
+        if drum is not None:
+            pose = joint.pose.compose(touch.collision.pose)
+            drums.append(replace(touch, collision=replace(touch.collision, shape=drum, pose=pose, friction=0.2)))
+    return balls, drums
+
+
+def _drum(shape: Shape) -> Cylinder | None:
+    if isinstance(shape, Cylinder) and shape.radius > 2 * WHEEL_CLEARANCE:
+        return Cylinder(shape.radius - WHEEL_CLEARANCE, shape.length)
+    return None
+
+
+def _about(collision: Collision, axis: Vector) -> bool:
+    """Tells whether the shape turns in place about ``axis`` through the part's origin."""
+    offset = np.cross(collision.pose.position, axis)
+    if float(np.linalg.norm(offset)) > 1e-3:
+        return False
+    along = collision.pose.matrix()[:3, 2]
+    return isinstance(collision.shape, Sphere) or abs(float(along @ np.array(axis))) > 0.999
+
+
+def _tensor(inertia: Inertia) -> NDArray[np.float64]:
+    i = inertia
+    return np.array([(i.ixx, i.ixy, i.ixz), (i.ixy, i.iyy, i.iyz), (i.ixz, i.iyz, i.izz)])
+
+
+def _lumped(group: list[tuple[Link, Pose]]) -> tuple[float, Inertia]:
+    """Returns the mass and principal inertia of links held together, in the first link's frame."""
+    heavy = [(link, pose.compose(link.inertia.pose)) for link, pose in group if link.mass > 0]
+    mass = sum(link.mass for link, _ in heavy)
+    if mass < LEAST_MASS:
+        return LEAST_MASS, _ball_inertia(LEAST_MASS, 0.05)
+    centre = sum((link.mass * np.array(at.position) for link, at in heavy), np.zeros(3)) / mass
+    tensor = np.zeros((3, 3))
+    for link, at in heavy:
+        turn = at.matrix()[:3, :3]
+        arm = np.array(at.position) - centre
+        tensor += turn @ _tensor(link.inertia) @ turn.T + link.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    moments, axes = np.linalg.eigh(tensor)
+    if np.linalg.det(axes) < 0:
+        axes[:, 0] = -axes[:, 0]
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = axes, centre
+    ixx, iyy, izz = (max(float(moment), 1e-9) for moment in moments)
+    return mass, Inertia(ixx, iyy, izz, pose=Pose.from_matrix(matrix))
+
+
+def _ball_inertia(mass: float, radius: float) -> Inertia:
+    moment = 0.4 * mass * radius * radius
+    return Inertia(moment, moment, moment)
+
+
+def lowest_point(body: Body, pose: Pose) -> float:
+    """Returns the height [m] of the body's lowest point at ``pose``, joints at 0; infinity where it has no shapes.
+
+    Meshes count with their origin only.
+    """
+    frames = [pose]
+    lowest = math.inf
+    for number, part in enumerate(body.parts):
+        if number:
+            assert part.joint is not None
+            frames.append(frames[part.parent].compose(part.joint.pose))
+        for touch in part.touches:
+            placed = frames[number].compose(touch.collision.pose)
+            lowest = min(lowest, placed.position[2] - half_height(touch.collision.shape, placed))
+    return lowest
+
+
+def half_height(shape: Shape, pose: Pose) -> float:
+    """Returns how far the shape reaches below its origin [m]."""
+    up = pose.matrix()[2, :3]
+    match shape:
+        case Box(size=(x, y, z)):
+            return float(abs(up) @ np.array([x, y, z])) / 2
+        case Cylinder(radius=radius, length=length):
+            return radius * math.sqrt(max(0.0, 1 - float(up[2]) ** 2)) + abs(float(up[2])) * length / 2
+        case Sphere(radius=radius):
+            return radius
+        case _:
+            return 0.0

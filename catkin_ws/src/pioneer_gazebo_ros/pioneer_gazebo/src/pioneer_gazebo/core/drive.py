@@ -1,0 +1,147 @@
+"""Differential drive: from a commanded motion to wheel speeds, and from wheel angles to odometry."""
+
+import math
+from dataclasses import dataclass
+
+from pioneer_gazebo.core.error import SimulatorError
+from pioneer_gazebo.core.robot import DiffDrive
+
+GRIP_ACCELERATION = 4.0
+"""A wheel's rim speed changes by at most this [m/s²] where the robot names no limit: more would make it slip."""
+
+TRIM_GAIN = 5.0
+"""How hard a wheel's speed is trimmed [rad/s] for each rad it is behind where its speeds should have brought it."""
+
+TRIM_REACH = 0.05
+"""A wheel that is held up, by a wall say, is taken to be at most this far behind [rad]: it does not catch up later."""
+
+SAME_SPEED = 1e-5
+"""Speeds that differ by less [rad/s] are not told to the engine anew."""
+
+
+class CommandError(SimulatorError):
+    """A command that no robot can follow."""
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry:
+    """Where the robot believes it is, in its odom frame.
+
+    Attributes:
+        x: [m].
+        y: [m].
+        yaw: [rad].
+        speed: forward [m/s].
+        turn: [rad/s].
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+    speed: float = 0.0
+    turn: float = 0.0
+
+    def towards(self, other: "Odometry", part: float) -> "Odometry":
+        """Returns the state at ``part`` (0 … 1) of the way to ``other``."""
+        turned = math.remainder(other.yaw - self.yaw, math.tau)
+        return Odometry(
+            self.x + part * (other.x - self.x), self.y + part * (other.y - self.y), self.yaw + part * turned,
+            other.speed, other.turn,
+        )  # fmt: skip
+
+
+class Drive:
+    """Two driven wheels: ramps their speeds to what was commanded last and integrates their angles.
+
+    As in a real drive, an integral term holds the wheels to their speeds: without it a robot at rest creeps by
+    millimetres a second, because the engine's solver ends before the last bit of weight is balanced.
+    There is no watchdog: as with gazebo_ros' plugin the last command holds until the next.
+    """
+
+    def __init__(self, config: DiffDrive, left_scale: float = 1.0, right_scale: float = 1.0) -> None:
+        """Takes the plugin's settings; the scales are what odometry believes of each wheel's true diameter.
+
+        Raises:
+            CommandError: a separation or diameter that is not positive.
+        """
+        if not (config.wheelSeparation > 0 and config.wheelDiameter > 0):
+            raise CommandError(f"{config.name}: wheelSeparation and wheelDiameter must be above 0")
+        self.config = config
+        self._radius = config.wheelDiameter / 2
+        self._scales = left_scale, right_scale
+        self._target = (0.0, 0.0)
+        self._speeds = (0.0, 0.0)
+        self._sent = (0.0, 0.0)
+        self._behind = (0.0, 0.0)
+        self._angles: tuple[float, float] | None = None
+        self.odometry = Odometry()
+
+    def command(self, speed: float, turn: float) -> None:
+        """Takes a motion [m/s, rad/s] to hold from the next step on.
+
+        Raises:
+            CommandError: a value that is not finite; the command before goes on.
+        """
+        if not (math.isfinite(speed) and math.isfinite(turn)):
+            raise CommandError(f"velocity command {speed} m/s, {turn} rad/s is not finite")
+        half = turn * self.config.wheelSeparation / 2
+        self._target = (speed - half) / self._radius, (speed + half) / self._radius
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the wheels stand and shall stand."""
+        return self._target == (0.0, 0.0) == self._speeds
+
+    def wheel_speeds(self, step: float) -> tuple[float, float] | None:
+        """Returns the wheels' speeds [rad/s], left and right, for the next ``step`` [s]; None where nothing changes.
+
+        Both wheels ramp in proportion, so that an arc stays the same arc while the robot gains speed.
+        """
+        self._ramp(step)
+        trimmed = self._speeds[0] + TRIM_GAIN * self._behind[0], self._speeds[1] + TRIM_GAIN * self._behind[1]
+        if abs(trimmed[0] - self._sent[0]) < SAME_SPEED and abs(trimmed[1] - self._sent[1]) < SAME_SPEED:
+            return None
+        self._sent = trimmed
+        return trimmed
+
+    def _ramp(self, step: float) -> None:
+        (left, right), (left_target, right_target) = self._speeds, self._target
+        left_gap, right_gap = left_target - left, right_target - right
+        gap = max(abs(left_gap), abs(right_gap))
+        if gap == 0.0:
+            return
+        most = (self.config.wheelAcceleration or GRIP_ACCELERATION) / self._radius * step
+        part = min(1.0, most / gap)
+        self._speeds = self._target if part == 1.0 else (left + part * left_gap, right + part * right_gap)
+
+    def measure(self, left: float, right: float, step: float) -> None:
+        """Takes the wheels' angles [rad] after a ``step`` [s] and moves the odometry on.
+
+        The way is laid along the heading before the step, as the engine does it; the mean heading would add a
+        systematic error of half a step's turn that no wheel causes.
+        """
+        before = self._angles or (left, right)
+        self._angles = left, right
+        self._behind = (
+            _behind(self._behind[0], self._speeds[0] * step, left - before[0]),
+            _behind(self._behind[1], self._speeds[1] * step, right - before[1]),
+        )
+        left_way = (left - before[0]) * self._radius * self._scales[0]
+        right_way = (right - before[1]) * self._radius * self._scales[1]
+        way, turned = (left_way + right_way) / 2, (right_way - left_way) / self.config.wheelSeparation
+        was = self.odometry
+        self.odometry = Odometry(
+            was.x + way * math.cos(was.yaw), was.y + way * math.sin(was.yaw),
+            math.remainder(was.yaw + turned, math.tau), way / step, turned / step,
+        )  # fmt: skip
+
+    def reset(self) -> None:
+        """Stops the wheels and puts the odometry back to the origin."""
+        self._target = self._speeds = self._sent = self._behind = (0.0, 0.0)
+        self._angles = None
+        self.odometry = Odometry()
+
+
+def _behind(before: float, wanted: float, turned: float) -> float:
+    """Returns how far a wheel is behind [rad] after a step in which it should have turned by ``wanted``."""
+    return min(max(before + wanted - turned, -TRIM_REACH), TRIM_REACH)

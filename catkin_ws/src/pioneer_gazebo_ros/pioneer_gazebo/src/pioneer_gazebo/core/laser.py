@@ -1,0 +1,175 @@
+"""Planar laser: distances from a level sensor to walls and to outlines that move, with SDF's gaussian noise."""
+
+import math
+import zlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pioneer_gazebo import _laser
+from pioneer_gazebo.core.robot import LaserSensor, SonarSensor
+from pioneer_gazebo.core.section import Section
+
+CELLS_AT_MOST = 1 << 20
+"""The grid's cells grow where the world is so large that it would have more."""
+
+CELL = 1.0
+"""Side of a grid cell [m] where the world allows it."""
+
+
+class WallIndex:
+    """A section of the standing world in a grid, ready to be cast against. Does not change once made."""
+
+    def __init__(self, section: Section, cell: float = CELL) -> None:
+        self._segments, self._circles = section.segments, section.circles
+        low, high = _bounds(section)
+        span = np.maximum(high - low, cell)
+        self._cell = max(cell, math.sqrt(float(span[0] * span[1]) / CELLS_AT_MOST))
+        self._x0, self._y0 = float(low[0]) - 1e-3, float(low[1]) - 1e-3
+        self._cols, self._rows = (int((s + 2e-3) / self._cell) + 1 for s in span)
+        self._starts, self._items = self._filled()
+
+    def _filled(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        grid = (self._segments, self._circles, self._x0, self._y0, self._cell, self._rows, self._cols)
+        counts = np.zeros(self._rows * self._cols, dtype=np.int32)
+        _laser.count_items(*grid, counts)
+        starts = np.zeros(len(counts) + 1, dtype=np.int32)
+        np.cumsum(counts, out=starts[1:])
+        items = np.zeros(max(1, int(starts[-1])), dtype=np.int32)
+        _laser.fill_items(*grid, starts[:-1].copy(), items)
+        return starts, items
+
+    def cast(
+        self, x: float, y: float, yaw: float, first: float, increment: float, reach: float, out: NDArray[np.float64]
+    ) -> None:
+        """Writes each beam's distance [m] to ``out``, ``reach`` where nothing is met.
+
+        Args:
+            x: of the sensor [m], in the section's frame.
+            y: of the sensor [m].
+            yaw: of the sensor [rad].
+            first: angle of the first beam from the sensor's heading [rad].
+            increment: from beam to beam [rad].
+            reach: length of a beam [m].
+            out: float64, one value a beam.
+        """
+        _laser.cast(
+            self._segments, self._circles, self._starts, self._items, self._x0, self._y0, self._cell, self._rows,
+            self._cols, x, y, yaw, first, increment, reach, out,
+        )  # fmt: skip
+
+
+def _bounds(section: Section) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Returns the least and greatest x, y [m] of a section, the origin for an empty one."""
+    corners = [section.segments[:, :2], section.segments[:, :2] + section.segments[:, 2:]]
+    corners += [section.circles[:, :2] - section.circles[:, 2:], section.circles[:, :2] + section.circles[:, 2:]]
+    points = np.concatenate(corners)
+    return (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
+
+
+class Movers:
+    """Outlines of everything that moves, at one height; poses are rows of an array that the owner updates."""
+
+    def __init__(self, outlines: list[NDArray[np.float64]]) -> None:
+        """Takes one outline a mover: segments (n, 4) in the mover's frame."""
+        self._segments = np.ascontiguousarray(np.concatenate([np.empty((0, 4)), *outlines]))
+        self._starts = np.cumsum([0] + [len(outline) for outline in outlines]).astype(np.int32)
+        self._radii = np.array([_radius(outline) for outline in outlines], dtype=np.float64)
+
+    def shorten(
+        self,
+        poses: NDArray[np.float64],
+        own: int,
+        sensor: tuple[float, float, float],
+        beams: tuple[float, float, float],
+        out: NDArray[np.float64],
+    ) -> None:
+        """Shortens the beams in ``out`` that an outline cuts.
+
+        Args:
+            poses: (movers, 3) x, y, yaw [m, rad], C-contiguous.
+            own: the mover that carries the sensor, which does not see itself; -1 for none.
+            sensor: x, y, yaw of the sensor.
+            beams: first angle, increment [rad] and reach [m].
+            out: distances [m] so far.
+        """
+        _laser.cast_movers(self._segments, self._starts, poses, self._radii, own, *sensor, *beams, out)
+
+
+def _radius(outline: NDArray[np.float64]) -> float:
+    ends = np.concatenate([outline[:, :2], outline[:, :2] + outline[:, 2:]])
+    return float(np.sqrt((ends**2).sum(axis=1)).max()) if len(ends) else 0.0
+
+
+def generator_for(seed: int, *names: str) -> np.random.Generator:
+    """Returns a generator of its own for what ``names`` name: adding others changes nothing for it."""
+    return np.random.default_rng([seed & 0xFFFFFFFF, *(zlib.crc32(name.encode()) for name in names)])
+
+
+def laser_of_sonar(config: SonarSensor) -> LaserSensor:
+    """Returns the fan of beams that stands for a sonar's cone: its reading is that of the nearest thing met."""
+    return LaserSensor(
+        config.name,
+        config.link,
+        config.pose,
+        max(2, config.samples),
+        -config.fov / 2,
+        config.fov / 2,
+        config.min_range,
+        config.max_range,
+        update_rate=config.update_rate,
+        noise_stddev=config.gaussianNoise,
+        topic=config.topic,
+        frame=config.frame,
+    )
+
+
+class Laser:
+    """One laser on one robot: turns distances into ranges as Gazebo's ray sensor does.
+
+    Noise comes on what was met only and is kept within the range limits. What is farther than the greatest range
+    is +inf, nearer than the least −inf (REP 117, Gazebo 11).
+    """
+
+    def __init__(self, config: LaserSensor, generator: np.random.Generator) -> None:
+        self.config = config
+        self._generator = generator
+        self._distances = np.empty(config.samples)
+        self._noise = np.empty(config.samples)
+        self.increment = (config.max_angle - config.min_angle) / max(1, config.samples - 1)
+
+    def ranges(
+        self,
+        walls: WallIndex,
+        movers: Movers,
+        poses: NDArray[np.float64],
+        own: int,
+        sensor: tuple[float, float, float],
+    ) -> NDArray[np.float64]:
+        """Returns the ranges [m] of a scan from ``sensor`` (x, y, yaw); the array is overwritten by the next scan."""
+        config, out = self.config, self._distances
+        beams = (config.min_angle, self.increment, config.max_range)
+        walls.cast(*sensor, *beams, out)
+        movers.shorten(poses, own, sensor, beams, out)
+        return self.measured(out)
+
+    def reseed(self, generator: np.random.Generator) -> None:
+        """Starts the noise anew."""
+        self._generator = generator
+
+    def measured(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Turns true distances into ranges in place: resolution, noise, limits."""
+        config = self.config
+        beyond, below = out >= config.max_range, out < config.min_range
+        if config.noise_stddev > 0 or config.noise_mean != 0:
+            self._generator.standard_normal(out=self._noise)
+            self._noise *= config.noise_stddev
+            out += self._noise
+            out += config.noise_mean
+        if config.resolution > 0:
+            np.round(out / config.resolution, out=out)
+            out *= config.resolution
+        np.clip(out, config.min_range, config.max_range, out=out)
+        out[beyond] = math.inf
+        out[below] = -math.inf
+        return out

@@ -1,0 +1,380 @@
+"""The simulated world as it moves: bodies, drives, lasers and collisions, over an engine.
+
+Time runs in ticks (see `schedule`). The engine steps every so many ticks; what is asked at a tick between two steps
+lies between their states, so that sensors may run at any rate. The engine is therefore ahead of such a tick by less
+than a step, and commands act from the next step on.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pioneer_gazebo.core.body import Body, body_from_model, body_from_robot, lowest_point
+from pioneer_gazebo.core.drive import Drive, Odometry
+from pioneer_gazebo.core.engine import STILL, Contact, Engine, Physics, Velocity
+from pioneer_gazebo.core.entity import Driven, Entity, Mounted, heading
+from pioneer_gazebo.core.error import SimulatorError
+from pioneer_gazebo.core.laser import Laser, generator_for, laser_of_sonar
+from pioneer_gazebo.core.pose import Pose, Vector
+from pioneer_gazebo.core.robot import DiffDrive, LaserSensor, Robot
+from pioneer_gazebo.core.scene import Scene, Seen
+from pioneer_gazebo.core.schedule import TICK_RATE, period_of
+from pioneer_gazebo.core.section import Triangles
+from pioneer_gazebo.core.standing import Standing
+from pioneer_gazebo.core.world import Model, World
+
+DEEPEST_START = 0.02
+"""A model may be spawned at most this far [m] inside something else."""
+
+GROUND_GAP = 0.0005
+"""What is spawned in the ground is lifted until it is this far [m] above."""
+
+
+class ModelError(SimulatorError):
+    """A model that is not there, or may not be there."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Wrench:
+    """A force [N] at a point of a part and a torque [N m], in the world's axes, from one tick to another."""
+
+    entity: Entity
+    part: int
+    force: Vector
+    torque: Vector
+    point: Vector
+    first: int
+    last: float
+
+
+class Simulation:
+    """Everything that is simulated. Used from one thread."""
+
+    def __init__(
+        self, engine: Engine, triangles: Triangles, physics: Physics, seed: int = 0, odometry_error: float = 0.0
+    ) -> None:
+        """Starts an empty world at tick 0.
+
+        Args:
+            engine: moves the bodies.
+            triangles: reads meshes.
+            physics: settings; its step has to be whole ticks.
+            seed: of all noise.
+            odometry_error: standard deviation of what an encoder believes of its wheel's diameter, as a part of it;
+                drawn once a wheel from the seed and the robot's name.
+        """
+        self._engine = engine
+        self._scene = Scene(triangles)
+        self._seed, self._odometry_error = seed, odometry_error
+        self._entities: dict[str, Entity] = {}
+        self._by_handle: dict[int, Entity] = {}
+        self._standing = Standing(engine, self._scene)
+        self._wrenches: list[Wrench] = []
+        self._poses: tuple[int, NDArray[np.float64]] = (-1, np.empty((0, 3)))
+        self._collided: list[Entity] = []
+        self.tick = 0
+        self._stepped = 0
+        self._part = 1.0
+        self.configure(physics)
+
+    def configure(self, physics: Physics) -> None:
+        """Takes new engine settings.
+
+        Raises:
+            RateError: a step that is not whole ticks.
+        """
+        self._period = period_of(1.0 / physics.step if physics.step > 0 else 0.0, "the physics step")
+        self.physics = physics
+        self._engine.configure(physics)
+
+    def load(self, world: World) -> None:
+        """Adds all models of a world.
+
+        Raises:
+            SimulatorError: a model cannot be made.
+        """
+        self._standing.add(*(model for model in world.models if model.static))
+        for model in world.models:
+            if not model.static:
+                self.add_model(model)
+
+    # Models.
+
+    def names(self) -> list[str]:
+        """Returns the names of all models."""
+        return [*self._standing.models, *self._entities]
+
+    def entities(self) -> Iterator[Entity]:
+        """Yields all that moves, in the order of spawning."""
+        yield from self._entities.values()
+
+    def entity(self, name: str) -> Entity:
+        """Returns what moves under that name.
+
+        Raises:
+            ModelError: nothing does.
+        """
+        try:
+            return self._entities[name]
+        except KeyError:
+            word = "is static" if name in self._standing.models else "does not exist"
+            raise ModelError(f"model {name} {word}") from None
+
+    def standing(self, name: str) -> Model | None:
+        """Returns the static model of that name, None where there is none."""
+        return self._standing.models.get(name)
+
+    def _check_name(self, name: str) -> None:
+        if not name or len(name) > 200:
+            raise ModelError(f"a model's name needs 1 to 200 characters, this has {len(name)}")
+        if name in self._entities or name in self._standing.models:
+            raise ModelError(f"model {name} already exists")
+
+    def add_model(self, model: Model, namespace: str = "") -> None:
+        """Adds a model without sensors and plugins.
+
+        Raises:
+            ModelError: its name is taken, or it would stand inside something.
+            EngineError: a shape cannot be made.
+        """
+        self._check_name(model.name)
+        if model.static:
+            self._standing.add(model)
+            return
+        if not model.links:
+            raise ModelError(f"model {model.name} has no links")
+        self._add(model.name, namespace, body_from_model(model), model.pose, None)
+
+    def add_robot(self, name: str, namespace: str, robot: Robot, pose: Pose) -> Entity:
+        """Adds a robot with its root link at ``pose``.
+
+        Raises:
+            ModelError: its name is taken, or it would stand inside something.
+            DescriptionError, CommandError, EngineError: its description cannot be simulated.
+        """
+        self._check_name(name)
+        body = body_from_robot(robot)
+        drives = [self._driven(name, body, config) for config in robot.drives]
+        entity = self._add(name, namespace, body, pose, robot)
+        entity.drives = drives
+        entity.lasers = [self._mounted(name, body, config) for config in robot.lasers]
+        entity.sonars = [self._mounted(name, body, laser_of_sonar(config)) for config in robot.sonars]
+        for driven in drives:
+            self._engine.turn(entity.handle, driven.parts, (0.0, 0.0), (driven.torque, driven.torque))
+        return entity
+
+    def _mounted(self, name: str, body: Body, config: LaserSensor) -> Mounted:
+        part, at = body.part_of(config.link)
+        return Mounted(Laser(config, generator_for(self._seed, name, config.name)), part, at.compose(config.pose))
+
+    def _driven(self, name: str, body: Body, config: DiffDrive) -> Driven:
+        errors = generator_for(self._seed, name, config.name, "odometry").standard_normal(2) * self._odometry_error
+        drive = Drive(config, 1.0 + float(errors[0]), 1.0 + float(errors[1]))
+        return Driven(
+            drive, (body.joint_index(config.leftJoint), body.joint_index(config.rightJoint)), config.wheelTorque
+        )
+
+    def _add(self, name: str, namespace: str, body: Body, pose: Pose, robot: Robot | None) -> Entity:
+        lowest = lowest_point(body, pose)
+        if -1.0 < lowest < GROUND_GAP:
+            x, y, z = pose.position
+            pose = replace(pose, position=(x, y, z + GROUND_GAP - lowest))
+        handle = self._engine.add(body, pose)
+        deepest = max(self._engine.overlap(handle), key=lambda contact: contact.depth, default=None)
+        if deepest is not None and deepest.depth > DEEPEST_START:
+            inside = self.touched_name(deepest)
+            self._engine.remove(handle)
+            x, y, _ = pose.position
+            raise ModelError(f"model {name} at ({x:.2f}, {y:.2f}) would stand {deepest.depth:.2f} m inside {inside}")
+        entity = Entity(name, namespace, body, handle, pose, robot, before=pose, after=pose, number=len(self._entities))
+        self._entities[name] = self._by_handle[handle] = entity
+        self._poses = (-1, self._poses[1])
+        return entity
+
+    def remove(self, name: str) -> None:
+        """Removes a model.
+
+        Raises:
+            ModelError: there is none of that name.
+        """
+        if name in self._standing.models:
+            self._standing.remove(name)
+            return
+        entity = self.entity(name)
+        self._engine.remove(entity.handle)
+        self._scene.forget(entity.body)
+        del self._entities[name], self._by_handle[entity.handle]
+        self._wrenches = [wrench for wrench in self._wrenches if wrench.entity is not entity]
+        self._collided = [one for one in self._collided if one is not entity]
+        for number, other in enumerate(self._entities.values()):
+            other.number = number
+        self._poses = (-1, self._poses[1])
+
+    # Time.
+
+    def advance(self, tick: int) -> None:
+        """Moves on to ``tick``, stepping the engine as often as that takes."""
+        while self._stepped < tick:
+            self._step()
+        self.tick = tick
+        self._part = 1.0 - (self._stepped - tick) / self._period
+
+    def _step(self) -> None:
+        step = self.physics.step
+        for wrench in self._wrenches:
+            if wrench.first <= self._stepped:
+                self._engine.push(wrench.entity.handle, wrench.part, wrench.force, wrench.torque, wrench.point)
+        for entity in self._entities.values():
+            self._control(entity, step)
+        self._engine.step()
+        self._stepped += self._period
+        for entity in self._entities.values():
+            entity.before, entity.after = entity.after, self._engine.pose(entity.handle)
+            for driven in entity.drives:
+                driven.before = driven.drive.odometry
+                (left, _), (right, _) = self._engine.joints(entity.handle, driven.parts)
+                driven.drive.measure(left, right, step)
+        time = self._stepped / TICK_RATE
+        for handle in sorted(self._engine.touching()):
+            entity = self._by_handle[handle]
+            if entity.collisions.touched(time):
+                self._collided.append(entity)
+        if self._wrenches:
+            self._wrenches = [wrench for wrench in self._wrenches if wrench.last > self._stepped]
+
+    def _control(self, entity: Entity, step: float) -> None:
+        speeds = [driven.drive.wheel_speeds(step) for driven in entity.drives]
+        at_rest = all(driven.drive.at_rest for driven in entity.drives)
+        if at_rest != entity.at_rest:
+            entity.at_rest = at_rest
+            self._engine.rest(entity.handle, at_rest)
+        for driven, wanted in zip(entity.drives, speeds, strict=True):
+            if wanted is not None:
+                self._engine.turn(entity.handle, driven.parts, wanted, (driven.torque, driven.torque))
+
+    def collided(self) -> list[Entity]:
+        """Returns what began to touch something since this was asked last."""
+        collided, self._collided = self._collided, []
+        return collided
+
+    # States at the present tick.
+
+    def pose(self, entity: Entity) -> Pose:
+        """Returns the pose of the base's frame."""
+        return entity.at(self._part)
+
+    def link_pose(self, entity: Entity, link: str) -> Pose:
+        """Returns the pose of a link's frame.
+
+        Raises:
+            KeyError: there is no such link.
+        """
+        part, at = entity.body.part_of(link)
+        return (self.pose(entity) if part == 0 else self._engine.pose(entity.handle, part)).compose(at)
+
+    def velocity(self, entity: Entity, part: int = 0) -> Velocity:
+        """Returns the velocity of a part's frame after the last step."""
+        return self._engine.velocity(entity.handle, part)
+
+    def odometry(self, driven: Driven) -> Odometry:
+        """Returns what the encoders say."""
+        now = driven.drive.odometry
+        return now if self._part >= 1.0 else driven.before.towards(now, self._part)
+
+    def joints(self, entity: Entity, parts: Sequence[int]) -> list[tuple[float, float]]:
+        """Returns position and speed of the joints that move ``parts``, after the last step."""
+        return self._engine.joints(entity.handle, parts)
+
+    def contacts(self, entity: Entity) -> list[Contact]:
+        """Returns what the entity touches but the ground."""
+        return self._engine.contacts(entity.handle)
+
+    def touched_name(self, contact: Contact) -> str:
+        """Returns ``model::link::collision`` of what a contact is with."""
+        if contact.other is not None:
+            other = self._by_handle[contact.other]
+            part = other.body.parts[contact.other_part]
+            touch = part.touches[0] if part.touches else None
+            return f"{other.name}::{part.name}::{touch.collision.name if touch else ''}"
+        return self._standing.name_at(contact.position)
+
+    def ranges(self, entity: Entity, mounted: Mounted) -> NDArray[np.float64]:
+        """Returns a scan's ranges [m]; the array is overwritten by the laser's next scan."""
+        base = self.pose(entity) if mounted.part == 0 else self._engine.pose(entity.handle, mounted.part)
+        sensor = base.compose(mounted.pose)
+        x, y, height = sensor.position
+        seen = [Seen(other.body, other.after) for other in self._entities.values()]
+        return mounted.laser.ranges(
+            self._scene.walls(height), self._scene.movers(height, seen), self._mover_poses(), entity.number,
+            (x, y, heading(sensor)),
+        )  # fmt: skip
+
+    def _mover_poses(self) -> NDArray[np.float64]:
+        if self._poses[0] != self.tick or len(self._poses[1]) != len(self._entities):
+            rows = np.empty((len(self._entities), 3))
+            for row, entity in enumerate(self._entities.values()):
+                pose = self.pose(entity)
+                rows[row] = (*pose.position[:2], heading(pose))
+            self._poses = self.tick, rows
+        return self._poses[1]
+
+    # What is done to it.
+
+    def place(self, name: str, pose: Pose, velocity: Velocity | None = None) -> None:
+        """Moves a model at once; ``velocity`` None keeps the one it has.
+
+        Raises:
+            ModelError: there is none of that name.
+        """
+        if name in self._standing.models:
+            self._standing.place(name, pose)
+            return
+        entity = self.entity(name)
+        self._engine.set_pose(entity.handle, pose)
+        if velocity is not None:
+            self._engine.set_velocity(entity.handle, velocity)
+        entity.before = entity.after = pose
+        self._poses = (-1, self._poses[1])
+
+    def set_joint(self, entity: Entity, joint: str, position: float) -> None:
+        """Puts a joint to a position [rad or m], at rest.
+
+        Raises:
+            KeyError: there is no such joint, or it is fixed.
+        """
+        self._engine.set_joint(entity.handle, entity.body.joint_index(joint), position)
+
+    def push(self, wrench: Wrench) -> None:
+        """Applies a wrench while it lasts."""
+        self._wrenches.append(wrench)
+
+    def clear_pushes(self, entity: Entity, part: int) -> None:
+        """Ends all wrenches on a part."""
+        self._wrenches = [one for one in self._wrenches if not (one.entity is entity and one.part == part)]
+
+    def reset_poses(self) -> None:
+        """Puts every model back to where it began, at rest, with odometry at the origin. Time goes on."""
+        self._standing.reset()
+        self._wrenches.clear()
+        for entity in self._entities.values():
+            self.place(entity.name, entity.initial, STILL)
+            for part, one in enumerate(entity.body.parts):
+                if one.joint is not None:
+                    self._engine.set_joint(entity.handle, part, 0.0)
+            for driven in entity.drives:
+                driven.drive.reset()
+                driven.before = Odometry()
+                self._engine.turn(entity.handle, driven.parts, (0.0, 0.0), (driven.torque, driven.torque))
+
+    def reset(self) -> None:
+        """Does `reset_poses` and puts time, noise and collision counts back to the beginning."""
+        self.reset_poses()
+        self.tick = self._stepped = 0
+        self._part = 1.0
+        self._collided.clear()
+        for entity in self._entities.values():
+            entity.collisions = type(entity.collisions)()
+            for mounted in (*entity.lasers, *entity.sonars):
+                mounted.laser.reseed(generator_for(self._seed, entity.name, mounted.laser.config.name))

@@ -1,0 +1,68 @@
+"""The standing world: static models, what of them is ground, and what obstructs."""
+
+from dataclasses import replace
+
+from pioneer_gazebo.core.body import half_height
+from pioneer_gazebo.core.engine import Engine
+from pioneer_gazebo.core.nearest import nearest, scoped_name
+from pioneer_gazebo.core.pose import Pose, Vector
+from pioneer_gazebo.core.scene import Scene
+from pioneer_gazebo.core.world import Mesh, Model, PlacedCollision, Plane, World
+
+GROUND_TOP = 0.03
+"""A standing shape whose top is not above this [m] is ground: wheels roll on it, and touching it is no collision."""
+
+
+class Standing:
+    """Static models by name; engine and scene are told of every change, which rebuilds them."""
+
+    def __init__(self, engine: Engine, scene: Scene) -> None:
+        self._engine, self._scene = engine, scene
+        self._first: dict[str, Model] = {}
+        self._obstacles: list[PlacedCollision] = []
+        self.models: dict[str, Model] = {}
+
+    def _set(self, models: dict[str, Model]) -> None:
+        placed = list(World("", tuple(models.values())).collisions())
+        ground = [one for one in placed if is_ground(one)]
+        obstacles = [one for one in placed if not is_ground(one)]
+        self._engine.set_standing(ground, obstacles)
+        self._scene.set_standing(obstacles)
+        self.models, self._obstacles = models, obstacles
+
+    def add(self, *models: Model) -> None:
+        """Adds static models.
+
+        Raises:
+            EngineError: a shape cannot be made; nothing has changed then.
+        """
+        added = {model.name: model for model in models}
+        self._set({**self.models, **added})
+        self._first |= added
+
+    def remove(self, name: str) -> None:
+        """Removes the model of that name."""
+        self._set({key: model for key, model in self.models.items() if key != name})
+        del self._first[name]
+
+    def place(self, name: str, pose: Pose) -> None:
+        """Moves the model of that name."""
+        self._set({**self.models, name: replace(self.models[name], pose=pose)})
+
+    def reset(self) -> None:
+        """Puts every model back to where it was added."""
+        if self.models != self._first:
+            self._set(dict(self._first))
+
+    def name_at(self, point: Vector) -> str:
+        """Returns ``model::link::collision`` of the obstacle nearest to a point."""
+        found = nearest(self._obstacles, point)
+        return scoped_name(found) if found is not None else "the world"
+
+
+def is_ground(one: PlacedCollision) -> bool:
+    """Tells whether a standing shape is ground; a mesh never is."""
+    shape = one.collision.shape
+    if isinstance(shape, Plane):
+        return True
+    return not isinstance(shape, Mesh) and one.pose.position[2] + half_height(shape, one.pose) <= GROUND_TOP

@@ -1,0 +1,1 @@
+"""Numba source of the package's compiled extensions; imported at build only."""

@@ -1,0 +1,239 @@
+"""Ray casting in the plane: segments and circles in a uniform grid, and moving outlines.
+
+A segment is a row (ax, ay, ex, ey): one end and the vector to the other [m]. A circle is a row (x, y, radius) [m].
+The grid has square cells of side ``cell`` from the corner (x0, y0); cell ``row * cols + col`` holds
+``items[starts[k]:starts[k + 1]]``: numbers below the count of segments are segments, the rest are circles.
+
+The walk through the grid is that of Amanatides and Woo, "A fast voxel traversal algorithm" (1987).
+"""
+
+import math
+
+from numba import njit
+
+_INDEX = "f8[:,::1], f8[:,::1], i4[::1], i4[::1], f8, f8, f8, i8, i8"
+SIGNATURES = {
+    "count_items": "void(f8[:,::1], f8[:,::1], f8, f8, f8, i8, i8, i4[::1])",
+    "fill_items": "void(f8[:,::1], f8[:,::1], f8, f8, f8, i8, i8, i4[::1], i4[::1])",
+    "cast": f"void({_INDEX}, f8, f8, f8, f8, f8, f8, f8[::1])",
+    "cast_movers": "void(f8[:,::1], i4[::1], f8[:,::1], f8[::1], i8, f8, f8, f8, f8, f8, f8, f8[::1])",
+}
+
+
+@njit(inline="always")
+def _clamped(value, low, high):
+    return min(max(value, low), high)
+
+
+@njit
+def _segment_meets_cell(ax, ay, ex, ey, left, bottom, cell):
+    """Tells whether a segment touches a cell, by the two box axes (done by the caller) and the segment's normal."""
+    margin = 1e-9 + 1e-9 * cell
+    half = 0.5 * cell
+    cx, cy = left + half, bottom + half
+    reach = (half + margin) * (abs(ex) + abs(ey))
+    return abs((cx - ax) * ey - (cy - ay) * ex) <= reach
+
+
+@njit
+def _visit(segments, circles, x0, y0, cell, rows, cols, starts, items, store):
+    """Counts (store 0) or stores (store 1) each item in every cell it may touch; ``starts`` is the running position."""
+    margin = 1e-7
+    for k in range(segments.shape[0]):
+        ax, ay, ex, ey = segments[k, 0], segments[k, 1], segments[k, 2], segments[k, 3]
+        c0 = int(_clamped(math.floor((min(ax, ax + ex) - x0 - margin) / cell), 0, cols - 1))
+        c1 = int(_clamped(math.floor((max(ax, ax + ex) - x0 + margin) / cell), 0, cols - 1))
+        r0 = int(_clamped(math.floor((min(ay, ay + ey) - y0 - margin) / cell), 0, rows - 1))
+        r1 = int(_clamped(math.floor((max(ay, ay + ey) - y0 + margin) / cell), 0, rows - 1))
+        for r in range(r0, r1 + 1):
+            for c in range(c0, c1 + 1):
+                if _segment_meets_cell(ax, ay, ex, ey, x0 + c * cell, y0 + r * cell, cell):
+                    if store:
+                        items[starts[r * cols + c]] = k
+                    starts[r * cols + c] += 1
+    for k in range(circles.shape[0]):
+        x, y, radius = circles[k, 0], circles[k, 1], circles[k, 2]
+        c0 = int(_clamped(math.floor((x - radius - x0) / cell), 0, cols - 1))
+        c1 = int(_clamped(math.floor((x + radius - x0) / cell), 0, cols - 1))
+        r0 = int(_clamped(math.floor((y - radius - y0) / cell), 0, rows - 1))
+        r1 = int(_clamped(math.floor((y + radius - y0) / cell), 0, rows - 1))
+        for r in range(r0, r1 + 1):
+            for c in range(c0, c1 + 1):
+                if store:
+                    items[starts[r * cols + c]] = segments.shape[0] + k
+                starts[r * cols + c] += 1
+
+
+def count_items(segments, circles, x0, y0, cell, rows, cols, counts):
+    """Adds to ``counts`` (int32, rows * cols) how many items each cell holds."""
+    _visit(segments, circles, x0, y0, cell, rows, cols, counts, counts, 0)
+
+
+def fill_items(segments, circles, x0, y0, cell, rows, cols, cursors, items):
+    """Writes the items of each cell from position ``cursors[cell]`` on, which moves along."""
+    _visit(segments, circles, x0, y0, cell, rows, cols, cursors, items, 1)
+
+
+@njit(inline="always")
+def _circle_distance(px, py, dx, dy, x, y, radius):
+    """Returns the distance along the ray to the circle's rim, infinity where there is none ahead."""
+    mx, my = px - x, py - y
+    b = mx * dx + my * dy
+    c = mx * mx + my * my - radius * radius
+    disc = b * b - c
+    if disc < 0.0:
+        return math.inf
+    root = math.sqrt(disc)
+    near = -b - root
+    if near >= 0.0:
+        return near
+    far = -b + root
+    return far if far >= 0.0 else math.inf
+
+
+@njit(fastmath={"contract"})
+def _cast_one(segments, circles, starts, items, x0, y0, cell, rows, cols, px, py, dx, dy, max_range):
+    count = segments.shape[0]
+    best = max_range
+    # Clip the ray to the grid's rectangle.
+    inv_x = 1.0 / dx if dx != 0.0 else math.inf
+    inv_y = 1.0 / dy if dy != 0.0 else math.inf
+    t_in, t_out = 0.0, best
+    if dx != 0.0:
+        t1, t2 = (x0 - px) * inv_x, (x0 + cols * cell - px) * inv_x
+        t_in, t_out = max(t_in, min(t1, t2)), min(t_out, max(t1, t2))
+    elif px < x0 or px > x0 + cols * cell:
+        return best
+    if dy != 0.0:
+        t1, t2 = (y0 - py) * inv_y, (y0 + rows * cell - py) * inv_y
+        t_in, t_out = max(t_in, min(t1, t2)), min(t_out, max(t1, t2))
+    elif py < y0 or py > y0 + rows * cell:
+        return best
+    if t_in > t_out:
+        return best
+    col = int(_clamped(math.floor((px + t_in * dx - x0) / cell), 0, cols - 1))
+    row = int(_clamped(math.floor((py + t_in * dy - y0) / cell), 0, rows - 1))
+    step_col = 1 if dx > 0.0 else -1
+    step_row = 1 if dy > 0.0 else -1
+    next_x = (x0 + (col + (1 if dx > 0.0 else 0)) * cell - px) * inv_x if dx != 0.0 else math.inf
+    next_y = (y0 + (row + (1 if dy > 0.0 else 0)) * cell - py) * inv_y if dy != 0.0 else math.inf
+    delta_x, delta_y = abs(cell * inv_x), abs(cell * inv_y)
+    while True:
+        k = row * cols + col
+        for i in range(starts[k], starts[k + 1]):
+            item = items[i]
+            if item < count:
+                ex, ey = segments[item, 2], segments[item, 3]
+                denominator = dx * ey - dy * ex
+                if denominator != 0.0:
+                    wx, wy = segments[item, 0] - px, segments[item, 1] - py
+                    u = (wx * dy - wy * dx) / denominator
+                    if 0.0 <= u <= 1.0:
+                        t = (wx * ey - wy * ex) / denominator
+                        if 0.0 <= t < best:
+                            best = t
+            else:
+                q = item - count
+                t = _circle_distance(px, py, dx, dy, circles[q, 0], circles[q, 1], circles[q, 2])
+                if t < best:
+                    best = t
+        exit_at = min(next_x, next_y)
+        if best <= exit_at or exit_at > t_out:
+            return best
+        if next_x < next_y:
+            col += step_col
+            next_x += delta_x
+            if col < 0 or col >= cols:
+                return best
+        else:
+            row += step_row
+            next_y += delta_y
+            if row < 0 or row >= rows:
+                return best
+
+
+def cast(segments, circles, starts, items, x0, y0, cell, rows, cols, px, py, yaw, first, increment, max_range, out):
+    """Writes to ``out`` the distance [m] along each beam from (px, py), ``max_range`` where nothing is met before.
+
+    Beam ``i`` points along ``yaw + first + i * increment`` [rad].
+    """
+    for i in range(out.shape[0]):
+        angle = yaw + first + i * increment
+        dx, dy = math.cos(angle), math.sin(angle)
+        out[i] = _cast_one(segments, circles, starts, items, x0, y0, cell, rows, cols, px, py, dx, dy, max_range)
+
+
+@njit
+def _shorten(ax, ay, bx, by, yaw_first, increment, turn_beams, out):
+    """Shortens the beams that cross a segment given relative to the sensor; only those between its ends are tried."""
+    start = math.atan2(ay, ax)
+    sweep = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
+    if sweep < 0.0:
+        start += sweep
+        sweep = -sweep
+    ex, ey = bx - ax, by - ay
+    cross = ax * ey - ay * ex
+    if increment == 0.0:
+        low, high = 0, out.shape[0] - 1
+        shift = 0
+    else:
+        offset = (start - yaw_first) / increment
+        span = sweep / increment
+        if span < 0.0:
+            offset += span
+            span = -span
+        offset -= math.floor(offset / turn_beams) * turn_beams
+        low, high = math.floor(offset), math.ceil(offset + span)
+        shift = math.ceil(turn_beams)
+    n = out.shape[0]
+    # The beams may begin anywhere in the turn: the interval may wrap once.
+    for wrap in range(2):
+        first, last = low, high
+        if wrap:
+            if shift == 0 or high - turn_beams < -1.0:
+                break
+            first, last = math.floor(low - turn_beams), math.ceil(high - turn_beams)
+        for i in range(max(first, 0), min(last, n - 1) + 1):
+            angle = yaw_first + i * increment
+            dx, dy = math.cos(angle), math.sin(angle)
+            denominator = dx * ey - dy * ex
+            if denominator != 0.0:
+                u = (ax * dy - ay * dx) / denominator
+                if 0.0 <= u <= 1.0:
+                    t = cross / denominator
+                    if 0.0 <= t < out[i]:
+                        out[i] = t
+
+
+def cast_movers(segments, starts, poses, radii, own, px, py, yaw, first, increment, max_range, out):
+    """Shortens the beams in ``out`` by outlines that move.
+
+    Args:
+        segments: of all outlines, each in its mover's frame.
+        starts: outline ``k`` is ``segments[starts[k]:starts[k + 1]]``.
+        poses: (movers, 3) x, y, yaw [m, rad] in the world.
+        radii: of a circle about the mover's origin that holds its outline [m].
+        own: number of the mover that carries the sensor and is not seen; -1 for none.
+        px: sensor's x [m]; and so on as in ``cast``.
+        py: sensor's y [m].
+        yaw: sensor's heading [rad].
+        first: angle of the first beam [rad].
+        increment: between beams [rad].
+        max_range: beams end here [m].
+        out: distances, as ``cast`` left them.
+    """
+    turn_beams = math.tau / abs(increment) if increment != 0.0 else 1.0
+    for k in range(poses.shape[0]):
+        if k == own or starts[k] == starts[k + 1]:
+            continue
+        rx, ry = poses[k, 0] - px, poses[k, 1] - py
+        reach = max_range + radii[k]
+        if rx * rx + ry * ry > reach * reach:
+            continue
+        c, s = math.cos(poses[k, 2]), math.sin(poses[k, 2])
+        for q in range(starts[k], starts[k + 1]):
+            ax = rx + c * segments[q, 0] - s * segments[q, 1]
+            ay = ry + s * segments[q, 0] + c * segments[q, 1]
+            bx = ax + c * segments[q, 2] - s * segments[q, 3]
+            by = ay + s * segments[q, 2] + c * segments[q, 3]
+            _shorten(ax, ay, bx, by, yaw + first, increment, turn_beams, out)

@@ -1,0 +1,208 @@
+"""The simulator as the node ``/gazebo``."""
+
+from dataclasses import dataclass
+
+import rospy
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Bool, Float64
+from tf2_msgs.msg import TFMessage
+
+from pioneer_gazebo import conversions
+from pioneer_gazebo.adapters.bullet import BulletEngine
+from pioneer_gazebo.adapters.mesh import triangles_of_mesh
+from pioneer_gazebo.adapters.resource import model_path, world_path
+from pioneer_gazebo.adapters.sdf import world_from_sdf
+from pioneer_gazebo.core.engine import Physics
+from pioneer_gazebo.core.error import SimulatorError
+from pioneer_gazebo.core.pose import Pose
+from pioneer_gazebo.core.robot import Robot
+from pioneer_gazebo.core.schedule import TICK_RATE, Schedule, nanoseconds
+from pioneer_gazebo.core.simulation import Simulation
+from pioneer_gazebo.nodes.mailbox import Mailbox
+from pioneer_gazebo.nodes.pace import Pacer
+from pioneer_gazebo.nodes.robot_topics import RobotTopics
+from pioneer_gazebo.nodes.services import Services
+from pioneer_gazebo.nodes.state_topics import StateTopics
+from pioneer_gazebo.nodes.topic import Topic
+from pioneer_node.core.parameter import ParameterError, config_from_mapping
+from pioneer_node.nodes import entry
+
+REPORT_PERIOD = 1.0
+"""The real-time factor is measured and published every so many seconds of wall time."""
+
+
+@dataclass(frozen=True, slots=True)
+class GazeboConfig:
+    """Parameters of the node; see the package's README."""
+
+    world_name: str = "utm_0"
+    paused: bool = False
+    real_time_factor: float = 1.0
+    seed: int = 0
+    physics_rate: float = 50.0
+    solver_iterations: int = 20
+    clock_rate: float = 100.0
+    state_rate: float = 50.0
+    odometry_error: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuses what makes no sense."""
+        if not 0 <= self.real_time_factor < float("inf"):
+            raise ParameterError(
+                f"~real_time_factor must be 0 (as fast as possible) or more, not {self.real_time_factor}"
+            )
+        if self.solver_iterations < 1:
+            raise ParameterError(f"~solver_iterations must be 1 or more, not {self.solver_iterations}")
+        if not self.physics_rate > 0:
+            raise ParameterError(f"~physics_rate must be above 0, not {self.physics_rate}")
+
+
+class GazeboNode:
+    """The simulator.
+
+    Subscribes: ``/gazebo/set_model_state``, ``/gazebo/set_link_state``, and what each robot's drive listens to.
+    Publishes: ``/clock``, ``/tf``, ``/gazebo/model_states``, ``/gazebo/link_states``, ``/gazebo/ready`` (latched),
+        ``/gazebo/real_time_factor``, and each robot's topics (see `RobotTopics`).
+    Services: those of gazebo_ros and ``/gazebo/step`` (see `Services`).
+    Parameters: `GazeboConfig`.
+    Threads: `spin` owns the simulation; services and subscribers hand it their work through a `Mailbox`.
+    On error: bad input is answered or logged in one line, and the simulation goes on.
+    """
+
+    def __init__(self, config: GazeboConfig) -> None:
+        """Loads the world.
+
+        Raises:
+            SimulatorError: the world cannot be loaded.
+        """
+        self.mailbox = Mailbox()
+        self.pacer = Pacer(config.real_time_factor)
+        self.paused = config.paused
+        self.schedule = Schedule()
+        path = world_path(config.world_name)
+        world = world_from_sdf(path, model_path())
+        for line in world.warnings:
+            rospy.logwarn("%s: %s", path, line)
+        physics = Physics(1.0 / config.physics_rate, config.solver_iterations, world.gravity)
+        self._engine = BulletEngine(triangles_of_mesh, physics)
+        self.simulation = Simulation(self._engine, triangles_of_mesh, physics, config.seed, config.odometry_error)
+        self.simulation.load(world)
+        self._robots: dict[str, RobotTopics] = {}
+        self._transforms: list[bytes] = []
+        self._clock = Topic("/clock", Clock)
+        self._tf = Topic("/tf", TFMessage)
+        self._factor = rospy.Publisher("/gazebo/real_time_factor", Float64, queue_size=1)
+        self._ready = rospy.Publisher("/gazebo/ready", Bool, queue_size=1, latch=True)
+        self.schedule.add("/clock", config.clock_rate, self._publish_clock)
+        StateTopics(self, config.state_rate)
+        Services(self)
+        self._reported = 0.0
+        rospy.on_shutdown(self.mailbox.close)
+        rospy.loginfo("world %s: %d models", world.name, len(world.models))
+
+    def spin(self) -> None:
+        """Runs the simulation until the node shuts down."""
+        self._ready.publish(Bool(True))
+        self.publish_now()
+        while not rospy.is_shutdown():
+            self.mailbox.serve()
+            self._report()
+            if self.paused:
+                self.mailbox.wait(REPORT_PERIOD)
+                continue
+            tick = self.schedule.next_after(self.simulation.tick)
+            wait = self.pacer.wait_for(tick / TICK_RATE)
+            if wait > 0:
+                self.mailbox.wait(min(wait, REPORT_PERIOD))
+                if self.mailbox.pending or self.pacer.wait_for(tick / TICK_RATE) > 0:
+                    continue
+            self.run_to(tick)
+        self._engine.close()
+
+    def run_to(self, tick: int) -> None:
+        """Advances to a tick and publishes what is due then."""
+        self.simulation.advance(tick)
+        self.schedule.run(tick)
+        self._flush()
+        for entity in self.simulation.collided():
+            if entity.name in self._robots:
+                self._robots[entity.name].publish_collisions()
+
+    def publish_now(self) -> None:
+        """Publishes the time, for those who came while it stood still."""
+        self._publish_clock(self.simulation.tick)
+
+    def _publish_clock(self, tick: int) -> None:
+        if self._clock.wanted:
+            self._clock.send(conversions.clock_frame(nanoseconds(tick)))
+
+    def _flush(self) -> None:
+        if self._transforms:
+            if self._tf.wanted:
+                self._tf.send(conversions.transforms_frame(self._transforms))
+            self._transforms.clear()
+
+    def _report(self) -> None:
+        now = self.pacer.now()
+        if now - self._reported >= REPORT_PERIOD:
+            self._reported = now
+            self._factor.publish(Float64(self.pacer.measured(self.simulation.tick / TICK_RATE)))
+
+    def spawn_robot(self, name: str, namespace: str, robot: Robot, pose: Pose) -> None:
+        """Adds a robot and its topics.
+
+        Raises:
+            SimulatorError: it cannot be added; nothing is left of it.
+        """
+        for line in robot.warnings:
+            rospy.logwarn("%s: %s", name, line)
+        entity = self.simulation.add_robot(name, namespace, robot, pose)
+        try:
+            self._robots[name] = RobotTopics(self.simulation, self.schedule, entity, self._transforms.append)
+        except SimulatorError:
+            self.simulation.remove(name)
+            raise
+
+    def delete(self, name: str) -> None:
+        """Removes a model and its topics.
+
+        Raises:
+            ModelError: there is none of that name.
+        """
+        topics = self._robots.pop(name, None)
+        if topics is not None:
+            topics.close()
+        self.simulation.remove(name)
+
+    def pause(self, paused: bool) -> None:
+        """Stops simulated time, or lets it go on."""
+        self.paused = paused
+        self.pacer.restart()
+        self.publish_now()
+
+    def step(self) -> None:
+        """Advances by one physics step; only while paused."""
+        end = self.simulation.tick + round(self.simulation.physics.step * TICK_RATE)
+        while (tick := self.schedule.next_after(self.simulation.tick)) <= end:
+            self.run_to(tick)
+        self.simulation.advance(end)
+
+    def reset(self, time: bool) -> None:
+        """Puts all models back to where they began; with ``time``, simulated time and noise as well."""
+        if time:
+            self.simulation.reset()
+            self.pacer.restart()
+            for topics in self._robots.values():
+                topics.publish_collisions()
+        else:
+            self.simulation.reset_poses()
+        self.publish_now()
+
+
+def main() -> int:
+    """Runs the node; returns the exit status."""
+
+    def build() -> GazeboNode:
+        return GazeboNode(config_from_mapping(GazeboConfig, entry.parameters(), rospy.get_name()))
+
+    return entry.run("gazebo", build, (SimulatorError,), wall_time=True)

@@ -1,0 +1,124 @@
+"""The services of gazebo_ros on links and joints, and on forces that act on links."""
+
+import math
+from typing import TYPE_CHECKING
+
+from gazebo_msgs import srv
+from gazebo_msgs.msg import LinkState
+
+from pioneer_gazebo import conversions
+from pioneer_gazebo.core import robot as kinds
+from pioneer_gazebo.core.entity import Entity
+from pioneer_gazebo.core.pose import Pose, rotated
+from pioneer_gazebo.core.robot import Joint
+from pioneer_gazebo.core.schedule import TICK_RATE
+from pioneer_gazebo.core.simulation import ModelError, Wrench
+from pioneer_gazebo.nodes import state
+from pioneer_gazebo.nodes.service import serve
+
+if TYPE_CHECKING:
+    from pioneer_gazebo.nodes.gazebo import GazeboNode
+
+_TYPES = {
+    kinds.REVOLUTE: srv.GetJointPropertiesResponse.REVOLUTE,
+    kinds.CONTINUOUS: srv.GetJointPropertiesResponse.CONTINUOUS,
+    kinds.PRISMATIC: srv.GetJointPropertiesResponse.PRISMATIC,
+}
+
+
+class LinkServices:
+    """Asks, sets and pushes links."""
+
+    def __init__(self, node: "GazeboNode") -> None:
+        """Starts the services."""
+        self._simulation = node.simulation
+        serve(node, "get_link_state", srv.GetLinkState, self._state)
+        serve(node, "set_link_state", srv.SetLinkState, self._set_state)
+        serve(node, "get_link_properties", srv.GetLinkProperties, self._properties)
+        serve(node, "get_joint_properties", srv.GetJointProperties, self._joint)
+        serve(node, "apply_body_wrench", srv.ApplyBodyWrench, self._push)
+        serve(node, "clear_body_wrenches", srv.BodyRequest, self._clear)
+
+    def _moving(self, name: str) -> tuple[Entity, int, Pose]:
+        """Returns the entity, part and pose in the part of ``model::link``."""
+        model, link = state.split_name(name)
+        if not link:
+            raise ModelError(f"{name!r} does not name a link as model::link")
+        entity = self._simulation.entity(model)
+        return (entity, *state.part_of(entity, link))
+
+    def _state(self, request: srv.GetLinkStateRequest) -> srv.GetLinkStateResponse:
+        if "::" not in request.link_name:
+            raise ModelError(f"{request.link_name!r} does not name a link as model::link")
+        pose, velocity = state.relative(self._simulation, request.link_name, request.reference_frame)
+        message = LinkState(
+            request.link_name,
+            conversions.message_from_pose(pose),
+            conversions.message_from_velocity(velocity),
+            request.reference_frame,
+        )
+        return srv.GetLinkStateResponse(message, True, "ok")
+
+    def _set_state(self, request: srv.SetLinkStateRequest) -> srv.SetLinkStateResponse:
+        wanted = request.link_state
+        if "::" not in wanted.link_name:
+            raise ModelError(f"{wanted.link_name!r} does not name a link as model::link")
+        state.place(self._simulation, wanted.link_name, wanted.pose, wanted.twist, wanted.reference_frame)
+        return srv.SetLinkStateResponse(True, f"state of {wanted.link_name} set; its whole model moved along")
+
+    def _properties(self, request: srv.GetLinkPropertiesRequest) -> srv.GetLinkPropertiesResponse:
+        entity, part, _ = self._moving(request.link_name)
+        rigid = entity.body.parts[part]
+        inertia = rigid.inertia
+        return srv.GetLinkPropertiesResponse(
+            com=conversions.message_from_pose(inertia.pose),
+            gravity_mode=True,
+            mass=rigid.mass,
+            ixx=inertia.ixx,
+            iyy=inertia.iyy,
+            izz=inertia.izz,
+            success=True,
+            status_message="of all links that fixed joints hold together here",
+        )
+
+    def _joint(self, request: srv.GetJointPropertiesRequest) -> srv.GetJointPropertiesResponse:
+        entity, part, joint = self._find_joint(request.joint_name)
+        [(position, rate)] = self._simulation.joints(entity, [part])
+        return srv.GetJointPropertiesResponse(
+            type=_TYPES[joint.kind],
+            damping=[joint.damping],
+            position=[position],
+            rate=[rate],
+            success=True,
+            status_message="ok",
+        )
+
+    def _find_joint(self, name: str) -> tuple[Entity, int, Joint]:
+        """Finds ``joint`` in the first model that has it, as Gazebo does, or ``model::joint``."""
+        model, _, rest = name.rpartition("::")
+        for entity in self._simulation.entities():
+            if model and entity.name != model:
+                continue
+            for index, part in enumerate(entity.body.parts):
+                if part.joint is not None and part.joint.name == rest:
+                    return entity, index, part.joint
+        raise ModelError(f"no model has a movable joint {name}")
+
+    def _push(self, request: srv.ApplyBodyWrenchRequest) -> srv.ApplyBodyWrenchResponse:
+        entity, part, _ = self._moving(request.body_name)
+        base, _ = state.motion(self._simulation, request.reference_frame)
+        force = rotated(base.rotation, conversions.vector_from_message(request.wrench.force))
+        torque = rotated(base.rotation, conversions.vector_from_message(request.wrench.torque))
+        point = base.transform(conversions.vector_from_message(request.reference_point))
+        if request.reference_frame in state.WORLD_NAMES and point == (0.0, 0.0, 0.0):
+            point = state.motion(self._simulation, request.body_name)[0].position
+        first = max(self._simulation.tick, round(request.start_time.to_sec() * TICK_RATE))
+        duration = request.duration.to_sec()
+        last = math.inf if duration < 0 else first + duration * TICK_RATE
+        self._simulation.push(Wrench(entity, part, force, torque, point, first, last))
+        return srv.ApplyBodyWrenchResponse(True, "wrench applied")
+
+    def _clear(self, request: srv.BodyRequestRequest) -> srv.BodyRequestResponse:
+        entity, part, _ = self._moving(request.body_name)
+        self._simulation.clear_pushes(entity, part)
+        return srv.BodyRequestResponse()

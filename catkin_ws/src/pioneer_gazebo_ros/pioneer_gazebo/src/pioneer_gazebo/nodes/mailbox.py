@@ -1,0 +1,87 @@
+"""Work for the one thread that owns the simulation, handed over by the threads of services and subscribers."""
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+Result = TypeVar("Result")
+
+
+class ClosedError(Exception):
+    """The simulator has ended and does no more work."""
+
+
+class _Letter:
+    __slots__ = ("done", "error", "result", "work")
+
+    def __init__(self, work: Callable[[], Any]) -> None:
+        self.work = work
+        self.done = threading.Event()
+        self.result: Any = None
+        self.error: BaseException | None = None
+
+
+class Mailbox:
+    """A queue of work with a condition that the owner sleeps on."""
+
+    def __init__(self) -> None:
+        self._condition = threading.Condition()
+        self._letters: deque[_Letter] = deque()
+        self._closed = False
+
+    def call(self, work: Callable[[], Result]) -> Result:
+        """Has the owner do ``work``, waits for it, and returns its result or raises what it raised.
+
+        Raises:
+            ClosedError: the owner has ended.
+        """
+        letter = self._put(work)
+        letter.done.wait()
+        if letter.error is not None:
+            raise letter.error
+        return letter.result
+
+    def post(self, work: Callable[[], Any]) -> None:
+        """Has the owner do ``work`` and does not wait; what it raises is lost."""
+        self._put(work)
+
+    def _put(self, work: Callable[[], Any]) -> _Letter:
+        letter = _Letter(work)
+        with self._condition:
+            if self._closed:
+                raise ClosedError("the simulator has ended")
+            self._letters.append(letter)
+            self._condition.notify()
+        return letter
+
+    def wait(self, timeout: float) -> None:
+        """Sleeps until there is work, until ``timeout`` [s] has passed, or until `close`."""
+        with self._condition:
+            if not self._letters and not self._closed:
+                self._condition.wait(timeout)
+
+    @property
+    def pending(self) -> bool:
+        """Whether work waits."""
+        return bool(self._letters)
+
+    def serve(self) -> None:
+        """Does all work that has come in; called by the owner."""
+        while self._letters:
+            letter = self._letters.popleft()
+            try:
+                letter.result = letter.work()
+            except Exception as error:  # noqa: BLE001 - handed on to whoever asked for the work
+                letter.error = error
+            letter.done.set()
+
+    def close(self) -> None:
+        """Refuses further work and gives up what is waiting."""
+        with self._condition:
+            self._closed = True
+            for letter in self._letters:
+                letter.error = ClosedError("the simulator has ended")
+                letter.done.set()
+            self._letters.clear()
+            self._condition.notify_all()

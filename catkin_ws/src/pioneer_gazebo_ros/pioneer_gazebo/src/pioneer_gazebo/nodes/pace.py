@@ -1,0 +1,44 @@
+"""Simulated time against wall time."""
+
+import time
+
+MOST_BEHIND = 0.2
+"""A simulator that is further behind [s] gives up catching up and goes on from there."""
+
+
+class Pacer:
+    """Says when a moment of simulated time is due, from an anchor where both clocks were read together."""
+
+    def __init__(self, factor: float) -> None:
+        """Takes the real-time factor; 0 is as fast as possible."""
+        self.factor = factor
+        self._anchor: tuple[float, float] | None = None
+        self._measured = (0.0, time.monotonic())
+
+    def restart(self) -> None:
+        """Anchors anew at the next moment: after a pause, or when the factor changed."""
+        self._anchor = None
+
+    def wait_for(self, simulated: float) -> float:
+        """Returns how long [s] to wait until the moment ``simulated`` [s] is due; 0 or less: it is."""
+        if self.factor <= 0:
+            return 0.0
+        now = time.monotonic()
+        if self._anchor is None:
+            self._anchor = simulated, now
+        wait = self._anchor[1] + (simulated - self._anchor[0]) / self.factor - now
+        if wait < -MOST_BEHIND:
+            self._anchor = simulated, now
+            return 0.0
+        return wait
+
+    def measured(self, simulated: float) -> float:
+        """Returns the real-time factor since this was asked last."""
+        now = time.monotonic()
+        (then, wall), self._measured = self._measured, (simulated, now)
+        return max(0.0, simulated - then) / max(1e-9, now - wall)
+
+    @staticmethod
+    def now() -> float:
+        """Returns the wall clock [s] that everything here is measured by."""
+        return time.monotonic()

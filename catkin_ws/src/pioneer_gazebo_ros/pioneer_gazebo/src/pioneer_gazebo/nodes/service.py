@@ -1,0 +1,42 @@
+"""How a service of ``/gazebo`` is answered."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import rospy
+
+from pioneer_gazebo.core.error import SimulatorError
+from pioneer_gazebo.nodes.mailbox import ClosedError
+
+if TYPE_CHECKING:
+    from pioneer_gazebo.nodes.gazebo import GazeboNode
+
+Handler = Callable[[Any], Any]
+
+
+def serve(node: "GazeboNode", name: str, kind: Any, handler: Handler) -> None:
+    """Serves ``/gazebo/NAME`` by ``handler``, which runs in the simulation's thread and returns a response.
+
+    What a request asks wrongly is answered with ``success`` false and one line in ``status_message``, which is logged
+    as well; a service whose response has no such field fails with that line.
+    """
+
+    def answer(request: Any) -> Any:
+        try:
+            return node.mailbox.call(lambda: handler(request))
+        except (SimulatorError, ValueError, ClosedError) as error:
+            return refusal(name, kind, str(error))
+
+    rospy.Service(f"/gazebo/{name}", kind, answer)
+
+
+def refusal(name: str, kind: Any, text: str) -> Any:
+    """Returns the response that says no, and logs why."""
+    rospy.logerr("%s: %s", name, text)
+    response = kind._response_class()
+    field = "status_message" if hasattr(response, "status_message") else "message"
+    if not hasattr(response, field):
+        raise rospy.ServiceException(text)
+    response.success = False
+    setattr(response, field, text)
+    return response

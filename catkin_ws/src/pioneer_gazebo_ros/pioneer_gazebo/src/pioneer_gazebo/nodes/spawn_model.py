@@ -1,0 +1,144 @@
+"""``spawn_model``: adds a model to the running simulator, with the arguments of gazebo_ros' script."""
+
+import argparse
+import sys
+from pathlib import Path
+
+import rospy
+from gazebo_msgs.srv import GetWorldProperties, SpawnModel, SpawnModelRequest
+from geometry_msgs.msg import Point, Quaternion
+from std_srvs.srv import Empty
+
+from pioneer_gazebo.core.pose import quaternion_from_rpy
+
+WAIT_WORDS_PERIOD = 5.0
+"""While it waits, it says for what every so many seconds."""
+
+
+class SpawnError(Exception):
+    """The model cannot be spawned."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """Returns the command line's grammar."""
+    result = argparse.ArgumentParser(prog="spawn_model", description=__doc__)
+    form = result.add_mutually_exclusive_group(required=True)
+    form.add_argument("-urdf", action="store_true", help="the model is URDF")
+    form.add_argument("-sdf", action="store_true", help="the model is SDF")
+    source = result.add_mutually_exclusive_group(required=True)
+    source.add_argument("-param", metavar="NAME", help="read the model from a ROS parameter")
+    source.add_argument("-file", type=Path, metavar="FILE", help="read the model from a file")
+    source.add_argument("-stdin", action="store_true", help="read the model from standard input")
+    result.add_argument("-model", required=True, metavar="NAME", help="name of the model")
+    result.add_argument("-robot_namespace", default=None, metavar="NS", help="of its topics (default: this node's)")
+    result.add_argument("-reference_frame", default="", metavar="NAME", help="of the pose (default: the world)")
+    result.add_argument("-gazebo_namespace", default="/gazebo", metavar="NS", help="of the simulator's services")
+    result.add_argument("-unpause", action="store_true", help="unpause the simulation afterwards")
+    result.add_argument("-wait", metavar="MODEL", help="wait until this model is there")
+    result.add_argument("-timeout", type=float, default=float("inf"), help="give up waiting after so many seconds")
+    for name, text in (("x", "[m]"), ("y", "[m]"), ("z", "[m]"), ("R", "[rad]"), ("P", "[rad]"), ("Y", "[rad]")):
+        result.add_argument(f"-{name}", type=float, default=0.0, dest=f"pose_{name}", help=text)
+    return result
+
+
+def model_xml(options: argparse.Namespace) -> str:
+    """Returns the model's text.
+
+    Raises:
+        SpawnError: there is no such file or parameter.
+    """
+    if options.stdin:
+        return sys.stdin.read()
+    if options.file is not None:
+        try:
+            return options.file.read_text()
+        except OSError as error:
+            raise SpawnError(f"cannot read {options.file}: {error.strerror}") from error
+    try:
+        return str(rospy.get_param(options.param))
+    except KeyError:
+        raise SpawnError(f"there is no parameter {options.param}") from None
+
+
+def request_of(options: argparse.Namespace) -> SpawnModelRequest:
+    """Returns the service's request.
+
+    Raises:
+        SpawnError: the model's text cannot be read.
+    """
+    namespace = rospy.get_namespace() if options.robot_namespace is None else options.robot_namespace
+    request = SpawnModelRequest(
+        model_name=options.model,
+        model_xml=model_xml(options),
+        robot_namespace=namespace,
+        reference_frame=options.reference_frame,
+    )
+    request.initial_pose.position = Point(options.pose_x, options.pose_y, options.pose_z)
+    rotation = quaternion_from_rpy(options.pose_R, options.pose_P, options.pose_Y)
+    request.initial_pose.orientation = Quaternion(*rotation)
+    return request
+
+
+def wait_for_service(name: str, timeout: float) -> None:
+    """Waits for a service and says so.
+
+    Raises:
+        SpawnError: it did not come within ``timeout`` [s].
+    """
+    waited = 0.0
+    while waited < timeout:
+        step = min(WAIT_WORDS_PERIOD, timeout - waited)
+        try:
+            rospy.wait_for_service(name, step)
+        except rospy.ROSInterruptException:
+            raise
+        except rospy.ROSException:
+            waited += step
+            rospy.loginfo("waiting for %s", name)
+        else:
+            return
+    raise SpawnError(f"{name} did not come within {timeout:g} s")
+
+
+def wait_for_model(options: argparse.Namespace) -> None:
+    """Waits until the model of ``-wait`` is in the world."""
+    name = f"{options.gazebo_namespace}/get_world_properties"
+    wait_for_service(name, options.timeout)
+    world = rospy.ServiceProxy(name, GetWorldProperties, persistent=True)
+    rospy.loginfo("waiting for model %s", options.wait)
+    pause = rospy.Rate(10)
+    while options.wait not in world().model_names:
+        pause.sleep()
+
+
+def spawn(options: argparse.Namespace) -> None:
+    """Spawns the model.
+
+    Raises:
+        SpawnError: the simulator refuses.
+    """
+    request = request_of(options)
+    if options.wait:
+        wait_for_model(options)
+    name = f"{options.gazebo_namespace}/spawn_{'urdf' if options.urdf else 'sdf'}_model"
+    wait_for_service(name, options.timeout)
+    response = rospy.ServiceProxy(name, SpawnModel)(request)
+    if not response.success:
+        raise SpawnError(response.status_message)
+    rospy.loginfo("%s", response.status_message)
+    if options.unpause:
+        rospy.ServiceProxy(f"{options.gazebo_namespace}/unpause_physics", Empty)()
+
+
+def main() -> int:
+    """Runs the script; returns the exit status: 0 once the model is in the world."""
+    options = parser().parse_args(rospy.myargv()[1:])
+    rospy.init_node("spawn_model", anonymous=True, disable_rostime=True)
+    try:
+        spawn(options)
+    except rospy.ROSInterruptException:
+        return 130
+    except (SpawnError, rospy.ServiceException) as error:
+        rospy.logerr("%s not spawned: %s", options.model, error)
+        return 1
+    return 0

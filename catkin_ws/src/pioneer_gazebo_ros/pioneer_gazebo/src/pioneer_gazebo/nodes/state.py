@@ -1,0 +1,133 @@
+"""States of models and links by Gazebo's names: ``model`` and ``model::link``."""
+
+from geometry_msgs.msg import Pose as PoseMessage
+from geometry_msgs.msg import Twist
+
+from pioneer_gazebo.conversions import pose_from_message, vector_from_message
+from pioneer_gazebo.core.engine import STILL, Velocity
+from pioneer_gazebo.core.entity import Entity
+from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector, rotated
+from pioneer_gazebo.core.simulation import ModelError, Simulation
+
+WORLD_NAMES = ("", "world", "map", "/map", "/world")
+
+
+def split_name(name: str) -> tuple[str, str]:
+    """Returns model and link of ``model::link``; the link is empty where only a model is named."""
+    model, _, link = name.partition("::")
+    return model, link
+
+
+def links_of(simulation: Simulation, model: str) -> list[str]:
+    """Returns the names of a model's links.
+
+    Raises:
+        ModelError: there is no such model.
+    """
+    standing = simulation.standing(model)
+    if standing is not None:
+        return [link.name for link in standing.links]
+    return [name for part in simulation.entity(model).body.parts for name, _ in part.frames]
+
+
+def model_motion(simulation: Simulation, model: str) -> tuple[Pose, Velocity]:
+    """Returns a model's pose and velocity in the world.
+
+    Raises:
+        ModelError: there is no such model.
+    """
+    standing = simulation.standing(model)
+    if standing is not None:
+        return standing.pose, STILL
+    entity = simulation.entity(model)
+    return simulation.pose(entity), simulation.velocity(entity)
+
+
+def link_motion(simulation: Simulation, model: str, link: str) -> tuple[Pose, Velocity]:
+    """Returns a link's pose and velocity in the world.
+
+    Raises:
+        ModelError: there is no such model or link.
+    """
+    standing = simulation.standing(model)
+    if standing is not None:
+        for one in standing.links:
+            if one.name == link:
+                return standing.pose.compose(one.pose), STILL
+        raise ModelError(f"model {model} has no link {link}")
+    entity = simulation.entity(model)
+    part, at = part_of(entity, link)
+    velocity = simulation.velocity(entity, part)
+    pose = simulation.link_pose(entity, link)
+    arm = rotated(pose.compose(at.inverse()).rotation, at.position)
+    return pose, Velocity(_sum(velocity.linear, _cross(velocity.angular, arm)), velocity.angular)
+
+
+def part_of(entity: Entity, link: str) -> tuple[int, Pose]:
+    """Returns the part that holds a link, and the link's pose in it.
+
+    Raises:
+        ModelError: there is no such link.
+    """
+    try:
+        return entity.body.part_of(link)
+    except KeyError:
+        raise ModelError(f"model {entity.name} has no link {link}") from None
+
+
+def motion(simulation: Simulation, name: str) -> tuple[Pose, Velocity]:
+    """Returns pose and velocity of a model, of a link as ``model::link``, or of the world itself.
+
+    Raises:
+        ModelError: there is nothing of that name.
+    """
+    if name in WORLD_NAMES:
+        return IDENTITY, STILL
+    model, link = split_name(name)
+    return link_motion(simulation, model, link) if link else model_motion(simulation, model)
+
+
+def relative(simulation: Simulation, name: str, reference: str) -> tuple[Pose, Velocity]:
+    """Returns the pose and velocity of what ``name`` names, seen from ``reference``.
+
+    Raises:
+        ModelError: there is nothing of either name.
+    """
+    pose, velocity = motion(simulation, name)
+    base, base_velocity = motion(simulation, reference)
+    back = base.inverse()
+    linear = _sum(velocity.linear, _negative(base_velocity.linear))
+    angular = _sum(velocity.angular, _negative(base_velocity.angular))
+    return back.compose(pose), Velocity(rotated(back.rotation, linear), rotated(back.rotation, angular))
+
+
+def place(simulation: Simulation, name: str, pose: PoseMessage, twist: Twist, reference: str) -> None:
+    """Puts a model, by its own frame or by that of one of its links, to a pose and velocity seen from ``reference``.
+
+    Raises:
+        ModelError: there is nothing of either name.
+        ValueError: a number that is not finite.
+    """
+    model, link = split_name(name)
+    base, _ = motion(simulation, reference)
+    wanted = base.compose(pose_from_message(pose))
+    velocity = Velocity(
+        rotated(base.rotation, vector_from_message(twist.linear)),
+        rotated(base.rotation, vector_from_message(twist.angular)),
+    )
+    if link:
+        link_from_model = link_motion(simulation, model, link)[0].inverse().compose(model_motion(simulation, model)[0])
+        wanted = wanted.compose(link_from_model)
+    simulation.place(model, wanted, velocity)
+
+
+def _sum(a: Vector, b: Vector) -> Vector:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def _negative(a: Vector) -> Vector:
+    return -a[0], -a[1], -a[2]
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

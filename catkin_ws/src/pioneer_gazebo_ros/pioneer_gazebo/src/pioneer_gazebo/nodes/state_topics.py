@@ -1,0 +1,72 @@
+"""``/gazebo``'s own topics: the states of all models and links, and the topics that set them."""
+
+from typing import TYPE_CHECKING
+
+import rospy
+from gazebo_msgs.msg import LinkState, LinkStates, ModelState, ModelStates
+from geometry_msgs.msg import Pose as PoseMessage
+from geometry_msgs.msg import Twist
+
+from pioneer_gazebo import conversions
+from pioneer_gazebo.core.error import SimulatorError
+from pioneer_gazebo.nodes import state
+from pioneer_gazebo.nodes.topic import Topic
+
+if TYPE_CHECKING:
+    from pioneer_gazebo.nodes.gazebo import GazeboNode
+
+
+class StateTopics:
+    """Publishes ``/gazebo/model_states`` and ``/gazebo/link_states`` and listens to their setters.
+
+    A message that cannot be followed is named in one line and left.
+    """
+
+    def __init__(self, node: "GazeboNode", rate: float) -> None:
+        """Publishes at ``rate`` [Hz]."""
+        self._node, self._simulation = node, node.simulation
+        self._models = Topic("/gazebo/model_states", ModelStates)
+        self._links = Topic("/gazebo/link_states", LinkStates)
+        node.schedule.add("/gazebo/model_states", rate, self._publish)
+        rospy.Subscriber("/gazebo/set_model_state", ModelState, self._set_model, queue_size=10)
+        rospy.Subscriber("/gazebo/set_link_state", LinkState, self._set_link, queue_size=10)
+
+    def _publish(self, tick: int) -> None:
+        del tick  # these messages carry no time
+        if self._models.wanted:
+            self._models.send(conversions.frame_of(self._model_states()))
+        if self._links.wanted:
+            self._links.send(conversions.frame_of(self._link_states()))
+
+    def _model_states(self) -> ModelStates:
+        message = ModelStates()
+        for name in self._simulation.names():
+            pose, velocity = state.model_motion(self._simulation, name)
+            message.name.append(name)
+            message.pose.append(conversions.message_from_pose(pose))
+            message.twist.append(conversions.message_from_velocity(velocity))
+        return message
+
+    def _link_states(self) -> LinkStates:
+        message = LinkStates()
+        for name in self._simulation.names():
+            for link in state.links_of(self._simulation, name):
+                pose, velocity = state.link_motion(self._simulation, name, link)
+                message.name.append(f"{name}::{link}")
+                message.pose.append(conversions.message_from_pose(pose))
+                message.twist.append(conversions.message_from_velocity(velocity))
+        return message
+
+    def _set_model(self, message: ModelState) -> None:
+        self._node.mailbox.post(lambda: self._follow(message.model_name, message))
+
+    def _set_link(self, message: LinkState) -> None:
+        self._node.mailbox.post(lambda: self._follow(message.link_name, message))
+
+    def _follow(self, name: str, message: ModelState | LinkState) -> None:
+        pose: PoseMessage = message.pose
+        twist: Twist = message.twist
+        try:
+            state.place(self._simulation, name, pose, twist, message.reference_frame)
+        except (SimulatorError, ValueError) as error:
+            rospy.logerr_throttle(1.0, f"state of {name} not set: {error}")

@@ -1,0 +1,162 @@
+"""The caster sees what the physics engine's rays see, and rooms have the distances that geometry says."""
+
+import math
+
+import numpy as np
+import pybullet
+import pytest
+from numpy.typing import NDArray
+
+from pioneer_gazebo.core.laser import Laser, Movers, WallIndex, generator_for
+from pioneer_gazebo.core.pose import Pose
+from pioneer_gazebo.core.robot import LaserSensor
+from pioneer_gazebo.core.section import Section, section_of
+from pioneer_gazebo.core.world import Box, Cylinder, Mesh, Shape, Sphere
+
+HEIGHT = 0.3
+REACH = 12.0
+
+
+def no_mesh(mesh: Mesh) -> NDArray[np.float64]:
+    raise AssertionError(f"no mesh is in this test: {mesh}")
+
+
+def index(*placed: tuple[Shape, Pose]) -> WallIndex:
+    return WallIndex(Section.joined(section_of(shape, pose, HEIGHT, no_mesh) for shape, pose in placed))
+
+
+def distances(walls: WallIndex, sensor: tuple[float, float, float], count: int = 360) -> NDArray[np.float64]:
+    out = np.empty(count)
+    walls.cast(*sensor, -math.pi, math.tau / count, REACH, out)
+    return out
+
+
+def random_shapes(seed: int) -> list[tuple[Shape, Pose]]:
+    """Upright and tilted boxes, cylinders and spheres."""
+    rng = np.random.default_rng(seed)
+    placed: list[tuple[Shape, Pose]] = []
+    for k in range(60):
+        tilt = rng.uniform(-0.6, 0.6, 2) if k % 3 == 0 else (0.0, 0.0)
+        pose = Pose.from_rpy(*rng.uniform(-9, 9, 2), rng.uniform(0.1, 0.5), *tilt, rng.uniform(-3, 3))
+        shape: Shape = Box(tuple(rng.uniform(0.2, 1.5, 3)))
+        if k % 4 == 1:
+            shape = Cylinder(rng.uniform(0.1, 0.5), rng.uniform(0.3, 1.0))
+        if k % 4 == 2:
+            shape = Sphere(rng.uniform(0.2, 0.5))
+        placed.append((shape, pose))
+    return placed
+
+
+def bullet_body(client: int, shape: Shape, pose: Pose) -> None:
+    match shape:
+        case Box(size=size):
+            made = pybullet.createCollisionShape(
+                pybullet.GEOM_BOX, halfExtents=[s / 2 for s in size], physicsClientId=client
+            )
+        case Cylinder(radius=radius, length=length):
+            made = pybullet.createCollisionShape(
+                pybullet.GEOM_CYLINDER, radius=radius, height=length, physicsClientId=client
+            )
+        case Sphere(radius=radius):
+            made = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius, physicsClientId=client)
+    pybullet.createMultiBody(0, made, -1, pose.position, pose.rotation, physicsClientId=client)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_caster_agrees_with_the_engines_rays(seed: int) -> None:
+    placed = random_shapes(seed)
+    client = pybullet.connect(pybullet.DIRECT)
+    try:
+        for shape, pose in placed:
+            bullet_body(client, shape, pose)
+        walls = index(*placed)
+        rng = np.random.default_rng(seed)
+        errors = []
+        for _ in range(40):
+            x, y, yaw = rng.uniform(-8, 8), rng.uniform(-8, 8), rng.uniform(-3, 3)
+            ours = distances(walls, (x, y, yaw), 180)
+            angles = yaw - math.pi + np.arange(180) * math.tau / 180
+            ends = [(x + REACH * math.cos(a), y + REACH * math.sin(a), HEIGHT) for a in angles]
+            hits = pybullet.rayTestBatch([(x, y, HEIGHT)] * 180, ends, physicsClientId=client)
+            theirs = np.array([hit[2] for hit in hits]) * REACH
+            corners = (x - 0.01, y - 0.01, HEIGHT - 0.01), (x + 0.01, y + 0.01, HEIGHT + 0.01)
+            # From inside a shape the engine sees nothing of it.
+            if not pybullet.getOverlappingObjects(*corners, physicsClientId=client):
+                errors.append(np.abs(ours - theirs))
+        error = np.concatenate(errors)
+        assert len(error) > 1000
+        # A ray that grazes an edge may meet it in one and miss it in the other.
+        assert np.mean(error < 0.01) > 0.99
+        assert np.median(error) < 0.0005
+    finally:
+        pybullet.disconnect(client)
+
+
+def test_distances_in_a_square_room_are_those_of_geometry() -> None:
+    walls = index(
+        (Box((0.2, 10.2, 1.0)), Pose.from_rpy(5.1, 0, 0.5)),
+        (Box((0.2, 10.2, 1.0)), Pose.from_rpy(-5.1, 0, 0.5)),
+        (Box((10.2, 0.2, 1.0)), Pose.from_rpy(0, 5.1, 0.5)),
+        (Box((10.2, 0.2, 1.0)), Pose.from_rpy(0, -5.1, 0.5)),
+    )
+    x, y, yaw = 1.25, -2.0, 0.7
+    angles = yaw - math.pi + np.arange(360) * math.tau / 360
+    with np.errstate(divide="ignore"):
+        expected = np.minimum(
+            np.where(np.cos(angles) > 0, (5 - x) / np.cos(angles), (-5 - x) / np.cos(angles)),
+            np.where(np.sin(angles) > 0, (5 - y) / np.sin(angles), (-5 - y) / np.sin(angles)),
+        )
+    np.testing.assert_allclose(distances(walls, (x, y, yaw)), expected, atol=1e-9)
+
+
+def test_what_lies_above_or_below_the_plane_is_not_seen() -> None:
+    walls = index((Box((1, 1, 0.2)), Pose.from_rpy(2, 0, 0.1)), (Box((1, 1, 1)), Pose.from_rpy(2, 0, 2)))
+    assert (distances(walls, (0, 0, 0)) == REACH).all()
+
+
+def test_a_sensor_outside_the_grid_sees_into_it() -> None:
+    walls = index((Box((1, 1, 1)), Pose.from_rpy(0, 0, 0.3)))
+    assert distances(walls, (-8.0, 0.0, 0.0))[180] == pytest.approx(7.5)
+    assert distances(walls, (-8.0, 0.0, 0.0))[0] == REACH
+
+
+@pytest.mark.parametrize("first", [-math.pi, -math.pi / 2, 0.0, 2.5])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_mover_is_seen_exactly_as_a_wall_at_its_place_is(first: float, sign: float) -> None:
+    outline = section_of(Box((0.5, 0.3, 1.0)), Pose.from_rpy(0.1, 0, 0.3), HEIGHT, no_mesh).segments
+    movers = Movers([outline, outline])
+    rng = np.random.default_rng(4)
+    empty = WallIndex(Section.joined([]))
+    for _ in range(50):
+        pose = Pose.from_rpy(*rng.uniform(-4, 4, 2), 0, 0, 0, rng.uniform(-3, 3))
+        sensor = (*rng.uniform(-1, 1, 2), rng.uniform(-3, 3))
+        poses = np.array([[*sensor], [*pose.position[:2], pose.yaw]])
+        by_wall, by_mover = np.empty(180), np.empty(180)
+        beams = (first, sign * math.tau / 200, REACH)
+        index((Box((0.5, 0.3, 1.0)), pose.compose(Pose.from_rpy(0.1, 0, 0.3)))).cast(*sensor, *beams, by_wall)
+        empty.cast(*sensor, *beams, by_mover)
+        movers.shorten(poses, 0, sensor, beams, by_mover)
+        np.testing.assert_allclose(by_mover, by_wall, atol=1e-9)
+
+
+def test_the_carrier_does_not_see_itself() -> None:
+    outline = section_of(Box((0.5, 0.3, 1.0)), Pose.from_rpy(0, 0, 0.3), HEIGHT, no_mesh).segments
+    out = np.full(180, REACH)
+    Movers([outline]).shorten(np.zeros((1, 3)), 0, (0.0, 0.0, 0.0), (-1.5, 0.01, REACH), out)
+    assert (out == REACH).all()
+
+
+def test_noise_has_the_asked_deviation_and_depends_on_seed_and_names_only() -> None:
+    config = LaserSensor("laser", "link", samples=2000, noise_stddev=0.02)
+    true = np.full(2000, 5.0)
+    first = Laser(config, generator_for(7, "pioneer1", "laser")).measured(true.copy())
+    again = Laser(config, generator_for(7, "pioneer1", "laser")).measured(true.copy())
+    other = Laser(config, generator_for(7, "pioneer2", "laser")).measured(true.copy())
+    assert (first == again).all()
+    assert (first != other).any()
+    assert np.std(first - 5.0) == pytest.approx(0.02, rel=0.1)
+
+
+def test_nothing_met_is_plus_infinity_and_too_near_is_minus_infinity() -> None:
+    laser = Laser(LaserSensor("laser", "link", samples=3, min_range=0.1, max_range=8.0), generator_for(0))
+    assert laser.measured(np.array([0.05, 3.0, 8.0])).tolist() == [-math.inf, 3.0, math.inf]
