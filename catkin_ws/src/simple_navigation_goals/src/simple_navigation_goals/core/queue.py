@@ -116,7 +116,8 @@ class WaypointQueue:
         was_under_way = self._under_way
         self._drop_current()
         self._drop_waiting()
-        self._say(f"{count} waypoints cleared")
+        if count:
+            self._say(f"{count} waypoints cleared")
         return was_under_way
 
     def due(self) -> Waypoint | None:

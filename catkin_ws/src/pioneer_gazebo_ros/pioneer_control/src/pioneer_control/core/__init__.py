@@ -1,0 +1,1 @@
+"""What needs no ROS: which topics and services of a master stop and cancel robots."""

@@ -1,0 +1,66 @@
+"""Which topics and services of a ROS master stop robots and cancel their goals."""
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+
+_COMMAND = "pioneer/cmd_vel"
+_ACTION = "move_base"
+_LIVE = frozenset({0, 1, 6, 7})  # pending, active, preempting, recalling (actionlib_msgs/GoalStatus)
+
+Graph = Mapping[str, Collection[str]]
+"""Names of topics or services to the nodes behind them."""
+
+
+@dataclass(frozen=True)
+class Targets:
+    """Where to say stop.
+
+    Attributes:
+        commands: velocity topics of robots, ``…/pioneer/cmd_vel``.
+        actions: names of move_base actions that somebody serves, ``…/move_base``.
+        clears: services that clear a waypoint client's queue, ``…/clear``.
+    """
+
+    commands: frozenset[str] = frozenset()
+    actions: frozenset[str] = frozenset()
+    clears: frozenset[str] = frozenset()
+
+    def of(self, robots: Collection[str]) -> "Targets":
+        """Returns those in the namespaces ``robots``; all of them where no robot is named."""
+        if not robots:
+            return self
+        spaces = tuple(f"/{robot.strip('/')}/" for robot in robots)
+        parts = (self.commands, self.actions, self.clears)
+        return Targets(*(frozenset(name for name in part if name.startswith(spaces)) for part in parts))
+
+
+def targets_from_graph(publishers: Graph, subscribers: Graph, services: Graph, own: str = "") -> Targets:
+    """Returns the targets in a master's state.
+
+    A waypoint client is a node that offers ``~clear`` and publishes ``~queue``. What only node ``own`` does, the one
+    that asks, does not count.
+    """
+    return Targets(
+        commands=frozenset(_ending(_others(publishers, own) | _others(subscribers, own), _COMMAND)),
+        actions=frozenset(
+            name.removesuffix("/cancel") for name in _ending(_others(subscribers, own), f"{_ACTION}/cancel")
+        ),
+        clears=frozenset(name for name in services if name.endswith("/clear") and _queue_of(name) in publishers),
+    )
+
+
+def _others(graph: Graph, own: str) -> set[str]:
+    return {name for name, nodes in graph.items() if any(node != own for node in nodes)}
+
+
+def _ending(names: Iterable[str], end: str) -> set[str]:
+    return {name for name in names if name.endswith(f"/{end}")}
+
+
+def _queue_of(service: str) -> str:
+    return f"{service.removesuffix('/clear')}/queue"
+
+
+def any_live(statuses: Iterable[int]) -> bool:
+    """Tells whether one of the goals' ``statuses`` (actionlib_msgs/GoalStatus) is one of a goal that has not ended."""
+    return any(status in _LIVE for status in statuses)

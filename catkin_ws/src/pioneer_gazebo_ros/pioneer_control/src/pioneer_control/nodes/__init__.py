@@ -1,0 +1,1 @@
+"""What needs rospy: the commands ESTOP and cancel_waypoint."""

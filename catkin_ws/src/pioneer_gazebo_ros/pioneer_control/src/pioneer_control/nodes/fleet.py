@@ -1,0 +1,89 @@
+"""All robots that a ROS master knows, as something to stop."""
+
+import threading
+import time
+
+import rosgraph
+import rospy
+from actionlib_msgs.msg import GoalID, GoalStatusArray
+from geometry_msgs.msg import Twist
+from std_srvs.srv import Empty
+
+from pioneer_control.core.target import Targets, any_live, targets_from_graph
+
+_LOOK_EVERY = 0.05  # [s of wall time]
+
+
+class Fleet:
+    """Robots of one master, found again with each ``discover``. All waiting is in wall time: it works while paused.
+
+    Args:
+        robots: namespaces to restrict it to; all where empty.
+        hold: whether to answer every command to move that somebody else gives with a stop at once.
+    """
+
+    def __init__(self, robots: list[str], hold: bool = False) -> None:
+        self.targets = Targets()
+        self._robots, self._hold = robots, hold
+        self._master = rosgraph.Master(rospy.get_name())
+        self._commands: dict[str, rospy.Publisher] = {}
+        self._cancels: dict[str, rospy.Publisher] = {}
+        self._live: dict[str, bool] = {}
+        self._subscribers: list[rospy.Subscriber] = []
+        self._lock = threading.Lock()
+
+    def discover(self) -> Targets:
+        """Asks the master what there is, and connects to what is new."""
+        graphs = [dict(part) for part in self._master.getSystemState()]
+        self.targets = targets_from_graph(*graphs, own=rospy.get_name()).of(self._robots)
+        for topic in self.targets.commands - self._commands.keys():
+            # Latched: it arrives as the connection is made, however late that is.
+            publisher = rospy.Publisher(topic, Twist, queue_size=1, latch=True, tcp_nodelay=True)
+            with self._lock:
+                self._commands[topic] = publisher
+            if self._hold:
+                self._subscribers.append(rospy.Subscriber(topic, Twist, self._on_command, topic, queue_size=1))
+        for action in self.targets.actions - self._cancels.keys():
+            self._cancels[action] = rospy.Publisher(f"{action}/cancel", GoalID, queue_size=1, latch=True)
+            self._subscribers.append(rospy.Subscriber(f"{action}/status", GoalStatusArray, self._on_status, action))
+        return self.targets
+
+    def stop(self) -> None:
+        """Commands zero velocity to every robot."""
+        with self._lock:
+            publishers = list(self._commands.values())
+        for publisher in publishers:
+            publisher.publish(Twist())
+
+    def cancel(self) -> None:
+        """Clears every waypoint queue and cancels every goal; does not wait for that to happen."""
+        for service in self.targets.clears:
+            threading.Thread(target=_clear, args=(service,), daemon=True).start()
+        for publisher in self._cancels.values():
+            publisher.publish(GoalID())
+
+    def wait_until_cancelled(self, timeout: float) -> list[str]:
+        """Waits [s of wall time] until no goal is under way; returns the actions of which that is not certain."""
+        deadline = time.monotonic() + timeout
+        ended = threading.Event()
+        rospy.on_shutdown(ended.set)
+        while (left := self._unended()) and time.monotonic() < deadline and not ended.wait(_LOOK_EVERY):
+            pass
+        return left
+
+    def _unended(self) -> list[str]:
+        return sorted(action for action in self.targets.actions if self._live.get(action, True))
+
+    def _on_status(self, message: GoalStatusArray, action: str) -> None:
+        self._live[action] = any_live(status.status for status in message.status_list)
+
+    def _on_command(self, message: Twist, topic: str) -> None:
+        if message != Twist() and message._connection_header["callerid"] != rospy.get_name():
+            self._commands[topic].publish(Twist())
+
+
+def _clear(service: str) -> None:
+    try:
+        rospy.ServiceProxy(service, Empty)()
+    except rospy.ServiceException as error:
+        rospy.logwarn("%s did not answer: %s", service, error)
