@@ -23,6 +23,7 @@ from pioneer_gazebo.core.error import SimulatorError
 
 # A node gets SIGINT, after so many seconds SIGTERM, after so many more SIGKILL.
 SIGINT_TIMEOUT, SIGTERM_TIMEOUT = 2.0, 1.0
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 POLL = 0.1
 """How often conditions are looked at [s]."""
 PATIENCE = 1.0
@@ -57,9 +58,14 @@ class Session(roslaunch.pmon.ProcessListener):
         self._handlers: dict[int, object] = {}
 
     def __enter__(self) -> Self:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            self._handlers[number] = signal.signal(number, self._interrupt)
+        for number in SIGNALS:
+            self._handlers[number] = signal.getsignal(number)
+        self._take_signals()
         return self
+
+    def _take_signals(self) -> None:
+        for number in SIGNALS:
+            signal.signal(number, self._interrupt)
 
     def __exit__(self, *exception: object) -> None:
         # Ctrl-C a second time must not leave processes behind.
@@ -97,6 +103,9 @@ class Session(roslaunch.pmon.ProcessListener):
             parent.start(auto_terminate=False)
         except roslaunch.RLException as error:
             raise SessionError(f"cannot launch: {error}") from None
+        finally:
+            # roslaunch puts its own handlers in place when it makes its first process.
+            self._take_signals()
         self._required |= {_process_name(node) for node in parent.config.nodes if node.required}
 
     def process_died(self, process_name: str, exit_code: int | None) -> None:
@@ -152,8 +161,6 @@ class Session(roslaunch.pmon.ProcessListener):
         """Keeps everything running until the end is asked for or a required node ends."""
         while True:
             self.check()
-            for parent in self._parents:
-                parent.spin_once()
             self._stop.wait(POLL)
 
 
