@@ -81,6 +81,9 @@ class GoalClientNode:
         while not rospy.is_shutdown():
             with contextlib.suppress(queue.Empty):
                 self._events.get(timeout=_TICK)()
+            # A shutdown closes move_base's connections first; connecting anew then would wait for a master for ever.
+            if rospy.is_shutdown():
+                return
             self._tell()
             self._look_for_server()
             self._send_due()
