@@ -3,6 +3,7 @@
 import glob
 import os
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
@@ -49,6 +50,7 @@ class FleetProcesses:
             ProcessStartError: a command cannot be found.
         """
         self._log.mkdir(exist_ok=True)
+        shutil.rmtree(self._log / "ros", ignore_errors=True)  # the last demo's
         for command in commands(self._config, self.ports):
             home = {"ROS_HOME": str(self._log / "ros"), "ROS_LOG_DIR": str(self._log / "ros" / "log")}
             inherited = {name: value for name, value in os.environ.items() if name not in _FOREIGN}
