@@ -26,6 +26,8 @@ SIGINT_TIMEOUT, SIGTERM_TIMEOUT = 2.0, 1.0
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 POLL = 0.1
 """How often conditions are looked at [s]."""
+RUN_ID_PATIENCE = 5.0
+"""How long a master may go without a run id [s]."""
 PATIENCE = 1.0
 """A wait is told once it has taken so long [s]."""
 
@@ -136,9 +138,15 @@ class Session(roslaunch.pmon.ProcessListener):
         self.check()
 
     def wait_for_master(self) -> None:
-        """Returns once the ROS master of ROS_MASTER_URI answers."""
+        """Returns once the ROS master of ROS_MASTER_URI answers and has its run id.
+
+        The roslaunch that starts a master gives it a run id a moment later, and refuses one that somebody else gave
+        meanwhile. A master that got none within ``RUN_ID_PATIENCE`` was started by other means and needs none.
+        """
         master = rosgraph.Master(f"/{self._name}")
         self.wait_for(lambda: _answers(master), f"the ROS master at {master.master_uri}")
+        deadline = time.monotonic() + RUN_ID_PATIENCE
+        self.wait_for(lambda: master.hasParam("/run_id") or time.monotonic() > deadline, "the master's run id")
 
     def run(self, command: Sequence[str]) -> None:
         """Runs a command beside the session until it ends; an interrupted session ends it first.
