@@ -98,6 +98,7 @@ class Inputs:
         reached: the local planner says that the goal is reached.
         recovery: what the recovery under way wants to drive.
         recovered: the recovery under way has ended.
+        meeting: something that the map does not know is near: plans age fast.
     """
 
     new_goal: bool = False
@@ -109,6 +110,7 @@ class Inputs:
     reached: bool = False
     recovery: Velocity | None = None
     recovered: bool = False
+    meeting: bool = False
 
 
 @dataclass(frozen=True)
@@ -152,6 +154,8 @@ class Warn:
 Event = StartPlanning | StopPlanning | FollowPlan | StartRecovery | Finish | Warn
 Step = tuple[State, Velocity | None, tuple[Event, ...]]
 
+MEETING_PERIOD = 0.5
+"""How old a plan may become while something that the map does not know is near [s]."""
 STALE_TEXT = "Sensor data is out of date, we're not going to allow commanding of the base for safety"
 
 
@@ -170,6 +174,8 @@ def advance(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
     if planned is not None:
         return state, planned, events
     state, command, more = _PHASES[state.phase](state, inputs, now, limits)
+    if inputs.meeting and state.phase is Phase.CONTROLLING and math.isfinite(state.plan_due):
+        state = replace(state, plan_due=min(state.plan_due, state.last_valid_plan + MEETING_PERIOD))
     state, request = _request_plan(state, now)
     return state, command, events + more + request
 

@@ -18,11 +18,16 @@ COST_FACTOR = 0.8
 """What a unit of costmap cost adds."""
 HIGHEST_COST = 253
 """What the dearest cell that may be crossed costs."""
+MEETING_DISTANCE = 3.0
+"""How near [m] what the map does not know must be to be passed on the right."""
 
 _BLOCKED = -1
 # How far apart the wave's urgency bands lie; two steps over free ground, as in navfn, give the best speed at four.
 _BAND = 4.0 * NEUTRAL_COST
 _FAR = 1.0e10
+# Strangers are passed on the right: crossing the line to their left, this long and thick [m],
+# costs as much as about a metre of free ground.
+_SHUNNED_LENGTH, _SHUNNED_DEPTH = 2.5, 0.15
 _RUNNING, _DONE, _FULL = 0, 1, 2
 
 
@@ -31,6 +36,8 @@ class NavfnConfig:
     """Parameters under ``~NavfnROS``.
 
     ``planner_window_x``, ``planner_window_y`` and ``visualize_potential`` are taken and change nothing.
+    ``keep_right`` is ours: what the map does not know, such as another robot, is passed on the right
+    unless that is a metre longer, so that two robots that meet do not dodge to the same side.
     """
 
     allow_unknown: bool = True
@@ -38,6 +45,7 @@ class NavfnConfig:
     visualize_potential: bool = False
     planner_window_x: float = 0.0
     planner_window_y: float = 0.0
+    keep_right: bool = True
 
 
 def weights(allow_unknown: bool) -> NDArray[np.int32]:
@@ -75,6 +83,8 @@ class NavfnPlanner:
             )
         costs = costmap.snapshot()
         _open_around(costs, start_cell, costmap.footprint.inscribed_radius / place.resolution)
+        if self.config.keep_right:
+            _keep_right(costs, place, start, costmap.strangers(start, MEETING_DISTANCE))
         reach = self.config.default_tolerance if tolerance is None else tolerance
         return NavfnSearch(costs, Geometry(**vars(place)), start_cell, goal_cell, goal, reach, self._weights)
 
@@ -157,3 +167,20 @@ def _open_around(costs: NDArray[np.uint8], cell: tuple[int, int], radius: float)
     near = (rows[:, None] - cell[0]) ** 2 + (cols[None, :] - cell[1]) ** 2 <= radius * radius
     part = costs[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
     part[near & (part == INSCRIBED)] = INSCRIBED - 1
+
+
+def _keep_right(costs: NDArray[np.uint8], place: Geometry, robot: Pose, strangers: NDArray[np.float64]) -> None:
+    """Draws a dear line from each stranger (n, 2) [m] to its left, as seen from the robot."""
+    if not len(strangers):
+        return
+    towards = strangers - (robot.x, robot.y)
+    towards /= np.maximum(np.hypot(towards[:, 0], towards[:, 1]), place.resolution)[:, None]
+    left = np.stack([-towards[:, 1], towards[:, 0]], axis=1)
+    aside = np.arange(0.0, _SHUNNED_LENGTH, place.resolution)[:, None, None, None]
+    behind = np.arange(-_SHUNNED_DEPTH, _SHUNNED_DEPTH, place.resolution)[None, :, None, None]
+    points = (strangers + aside * left + behind * towards).reshape(-1, 2)
+    cells = np.floor((points - (place.origin_x, place.origin_y)) / place.resolution).astype(np.int64)
+    inside = ((cells >= 0) & (cells < (place.cols, place.rows))).all(axis=1)
+    cols, rows = cells[inside].T
+    open_ground = costs[rows, cols] < INSCRIBED
+    costs[rows[open_ground], cols[open_ground]] = INSCRIBED - 1

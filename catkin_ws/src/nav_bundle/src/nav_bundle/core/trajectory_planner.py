@@ -18,6 +18,11 @@ _NO_COMMAND = (
     "for all simulated trajectories."
 )
 
+_STANDING = 1.0e-3
+# With what the map does not know in front (within 60 degrees), the speed [m/s] is held to 0.4/s times the distance
+# beyond 0.5 m, so that two robots that meet have time to give way.
+_FRONT, _SPEED_BY_DISTANCE, _MEETING_MARGIN, _SLOWEST_MEETING = 0.5, 0.4, 0.5, 0.15
+
 
 @dataclass
 class _Turning:
@@ -90,7 +95,8 @@ class TrajectoryPlanner:
     def _best(self, situation: Situation, ahead: NDArray[np.float64]) -> Velocity | None:
         if not self._is_escaping(situation.pose):
             goal_distance = math.hypot(ahead[-1, 0] - situation.pose.x, ahead[-1, 1] - situation.pose.y)
-            forward: Scored | None = self._rollout.cheapest(self._forward_samples(situation.velocity, goal_distance))
+            fastest = min(goal_distance / self.config.sim_time, self._careful_speed(situation))
+            forward: Scored | None = self._rollout.cheapest(self._forward_samples(situation.velocity, fastest))
             if forward is not None and not self._leads_on(forward, situation.pose):
                 chosen: Scored | None = self._turn_in_place(situation.velocity, None) or forward
             else:
@@ -111,11 +117,25 @@ class TrajectoryPlanner:
             min(config.max_vel_theta, velocity.turn + config.acc_lim_theta * time),
         )
 
-    def _forward_samples(self, velocity: Velocity, goal_distance: float) -> NDArray[np.float64]:
-        """Returns straight and curved samples (n, 3), no faster than what reaches the local goal in ``sim_time``."""
+    def _careful_speed(self, situation: Situation) -> float:
+        """Returns how fast to go in view of what the map does not know: it may come to meet the robot."""
+        ahead = situation.strangers - (situation.pose.x, situation.pose.y)
+        along = ahead @ (math.cos(situation.pose.yaw), math.sin(situation.pose.yaw))
+        distance = np.hypot(ahead[:, 0], ahead[:, 1])
+        in_front = distance[along > _FRONT * distance]
+        if not len(in_front):
+            return math.inf
+        return max(_SLOWEST_MEETING, _SPEED_BY_DISTANCE * (float(in_front.min()) - _MEETING_MARGIN))
+
+    def _forward_samples(self, velocity: Velocity, limit: float) -> NDArray[np.float64]:
+        """Returns straight and curved samples (n, 3), no faster than ``limit`` unless braking takes longer.
+
+        Standing still is none of them: it is always free, and would be chosen for good in front of an obstacle.
+        """
         slowest, fastest, right, left = self._range(velocity)
-        fastest = max(min(fastest, goal_distance / self.config.sim_time), slowest)
+        fastest = max(min(fastest, limit), slowest)
         speeds = np.linspace(slowest, fastest, self.config.vx_samples)
+        speeds = speeds[np.abs(speeds) > _STANDING]
         turns = np.concatenate([[0.0], np.linspace(right, left, self.config.vtheta_samples)])
         samples = np.zeros((len(speeds), len(turns), 3))
         samples[:, :, 0] = speeds[:, None]

@@ -116,22 +116,26 @@ class CostmapNode:
         """Tells whether every source has spoken within its ``expected_update_rate``."""
         return all(_is_current(source, scans, now) for source, scans in self._sources)
 
-    def update(self, now: float, forced: bool = False) -> None:
-        """Brings the costmap up to date and publishes it, each if due; ``forced`` updates in any case."""
+    def update(self, now: float, forced: bool = False) -> bool:
+        """Brings the costmap up to date and publishes it, each if due; ``forced`` updates in any case.
+
+        Returns whether it was updated.
+        """
         if self._new_map is not None:
             grid, self._new_map = self._new_map, None
             self.costmap.set_map(grid)
             self._listener_flag.arrived = True
         due = now - self._updated >= 1.0 / self._config.update_frequency - 1.0e-6 or now < self._updated
         if not self.costmap.ready or not (due or forced):
-            return
+            return False
         pose = self.pose(now)
         if pose is None:
-            return
+            return False
         self._updated = now
         changed = self.costmap.update(pose, [seen for seen in map(self._observation, self._sources) if seen])
         self._changed = self._changed.joined(changed)
         self._publish(now, pose)
+        return True
 
     def forget(self) -> None:
         """Drops what sensors saw, for a clock that jumped back."""

@@ -1,13 +1,16 @@
 """The move_base node: costmaps, planners and recovery behind one action."""
 
+import math
 import threading
 from dataclasses import replace
 
+import numpy as np
 import rospy
 from geometry_msgs.msg import Twist
 from move_base_msgs.msg import RecoveryStatus
 from nav_msgs.msg import Path as PathType
 from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
+from numpy.typing import NDArray
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
 
 from nav_bundle.conversions import path_message, stamped_from_pose
@@ -27,7 +30,7 @@ from nav_bundle.core.move_base import (
     advance,
 )
 from nav_bundle.core.move_base_config import Setup, setup_from_parameters
-from nav_bundle.core.navfn import NavfnPlanner
+from nav_bundle.core.navfn import MEETING_DISTANCE, NavfnPlanner
 from nav_bundle.core.planner import Path, PlannerError, Search, path_between
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.recovery import Recovery, Surroundings
@@ -43,6 +46,7 @@ from pioneer_node.nodes import entry
 _CELLS_STANDING = 2_000_000
 _CELLS_DRIVING = 250_000
 _COMPLAIN_EVERY = 5.0
+_NOBODY = np.empty((0, 2))
 _BUSY = "move_base must be in an inactive state to make a plan for an external user"
 _NO_START = "move_base cannot make a plan for you because it could not get the start pose of the robot"
 
@@ -81,6 +85,7 @@ class MoveBaseNode:
         self._search: Search | None = None
         self._path: Path | None = None
         self._recovery: Recovery | None = None
+        self._strangers = _NOBODY
         self._turn = threading.RLock()
         self._advertise()
 
@@ -142,7 +147,9 @@ class MoveBaseNode:
             self._handle(events)
 
     def _cycle(self, now: float) -> None:
-        self._global.update(now)
+        if self._global.update(now):
+            pose = self._global.pose(now)
+            self._strangers = _NOBODY if pose is None else self._global.costmap.strangers(pose, MEETING_DISTANCE)
         self._local.update(now)
         inputs = self._inputs(now)
         self._state, command, events = advance(self._state, inputs, now, self._setup.limits)
@@ -164,7 +171,7 @@ class MoveBaseNode:
             return Inputs(cancel=True)
         pose, local_pose = self._global.pose(now), self._local.pose(now)
         current = pose is not None and local_pose is not None and self._is_current(now)
-        inputs = Inputs(cancel=self._goals.cancelled(), pose=pose, current=current)
+        inputs = Inputs(cancel=self._goals.cancelled(), pose=pose, current=current, meeting=len(self._strangers) > 0)
         if inputs.cancel or not current:
             return inputs
         assert pose is not None
@@ -209,7 +216,9 @@ class MoveBaseNode:
         try:
             transform = self._listener.lookup(self._local.frame, self._global.frame).planar()
             velocity = velocity_from_odometry(self._odometry.messages()[0])
-            decision = self._controller.decide(Situation(self._local.costmap, local_pose, velocity, transform))
+            strangers = _moved(self._strangers, transform)
+            situation = Situation(self._local.costmap, local_pose, velocity, transform, strangers)
+            decision = self._controller.decide(situation)
         except (LocalPlannerError, TransformError) as error:
             rospy.logwarn_throttle(_COMPLAIN_EVERY, str(error))
             return None
@@ -318,6 +327,12 @@ class MoveBaseNode:
                 costmap.costmap.reset()
                 costmap.update(now, forced=True)
         return EmptyResponse()
+
+
+def _moved(points: NDArray[np.float64], transform: Pose) -> NDArray[np.float64]:
+    """Returns points (n, 2) in the parent frame of ``transform``."""
+    cosine, sine = math.cos(transform.yaw), math.sin(transform.yaw)
+    return points @ np.array([[cosine, sine], [-sine, cosine]]) + (transform.x, transform.y)
 
 
 class _FailedSearch:

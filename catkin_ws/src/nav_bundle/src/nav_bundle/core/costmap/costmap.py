@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nav_bundle import _trajectory
 from nav_bundle.core.costmap.config import CostmapConfig, InflationConfig, StaticConfig
-from nav_bundle.core.costmap.cost import FREE, UNKNOWN, cells_of_distance
+from nav_bundle.core.costmap.cost import FREE, LETHAL, UNKNOWN, cells_of_distance
 from nav_bundle.core.costmap.layer import (
     EMPTY,
     Cells,
@@ -19,6 +20,8 @@ from nav_bundle.core.costmap.layer import (
 )
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose
+
+_KNOWN = 0.3
 
 
 class Costmap:
@@ -136,6 +139,26 @@ class Costmap:
                 pose.yaw,
             )
         )
+
+    def strangers(self, pose: Pose, reach: float) -> NDArray[np.float64]:
+        """Returns what sensors marked that the map does not know: points (n, 2) [m] within ``reach`` [m] of ``pose``.
+
+        Cells nearer than 0.3 m to one that is lethal in the map count as known. Without a map there are no strangers.
+        """
+        if not self._static or self._static[0].cells is None:
+            return np.empty((0, 2))
+        place, margin = self.geometry, cells_of_distance(reach, self.geometry.resolution)
+        row, col = place.row_of(pose.y), place.col_of(pose.x)
+        part = Window(row, row + 1, col, col + 1).grown(margin, place.rows, place.cols)
+        if not part:
+            return np.empty((0, 2))
+        window = np.s_[part.row_0 : part.row_1, part.col_0 : part.col_1]
+        seen = np.zeros((part.row_1 - part.row_0, part.col_1 - part.col_0), bool)
+        for layer in self._obstacles:
+            seen |= layer.cells[window] == LETHAL
+        seen &= ~self._static[0].near(part, cells_of_distance(_KNOWN, place.resolution))
+        cells = np.argwhere(seen)[:, ::-1] + (part.col_0 + 0.5, part.row_0 + 0.5)
+        return np.ascontiguousarray(cells * place.resolution + (place.origin_x, place.origin_y))
 
     def snapshot(self) -> Cells:
         """Returns a copy of the cells that later updates leave alone."""

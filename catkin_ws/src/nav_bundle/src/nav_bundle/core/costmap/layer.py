@@ -10,6 +10,8 @@ from nav_bundle import _costmap
 from nav_bundle.core.costmap.config import InflationConfig, ObstacleConfig, SourceConfig, StaticConfig
 from nav_bundle.core.costmap.cost import (
     FREE,
+    INSCRIBED,
+    LETHAL,
     UNKNOWN,
     cells_of_distance,
     cost_by_occupancy,
@@ -105,6 +107,14 @@ class StaticLayer:
     def set_map(self, grid: Grid) -> None:
         """Takes the map's cells; its geometry is the costmap's business."""
         self.cells = self._costs[grid.cells.view(np.uint8)]
+
+    def near(self, window: Window, radius: int) -> NDArray[np.bool_]:
+        """Tells for each cell of the window whether the map is lethal within ``radius`` cells of it, in the window."""
+        assert self.cells is not None
+        part = self.cells[window.row_0 : window.row_1, window.col_0 : window.col_1].copy()
+        reached = np.full(radius * radius + 1, INSCRIBED, np.uint8)
+        _costmap.inflate(part, 0, part.shape[0], 0, part.shape[1], radius, reached, True)
+        return (part == INSCRIBED) | (part == LETHAL)
 
     def merge(self, master: Cells, window: Window) -> None:
         """Writes the map into the window of ``master``."""

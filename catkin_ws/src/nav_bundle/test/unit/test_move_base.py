@@ -1,0 +1,249 @@
+"""move_base's state machine: what follows on what, and when it gives up."""
+
+from dataclasses import replace
+
+import pytest
+
+from nav_bundle.core.goal import GoalError, check_goal
+from nav_bundle.core.local_planner import STANDSTILL, Velocity
+from nav_bundle.core.move_base import (
+    STALE_TEXT,
+    Finish,
+    FollowPlan,
+    Inputs,
+    Limits,
+    Outcome,
+    Phase,
+    PlanOutcome,
+    StartPlanning,
+    StartRecovery,
+    State,
+    StopPlanning,
+    Trigger,
+    Warn,
+    advance,
+)
+from nav_bundle.core.move_base_config import setup_from_parameters
+from nav_bundle.core.pose import Pose
+from pioneer_node.core.parameter import ParameterError
+
+LIMITS = Limits(planner_frequency=0.5, recoveries=4)
+GO = Velocity(0.5)
+PERIOD = 0.05
+
+
+class Machine:
+    """Runs the state machine at 20 Hz and keeps what it said."""
+
+    def __init__(self, limits=LIMITS):
+        self.limits, self.state, self.now, self.command = limits, State(), 0.0, None
+        self.events = []
+
+    def cycle(self, **inputs):
+        self.now += PERIOD
+        self.state, self.command, self.events = advance(self.state, Inputs(**inputs), self.now, self.limits)
+        return self.events
+
+    def until(self, condition, seconds=60.0, **inputs):
+        end = self.now + seconds
+        while not condition(self):
+            assert self.now < end, f"still {self.state} after {seconds} s"
+            self.cycle(**inputs)
+
+    def drive(self):
+        self.cycle(new_goal=True, pose=Pose())
+        self.cycle(plan=PlanOutcome.FOUND, pose=Pose())
+
+
+def finish(machine):
+    return next((event for event in machine.events if isinstance(event, Finish)), None)
+
+
+def test_without_a_goal_it_leaves_the_base_alone():
+    machine = Machine()
+    assert machine.cycle() == ()
+    assert machine.command is None
+
+
+def test_a_goal_starts_planning_and_a_plan_starts_driving():
+    machine = Machine()
+    assert StartPlanning() in machine.cycle(new_goal=True, pose=Pose())
+    assert (machine.state.phase, machine.command) == (Phase.PLANNING, STANDSTILL)
+    assert FollowPlan() in machine.cycle(plan=PlanOutcome.FOUND, pose=Pose())
+    assert machine.state.phase is Phase.CONTROLLING
+    machine.cycle(control=GO)
+    assert machine.command == GO
+
+
+def test_reaching_the_goal_ends_it_with_noetic_s_text():
+    machine = Machine()
+    machine.drive()
+    machine.cycle(reached=True)
+    assert finish(machine) == Finish(Outcome.SUCCEEDED, "Goal reached.")
+    assert (machine.state.phase, machine.command) == (Phase.IDLE, STANDSTILL)
+
+
+def test_while_driving_it_plans_at_the_planner_frequency():
+    machine, plans = Machine(), []
+    machine.drive()
+    pending = False
+    for _ in range(200):
+        events = machine.cycle(control=GO, plan=PlanOutcome.FOUND if pending else PlanOutcome.NONE)
+        pending = StartPlanning() in events
+        plans += [machine.now] * pending
+    assert len(plans) == pytest.approx(5, abs=1)
+
+
+def test_without_a_planner_frequency_it_plans_once():
+    machine = Machine(replace(LIMITS, planner_frequency=0.0))
+    machine.drive()
+    assert not any(StartPlanning() in machine.cycle(control=GO) for _ in range(200))
+
+
+def test_with_somebody_near_plans_age_fast():
+    machine = Machine(replace(LIMITS, planner_frequency=0.1))
+    machine.drive()
+    machine.until(lambda m: StartPlanning() in m.events, 0.6, control=GO, meeting=True)
+
+
+def test_a_failed_plan_while_driving_keeps_the_old_one():
+    machine = Machine()
+    machine.drive()
+    machine.cycle(control=GO, plan=PlanOutcome.FAILED)
+    assert (machine.state.phase, machine.command) == (Phase.CONTROLLING, GO)
+
+
+def test_stale_sensors_stop_the_robot_in_the_same_cycle():
+    machine = Machine()
+    machine.drive()
+    machine.cycle(control=GO)
+    assert machine.cycle(current=False) == (Warn(STALE_TEXT),)
+    assert machine.command == STANDSTILL
+    machine.cycle(control=GO)
+    assert machine.command == GO
+
+
+def test_a_cancelled_goal_is_preempted_and_the_robot_stops():
+    machine = Machine()
+    machine.drive()
+    machine.cycle(cancel=True)
+    assert finish(machine) == Finish(Outcome.PREEMPTED, "")
+    assert machine.command == STANDSTILL
+
+
+def test_a_new_goal_replaces_the_one_under_way():
+    machine = Machine()
+    machine.drive()
+    assert machine.cycle(new_goal=True, control=GO, pose=Pose()) == (StopPlanning(), StartPlanning())
+    assert machine.state.phase is Phase.PLANNING
+
+
+def test_without_control_it_plans_again_until_patience_ends():
+    machine = Machine()
+    machine.drive()
+    assert StartPlanning() in machine.cycle()
+    assert (machine.state.phase, machine.command) == (Phase.PLANNING, STANDSTILL)
+    machine.until(lambda m: m.state.phase is Phase.CLEARING, plan=PlanOutcome.FOUND)
+    assert machine.state.trigger is Trigger.CONTROLLING
+    assert machine.now == pytest.approx(15.0, abs=0.5)
+
+
+def test_without_a_plan_it_gives_up_after_the_planner_s_patience():
+    machine = Machine()
+    machine.cycle(new_goal=True, pose=Pose())
+    machine.until(lambda m: m.state.phase is Phase.CLEARING, plan=PlanOutcome.FAILED)
+    assert machine.state.trigger is Trigger.PLANNING
+    assert machine.now == pytest.approx(5.0, abs=0.5)
+
+
+def test_planning_retries_are_counted_where_they_are_limited():
+    machine = Machine(replace(LIMITS, max_planning_retries=2))
+    machine.cycle(new_goal=True, pose=Pose())
+    machine.until(lambda m: m.state.phase is Phase.CLEARING, 1.0, plan=PlanOutcome.FAILED)
+    assert machine.now < 0.5
+
+
+def test_recoveries_run_in_order_and_then_the_goal_is_aborted():
+    machine, started = Machine(), []
+    machine.cycle(new_goal=True, pose=Pose())
+    while finish(machine) is None:
+        recovering = machine.state.recovering
+        machine.cycle(plan=PlanOutcome.FAILED, recovered=recovering, pose=Pose())
+        started += [event.index for event in machine.events if isinstance(event, StartRecovery)]
+        assert machine.now < 60.0
+    assert started == [0, 1, 2, 3]
+    assert finish(machine) == Finish(
+        Outcome.ABORTED, "Failed to find a valid plan. Even after executing recovery behaviors."
+    )
+
+
+def test_a_recovery_drives_until_it_has_ended():
+    machine = Machine()
+    machine.cycle(new_goal=True, pose=Pose())
+    machine.until(lambda m: m.state.recovering, plan=PlanOutcome.FAILED)
+    spin = Velocity(turn=0.4)
+    machine.cycle(recovery=spin)
+    assert machine.command == spin
+    machine.cycle(recovered=True)
+    assert (machine.state.phase, machine.command) == (Phase.PLANNING, STANDSTILL)
+
+
+def test_success_after_a_recovery_begins_the_list_anew():
+    machine = Machine()
+    machine.cycle(new_goal=True, pose=Pose())
+    machine.until(lambda m: m.state.recovering, plan=PlanOutcome.FAILED)
+    machine.cycle(recovered=True)
+    assert machine.state.recovery_index == 1
+    machine.cycle(plan=PlanOutcome.FOUND)
+    assert machine.state.recovery_index == 0
+
+
+def test_a_robot_that_does_not_get_on_oscillates():
+    machine = Machine(replace(LIMITS, oscillation_timeout=10.0, recoveries=0))
+    machine.drive()
+    machine.until(lambda m: finish(m) is not None, 11.0, control=GO, pose=Pose(0.1, 0.0))
+    assert finish(machine).text == "Robot is oscillating. Even after executing recovery behaviors."
+
+
+def test_a_robot_that_gets_on_does_not_oscillate():
+    machine = Machine(replace(LIMITS, oscillation_timeout=10.0))
+    machine.drive()
+    for i in range(600):
+        machine.cycle(control=GO, pose=Pose(0.06 * PERIOD * i * 10))
+    assert machine.state.phase is Phase.CONTROLLING
+
+
+@pytest.mark.parametrize(
+    ("position", "rotation", "words"),
+    [
+        ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0), "length close to zero"),
+        ((0.0, 0.0, 0.0), (0.0, 0.0, float("nan"), 1.0), "nans or infs"),
+        ((float("nan"), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), "nans or infs"),
+        ((0.0, 0.0, 0.0), (0.7, 0.0, 0.0, 0.7), "z-axis"),
+    ],
+)
+def test_goals_that_are_no_poses_in_the_plane_are_refused(position, rotation, words):
+    with pytest.raises(GoalError, match=words):
+        check_goal(position, rotation)
+
+
+def test_noetic_s_four_recoveries_are_the_default():
+    setup = setup_from_parameters({"global_costmap": {"static_map": True}}, "move_base")
+    names = ["conservative_reset", "rotate_recovery", "aggressive_reset", "rotate_recovery"]
+    assert [recovery.name for recovery in setup.recoveries] == names
+    without = setup_from_parameters({"clearing_rotation_allowed": False}, "move_base")
+    assert [recovery.name for recovery in without.recoveries] == ["conservative_reset", "aggressive_reset"]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"planer_frequency": 1.0}, "did you mean ~planner_frequency"),
+        ({"base_local_planner": "dwa_local_planner/DWAPlannerROS"}, "not available"),
+        ({"recovery_behaviors": [{"name": "x", "type": "y/Z"}]}, "no such type"),
+        ({"controller_frequency": 0.0}, "positive"),
+    ],
+)
+def test_wrong_parameters_of_move_base_are_refused(parameters, words):
+    with pytest.raises(ParameterError, match=words):
+        setup_from_parameters(parameters, "move_base")

@@ -1,0 +1,188 @@
+"""What every global planner promises, on small drawn maps."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from nav_bundle.core.costmap.config import costmap_config_from_parameters
+from nav_bundle.core.costmap.cost import INSCRIBED, UNKNOWN
+from nav_bundle.core.costmap.costmap import Costmap
+from nav_bundle.core.costmap.layer import Observation
+from nav_bundle.core.grid import grid_from_text
+from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
+from nav_bundle.core.planner import GoalOutsideError, NoPathError, StartOutsideError, path_between
+from nav_bundle.core.pose import Pose
+
+RESOLUTION = 0.1
+ROOMS = [
+    "####################",
+    "#........#.........#",
+    "#........#.........#",
+    "#........#.........#",
+    "#..................#",
+    "#........#.........#",
+    "#........#.........#",
+    "#........#.........#",
+    "####################",
+]
+CLOSED = [row[:9] + "#" + row[10:] for row in ROOMS]
+WIDE = ["####################", *["#..................#"] * 10, "####################"]
+
+
+def costmap_of(rows, inflation=0.0, **parameters):
+    given = {"static_map": True, "robot_radius": 0.05, "footprint_padding": 0.0, "inflation_radius": inflation}
+    costmap = Costmap(costmap_config_from_parameters({**given, "cost_scaling_factor": 3.0, **parameters}, "test"))
+    costmap.set_map(grid_from_text(rows, RESOLUTION))
+    costmap.update(Pose(0.15, 0.15), [])
+    return costmap
+
+
+def length(path):
+    return float(np.hypot(*np.diff(path[:, :2], axis=0).T).sum())
+
+
+def costs_along(costmap, path):
+    place = costmap.geometry
+    return [costmap.cells[place.row_of(y), place.col_of(x)] for x, y, _ in path]
+
+
+@pytest.fixture(params=[NavfnPlanner(NavfnConfig())], ids=["navfn"])
+def planner(request):
+    return request.param
+
+
+def test_a_path_leads_from_the_robot_to_the_goal(planner):
+    path = path_between(planner, costmap_of(ROOMS), Pose(0.25, 0.25), Pose(1.75, 0.25, 1.0))
+    assert path[0, :2] == pytest.approx((0.25, 0.25), abs=RESOLUTION)
+    assert tuple(path[-1]) == pytest.approx((1.75, 0.25, 1.0))
+
+
+def test_a_path_has_no_gaps(planner):
+    path = path_between(planner, costmap_of(ROOMS), Pose(0.25, 0.25), Pose(1.75, 0.75))
+    assert np.hypot(*np.diff(path[:, :2], axis=0).T).max() <= 1.5 * RESOLUTION
+
+
+def test_a_path_crosses_nothing_that_touches(planner):
+    costmap = costmap_of(ROOMS, 0.3)
+    path = path_between(planner, costmap, Pose(0.25, 0.25), Pose(1.75, 0.25))
+    assert max(costs_along(costmap, path)) < INSCRIBED
+
+
+def test_over_free_ground_a_path_is_nearly_straight(planner):
+    path = path_between(planner, costmap_of(WIDE), Pose(0.25, 0.25), Pose(1.75, 0.85))
+    assert length(path) < 1.05 * math.hypot(1.5, 0.6)
+
+
+def test_costs_push_a_path_off_the_wall(planner):
+    near, far = (
+        path_between(planner, costmap_of(WIDE, inflation), Pose(0.35, 0.35), Pose(1.65, 0.35))
+        for inflation in (0.0, 0.8)
+    )
+    assert far[:, 1].max() > near[:, 1].max() + RESOLUTION
+
+
+def test_a_closed_room_has_no_path(planner):
+    with pytest.raises(NoPathError, match="Failed to get a plan"):
+        path_between(planner, costmap_of(CLOSED), Pose(0.25, 0.25), Pose(1.75, 0.25))
+
+
+def test_a_goal_in_a_wall_is_approached_as_far_as_the_tolerance_allows(planner):
+    costmap = costmap_of(ROOMS)
+    goal = Pose(0.95, 0.25)
+    with pytest.raises(NoPathError):
+        path_between(planner, costmap, Pose(0.25, 0.25), goal, 0.05)
+    path = path_between(planner, costmap, Pose(0.25, 0.25), goal, 0.3)
+    assert 0.0 < math.hypot(path[-1, 0] - goal.x, path[-1, 1] - goal.y) <= 0.3
+
+
+def test_start_and_goal_must_lie_on_the_map(planner):
+    with pytest.raises(StartOutsideError, match="off the global costmap"):
+        path_between(planner, costmap_of(ROOMS), Pose(-1.0, 0.0), Pose(1.0, 0.25))
+    with pytest.raises(GoalOutsideError, match="off the global costmap"):
+        path_between(planner, costmap_of(ROOMS), Pose(0.25, 0.25), Pose(5.0, 0.25))
+
+
+def test_the_way_to_where_the_robot_stands_is_short(planner):
+    path = path_between(planner, costmap_of(ROOMS), Pose(0.25, 0.25), Pose(0.25, 0.25, 2.0))
+    assert tuple(path[-1]) == pytest.approx((0.25, 0.25, 2.0))
+    assert length(path) < 2 * RESOLUTION
+
+
+def test_a_robot_too_near_to_a_wall_gets_away(planner):
+    costmap = costmap_of(WIDE, 0.5, robot_radius=0.25)
+    start = Pose(0.25, 0.55)
+    assert costs_along(costmap, [(start.x, start.y, 0.0)]) == [INSCRIBED]
+    path = path_between(planner, costmap, start, Pose(1.45, 0.55))
+    assert path[-1, 0] == pytest.approx(1.45)
+
+
+def test_a_search_in_small_slices_finds_the_same_path(planner):
+    costmap = costmap_of(ROOMS, 0.3)
+    whole = path_between(planner, costmap, Pose(0.25, 0.25), Pose(1.75, 0.25))
+    search = planner.search(costmap, Pose(0.25, 0.25), Pose(1.75, 0.25))
+    slices = list(itertools.takewhile(lambda path: path is None, (search.advance(10) for _ in itertools.count())))
+    assert len(slices) > 3
+    path = search.advance(10)
+    np.testing.assert_array_equal(path, whole)
+
+
+def test_a_search_does_not_see_later_changes(planner):
+    costmap = costmap_of(ROOMS)
+    search = planner.search(costmap, Pose(0.25, 0.25), Pose(1.75, 0.25))
+    costmap.cells[:, 9] = 254
+    assert search.advance(1 << 40) is not None
+
+
+def test_every_open_pair_of_places_is_joined(planner):
+    generator = np.random.default_rng(3)
+    rows = ["#" * 40, *["#" + "".join(generator.choice([".", "#"], 38, p=[0.75, 0.25])) + "#" for _ in range(38)]]
+    costmap = costmap_of([*rows, "#" * 40])
+    free = np.argwhere(costmap.cells == 0)
+    for _ in range(40):
+        (r0, c0), (r1, c1) = free[generator.integers(len(free), size=2)]
+        start, goal = Pose((c0 + 0.5) * 0.1, (r0 + 0.5) * 0.1), Pose((c1 + 0.5) * 0.1, (r1 + 0.5) * 0.1)
+        if _joined(costmap.cells, (r0, c0), (r1, c1)):
+            assert max(costs_along(costmap, path_between(planner, costmap, start, goal))) < INSCRIBED
+        else:
+            with pytest.raises(NoPathError):
+                path_between(planner, costmap, start, goal)
+
+
+def _joined(cells, start, goal):
+    seen, stack = {tuple(start)}, [tuple(start)]
+    while stack:
+        row, col = stack.pop()
+        for cell in ((row, col + 1), (row, col - 1), (row + 1, col), (row - 1, col)):
+            if cells[cell] < INSCRIBED and cell not in seen:
+                seen.add(cell)
+                stack.append(cell)
+    return tuple(goal) in seen
+
+
+@pytest.mark.parametrize("allowed", [True, False])
+def test_unknown_ground_is_crossed_only_where_allowed(allowed):
+    rows = [row.replace(".", "?", 1) if i == 4 else row for i, row in enumerate(ROOMS)]
+    rows[4] = ROOMS[4][:9] + "?" + ROOMS[4][10:]
+    costmap = costmap_of(rows, track_unknown_space=True)
+    assert UNKNOWN in costmap.cells
+    planner = NavfnPlanner(NavfnConfig(allow_unknown=allowed))
+    if allowed:
+        assert len(path_between(planner, costmap, Pose(0.25, 0.25), Pose(1.75, 0.25))) > 2
+    else:
+        with pytest.raises(NoPathError):
+            path_between(planner, costmap, Pose(0.25, 0.25), Pose(1.75, 0.25))
+
+
+def test_what_the_map_does_not_know_is_passed_on_the_right():
+    parameters = {"observation_sources": "laser", "laser": {"topic": "base_scan"}, "obstacle_range": 3.0}
+    planner = NavfnPlanner(NavfnConfig())
+    for start, goal in ((Pose(0.5, 2.05), Pose(3.5, 2.05)), (Pose(3.5, 2.05, math.pi), Pose(0.5, 2.05))):
+        costmap = costmap_of(["." * 40] * 41, 0.5, **parameters)
+        source = costmap.config.layers[1].sources[0]
+        costmap.update(start, [Observation(source, start.x, start.y, np.array([[2.0, 2.05]]))])
+        path = path_between(planner, costmap, start, goal)
+        beside = path[np.abs(path[:, 0] - 2.0).argmin()]
+        side = math.copysign(1.0, goal.x - start.x) * (beside[1] - 2.05)
+        assert side < -0.2

@@ -1,0 +1,280 @@
+"""The local planner drives a kinematic robot through drawn worlds without touching anything."""
+
+import math
+
+import numpy as np
+import pytest
+
+from nav_bundle.core.costmap.config import costmap_config_from_parameters
+from nav_bundle.core.costmap.cost import LETHAL
+from nav_bundle.core.costmap.costmap import Costmap
+from nav_bundle.core.costmap.footprint import Footprint
+from nav_bundle.core.costmap.layer import Observation
+from nav_bundle.core.grid import OCCUPIED, Grid, grid_from_text
+from nav_bundle.core.local_planner import STANDSTILL, Decision, LocalPlannerError, Situation, Velocity
+from nav_bundle.core.navfn import MEETING_DISTANCE, NavfnConfig, NavfnPlanner
+from nav_bundle.core.planner import path_between
+from nav_bundle.core.pose import Pose
+from nav_bundle.core.rollout import Horizon, Rollout, Scales
+from nav_bundle.core.trajectory_config import trajectory_config_from_parameters
+from nav_bundle.core.trajectory_planner import TrajectoryPlanner
+from pioneer_node.core.parameter import ParameterError
+
+RESOLUTION = 0.05
+PERIOD = 0.05
+BODY = np.array([[0.20, 0.20], [0.20, -0.20], [-0.30, -0.20], [-0.30, 0.20]])
+SENSING = {
+    "footprint": BODY.tolist(),
+    "observation_sources": "laser",
+    "laser": {"topic": "base_scan", "marking": True, "clearing": True},
+    "obstacle_range": 2.0,
+    "raytrace_range": 3.0,
+    "cost_scaling_factor": 5.0,
+}
+GLOBAL = costmap_config_from_parameters({**SENSING, "static_map": True, "inflation_radius": 1.5}, "global")
+WINDOW = {"rolling_window": True, "width": 3.0, "height": 3.0, "inflation_radius": 2.0, "global_frame": "odom"}
+LOCAL = costmap_config_from_parameters({**SENSING, **WINDOW}, "local")
+PARAMETERS = {
+    "max_vel_x": 1.0,
+    "min_vel_x": 0.0,
+    "escape_vel": -0.2,
+    "xy_goal_tolerance": 0.25,
+    "yaw_goal_tolerance": 3.15,
+    "holonomic_robot": False,
+    "meter_scoring": True,
+    "pdist_scale": 0.8,
+    "gdist_scale": 1.0,
+}
+
+
+def config_of(**parameters):
+    return trajectory_config_from_parameters({**PARAMETERS, **parameters}, "TrajectoryPlannerROS", 1.0 / PERIOD)
+
+
+def world_of(rows, scale):
+    """Returns the grid of a drawing whose symbols are ``scale`` [m] wide."""
+    cells = round(scale / RESOLUTION)
+    return grid_from_text(["".join(symbol * cells for symbol in row) for row in rows for _ in range(cells)], RESOLUTION)
+
+
+class World:
+    """A drawn map with a robot in it, and perhaps another body on the move."""
+
+    def __init__(self, grid: Grid, pose: Pose, config=None):
+        self.grid, self.pose, self.velocity = grid, pose, Velocity()
+        self.local, self.map = Costmap(LOCAL), Costmap(GLOBAL)
+        self.map.set_map(grid)
+        self.planner = TrajectoryPlanner(config or config_of(), RESOLUTION)
+        self.other = None
+        self.strangers = np.empty((0, 2))
+        self.time = 0.0
+        self.way = 0.0
+
+    def solid(self):
+        cells = self.grid.cells == OCCUPIED
+        if self.other is not None:
+            rows, cols = np.mgrid[: cells.shape[0], : cells.shape[1]]
+            near = np.hypot((cols + 0.5) * RESOLUTION - self.other.x, (rows + 0.5) * RESOLUTION - self.other.y) < 0.25
+            cells = cells | near
+        return cells
+
+    def scan(self, beams=180):
+        angles = self.pose.yaw + np.arange(beams) * math.tau / beams
+        along = np.arange(0.0, 6.0, RESOLUTION / 2)
+        x = self.pose.x + np.outer(np.cos(angles), along)
+        y = self.pose.y + np.outer(np.sin(angles), along)
+        solid = self.solid()
+        rows = np.clip((y / RESOLUTION).astype(int), 0, solid.shape[0] - 1)
+        cols = np.clip((x / RESOLUTION).astype(int), 0, solid.shape[1] - 1)
+        hits = solid[rows, cols]
+        beam = np.flatnonzero(hits.any(axis=1))
+        first = hits[beam].argmax(axis=1)
+        return np.ascontiguousarray(np.stack([x[beam, first], y[beam, first]], axis=1))
+
+    def look(self):
+        points = self.scan()
+        for costmap in (self.local, self.map):
+            source = costmap.config.layers[-2].sources[0]
+            costmap.update(self.pose, [Observation(source, self.pose.x, self.pose.y, points)])
+
+    def decide(self):
+        return self.planner.decide(Situation(self.local, self.pose, self.velocity, Pose(), self.strangers))
+
+    def move(self, command):
+        forward = np.clip(command.x - self.velocity.x, -2.5 * PERIOD, 2.5 * PERIOD)
+        turn = np.clip(command.turn - self.velocity.turn, -3.2 * PERIOD, 3.2 * PERIOD)
+        self.velocity = Velocity(self.velocity.x + float(forward), 0.0, self.velocity.turn + float(turn))
+        x, y = self.pose.apply(self.velocity.x * PERIOD, 0.0)
+        self.pose = Pose(x, y, self.pose.yaw + self.velocity.turn * PERIOD)
+        self.way += abs(self.velocity.x) * PERIOD
+        self.time += PERIOD
+
+    def touches(self):
+        outline = Footprint(BODY).outline(self.pose)
+        fractions = np.linspace(0.0, 1.0, 12)[:, None, None]
+        points = (outline + fractions * (np.roll(outline, -1, axis=0) - outline)).reshape(-1, 2)
+        rows, cols = (points[:, 1] / RESOLUTION).astype(int), (points[:, 0] / RESOLUTION).astype(int)
+        return bool(self.solid()[rows, cols].any())
+
+    def cycles(self, goal, seconds):
+        """Drives until the goal is reached, a cycle a step: looks at 5 Hz, plans at 0.5 Hz and controls at 20 Hz."""
+        navfn, planned = NavfnPlanner(NavfnConfig()), -40
+        for cycle in range(round(seconds / PERIOD)):
+            if cycle % 4 == 0:
+                self.look()
+                self.strangers = self.map.strangers(self.pose, MEETING_DISTANCE)
+            if cycle - planned >= (10 if len(self.strangers) else 40):
+                planned = cycle
+                self.planner.set_plan(path_between(navfn, self.map, self.pose, goal))
+            try:
+                decision = self.decide()
+            except LocalPlannerError:
+                decision, planned = Decision(), -40
+            if decision.reached:
+                return
+            self.move(decision.velocity)
+            assert not self.touches(), f"touched something at {self.time:.1f} s, {self.pose}"
+            yield
+        pytest.fail(f"not at {goal} after {seconds} s but at {self.pose}")
+
+    def drive(self, goal, seconds=60.0):
+        for _ in self.cycles(goal, seconds):
+            pass
+
+
+CORRIDOR = ["##########", "#........#", "##########"]
+BEND = ["#####....", "....#....", "###.#####", "..#.....#", "..#####.#", "......#.#", "......###"]
+HALL = ["#" * 16, *["#" + "." * 14 + "#"] * 6, "#" * 16]
+DOORWAY = ["#" * 16, *["#......##......#"] * 2, "#" + "." * 14 + "#", *["#......##......#"] * 2, "#" * 16]
+
+
+@pytest.mark.parametrize("heading", [0.0, math.pi / 2, math.pi, -math.pi / 2])
+def test_it_drives_along_a_corridor_whatever_way_it_faces(heading):
+    world = World(world_of(CORRIDOR, 1.6), Pose(2.6, 2.4, heading))
+    world.drive(Pose(12.0, 2.4))
+    assert world.time < 9.4 / 0.5
+
+
+def test_it_turns_around_in_a_corridor():
+    world = World(world_of(CORRIDOR, 1.6), Pose(2.6, 2.4))
+    world.drive(Pose(8.0, 2.4))
+    world.drive(Pose(2.6, 2.4))
+    assert world.time < 2 * 5.4 / 0.4
+
+
+def test_it_goes_through_a_doorway():
+    world = World(world_of(DOORWAY, 0.8), Pose(1.8, 4.0, 2.0))
+    world.drive(Pose(10.8, 1.4))
+
+
+def test_it_takes_the_corners_of_a_narrow_bend():
+    world = World(world_of(BEND, 1.6), Pose(5.6, 8.8, -math.pi / 2))
+    world.drive(Pose(12.0, 4.0))
+
+
+@pytest.mark.parametrize(
+    ("drawing", "scale", "first_y", "second_y"),
+    [(HALL, 0.8, 3.2, 3.2), (HALL, 0.8, 3.4, 3.0), (HALL, 0.8, 2.8, 3.6), (CORRIDOR, 1.6, 2.4, 2.4)],
+    ids=["head-on", "on the left", "on the right", "in a corridor of 1.6 m"],
+)
+def test_two_robots_pass_each_other(drawing, scale, first_y, second_y):
+    grid = world_of(drawing, scale)
+    first, second = World(grid, Pose(2.6, first_y)), World(grid, Pose(11.2, second_y, math.pi))
+    drives = [first.cycles(Pose(11.0, first_y), 60.0), second.cycles(Pose(2.8, second_y), 60.0)]
+    while drives:
+        first.other, second.other = second.pose, first.pose
+        drives = [drive for drive in drives if next(drive, "at the goal") is None]
+        assert first.pose.distance(second.pose) > 0.6
+    assert max(first.time, second.time) < 25.0
+
+
+def test_no_command_leads_into_what_the_costmap_calls_lethal():
+    generator = np.random.default_rng(4)
+    rows = ["".join("#" if generator.random() < 0.06 else "." for _ in range(24)) for _ in range(24)]
+    grid = world_of(rows, 0.3)
+    for _ in range(60):
+        x, y, yaw = (float(value) for value in generator.uniform((1.5, 1.5, -3.0), (5.5, 5.5, 3.0)))
+        world = World(grid, Pose(x, y, yaw))
+        world.velocity = Velocity(float(generator.uniform(0.0, 0.5)), 0.0, float(generator.uniform(-0.5, 0.5)))
+        world.look()
+        gx, gy = generator.uniform(-1.0, 1.0, 2)
+        track = np.linspace((x, y, 0.0), (x + gx, y + gy, 0.0), 30)
+        world.planner.set_plan(np.ascontiguousarray(track))
+        try:
+            decision = world.decide()
+        except LocalPlannerError:
+            continue
+        for px, py, pyaw in decision.local_plan.tolist():
+            assert world.local.footprint_cost(Pose(px, py, pyaw)) >= 0
+
+
+def test_a_walled_in_robot_is_told_so():
+    world = World(world_of(HALL, 0.8), Pose(6.0, 3.2))
+    world.look()
+    world.local.cells[:, :] = LETHAL
+    world.planner.set_plan(np.array([[6.0, 3.2, 0.0], [7.0, 3.2, 0.0]]))
+    with pytest.raises(LocalPlannerError, match="collision"):
+        world.decide()
+
+
+def test_with_a_wall_in_front_it_backs_up():
+    world = World(world_of(HALL, 0.8), Pose(6.0, 3.2), config_of(min_vel_x=0.1))
+    world.look()
+    place = world.local.geometry
+    row, col = place.row_of(3.2), place.col_of(6.0)
+    world.local.cells[row - 8 : row + 9, col + 5] = LETHAL
+    world.local.cells[row - 6, col - 8 : col + 5] = LETHAL
+    world.local.cells[row + 6, col - 8 : col + 5] = LETHAL
+    world.planner.set_plan(np.array([[6.0, 3.2, 0.0], [7.0, 3.2, 0.0]]))
+    assert world.decide().velocity == Velocity(-0.2)
+
+
+def test_near_the_goal_it_stops_turns_and_has_reached_it():
+    world = World(world_of(HALL, 0.8), Pose(4.0, 3.2), config_of(yaw_goal_tolerance=0.1))
+    world.velocity = Velocity(0.5)
+    world.look()
+    world.planner.set_plan(np.array([[4.0, 3.2, 0.0], [4.1, 3.2, 2.0]]))
+    assert world.decide().velocity == Velocity(0.5 - 2.5 * PERIOD)
+    world.velocity = Velocity()
+    assert world.decide().velocity.turn >= 0.16
+    world.pose = Pose(4.0, 3.2, 1.95)
+    assert world.decide().reached
+    assert world.decide().velocity == STANDSTILL
+
+
+@pytest.mark.parametrize("latch", [True, False])
+def test_a_latched_place_needs_not_be_reached_again(latch):
+    world = World(world_of(HALL, 0.8), Pose(4.0, 3.2), config_of(yaw_goal_tolerance=0.1, latch_xy_goal_tolerance=latch))
+    world.look()
+    world.planner.set_plan(np.array([[4.0, 3.2, 0.0], [4.2, 3.2, 2.0]]))
+    world.decide()
+    world.pose = Pose(3.9, 3.2)
+    assert (world.decide().velocity.x == 0.0) == latch
+
+
+def test_the_pruned_search_finds_the_winner_of_the_whole_one():
+    generator = np.random.default_rng(5)
+    world = World(world_of(BEND, 1.6), Pose(5.6, 8.0, -1.2))
+    world.look()
+    rollout = Rollout(Velocity(2.5, 2.5, 3.2), Horizon(1.7, 0.025, 0.025), Scales(0.04, 0.05, 0.0005))
+    plan = path_between(NavfnPlanner(NavfnConfig()), world.map, world.pose, Pose(12.0, 4.0))
+    for _ in range(20):
+        velocity = Velocity(float(generator.uniform(0, 0.6)), 0.0, float(generator.uniform(-0.8, 0.8)))
+        assert rollout.begin(Situation(world.local, world.pose, velocity, Pose()), plan)
+        samples = np.ascontiguousarray(generator.uniform((0.0, 0.0, -1.0), (0.8, 1e-9, 1.0), (200, 3)))
+        best = min(rollout.all_of(samples), key=lambda scored: scored.cost, default=None)
+        assert rollout.cheapest(samples) == best
+
+
+def test_former_parameter_names_are_understood():
+    config = config_of(acc_lim_th=1.5, max_rotational_vel=0.7, path_distance_bias=0.4, backup_vel=-0.3)
+    assert (config.acc_lim_theta, config.max_vel_theta, config.min_vel_theta) == (1.5, 0.7, -0.7)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"max_vel_xx": 1.0}, {"holonomic_robot": True}, {"sim_time": 0.0}, {"vx_samples": 0}, {"escape_vel": 0.1}],
+)
+def test_parameters_that_make_no_sense_are_refused(wrong):
+    with pytest.raises(ParameterError):
+        config_of(**wrong)
