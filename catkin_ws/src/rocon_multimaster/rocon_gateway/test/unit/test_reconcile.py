@@ -332,3 +332,19 @@ def test_what_was_not_wanted_is_not_imported_though_offered() -> None:
     fleet = fleet_of(hub, robot)
     robot.book = RuleBook("robot")
     assert reconcile(fleet.situation(robot)).imports == frozenset()
+
+
+def test_a_proxy_never_takes_the_name_of_a_node_that_is_here() -> None:
+    hub, robot = gateway("hub", publisher("/a", "/amcl")), gateway("robot", subscriber("/a", "/hub/amcl"))
+    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/a")])
+    fleet_of(hub, robot)
+    assert robot.imported() == set()
+    assert robot.states() == {"flip /a": State.REFUSED}
+    assert robot.reason("/a") == "a node /hub/amcl is here already"
+
+
+def test_two_gateways_whose_names_look_alike_to_ros_do_not_share_a_proxy() -> None:
+    robot, one, two = gateway("robot"), gateway("a b", publisher("/t")), gateway("a_b", publisher("/t"))
+    robot.book = robot.book.flipped([to("a.b", Kind.SUBSCRIBER, "/t")])
+    Fleet(robot, one, two).settle()
+    assert len(robot.outcome.imports) == 1

@@ -62,6 +62,7 @@ class _Reconciler:
         self.exports: dict[Key, Export] = {}
         self.imports: dict[Key, Import] = {}
         self.nodes: dict[Key, set[str]] = {}
+        self.proxies: dict[tuple[str, str], Key] = {}
         self.offers: dict[str, dict[Offer, None]] = {}
         self.wants: dict[str, dict[Want, None]] = {}
         self.replies: dict[str, dict[Reply, None]] = {}
@@ -317,9 +318,19 @@ class _Reconciler:
             return _always(verdict.mismatch(connection.name, at))
         address = Address(other.record.host, other.record.port)
         wanted = Import(connection.name, connection.type, ANY, gateway, connection.node, address)
+        clash = self._clash(wanted)
+        if clash:
+            return _always(Verdict(State.REFUSED, clash))
         self.imports[wanted.key] = wanted
         self.nodes.setdefault(wanted.key, set()).add(nodes)
         return lambda: verdict.from_link(self._import_for(wanted.key), self.situation.links)
+
+    def _clash(self, wanted: Import) -> str:
+        """Returns why the proxy's name cannot be had; a node that registers under another's name would end that one."""
+        if any(one.node == wanted.proxy for one in self.situation.local):
+            return f"a node {wanted.proxy} is here already"
+        key = self.proxies.setdefault((wanted.topic, wanted.proxy), wanted.key)
+        return "" if key == wanted.key else f"{wanted.proxy} stands for a node of gateway {key.gateway} already"
 
     def _import_for(self, key: Key) -> Import:
         """Returns one import for the nodes of all rules that ask for it."""

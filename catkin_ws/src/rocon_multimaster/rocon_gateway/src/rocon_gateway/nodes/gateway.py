@@ -74,27 +74,30 @@ class GatewayNode:
         self._master_lost = False
         self._outcome = Outcome()
         self._said: tuple[object, object] = (None, None)
-        self._relay = TcpRelay(self._relay_config(), self._wake, self._logger)
-        self._hub = Hub(self._hub_config(), self._record(HubView()), self._linked, self._wake, self._logger)
+        password = password_from(self._setting.hub_password_file)
+        self._relay = TcpRelay(self._relay_config(password), self._wake, self._logger)
+        self._hub = Hub(self._hub_config(password), self._record(HubView()), self._linked, self._wake, self._logger)
         self._desk = Desk(book, self._hub, self._wake, self._set_period)
         rospy.on_shutdown(self._stop)
 
-    def _relay_config(self) -> RelayConfig:
+    def _relay_config(self, password: str | None) -> RelayConfig:
         return RelayConfig(
             gateway=self._name,
             node=rospy.get_name(),
             master_uri=rosgraph.get_master_uri(),
             host=rosgraph.network.get_host_name(),
             port=self._setting.relay_port,
+            # Who may join the hub may link, and nobody else.
+            credential=password.encode() if password else None,
             max_message_size=self._setting.max_message_size,
         )
 
-    def _hub_config(self) -> HubConfig:
+    def _hub_config(self, password: str | None) -> HubConfig:
         return HubConfig(
             uris=(self._setting.hub_uri,) if self._setting.hub_uri else (),
             whitelist=self._setting.hubs_allowed,
             blacklist=self._setting.hubs_refused,
-            password=password_from(self._setting.hub_password_file),
+            password=password,
         )
 
     def spin(self) -> None:

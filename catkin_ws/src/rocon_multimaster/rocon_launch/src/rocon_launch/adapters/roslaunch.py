@@ -1,12 +1,16 @@
 """One roslaunch process, with its output line by line, and its end with all its descendants."""
 
 import os
+import re
 import signal
 import subprocess
 import threading
 from collections.abc import Callable, Mapping, Sequence
 
 from rocon_launch.core.concert import Launch
+
+# roslaunch names the terminal's window, which is not its own here.
+_WINDOW_TITLE = re.compile(r"\x1b\]2;[^\x07]*\x07")
 
 
 class RoslaunchProcess:
@@ -41,7 +45,9 @@ class RoslaunchProcess:
     def _read(self, show: Callable[[str, str], None]) -> None:
         assert self._process.stdout is not None
         for line in self._process.stdout:
-            show(self.launch.title, line.decode(errors="replace").rstrip("\n"))
+            text = _WINDOW_TITLE.sub("", line.decode(errors="replace")).strip("\r\n")
+            if text:
+                show(self.launch.title, text)
 
     @property
     def status(self) -> int | None:

@@ -1,0 +1,125 @@
+"""The tutorial's network as its commands start it: hub, Hub_Gateway and a robot, and the rules of rocon_flip."""
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import rosgraph
+
+from pioneer_harness.masters import Master
+from pioneer_harness.port import PortReservation
+from pioneer_harness.process import ProcessGroup
+from pioneer_harness.wait import wait_until
+
+# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+
+# A client as people write them: these imports and request objects are what a gateway's users rely on.
+CLIENT = """
+import rospy
+import gateway_msgs.msg as gateway_msgs
+import gateway_msgs.srv as gateway_srvs
+import rocon_gateway
+rospy.init_node("client")
+rospy.wait_for_service("/gateway/pull")
+request = gateway_srvs.RemoteRequest()
+request.cancel = False
+request.remotes = []
+rule = gateway_msgs.Rule()
+rule.name = "/chatter"
+rule.type = gateway_msgs.ConnectionType.PUBLISHER
+request.remotes.append(gateway_msgs.RemoteRule("Hub_Gateway", rule))
+answer = rospy.ServiceProxy("/gateway/pull", gateway_srvs.Remote)(request)
+raise SystemExit(answer.result)
+"""
+
+
+class Network:
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.group, self.ports, self.robot = folder, ProcessGroup(), PortReservation(), Master()
+        self.hub_port, hub_master, gateway_master = (self.ports.take(port) for port in (18380, 18311, 18312))
+        self.base = f"http://127.0.0.1:{gateway_master}"
+        # The ports are free by now, and roslaunch needs them so.
+        self.ports.release()
+        self.environment = {**os.environ, "ROS_IP": "127.0.0.1", "ROS_HOME": str(folder / "home")}
+        arguments = (
+            f"hub_port:={self.hub_port}",
+            f"hub_master_port:={hub_master}",
+            f"gateway_master_port:={gateway_master}",
+        )
+        self.pid = self.start("hub", ["rosrun", "pioneer_networking", "run-pioneer-hub", *arguments])
+
+    def start(self, name: str, argv: list[str], may_end: bool = False, **environment: str) -> int:
+        return self.group.start(
+            name, argv, {**self.environment, **environment}, self.folder / f"{name}.log", may_end=may_end
+        )
+
+    def start_robot(self) -> None:
+        argv = ["rosrun", "rocon_gateway", "gateway"]
+        parameters = {"name": "aadi1_gateway", "disable_uuids": True, "firewall": False}
+        self.robot.set_param("/gateway", {**parameters, "hub_uri": f"http://127.0.0.1:{self.hub_port}"})
+        self.start("robot", argv, **self.at_robot)
+
+    @property
+    def at_robot(self) -> dict[str, str]:
+        return {"ROS_MASTER_URI": self.robot.uri, "ROBOT_NAME": "pioneer1"}
+
+    @property
+    def at_base(self) -> dict[str, str]:
+        return {"ROS_MASTER_URI": self.base}
+
+    def run(self, name: str, argv: list[str], **environment: str) -> str:
+        """Runs a command to its end, and returns what it printed; one that fails is a death of the group."""
+        self.start(name, argv, True, **environment)
+        wait_until(lambda: not self.group.is_running(name), f"{name}'s end", 20)
+        self.group.check()
+        return (self.folder / f"{name}.log").read_text()
+
+    def published_at_base(self) -> list[str]:
+        try:
+            return [topic for topic, _ in rosgraph.Master("/test", master_uri=self.base).getSystemState()[0]]
+        except OSError:
+            return []
+
+    def close(self) -> None:
+        self.group.stop()
+        self.robot.stop()
+
+
+@pytest.fixture
+def network(tmp_path: Path) -> Iterator[Network]:
+    made = Network(tmp_path)
+    yield made
+    made.close()
+
+
+def test_the_scripts_connect_the_fleet_in_any_order_and_twice(network: Network) -> None:
+    network.start("flip", ["rosrun", "rocon_flip", "flip-from-remote"], True, **network.at_robot)
+    network.start("advertise", ["rosrun", "rocon_flip", "advertise-from-hub"], True, **network.at_base)
+    network.start_robot()
+    network.run("pull", ["rosrun", "rocon_flip", "pull-from-hub"], **network.at_robot)
+    wait_until(lambda: not any(map(network.group.is_running, ("flip", "advertise"))), "both scripts' end", 20)
+    network.group.check()
+    again = network.run("again", ["rosrun", "rocon_flip", "flip-from-remote"], **network.at_robot)
+    assert again.count("exists already and goes on") == 3
+
+    clock = ["rostopic", "pub", "-r", "20", "/clock", "rosgraph_msgs/Clock", "{}"]
+    network.start("clock", clock, **network.at_base)
+    command = ["rostopic", "pub", "-r", "20", "/pioneer1/pioneer/cmd_vel", "geometry_msgs/Twist", "{}"]
+    network.start("command", command, **network.at_robot)
+    wait_until(lambda: "/pioneer1/pioneer/cmd_vel" in network.published_at_base(), "cmd_vel at the base", 20)
+    wait_until(lambda: "/clock" in network.robot.system_state()[0], "/clock at the robot", 20)
+
+
+def test_a_client_written_for_rocon_works(network: Network) -> None:
+    network.start_robot()
+    network.run("wait", ["rosrun", "rocon_flip", "pull-from-hub"], **network.at_robot)
+    network.run("client", ["python3", "-c", CLIENT], **network.at_robot)
+
+
+def test_interrupting_the_concert_ends_all_of_it(network: Network) -> None:
+    wait_until(lambda: "/gateway/gateway_info" in network.published_at_base(), "Hub_Gateway", 20)
+    os.kill(network.pid, signal.SIGINT)
+    wait_until(lambda: not [one for one in network.group.states().values() if one.alive], "everything's end", 5)

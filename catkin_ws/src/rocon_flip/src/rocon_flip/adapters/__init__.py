@@ -1,0 +1,1 @@
+"""The local gateway, as a client sees it."""
