@@ -21,6 +21,7 @@ from pioneer_harness.proc import (
     become_subreaper,
     descendants,
     has_variable,
+    process_state,
     process_states,
 )
 
@@ -287,7 +288,11 @@ def _spawn(
 
 def _wait_for_the_program(pid: int) -> None:
     """Returns when the prefix has done its work: a signal sent before that would meet the inherited handling."""
-    while arguments(pid)[:1] in ((_PREFIX[0],), (_PREFIX[2],)):
+    # In the middle of an exec there is no command line at all.
+    while arguments(pid)[:1] in ((), (_PREFIX[0],), (_PREFIX[2],)):
+        state = process_state(pid)
+        if state is None or not state.alive:
+            return
         time.sleep(0.001)
 
 
