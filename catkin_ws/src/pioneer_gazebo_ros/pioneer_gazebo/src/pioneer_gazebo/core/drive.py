@@ -73,7 +73,7 @@ class Drive:
         self._speeds = (0.0, 0.0)
         self._sent = (0.0, 0.0)
         self._behind = (0.0, 0.0)
-        self._angles: tuple[float, float] | None = None
+        self._angles = (0.0, 0.0)
         self.odometry = Odometry()
 
     def command(self, speed: float, turn: float) -> None:
@@ -115,12 +115,12 @@ class Drive:
         self._speeds = self._target if part == 1.0 else (left + part * left_gap, right + part * right_gap)
 
     def measure(self, left: float, right: float, step: float) -> None:
-        """Takes the wheels' angles [rad] after a ``step`` [s] and moves the odometry on.
+        """Takes the wheels' angles [rad], 0 at the start, after a ``step`` [s] and moves the odometry on.
 
         The way is laid along the heading before the step, as the engine does it; the mean heading would add a
         systematic error of half a step's turn that no wheel causes.
         """
-        before = self._angles or (left, right)
+        before = self._angles
         self._angles = left, right
         self._behind = (
             _behind(self._behind[0], self._speeds[0] * step, left - before[0]),
@@ -138,7 +138,7 @@ class Drive:
     def reset(self) -> None:
         """Stops the wheels and puts the odometry back to the origin."""
         self._target = self._speeds = self._sent = self._behind = (0.0, 0.0)
-        self._angles = None
+        self._angles = (0.0, 0.0)
         self.odometry = Odometry()
 
 

@@ -1,0 +1,1 @@
+"""Measurements of the running parts, beside the figures they are to reach."""

@@ -1,0 +1,21 @@
+"""The command ``./pioneer bench``."""
+
+import argparse
+import sys
+
+from pioneer_bench import sim
+
+
+def main() -> int:
+    """Runs the bench that the command line names; returns its exit status."""
+    parser = argparse.ArgumentParser(prog="pioneer bench", description="Measurements beside the figures to reach.")
+    benches = parser.add_subparsers(required=True, metavar="BENCH")
+    one = benches.add_parser("sim", help="the simulator: CPU, memory and scans by number of robots")
+    sim.add_arguments(one)
+    one.set_defaults(run=sim.run)
+    options = parser.parse_args()
+    return options.run(options)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

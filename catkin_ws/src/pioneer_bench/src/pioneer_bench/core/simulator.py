@@ -1,0 +1,117 @@
+"""The simulator's figures: what one run measured, what it is to reach, and the table of both."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+COST_GOALS = {5: 0.06, 20: 0.25, 50: 0.65}
+"""CPU-s a simulated second, by number of robots, at 180 beams and 10 Hz."""
+
+GAZEBO_COST = {1: 0.080, 5: 0.341, 10: 0.720, 20: 1.57, 50: 4.32}
+"""Gazebo Classic 11.1 at its default step, publishing nothing: CPU-s a simulated second, medians on another day."""
+
+FIRST_STEP_GOAL = 1.0
+"""CPU-s from exec to the first step."""
+
+RSS_GOAL, RSS_GOAL_PER_ROBOT = 150.0, 1.0
+"""MB of the process, and more for each robot."""
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What one run measured.
+
+    Attributes:
+        robots: how many drove.
+        beams: of a scan.
+        scan_rate: [Hz].
+        simulated: length of the window [simulated s].
+        wall: the same [s].
+        cpu: all threads of the simulator's process in the window [CPU-s].
+        first_step: from exec to the first tick, without robots [CPU-s].
+        rss: of the process at the end [MB].
+        scans: how many arrived.
+        scans_due: how many should have.
+        messages: of all topics that arrived, a simulated second.
+    """
+
+    robots: int
+    beams: int
+    scan_rate: float
+    simulated: float
+    wall: float
+    cpu: float
+    first_step: float
+    rss: float
+    scans: int
+    scans_due: int
+    messages: float
+
+    @property
+    def cost(self) -> float:
+        """CPU-s a simulated second."""
+        return self.cpu / self.simulated
+
+    def goals(self) -> dict[str, tuple[float, bool]]:
+        """Returns each goal that applies, with whether it holds: cost, first_step, rss, scans."""
+        goals = {"first_step": (FIRST_STEP_GOAL, self.first_step <= FIRST_STEP_GOAL)}
+        most = RSS_GOAL + RSS_GOAL_PER_ROBOT * self.robots
+        goals["rss"] = (most, self.rss <= most)
+        goals["scans"] = (float(self.scans_due), self.scans >= self.scans_due)
+        if self.beams == 180 and self.scan_rate == 10 and self.robots in COST_GOALS:
+            goals["cost"] = (COST_GOALS[self.robots], self.cost <= COST_GOALS[self.robots])
+        return goals
+
+    def as_dict(self) -> dict[str, Any]:
+        """Returns the run with its goals, for JSON."""
+        goals = {name: {"goal": goal, "holds": holds} for name, (goal, holds) in self.goals().items()}
+        return {**asdict(self), "cost": self.cost, "goals": goals}
+
+
+HEADINGS = (
+    "robots",
+    "beams",
+    "CPU-s/sim-s",
+    "goal",
+    "Gazebo",
+    "rtf",
+    "RSS MB",
+    "goal",
+    "scans",
+    "first step",
+    "msg/sim-s",
+)
+
+
+def table(runs: Sequence[Run]) -> str:
+    """Returns the runs as a Markdown table; ``!`` marks a figure that misses its goal."""
+    rows = [HEADINGS, *(_row(run) for run in runs)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(HEADINGS))]
+    lines = [
+        "| " + " | ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) + " |" for row in rows
+    ]
+    lines.insert(1, "|" + "|".join("-" * (width + 1) + ":" for width in widths) + "|")
+    return "\n".join(lines)
+
+
+def _row(run: Run) -> tuple[str, ...]:
+    goals = run.goals()
+
+    def marked(name: str, text: str) -> str:
+        return text if goals.get(name, (0.0, True))[1] else f"{text} !"
+
+    cost_goal = f"{goals['cost'][0]:.2f}" if "cost" in goals else "-"
+    gazebo = f"{GAZEBO_COST[run.robots]:.3f}" if run.robots in GAZEBO_COST and run.beams == 180 else "-"
+    return (
+        str(run.robots),
+        f"{run.beams} @ {run.scan_rate:g}",
+        marked("cost", f"{run.cost:.4f}"),
+        cost_goal,
+        gazebo,
+        f"{run.simulated / run.wall:.2f}",
+        marked("rss", f"{run.rss:.0f}"),
+        f"{goals['rss'][0]:.0f}",
+        marked("scans", f"{run.scans}/{run.scans_due}"),
+        marked("first_step", f"{run.first_step:.2f}"),
+        f"{run.messages:.0f}",
+    )

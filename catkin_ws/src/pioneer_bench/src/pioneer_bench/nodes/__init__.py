@@ -1,0 +1,1 @@
+"""What drives and counts on a ROS master."""

@@ -1,0 +1,222 @@
+"""One run: a master, the simulator, robots that drive by their lasers, and one subscriber a topic.
+
+Master, drivers and subscribers live in this process; the simulator is a process of its own, and the only one that is
+measured.
+"""
+
+import json
+import os
+import struct
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rospkg
+import rospy
+from gazebo_msgs.srv import SpawnModel
+from geometry_msgs.msg import Point, Pose, Quaternion, Twist
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Bool
+
+from pioneer_bench.core import hall
+from pioneer_bench.core.simulator import Run
+from pioneer_harness.masters import Master
+from pioneer_harness.proc import process_state
+from pioneer_harness.process import ProcessGroup
+from pioneer_harness.wait import wait_until
+
+PATIENCE = 60.0
+"""Wall seconds that anything may take to start."""
+
+WARM_UP = 2.0
+"""Simulated seconds before the window."""
+
+TOPICS = ("odom", "joint_states", "base_pose_ground_truth")
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What is run; the same names as the command's options."""
+
+    robots: int
+    seconds: float
+    beams: int
+    scan_rate: float
+    odometry_rate: float
+    real_time_factor: float
+    seed: int
+
+
+@dataclass(slots=True)
+class Tally:
+    """What has arrived; each counter is written by one topic's thread only."""
+
+    counts: dict[str, int] = field(default_factory=dict)
+    time: float = 0.0
+    arrived: threading.Condition = field(default_factory=threading.Condition)
+
+    def counter(self, topic: str) -> Any:
+        """Returns a callback that counts the messages of a topic."""
+        self.counts[topic] = 0
+
+        def count(message: Any) -> None:
+            del message
+            self.counts[topic] += 1
+
+        return count
+
+    def note_clock(self, message: Clock) -> None:
+        """Takes the simulated time."""
+        with self.arrived:
+            self.time = message.clock.to_sec()
+            self.arrived.notify_all()
+
+    def wait_for(self, moment: float) -> None:
+        """Waits until the simulated time is ``moment`` [s]."""
+        with self.arrived:
+            while self.time < moment:
+                if not self.arrived.wait(PATIENCE):
+                    raise TimeoutError(f"the simulator stands at {self.time:.2f} s")
+
+
+class Driver:
+    """Drives one robot by its scans: ahead where there is room, else it turns to the freer side."""
+
+    def __init__(self, name: str, tally: Tally) -> None:
+        self._command = rospy.Publisher(f"/{name}/pioneer/cmd_vel", Twist, queue_size=1)
+        self._count = tally.counter(f"/{name}/base_scan")
+        rospy.Subscriber(f"/{name}/base_scan", rospy.AnyMsg, self._steer, queue_size=5, tcp_nodelay=True)
+
+    def _steer(self, message: Any) -> None:
+        self._count(message)
+        data = message._buff
+        (frame,) = struct.unpack_from("<I", data, 12)
+        start = 16 + frame + 28
+        (count,) = struct.unpack_from("<I", data, start)
+        ranges = np.frombuffer(data, "<f4", count, start + 4)
+        ahead = ranges[count * 3 // 8 : count * 5 // 8].min()
+        right, left = ranges[count // 4 : count // 2].min(), ranges[count // 2 : count * 3 // 4].min()
+        command = Twist()
+        command.linear.x = 0.5 if ahead > 0.9 else 0.0
+        if ahead <= 0.9:
+            command.angular.z = 1.0 if left > right else -1.0
+        self._command.publish(command)
+
+
+def robot_description(setting: Setting) -> str:
+    """Returns the Pioneer's URDF with the setting's sensors."""
+    xacro = Path(rospkg.RosPack().get_path("pioneer_description")) / "urdf" / "pioneer3dx.xacro"
+    arguments = {
+        "laser_samples": setting.beams,
+        "laser_rate": setting.scan_rate,
+        "laser_max_range": 8.0,
+        "odom_rate": setting.odometry_rate,
+    }
+    command = ["xacro", str(xacro), *(f"{name}:={value}" for name, value in arguments.items())]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+
+def cpu_and_rss(pid: int) -> tuple[float, float]:
+    """Returns a process's CPU time [s] and resident memory [MB]."""
+    state = process_state(pid)
+    if state is None:
+        raise RuntimeError("the simulator has ended")
+    return state.cpu, state.rss / 1e6
+
+
+class Bench:
+    """One run on a master that is there already."""
+
+    def __init__(self, setting: Setting, pid: int) -> None:
+        self._setting, self._pid = setting, pid
+        self._tally = Tally()
+        self._ready = threading.Event()
+        rospy.Subscriber("/gazebo/ready", Bool, lambda message: self._ready.set(), queue_size=1)
+        rospy.Subscriber("/clock", Clock, self._tally.note_clock, queue_size=5, tcp_nodelay=True)
+
+    def run(self) -> Run:
+        """Spawns, drives, and measures one window."""
+        if not self._ready.wait(PATIENCE):
+            raise TimeoutError("the simulator did not become ready")
+        self._tally.wait_for(0.01)
+        first_step, _ = cpu_and_rss(self._pid)
+        names = self._spawn()
+        for name in names:
+            for topic in TOPICS:
+                full = f"/{name}/{topic}"
+                rospy.Subscriber(full, rospy.AnyMsg, self._tally.counter(full), queue_size=5, tcp_nodelay=True)
+            Driver(name, self._tally)
+        rospy.Subscriber("/tf", rospy.AnyMsg, self._tally.counter("/tf"), queue_size=5, tcp_nodelay=True)
+        wait_until(lambda: all(self._tally.counts.values()), "a message of every topic", PATIENCE)
+        return self._measured(first_step)
+
+    def _spawn(self) -> list[str]:
+        rospy.wait_for_service("/gazebo/spawn_urdf_model", PATIENCE)
+        spawn = rospy.ServiceProxy("/gazebo/spawn_urdf_model", SpawnModel)
+        description = robot_description(self._setting)
+        names = []
+        for number, (x, y) in enumerate(hall.starts()[: self._setting.robots], start=1):
+            name = f"pioneer{number}"
+            rospy.set_param(f"/{name}/tf_prefix", name)
+            answer = spawn(name, description, name, Pose(Point(x, y, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0)), "")
+            if not answer.success:
+                raise RuntimeError(answer.status_message)
+            names.append(name)
+        return names
+
+    def _measured(self, first_step: float) -> Run:
+        setting, tally = self._setting, self._tally
+        begin = tally.time + WARM_UP
+        tally.wait_for(begin)
+        wall, (cpu, _), counts, start = time.monotonic(), cpu_and_rss(self._pid), dict(tally.counts), tally.time
+        tally.wait_for(start + setting.seconds)
+        end_wall, (end_cpu, rss), end_counts, end_time = (
+            time.monotonic(), cpu_and_rss(self._pid), dict(tally.counts), tally.time,
+        )  # fmt: skip
+        arrived = {topic: end_counts[topic] - counts[topic] for topic in counts}
+        simulated = end_time - start
+        scans = sum(count for topic, count in arrived.items() if topic.endswith("/base_scan"))
+        # The window's ends fall between scans: one scan a robot may lie on either side.
+        due = setting.robots * int(simulated * setting.scan_rate - 1)
+        return Run(
+            robots=setting.robots,
+            beams=setting.beams,
+            scan_rate=setting.scan_rate,
+            simulated=simulated,
+            wall=end_wall - wall,
+            cpu=end_cpu - cpu,
+            first_step=first_step,
+            rss=rss,
+            scans=scans,
+            scans_due=due,
+            messages=sum(arrived.values()) / simulated,
+        )
+
+
+def main(argv: list[str]) -> int:
+    """Runs the setting given as JSON and prints what it measured as JSON."""
+    setting = Setting(**json.loads(argv[0]))
+    with Master() as master, ProcessGroup() as group:
+        os.environ.update(master.environment)
+        world = master.home / "hall.world"
+        world.write_text(hall.world(setting.seed))
+        command = [
+            sys.executable, "-c", "from pioneer_gazebo.nodes.gazebo import main; raise SystemExit(main())",
+            "__name:=gazebo", f"_world_name:={world}", f"_real_time_factor:={setting.real_time_factor}",
+            f"_seed:={setting.seed}",
+        ]  # fmt: skip
+        pid = group.start("simulator", command, master.environment, master.home / "simulator.log")
+        rospy.init_node("pioneer_bench", disable_signals=True, disable_rostime=True)
+        run = Bench(setting, pid).run()
+        print(json.dumps(run.as_dict()), flush=True)
+        rospy.signal_shutdown("measured")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,59 @@
+"""Goals, table and hall of the simulator's bench."""
+
+import math
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+
+from pioneer_bench.core import hall
+from pioneer_bench.core.simulator import Run, table
+
+
+def run(**changes: float) -> Run:
+    values = {
+        "robots": 5, "beams": 180, "scan_rate": 10.0, "simulated": 10.0, "wall": 10.0, "cpu": 0.5, "first_step": 0.4,
+        "rss": 110.0, "scans": 500, "scans_due": 495, "messages": 550.0,
+    }  # fmt: skip
+    return Run(**(values | changes))
+
+
+def test_a_run_within_its_goals_holds_them_all() -> None:
+    assert all(holds for _, holds in run().goals().values())
+    assert "!" not in table([run()])
+
+
+MISSES = [
+    ({"cpu": 0.7}, "cost"),
+    ({"rss": 156.0}, "rss"),
+    ({"scans": 400}, "scans"),
+    ({"first_step": 1.1}, "first_step"),
+]
+
+
+@pytest.mark.parametrize(("changes", "goal"), MISSES)
+def test_what_misses_its_goal_is_marked(changes: dict[str, float], goal: str) -> None:
+    missed = run(**changes)
+    assert [name for name, (_, holds) in missed.goals().items() if not holds] == [goal]
+    assert table([missed]).count(" !") == 1
+
+
+def test_other_settings_than_the_peers_have_no_cost_goal() -> None:
+    assert "cost" not in run(beams=720).goals()
+    assert "cost" not in run(robots=7).goals()
+
+
+def test_the_hall_has_its_walls_and_depends_on_the_seed_only() -> None:
+    boxes = ElementTree.fromstring(hall.world(1)).findall(".//model")
+    assert len(boxes) == hall.WALLS
+    assert hall.world(1) == hall.world(1) != hall.world(2)
+
+
+def test_robots_start_clear_of_every_wall() -> None:
+    for model in ElementTree.fromstring(hall.world(3)).iter("model"):
+        x, y, *_, yaw = map(float, model.find("pose").text.split())
+        half = float(model.find(".//size").text.split()[0]) / 2
+        for sx, sy in hall.starts():
+            dx, dy = sx - x, sy - y
+            along = dx * math.cos(yaw) + dy * math.sin(yaw)
+            across = -dx * math.sin(yaw) + dy * math.cos(yaw)
+            assert math.hypot(max(0.0, abs(along) - half), abs(across)) > 0.5

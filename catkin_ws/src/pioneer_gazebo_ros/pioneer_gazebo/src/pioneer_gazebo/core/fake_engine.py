@@ -1,0 +1,149 @@
+"""An engine without physics, for tests of what stands on top of one: wheels never slip and nothing ever touches.
+
+A body whose turned parts are two wheels moves as they roll; any other keeps its velocity. Every call is remembered.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from pioneer_gazebo.core.body import Body
+from pioneer_gazebo.core.engine import STILL, Contact, EngineError, Physics, Velocity
+from pioneer_gazebo.core.pose import Pose, Vector
+from pioneer_gazebo.core.world import PlacedCollision
+
+
+@dataclass(slots=True)
+class _FakeBody:
+    body: Body
+    pose: Pose
+    velocity: Velocity = STILL
+    speeds: dict[int, float] = field(default_factory=dict)
+    angles: dict[int, float] = field(default_factory=dict)
+
+
+class FakeEngine:
+    """See `Engine`.
+
+    Attributes:
+        track: between a body's wheels [m].
+        radius: of its wheels [m].
+        steps: taken so far.
+        touched: handles that `touching` reports; set by the test.
+        resting: handles that may sleep.
+        pushed: arguments of every `push`.
+        standing: what `set_standing` was given last: ground, obstacles.
+        refuses: a body of this name is refused.
+    """
+
+    def __init__(self, track: float = 0.33, radius: float = 0.0975) -> None:
+        self.track, self.radius = track, radius
+        self.steps = 0
+        self.touched: set[int] = set()
+        self.resting: set[int] = set()
+        self.pushed: list[tuple[int, int, Vector, Vector, Vector]] = []
+        self.standing: tuple[list[PlacedCollision], list[PlacedCollision]] = ([], [])
+        self.refuses = ""
+        self._bodies: dict[int, _FakeBody] = {}
+        self._physics = Physics()
+        self._last = 0
+
+    def configure(self, physics: Physics) -> None:
+        """See `Engine`."""
+        self._physics = physics
+
+    def set_standing(self, ground: Sequence[PlacedCollision], obstacles: Sequence[PlacedCollision]) -> None:
+        """See `Engine`."""
+        self.standing = list(ground), list(obstacles)
+
+    def add(self, body: Body, pose: Pose) -> int:
+        """See `Engine`."""
+        if body.name == self.refuses:
+            raise EngineError(f"the physics engine refuses body {body.name}")
+        self._last += 1
+        self._bodies[self._last] = _FakeBody(body, pose)
+        return self._last
+
+    def remove(self, handle: int) -> None:
+        """See `Engine`."""
+        del self._bodies[handle]
+
+    def step(self) -> None:
+        """See `Engine`."""
+        self.steps += 1
+        for body in self._bodies.values():
+            self._roll(body)
+
+    def _roll(self, body: _FakeBody) -> None:
+        step = self._physics.step
+        for part, speed in body.speeds.items():
+            body.angles[part] = body.angles.get(part, 0.0) + speed * step
+        if len(body.speeds) == 2:
+            left, right = (speed * self.radius for speed in body.speeds.values())
+            speed, turn, yaw = (left + right) / 2, (right - left) / self.track, body.pose.yaw
+            body.velocity = Velocity((speed * math.cos(yaw), speed * math.sin(yaw), 0.0), (0.0, 0.0, turn))
+        (x, y, z), (vx, vy, vz) = body.pose.position, body.velocity.linear
+        yaw = body.pose.yaw + body.velocity.angular[2] * step
+        body.pose = Pose.from_rpy(x + vx * step, y + vy * step, z + vz * step, yaw=yaw)
+
+    def pose(self, handle: int, part: int = 0) -> Pose:
+        """See `Engine`; every part stands as it was described."""
+        body = self._bodies[handle]
+        if part == 0:
+            return body.pose
+        joint = body.body.parts[part].joint
+        assert joint is not None, "only a base has no joint"
+        return self.pose(handle, body.body.parts[part].parent).compose(joint.pose)
+
+    def velocity(self, handle: int, part: int = 0) -> Velocity:
+        """See `Engine`; every part has the base's."""
+        del part
+        return self._bodies[handle].velocity
+
+    def set_pose(self, handle: int, pose: Pose) -> None:
+        """See `Engine`."""
+        self._bodies[handle].pose = pose
+
+    def set_velocity(self, handle: int, velocity: Velocity) -> None:
+        """See `Engine`."""
+        self._bodies[handle].velocity = velocity
+
+    def joints(self, handle: int, parts: Sequence[int]) -> list[tuple[float, float]]:
+        """See `Engine`."""
+        body = self._bodies[handle]
+        return [(body.angles.get(part, 0.0), body.speeds.get(part, 0.0)) for part in parts]
+
+    def set_joint(self, handle: int, part: int, position: float) -> None:
+        """See `Engine`."""
+        self._bodies[handle].angles[part] = position
+
+    def turn(self, handle: int, parts: Sequence[int], speeds: Sequence[float], efforts: Sequence[float]) -> None:
+        """See `Engine`."""
+        del efforts
+        self._bodies[handle].speeds.update(zip(parts, speeds, strict=True))
+
+    def rest(self, handle: int, allowed: bool) -> None:
+        """See `Engine`."""
+        (self.resting.add if allowed else self.resting.discard)(handle)
+
+    def push(self, handle: int, part: int, force: Vector, torque: Vector, point: Vector) -> None:
+        """See `Engine`."""
+        self.pushed.append((handle, part, force, torque, point))
+
+    def contacts(self, handle: int) -> list[Contact]:
+        """See `Engine`; there are none."""
+        del handle
+        return []
+
+    def touching(self) -> set[int]:
+        """See `Engine`."""
+        return self.touched & self._bodies.keys()
+
+    def overlap(self, handle: int) -> list[Contact]:
+        """See `Engine`; there are none."""
+        del handle
+        return []
+
+    def close(self) -> None:
+        """See `Engine`."""
+        self._bodies.clear()

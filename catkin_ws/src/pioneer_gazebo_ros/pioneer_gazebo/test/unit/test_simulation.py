@@ -1,0 +1,141 @@
+"""What the simulation does with any engine: order, time, names, wrenches."""
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from pioneer_gazebo.core.body import body_from_robot, lowest_point
+from pioneer_gazebo.core.engine import Engine, EngineError, Physics
+from pioneer_gazebo.core.fake_engine import FakeEngine
+from pioneer_gazebo.core.pose import Pose
+from pioneer_gazebo.core.robot import Robot
+from pioneer_gazebo.core.schedule import TICK_RATE, RateError
+from pioneer_gazebo.core.simulation import ModelError, Simulation, Wrench
+from pioneer_gazebo.core.world import Cylinder, Model, Sphere, World
+
+
+def no_mesh(mesh: object) -> None:
+    raise AssertionError(f"no mesh is in this test: {mesh}")
+
+
+@pytest.fixture
+def engine() -> FakeEngine:
+    return FakeEngine()
+
+
+@pytest.fixture
+def simulation(engine: FakeEngine) -> Simulation:
+    checked: Engine = engine
+    return Simulation(checked, no_mesh, Physics())
+
+
+def test_the_engine_steps_only_as_far_as_time_needs(simulation: Simulation, engine: FakeEngine) -> None:
+    simulation.advance(1)
+    simulation.advance(12)
+    assert engine.steps == 1
+    simulation.advance(13)
+    assert engine.steps == 2
+
+
+def test_a_physics_step_that_is_not_whole_ticks_is_refused(simulation: Simulation) -> None:
+    with pytest.raises(RateError, match="the physics step"):
+        simulation.configure(Physics(step=0.0123))
+
+
+def test_odometry_on_wheels_that_never_slip_is_the_truth(simulation: Simulation, robot: Robot) -> None:
+    entity = simulation.add_robot("r", "r", robot, Pose())
+    entity.drives[0].drive.command(0.5, 0.5)
+    for tick in (600, 1234, 2999):
+        simulation.advance(tick)
+        pose, odometry = simulation.pose(entity), simulation.odometry(entity.drives[0])
+        assert pose.position[0] == pytest.approx(odometry.x, abs=1e-4)
+        assert pose.position[1] == pytest.approx(odometry.y, abs=1e-4)
+
+
+def test_fixed_joints_are_lumped_and_wheels_become_balls(robot: Robot) -> None:
+    body = body_from_robot(robot)
+    assert [part.name for part in body.parts] == ["base_link", "left_wheel", "right_wheel", "swivel", "caster"]
+    assert [name for name, _ in body.parts[0].frames] == ["base_link", "laser"]
+    wheel = body.parts[1].touches[0]
+    assert wheel.rolling
+    assert wheel.collision.shape == Sphere(0.0975)
+    drums = [touch for touch in body.parts[0].touches if isinstance(touch.collision.shape, Cylinder)]
+    assert len(drums) == 2
+    assert lowest_point(body, Pose()) == pytest.approx(0.0)
+
+
+def test_what_stands_in_the_ground_is_lifted_onto_it(simulation: Simulation, robot: Robot) -> None:
+    entity = simulation.add_robot("r", "", robot, Pose((0.0, 0.0, -0.1)))
+    assert entity.initial.position[2] == pytest.approx(0.0005)
+
+
+def test_a_refused_robot_leaves_nothing(simulation: Simulation, engine: FakeEngine, robot: Robot) -> None:
+    engine.refuses = robot.name
+    with pytest.raises(EngineError):
+        simulation.add_robot("r", "", robot, Pose())
+    assert simulation.names() == []
+
+
+def test_low_shapes_are_ground_and_high_ones_obstacles(
+    simulation: Simulation, engine: FakeEngine, box: Callable[..., Model]
+) -> None:
+    slab = box("slab", Pose((0.0, 0.0, -0.05)), (5.0, 5.0, 0.1))
+    wall = box("wall", Pose((0.0, 0.0, 0.5)), (1.0, 0.1, 1.0))
+    simulation.load(World("w", (slab, wall)))
+    ground, obstacles = engine.standing
+    assert [one.model.name for one in ground] == ["slab"]
+    assert [one.model.name for one in obstacles] == ["wall"]
+
+
+def test_only_robots_that_shall_stand_may_sleep(simulation: Simulation, engine: FakeEngine, robot: Robot) -> None:
+    entity = simulation.add_robot("r", "", robot, Pose())
+    simulation.advance(12)
+    assert entity.handle in engine.resting
+    entity.drives[0].drive.command(0.1, 0.0)
+    simulation.advance(24)
+    assert entity.handle not in engine.resting
+
+
+def test_collisions_are_told_once_an_episode(simulation: Simulation, engine: FakeEngine, robot: Robot) -> None:
+    entity = simulation.add_robot("r", "", robot, Pose())
+    engine.touched = {entity.handle}
+    simulation.advance(120)
+    assert [one.name for one in simulation.collided()] == ["r"]
+    assert simulation.collided() == []
+    engine.touched = set()
+    simulation.advance(600)
+    engine.touched = {entity.handle}
+    simulation.advance(612)
+    assert entity.collisions.count == 2
+
+
+def test_a_wrench_acts_from_first_to_last_tick(simulation: Simulation, engine: FakeEngine, robot: Robot) -> None:
+    entity = simulation.add_robot("r", "", robot, Pose())
+    simulation.push(Wrench(entity, 0, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 60, 120))
+    simulation.advance(TICK_RATE)
+    assert len(engine.pushed) == 5
+
+
+def test_a_wrench_without_end_is_cleared_with_its_link(
+    simulation: Simulation, engine: FakeEngine, robot: Robot
+) -> None:
+    entity = simulation.add_robot("r", "", robot, Pose())
+    simulation.push(Wrench(entity, 0, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0, math.inf))
+    simulation.advance(120)
+    simulation.clear_pushes(entity, 0)
+    count = len(engine.pushed)
+    simulation.advance(240)
+    assert len(engine.pushed) == count == 10
+
+
+def test_a_static_model_is_not_an_entity_and_the_error_says_so(
+    simulation: Simulation, box: Callable[..., Model]
+) -> None:
+    simulation.load(World("w", (box("wall", Pose((0.0, 0.0, 0.5)), (1.0, 0.1, 1.0)),)))
+    with pytest.raises(ModelError, match="wall is static"):
+        simulation.entity("wall")
+    simulation.place("wall", Pose((1.0, 0.0, 0.5)))
+    assert simulation.standing("wall").pose.position == (1.0, 0.0, 0.5)
+    simulation.reset_poses()
+    assert simulation.standing("wall").pose.position == (0.0, 0.0, 0.5)

@@ -1,0 +1,115 @@
+"""A subscriber that does not read costs frames, never time."""
+
+import socket
+import threading
+from types import SimpleNamespace
+
+import pytest
+
+from pioneer_gazebo.nodes.mailbox import ClosedError, Mailbox
+from pioneer_gazebo.nodes.pace import MOST_BEHIND, Pacer
+from pioneer_gazebo.nodes.topic import FRAMES_KEPT, _Outlet
+
+
+@pytest.fixture
+def pair():
+    ours, theirs = socket.create_server(("127.0.0.1", 0)), None
+    theirs = socket.create_connection(ours.getsockname())
+    accepted, _ = ours.accept()
+    yield accepted, theirs
+    for one in (ours, theirs, accepted):
+        one.close()
+
+
+def read_exactly(sock: socket.socket, count: int, outlet: _Outlet | None = None) -> bytes:
+    """Reads so many bytes; each further frame of ``outlet`` pushes on what waits, here before each read."""
+    data = b""
+    while len(data) < count:
+        if outlet is not None:
+            outlet._flush()
+        data += sock.recv(count - len(data))
+    return data
+
+
+def frame(number: int) -> bytes:
+    return bytes([number]) * 100_000
+
+
+def test_frames_arrive_whole_and_in_order(pair) -> None:
+    ours, theirs = pair
+    outlet = _Outlet(SimpleNamespace(socket=ours))
+    for number in range(3):
+        assert outlet.send(b"%d" % number * 100)
+    assert read_exactly(theirs, 300) == b"0" * 100 + b"1" * 100 + b"2" * 100
+
+
+def test_a_stuck_subscriber_loses_the_oldest_frames_and_gets_the_rest_whole(pair) -> None:
+    ours, theirs = pair
+    outlet = _Outlet(SimpleNamespace(socket=ours))
+    kept = [outlet.send(frame(number)) for number in range(200)]
+    assert not all(kept)
+    assert len(outlet._queue) == FRAMES_KEPT
+    theirs.settimeout(20.0)
+    numbers = []
+    while not numbers or numbers[-1] != 199:
+        data = read_exactly(theirs, 100_000, outlet)
+        assert len(set(data)) == 1
+        numbers.append(data[0])
+    assert numbers == sorted(numbers)
+    assert len(numbers) < 200
+
+
+def test_a_subscriber_that_has_gone_is_told(pair) -> None:
+    ours, theirs = pair
+    outlet = _Outlet(SimpleNamespace(socket=ours))
+    theirs.close()
+
+    def send_many() -> None:
+        for number in range(100):
+            outlet.send(frame(number))
+
+    with pytest.raises(ConnectionError):
+        send_many()
+
+
+def test_a_mailbox_returns_results_and_raises_errors_where_they_were_asked_for() -> None:
+    mailbox, results = Mailbox(), []
+
+    def ask() -> None:
+        results.append(mailbox.call(lambda: 42))
+        with pytest.raises(KeyError):
+            mailbox.call(lambda: {}["missing"])
+        results.append("done")
+
+    thread = threading.Thread(target=ask)
+    thread.start()
+    while thread.is_alive():
+        mailbox.wait(5.0)
+        mailbox.serve()
+        thread.join(0.001)
+    assert results == [42, "done"]
+
+
+def test_a_closed_mailbox_refuses_work() -> None:
+    mailbox = Mailbox()
+    mailbox.close()
+    with pytest.raises(ClosedError):
+        mailbox.call(lambda: None)
+
+
+def test_pace_keeps_to_the_wall_and_gives_up_what_it_cannot_catch_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    pacer = Pacer(2.0)
+    assert pacer.wait_for(1.0) == 0.0
+    assert pacer.wait_for(2.0) == pytest.approx(0.5)
+    now[0] += 0.6
+    assert pacer.wait_for(2.0) == pytest.approx(-0.1)
+    now[0] += MOST_BEHIND
+    assert pacer.wait_for(2.0) == 0.0
+    assert pacer.wait_for(3.0) == pytest.approx(0.5)
+
+
+def test_as_fast_as_possible_never_waits() -> None:
+    pacer = Pacer(0.0)
+    assert pacer.wait_for(1e9) <= 0.0
