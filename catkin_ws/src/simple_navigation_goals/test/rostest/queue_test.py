@@ -22,7 +22,7 @@ from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 
 FAKE = Path(__file__).parent / "fake_move_base.py"
-TIMEOUT = 10.0
+TIMEOUT = 20.0
 
 
 class Client:
@@ -79,7 +79,7 @@ class QueueTest(unittest.TestCase):
 
     def tearDown(self) -> None:
         self.map_client.clear()
-        self.map_client.wait("the queue to be idle", state=WaypointQueue.IDLE)
+        self.map_client.wait("the queue to be empty", state=WaypointQueue.IDLE, waiting=[])
 
     def start_move_base(self) -> None:
         cls = type(self)

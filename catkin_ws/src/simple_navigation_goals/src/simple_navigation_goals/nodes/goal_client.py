@@ -74,6 +74,8 @@ class GoalClientNode:
             rospy.Subscriber(f"{topic}_pose", PoseStamped, partial(self._on_waypoint, waypoint_from_pose)),
             rospy.Service("~clear", Empty, self._on_clear),
         ]
+        # CPython 3.11 waits for ever in SimpleQueue.get where a signal handler outlasts the timeout: feed it.
+        rospy.on_shutdown(lambda: self._events.put(lambda: None))
         self._publish()
 
     def spin(self) -> None:

@@ -1,0 +1,94 @@
+#!/usr/bin/env python3
+"""A robot in the simulator reaches its waypoints, knows where it is, and touches nothing."""
+
+import math
+import unittest
+
+import rospy
+import rostest
+from geometry_msgs.msg import Twist, Vector3
+from nav_msgs.msg import Odometry
+from simple_navigation_goals.msg import WaypointQueue
+from std_msgs.msg import UInt32
+
+from nav_bundle.conversions import pose_from_message
+from nav_bundle.core.pose import Pose, angle_difference
+from nav_bundle.core.transform import TransformError
+from nav_bundle.nodes.transform import TransformListener
+from pioneer_harness.wait import wait_until
+
+WAYPOINTS = ((-2.5, -0.5), (3.5, -3.0))
+TOLERANCE = 0.25 + 0.1
+"""The goal tolerance of the local planner, and what localisation may add to it [m]."""
+
+
+class Robot:
+    """What the test sees of the robot: the truth, its own belief, its waypoints, its collisions."""
+
+    def __init__(self) -> None:
+        self.queue: WaypointQueue | None = None
+        self.collisions: int | None = None
+        self.truth: Pose | None = None
+        self.stamp = 0.0
+        self.errors: list[float] = []
+        self.turn_errors: list[float] = []
+        self.length = 0.0
+        self.places: list[Pose] = []
+        self.listener = TransformListener()
+        self.listener.listen("map", "pioneer1/base_link")
+        self.goals = rospy.Publisher("map_goal", Twist, queue_size=10)
+        rospy.Subscriber("map_goal_client/queue", WaypointQueue, self.on_queue)
+        rospy.Subscriber("collisions", UInt32, self.on_collisions)
+        rospy.Subscriber("base_pose_ground_truth", Odometry, self.on_truth, queue_size=1)
+
+    def on_collisions(self, message: UInt32) -> None:
+        self.collisions = message.data
+
+    def on_queue(self, message: WaypointQueue) -> None:
+        if self.queue and message.reached > self.queue.reached and self.truth:
+            self.places.append(self.truth)
+        self.queue = message
+
+    def on_truth(self, message: Odometry) -> None:
+        pose = pose_from_message(message.pose.pose)
+        if self.truth:
+            self.length += pose.distance(self.truth)
+        self.truth, self.stamp = pose, message.header.stamp.to_sec()
+        try:
+            belief = self.listener.lookup("map", "pioneer1/base_link", self.stamp).planar()
+        except TransformError:
+            return
+        self.errors.append(belief.distance(pose))
+        self.turn_errors.append(abs(angle_difference(belief.yaw, pose.yaw)))
+
+
+class OneRobotTest(unittest.TestCase):
+    def test_the_robot_reaches_both_waypoints_without_a_collision_and_knows_where_it_is(self) -> None:
+        robot = Robot()
+        wait_until(lambda: robot.goals.get_num_connections() and robot.queue, "the waypoint client", 60.0)
+        for x, y in WAYPOINTS:
+            robot.goals.publish(Twist(Vector3(x, y, 0.0), Vector3(0.0, 0.0, 0.0)))
+        wait_until(lambda: robot.queue.state == WaypointQueue.DRIVING, "the robot to set off", 60.0)
+        start = robot.stamp
+        wait_until(lambda: robot.queue.reached + robot.queue.aborted == len(WAYPOINTS), "both waypoints", 120.0)
+        errors = sorted(robot.errors)
+        rospy.loginfo(
+            "%.1f s, %.2f m, error mean %.3f m, p95 %.3f m, heading mean %.4f rad, %s collisions",
+            robot.stamp - start,
+            robot.length,
+            sum(errors) / len(errors),
+            errors[int(0.95 * len(errors))],
+            sum(robot.turn_errors) / len(robot.turn_errors),
+            robot.collisions,
+        )
+        assert robot.queue.reached == len(WAYPOINTS), robot.queue.text
+        wait_until(lambda: robot.collisions is not None, "the count of collisions", 10.0)
+        assert robot.collisions == 0
+        assert sum(errors) / len(errors) < 0.10
+        for (x, y), place in zip(WAYPOINTS, robot.places, strict=True):
+            assert math.hypot(place.x - x, place.y - y) < TOLERANCE
+
+
+if __name__ == "__main__":
+    rospy.init_node("one_robot_test")
+    rostest.rosrun("nav_bundle", "one_robot", OneRobotTest)
