@@ -3,9 +3,10 @@
 from collections.abc import Callable
 from functools import partial
 
-from actionlib import SimpleActionClient
+from actionlib import ActionClient, CommState
+from actionlib.action_client import ClientGoalHandle
 from actionlib_msgs.msg import GoalStatus
-from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal, MoveBaseResult
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 
 from simple_navigation_goals.core.queue import Outcome
 
@@ -22,6 +23,9 @@ _OUTCOMES = {
 class MoveBase:
     """A client of the move_base action.
 
+    It stands on actionlib's ActionClient: SimpleActionClient drops what a server says before ``send_goal`` has
+    returned, and a goal that is reached at once would never end.
+
     Args:
         name: of the action.
         on_done: called with (serial, outcome, text) when the goal that ``send`` numbered ``serial`` has ended; from
@@ -30,9 +34,10 @@ class MoveBase:
 
     def __init__(self, name: str, on_done: Callable[[int, Outcome, str], None]) -> None:
         self._name = name
-        self._client = SimpleActionClient(name, MoveBaseAction)
+        self._client = ActionClient(name, MoveBaseAction)
         self._on_done = on_done
         self._serial = 0
+        self._goal: ClientGoalHandle | None = None
 
     def present(self) -> bool:
         """Tells whether a server is connected in both directions. Does not wait.
@@ -40,7 +45,7 @@ class MoveBase:
         actionlib's ``wait_for_server`` counts in ROS time, which stands still while a simulation is paused, and never
         notices that a server has ended.
         """
-        action = self._client.action_client
+        action = self._client
         if action.last_status_msg is None:
             return False
         server = action.last_status_msg._connection_header["callerid"]
@@ -54,13 +59,14 @@ class MoveBase:
     def send(self, goal: MoveBaseGoal) -> int:
         """Sends a goal, forgets the one before, and returns the new goal's serial number."""
         self._serial += 1
-        self._client.send_goal(goal, done_cb=partial(self._done, self._serial))
+        self._goal = self._client.send_goal(goal, transition_cb=partial(self._on_transition, self._serial))
         return self._serial
 
     def cancel(self) -> None:
         """Cancels the goal sent last, and forgets it."""
-        self._client.cancel_goal()
-        self._client.stop_tracking_goal()
+        if self._goal is not None:
+            self._goal.cancel()
+        self._goal = None
 
     def renew(self) -> None:
         """Forgets the goal sent last and connects anew: its server is gone.
@@ -68,9 +74,10 @@ class MoveBase:
         rospy does not see that a subscriber is gone until it writes to it; a goal for the next server would be written
         to the last one's socket.
         """
-        self._client.stop_tracking_goal()
-        self._client.action_client.stop()
-        self._client = SimpleActionClient(self._name, MoveBaseAction)
+        self._goal = None
+        self._client.stop()
+        self._client = ActionClient(self._name, MoveBaseAction)
 
-    def _done(self, serial: int, status: int, result: MoveBaseResult) -> None:
-        self._on_done(serial, _OUTCOMES[status], self._client.get_goal_status_text())
+    def _on_transition(self, serial: int, goal: ClientGoalHandle) -> None:
+        if goal.get_comm_state() == CommState.DONE:
+            self._on_done(serial, _OUTCOMES[goal.get_terminal_state()], goal.get_goal_status_text())
