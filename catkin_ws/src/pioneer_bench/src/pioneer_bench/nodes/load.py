@@ -4,6 +4,7 @@ Master, drivers and subscribers live in this process; the simulator is a process
 measured.
 """
 
+import contextlib
 import json
 import os
 import struct
@@ -105,7 +106,8 @@ class Driver:
         command.linear.x = 0.5 if ahead > 0.9 else 0.0
         if ahead <= 0.9:
             command.angular.z = 1.0 if left > right else -1.0
-        self._command.publish(command)
+        with contextlib.suppress(rospy.ROSException):  # scans still come in while the node shuts down
+            self._command.publish(command)
 
 
 def robot_description(setting: Setting) -> str:

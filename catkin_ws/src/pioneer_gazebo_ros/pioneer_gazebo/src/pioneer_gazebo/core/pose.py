@@ -59,10 +59,10 @@ def _product(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 def _normalised(rotation: Quaternion) -> Quaternion:
-    length = math.sqrt(sum(part * part for part in rotation))
+    x, y, z, w = rotation
+    length = math.sqrt(x * x + y * y + z * z + w * w)
     if not length > 1e-9:
         raise ValueError(f"a rotation needs a quaternion of length 1, not {rotation}")
-    x, y, z, w = rotation
     return x / length, y / length, z / length, w / length
 
 

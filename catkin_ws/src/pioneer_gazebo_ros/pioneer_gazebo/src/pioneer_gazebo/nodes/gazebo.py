@@ -114,7 +114,7 @@ class GazeboNode:
             wait = self.pacer.wait_for(tick / TICK_RATE)
             if wait > 0:
                 self.mailbox.wait(min(wait, REPORT_PERIOD))
-                if self.mailbox.pending or self.pacer.wait_for(tick / TICK_RATE) > 0:
+                if self.mailbox.pending or self.pacer.wait_for(tick / TICK_RATE) > 0 or rospy.is_shutdown():
                     continue
             self.run_to(tick)
         self._engine.close()

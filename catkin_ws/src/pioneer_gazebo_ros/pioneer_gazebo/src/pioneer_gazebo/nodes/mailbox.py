@@ -1,5 +1,6 @@
 """Work for the one thread that owns the simulation, handed over by the threads of services and subscribers."""
 
+import contextlib
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -23,10 +24,16 @@ class _Letter:
 
 
 class Mailbox:
-    """A queue of work with a condition that the owner sleeps on."""
+    """A queue of work with a bell that the owner sleeps on.
+
+    The bell is a lock that is released to ring: waiting for it costs a tenth of what waiting for a condition does, and
+    the owner waits at every tick.
+    """
 
     def __init__(self) -> None:
-        self._condition = threading.Condition()
+        self._guard = threading.Lock()
+        self._bell = threading.Lock()
+        self._bell.acquire()
         self._letters: deque[_Letter] = deque()
         self._closed = False
 
@@ -43,23 +50,30 @@ class Mailbox:
         return letter.result
 
     def post(self, work: Callable[[], Any]) -> None:
-        """Has the owner do ``work`` and does not wait; what it raises is lost."""
-        self._put(work)
+        """Has the owner do ``work`` and does not wait; what it raises is lost, and so is work after the end."""
+        with contextlib.suppress(ClosedError):
+            self._put(work)
 
     def _put(self, work: Callable[[], Any]) -> _Letter:
         letter = _Letter(work)
-        with self._condition:
+        with self._guard:
             if self._closed:
                 raise ClosedError("the simulator has ended")
             self._letters.append(letter)
-            self._condition.notify()
+            self._ring()
         return letter
 
+    def _ring(self) -> None:
+        """Rings the bell; called with the guard held."""
+        if self._bell.locked():
+            self._bell.release()
+
     def wait(self, timeout: float) -> None:
-        """Sleeps until there is work, until ``timeout`` [s] has passed, or until `close`."""
-        with self._condition:
-            if not self._letters and not self._closed:
-                self._condition.wait(timeout)
+        """Sleeps until there is new work, until ``timeout`` [s] has passed, or until `close`.
+
+        May return early once for work that has been done already.
+        """
+        self._bell.acquire(timeout=timeout)
 
     @property
     def pending(self) -> bool:
@@ -78,10 +92,10 @@ class Mailbox:
 
     def close(self) -> None:
         """Refuses further work and gives up what is waiting."""
-        with self._condition:
+        with self._guard:
             self._closed = True
-            for letter in self._letters:
+            while self._letters:
+                letter = self._letters.popleft()
                 letter.error = ClosedError("the simulator has ended")
                 letter.done.set()
-            self._letters.clear()
-            self._condition.notify_all()
+            self._ring()
