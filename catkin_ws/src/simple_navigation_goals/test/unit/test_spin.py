@@ -37,6 +37,11 @@ def test_a_robot_that_turns_slowly_counts_as_standing_and_is_turned_that_way() -
     assert state.direction == -1.0
 
 
+def test_a_turn_under_way_keeps_its_side() -> None:
+    turning = run(5.6, (0.0, -0.4))
+    assert commanded(turning, CONFIG, 0.0, 0.4, turning.now + 0.1).direction == -1.0
+
+
 def test_without_an_active_goal_nothing_turns() -> None:
     assert not run(20.0, active=False).turning
 

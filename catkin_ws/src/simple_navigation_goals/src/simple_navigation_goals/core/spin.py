@@ -42,9 +42,10 @@ class SpinState:
 def commanded(state: SpinState, config: SpinConfig, linear: float, angular: float, now: float) -> SpinState:
     """Returns the state after move_base commanded ``linear`` [m/s] and ``angular`` [rad/s] at ROS time ``now`` [s].
 
-    A command that drives, or turns at full speed, is no standing. One that turns says which way to turn.
+    A command that drives, or turns at full speed, is no standing. One that turns says which way to turn, but for a
+    turn that is under way.
     """
-    if angular != 0.0:
+    if angular != 0.0 and not state.turning:
         state = replace(state, direction=1.0 if angular > 0.0 else -1.0)
     if abs(linear) >= SLOW or abs(angular) >= config.max_vel_theta:
         state = replace(state, standing_since=None)

@@ -1,0 +1,103 @@
+#!/usr/bin/env python3
+"""The spin recovery seen from outside, on a clock that the test sets."""
+
+import unittest
+
+import rospy
+import rostest
+from actionlib_msgs.msg import GoalStatus, GoalStatusArray
+from geometry_msgs.msg import Twist, Vector3
+from rosgraph_msgs.msg import Clock
+
+from pioneer_harness.wait import wait_until
+
+TIMEOUT = 20.0
+NODE = "/pioneer1/controller_spin_recover"
+
+
+class SpinRecoverTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls) -> None:
+        cls.time = 100.0
+        cls.turns: list[float] = []
+        cls.clock = rospy.Publisher("/clock", Clock, queue_size=10)
+        cls.status = rospy.Publisher("move_base/status", GoalStatusArray, queue_size=10)
+        cls.commands = rospy.Publisher("cmd_vel", Twist, queue_size=10)
+        cls.own = rospy.Subscriber("cmd_vel", Twist, cls.on_command)
+        topics = (cls.status, cls.commands)
+        wait_until(lambda: all(topic.impl.has_connection(NODE) for topic in topics), "the node to listen", TIMEOUT)
+        wait_until(lambda: cls.clock.impl.has_connection(NODE), "the node to hear the clock", TIMEOUT)
+        wait_until(lambda: any(link.callerid_pub == NODE for link in cls.own.impl.connections), "its topic", TIMEOUT)
+
+    @classmethod
+    def on_command(cls, message: Twist) -> None:
+        if message._connection_header["callerid"] == NODE:
+            cls.turns.append(message.angular.z)
+
+    def pass_time(self, seconds: float) -> None:
+        type(self).time += seconds
+
+    def say(self, active: bool) -> None:
+        """Sets the clock, lets move_base publish its status, and waits until the node has heard both."""
+        self.clock.publish(Clock(rospy.Time.from_sec(self.time)))
+        wait_until(lambda: abs(rospy.get_time() - self.time) < 1e-6, "the clock", TIMEOUT)
+        status = [GoalStatus(status=GoalStatus.ACTIVE)] if active else []
+        self.status.publish(GoalStatusArray(status_list=status))
+
+    def stand_until_it_turns(self) -> float:
+        """Lets time pass in steps with a goal active; returns how long it took until the node turned."""
+        start = self.time
+        self.turns.clear()
+
+        def turned() -> bool:
+            self.pass_time(0.2)
+            self.say(active=True)
+            return any(self.turns)
+
+        wait_until(turned, "a turn", TIMEOUT)
+        return self.time - start
+
+    def tearDown(self) -> None:
+        def quiet() -> bool:
+            self.pass_time(0.2)
+            self.say(active=False)
+            return not self.turns or self.turns[-1] == 0.0
+
+        wait_until(quiet, "the end of the turn", TIMEOUT)
+
+    def test_a_robot_that_stands_with_a_goal_turns_after_five_seconds_to_the_side_last_commanded(self) -> None:
+        self.say(active=True)
+        self.commands.publish(Twist(Vector3(), Vector3(0.0, 0.0, -0.3)))
+        assert self.stand_until_it_turns() > 4.0
+        assert self.turns[0] == -0.8
+
+    def test_the_turn_has_the_last_word_while_it_lasts_and_ends_with_a_stop(self) -> None:
+        self.say(active=True)
+        self.stand_until_it_turns()
+        turn = self.turns[-1]
+        answers = len(self.turns)
+        self.commands.publish(Twist(Vector3(), Vector3(0.0, 0.0, -0.1 * turn)))
+        wait_until(lambda: len(self.turns) > answers, "an answer to the command", TIMEOUT)
+        assert abs(turn) == 0.8
+        assert self.turns[-1] == turn
+        start = self.time
+
+        def stopped() -> bool:
+            self.pass_time(0.2)
+            self.say(active=True)
+            return self.turns[-1] == 0.0
+
+        wait_until(stopped, "the stop", TIMEOUT)
+        assert self.time - start >= 1.2
+
+    def test_a_goal_that_ends_stops_the_turn(self) -> None:
+        self.say(active=True)
+        self.stand_until_it_turns()
+        self.pass_time(0.1)
+        self.say(active=False)
+        wait_until(lambda: self.turns[-1] == 0.0, "the stop", TIMEOUT)
+
+
+if __name__ == "__main__":
+    rospy.init_node("spin_recover_test")
+    rostest.rosrun("simple_navigation_goals", "spin_recover", SpinRecoverTest)
