@@ -1,6 +1,10 @@
+import itertools
+from unittest import mock
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rocon_gateway.core import frame as frame_module
 from rocon_gateway.core.backlog import Backlog
 from rocon_gateway.core.fanout import Fanout
 from rocon_gateway.core.frame import FrameSplitter
@@ -14,6 +18,8 @@ class FakeReceiver:
         self.received = b""
         self.is_closed = False
         self.has_left = False
+        self.has_joined = False
+        self.unseen = 0
         self._appetite = iter(appetite)
 
     def take(self, data):
@@ -38,6 +44,10 @@ class FakeReceiver:
             data = b"".join(buffers)
             self.received += data
             self.backlog.advance(len(data))
+
+    def passed(self, count, ended):
+        self.unseen += count
+        self.backlog.passed(ended)
 
     def left(self):
         self.has_left = True
@@ -113,6 +123,42 @@ def test_a_newcomer_begins_with_a_whole_message_and_a_latched_one_misses_nothing
         assert got == bodies[max(0, ended - 1) :]
     else:
         assert bodies[ended + 1 :] == got or bodies[ended:] == got
+
+
+@given(numbered, cuts, appetites, st.integers(min_value=0, max_value=2000), st.integers(min_value=0, max_value=2000))
+@settings(max_examples=300, deadline=None)
+def test_what_passes_unseen_is_in_its_place_whoever_comes_and_goes(bodies, sizes, appetite, comes_at, goes_at):
+    stream = b"".join(map(frame, bodies))
+    fanout, receiver, other = Fanout(1000), FakeReceiver(appetite, 1000), FakeReceiver(appetite, 1000)
+    fanout.join(receiver)
+    cut, rest, position, unseen = itertools.cycle(sizes), b"", 0, 0
+    with mock.patch.object(frame_module, "LARGE", 20):
+        while position < len(stream):
+            if position >= comes_at and not other.has_joined:
+                other.has_joined = True
+                fanout.join(other)
+            if position >= goes_at and other.has_joined:
+                fanout.remove(other)
+            passage = fanout.passage()
+            size = next(cut) if passage is None or passage.remaining else 4
+            data = stream[position : position + size]
+            if passage is not None and passage.remaining:
+                assert passage.outlet is receiver or passage.outlet is other
+                data = data[: passage.remaining]
+                taken = passage.outlet.take(data)
+                if taken:
+                    fanout.passed(taken)
+                unseen += taken
+                position += taken
+                data = data[taken:]
+            position += len(data)
+            rest += data
+            rest = rest[fanout.feed(memoryview(rest)) :]
+    receiver.drain()
+    assert receiver.received == stream
+    assert fanout.messages == len(bodies)
+    assert fanout.bytes == len(stream)
+    assert receiver.unseen == unseen - other.unseen
 
 
 def test_what_waits_is_bounded_in_messages_and_bytes():

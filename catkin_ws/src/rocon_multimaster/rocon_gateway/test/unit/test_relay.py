@@ -1,8 +1,11 @@
 """Two relays between two real masters, with real nodes."""
 
 import contextlib
+import errno
+import hashlib
 import itertools
 import logging
+import os
 import random
 import re
 import socket
@@ -19,6 +22,7 @@ import pytest
 from pioneer_harness.masters import Master
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
+from rocon_gateway.adapters.relay.pipe import Pipe
 from rocon_gateway.adapters.relay.relay import TcpRelay
 from rocon_gateway.core.connection import (
     ANY,
@@ -203,6 +207,14 @@ def wait_for(side, state, timeout=5):
     wait_until(lambda: side.state() and all(s is state for s in side.state()), f"{side.name} {state}", timeout)
 
 
+def number_of_good(subscriber):
+    """The number of the next message, whose text must be as it was sent."""
+    text = subscriber.text_of_message()
+    whole = hashlib.sha256(str(int(text[:8])).encode()).hexdigest() * (len(text) // 64 + 1)
+    assert whole.startswith(text[8:])
+    return int(text[:8])
+
+
 def subscribers_of_talker(master, topic="/chatter", node="/talker1"):
     with node_at(master.proxy().lookupNode(node)) as slave:
         return [row[1] for row in slave.getBusInfo("/tester")[2] if row[4] == topic]
@@ -310,6 +322,44 @@ def test_a_large_topic_can_be_left_and_joined_again_within_a_message(sides):
         with Subscriber(sink, "/source/talker1", "/big") as subscriber:
             assert len(subscriber.text_of_message()) == 700_000
     assert sink.link().state is LinkState.ACTIVE
+
+
+def test_large_and_small_messages_pass_unchanged_whoever_joins_and_leaves_between(sides, monkeypatch):
+    source, sink = sides
+    unseen = []
+    move = Pipe.move
+
+    def counting_move(*arguments):
+        moved = move(*arguments)
+        unseen.append(moved.taken)
+        return moved
+
+    monkeypatch.setattr(Pipe, "move", counting_move)
+    connect(source, sink, ("/mixed",))
+    with Subscriber(sink, "/source/talker1", "/mixed") as steady:
+        numbers = [number_of_good(steady) for _ in range(8)]
+        for _ in range(5):
+            with Subscriber(sink, "/source/talker1", "/mixed", "/passing") as passing:
+                first = number_of_good(passing)
+                assert number_of_good(passing) == first + 10
+                numbers.append(number_of_good(steady))
+        numbers += [number_of_good(steady) for _ in range(20)]
+    assert numbers == list(range(numbers[0], numbers[0] + 10 * len(numbers), 10))
+    assert sum(unseen) > 5_000_000
+    link = sink.link()
+    assert (link.messages >= len(numbers), link.drops) == (True, 0)
+
+
+def test_a_kernel_that_cannot_splice_costs_nothing_but_time(sides, monkeypatch):
+    def refuse(*_, **__):
+        raise OSError(errno.EINVAL, "Invalid argument")
+
+    source, sink = sides
+    monkeypatch.setattr(os, "splice", refuse)
+    connect(source, sink, ("/mixed",))
+    with Subscriber(sink, "/source/talker1", "/mixed") as subscriber:
+        numbers = [number_of_good(subscriber) for _ in range(20)]
+    assert numbers == list(range(numbers[0], numbers[0] + 200, 10))
 
 
 def test_a_stalled_subscriber_loses_the_oldest_and_slows_nobody(relays, talkers):

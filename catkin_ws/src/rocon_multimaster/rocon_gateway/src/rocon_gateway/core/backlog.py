@@ -52,6 +52,11 @@ class Backlog:
         return not self._sending and not self._waiting
 
     @property
+    def is_direct(self) -> bool:
+        """Whether whatever arrives now may be sent at once, all of it."""
+        return self._rest is not _Rest.SKIP and self.is_empty
+
+    @property
     def size(self) -> int:
         """Bytes that wait."""
         return self._waiting_bytes + sum(map(len, self._sending))
@@ -89,6 +94,10 @@ class Backlog:
             self._rest = _Rest.NONE
         elif self._rest is not _Rest.SKIP:
             self._rest = _Rest.SEND
+
+    def passed(self, ended: bool) -> None:
+        """Bytes of the frame that is arriving went out while `is_direct`; `ended`: its last one as well."""
+        self._rest = _Rest.NONE if ended else _Rest.SEND
 
     def queue(self, chunk: Chunk) -> None:
         """Takes a chunk whole, behind what waits."""

@@ -1,6 +1,6 @@
 """One stream of frames in, any number of receivers out, and what a latched topic owes to newcomers."""
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from rocon_gateway.core.backlog import Backlog
 from rocon_gateway.core.frame import Chunk, FrameSplitter
@@ -20,8 +20,26 @@ class Outlet(Protocol):
     def left(self) -> None:
         """Called when the frame that was under way at `Fanout.leave` has gone out whole."""
 
+    def fileno(self) -> int:
+        """Returns the descriptor where bytes may go in otherwise than by `push`, as `Fanout.passage` allows."""
+
+    def passed(self, count: int, ended: bool) -> None:
+        """Bytes of the frame that is arriving, and maybe its end, went in at `fileno`."""
+
     def close(self, reason: str) -> None:
         """Ends the connection."""
+
+
+class Passage(NamedTuple):
+    """A way on which messages need not be seen.
+
+    Attributes:
+        outlet: the receiver.
+        remaining: bytes to come of the message that is arriving; 0 between two, where the next length is to be seen.
+    """
+
+    outlet: Outlet
+    remaining: int
 
 
 class Fanout:
@@ -67,6 +85,21 @@ class Fanout:
             if self._leaving:
                 self._finish_leaving(chunk)
         return size
+
+    def passage(self) -> Passage | None:
+        """Returns how messages may pass unseen now: large ones, none to be kept, one receiver that is not behind."""
+        if not self._splitter.is_large or self.latching or self._leaving or len(self._outlets) != 1:
+            return None
+        outlet = self._outlets[0]
+        return Passage(outlet, self._splitter.remaining) if outlet.backlog.is_direct else None
+
+    def passed(self, count: int) -> None:
+        """Takes note of bytes of one message that went where `passage` said."""
+        self._splitter.remaining -= count
+        ended = not self._splitter.remaining
+        self.messages += ended
+        self.bytes += count
+        self._outlets[0].passed(count, ended)
 
     def join(self, outlet: Outlet) -> None:
         """Adds a receiver: of a latched topic it gets the last message first, then whatever comes."""

@@ -14,6 +14,11 @@ from rocon_gateway.core.header import header_bytes
 
 CONTROL = 0xFFFFFFFF
 CONTROL_MARK = b"\xff\xff\xff\xff"
+LENGTH_SIZE = 4
+"""Size of a frame's length [bytes]."""
+
+LARGE = 512 * 1024
+"""From so many bytes on, it costs less to let a message pass unseen (measured)."""
 
 _LENGTH = struct.Struct("<I")
 _unpack = _LENGTH.unpack_from
@@ -72,10 +77,12 @@ class FrameSplitter:
 
     Attributes:
         remaining: bytes still to come of the frame that is arriving; 0 between two frames.
+        is_large: whether the newest frame is of `LARGE` bytes at least, and did not come all at once.
     """
 
     def __init__(self, max_message_size: int) -> None:
         self.remaining = 0
+        self.is_large = False
         self._limit = max_message_size
 
     def split(self, data: memoryview) -> Chunk:
@@ -104,6 +111,8 @@ class FrameSplitter:
                 break
             position = stop
             ended += 1
+        if position > head:
+            self.is_large = self.remaining > 0 and length >= LARGE
         return Chunk(data[:position], head, head_ends, min(tail, position), ended)
 
 

@@ -87,6 +87,7 @@ class DialledLink(Stream):
         else:
             self._timer.cancel()
             self._is_up = True
+            self.fanout = self._owner.fanout
             self.parse = self._parse_frames
             self._owner.link_up()
         return end

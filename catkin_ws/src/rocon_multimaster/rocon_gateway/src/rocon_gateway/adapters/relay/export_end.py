@@ -68,6 +68,12 @@ class ExportEnd(Stream):
         self._bytes += len(chunk.data)
         super().push(chunk)
 
+    def passed(self, count: int, ended: bool) -> None:
+        """See `core.fanout.Outlet`."""
+        self._messages += ended
+        self._bytes += count
+        super().passed(count, ended)
+
     def accept(self, export: Export) -> None:
         """The relay exports it: the link stands."""
         self.timer.cancel()

@@ -127,6 +127,8 @@ class ProxyConnection(Stream):
             refusal = topic.subscribe(self, fields)
         if refusal:
             self.finish(header_bytes({"error": refusal}))
+        elif topic is not None and self.is_closed:  # it went while it was answered
+            topic.unsubscribe(self)
         else:
             self._topic = topic
 

@@ -11,6 +11,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Protocol
 
+from rocon_gateway.adapters.relay.pipe import Pipe
+
 BUFFER_SIZE = 256 * 1024
 """Size of the one buffer that everything is received into [bytes]: it stays within the processor's cache."""
 
@@ -45,10 +47,12 @@ class Reactor:
 
     Attributes:
         buffer: where whoever is called may receive into; valid until that call returns.
+        pipe: what whoever is called may move bytes through.
     """
 
     def __init__(self, logger: logging.Logger) -> None:
         self.buffer = memoryview(bytearray(BUFFER_SIZE))
+        self.pipe = Pipe()
         self._logger = logger
         self._epoll = select.epoll()
         self._handlers: dict[int, Handler] = {}
@@ -111,6 +115,7 @@ class Reactor:
         for handler in tuple(self._handlers.values()):
             self._guard(lambda h=handler: h.close(""))  # type: ignore[misc]
         self._epoll.close()
+        self.pipe.close()
 
     def _pause(self) -> float:
         if self._calls:

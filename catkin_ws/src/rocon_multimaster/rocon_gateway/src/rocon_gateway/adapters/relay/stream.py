@@ -9,7 +9,8 @@ from collections.abc import Callable
 from rocon_gateway.adapters.relay.reactor import Reactor
 from rocon_gateway.core.backlog import Backlog
 from rocon_gateway.core.connection import RelayError
-from rocon_gateway.core.frame import Chunk
+from rocon_gateway.core.fanout import Fanout, Passage
+from rocon_gateway.core.frame import LENGTH_SIZE, Chunk
 
 _IN, _OUT = select.EPOLLIN, select.EPOLLOUT
 _EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
@@ -28,6 +29,7 @@ class Stream:
         backlog: what waits to be sent.
         peer: the other end, for log lines.
         parse: gets what has arrived, again and again while it takes something and there is more.
+        fanout: what `parse` gives frames to, once it does; those that it need not see go round `parse`.
         is_closed: whether `close` was called.
     """
 
@@ -35,6 +37,7 @@ class Stream:
         self.backlog = Backlog(1, 0)
         self.peer = peer
         self.parse: Parse = len
+        self.fanout: Fanout | None = None
         self.is_closed = False
         self._reactor = reactor
         self._socket = sock
@@ -83,8 +86,10 @@ class Stream:
         if direct is None:
             self.backlog.queue(chunk)
             return
+        # The beginning of a message can wait for more of it, in the kernel, if no other message's end waits with it.
+        flags = socket.MSG_MORE if chunk.is_open and not chunk.ended else 0
         try:
-            count = self._socket.send(direct) if direct else 0
+            count = self._socket.send(direct, flags) if direct else 0
         except BlockingIOError:
             count = 0
         except OSError as error:
@@ -92,6 +97,14 @@ class Stream:
             return
         self.backlog.sent(chunk, count)
         self._watch_output()
+
+    def fileno(self) -> int:
+        """See `core.fanout.Outlet`."""
+        return self._socket.fileno()
+
+    def passed(self, count: int, ended: bool) -> None:
+        """See `core.fanout.Outlet`."""
+        self.backlog.passed(ended)
 
     def send(self, data: bytes) -> None:
         """Sends bytes that are never dropped, after everything that waits."""
@@ -146,21 +159,54 @@ class Stream:
         self.flush()
 
     def _receive(self) -> None:
+        passage = self._passage()
+        if passage is None:
+            self._read(len(self._reactor.buffer))
+        elif passage.remaining:
+            self._pass_on(passage)
+        else:
+            self._read(LENGTH_SIZE)
+            passage = self._passage()
+            if passage is not None and passage.remaining:
+                self._pass_on(passage)
+
+    def _passage(self) -> Passage | None:
+        if self.fanout is None or self.is_closed or not self._reactor.pipe.is_usable:
+            return None
+        return self.fanout.passage()
+
+    def _pass_on(self, passage: Passage) -> None:
+        assert self.fanout is not None
+        try:
+            moved = self._reactor.pipe.move(self._socket.fileno(), passage.outlet.fileno(), passage.remaining)
+        except OSError as error:
+            self._failed(error)
+            return
+        if moved.taken:
+            self.fanout.passed(moved.taken)
+        if moved.rest:
+            self.fanout.feed(memoryview(moved.rest))
+        elif not moved.taken:
+            self.close("")
+
+    def _read(self, size: int) -> None:
         buffer, kept = self._reactor.buffer, len(self._kept)
         if kept:
             buffer[:kept] = self._kept
         try:
-            count = self._socket.recv_into(buffer[kept:])
-        except BlockingIOError:
-            return
+            count = self._socket.recv_into(buffer[kept : size if size > kept else len(buffer)])
         except OSError as error:
-            self.close(error.strerror)
+            self._failed(error)
             return
         if not count:
             self.close("")
             return
         self._kept = b""
         self._parse_all(buffer[: kept + count])
+
+    def _failed(self, error: OSError) -> None:
+        if not isinstance(error, BlockingIOError):
+            self.close(error.strerror)
 
     def _parse_all(self, data: memoryview) -> None:
         try:

@@ -179,6 +179,7 @@ class _Publisher(Stream):
         if "error" in header:
             self.close(header["error"])
             return end
-        self.parse = self._subscription.fanout.feed
+        self.fanout = self._subscription.fanout
+        self.parse = self.fanout.feed
         self._subscription.found(header)
         return end
