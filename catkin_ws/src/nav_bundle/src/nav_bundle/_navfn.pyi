@@ -1,4 +1,4 @@
-"""Compiled kernels of kernels/navfn.py; array types, layouts and lengths are not checked at run time."""
+"""Compiled kernels of kernels/navfn.py; ``core.kernel`` checks array types and layouts, nobody lengths."""
 
 import numpy as np
 from numpy.typing import NDArray

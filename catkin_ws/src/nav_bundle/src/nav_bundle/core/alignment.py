@@ -6,7 +6,7 @@ odometry. Its estimate is a good start for a least-squares fit of the scan to th
 
 import numpy as np
 
-from nav_bundle import _alignment
+from nav_bundle.core import kernel
 from nav_bundle.core.particle import Estimate
 from nav_bundle.core.pose import Pose, angle_difference
 from nav_bundle.core.sensor import Beams, DistanceField
@@ -31,7 +31,7 @@ def refined(estimate: Estimate, beams: Beams, field: DistanceField) -> Pose:
     information = np.ascontiguousarray(np.linalg.inv(prior) * SIGMA**2)
     start, found = np.array([estimate.pose.x, estimate.pose.y, estimate.pose.yaw]), np.empty(3)
     arguments = (points, field.squares, field.placement, information, SIGMA, ITERATIONS, found)
-    agreement = _alignment.align(start, *arguments)
+    agreement = kernel.align(start, *arguments)
     pose = Pose(*found.tolist())
     near = pose.distance(estimate.pose) < FARTHEST
     near = near and abs(angle_difference(pose.yaw, estimate.pose.yaw)) < FARTHEST

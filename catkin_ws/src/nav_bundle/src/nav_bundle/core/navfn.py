@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle import _navfn
+from nav_bundle.core import kernel
 from nav_bundle.core.costmap.cost import INSCRIBED, UNKNOWN
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.layer import Geometry
@@ -110,7 +110,7 @@ class NavfnSearch:
         self._queue = np.empty((3, 4096 + 16 * sum(costs.shape)), np.int32)
         self._counts = np.zeros(3, np.int64)
         self._limits = np.array([0.0, _BAND])
-        _navfn.begin(self.potential, self._waiting, costs, weight, self._queue, self._counts, self._limits, *start)
+        kernel.begin(self.potential, self._waiting, costs, weight, self._queue, self._counts, self._limits, *start)
 
     def advance(self, budget: int) -> Path | None:
         """Looks at about ``budget`` more cells; see ``planner.Search``."""
@@ -120,20 +120,20 @@ class NavfnSearch:
 
     def _spread(self, budget: int) -> int:
         fields = (self.potential, self._waiting, self._costs, self._weights, self._queue, self._counts, self._limits)
-        return int(_navfn.spread(*fields, *self._goal_cell, 0.0, budget))
+        return int(kernel.spread(*fields, *self._goal_cell, 0.0, budget))
 
     def _path(self) -> Path:
         """Returns the path from the robot to the goal, or to the nearest reached place within the tolerance."""
         exact = self.potential[self._goal_cell] < _FAR
         end = self._goal_cell if exact else self._nearest()
         steps = np.empty((4 * sum(self.potential.shape) + self.potential.size // 8, 2), np.float64)
-        count = _navfn.descend(self.potential, steps, *end, *self._start)
+        count = kernel.descend(self.potential, steps, *end, *self._start)
         if count == 0 and end != self._start:
             raise NoPathError("Failed to get a plan from potential when a legal potential was found.")
         return self._poses(steps[:count][::-1], exact)
 
     def _nearest(self) -> tuple[int, int]:
-        cell = _navfn.nearest_reached(self.potential, *self._goal_cell, self._tolerance / self._geometry.resolution)
+        cell = kernel.nearest_reached(self.potential, *self._goal_cell, self._tolerance / self._geometry.resolution)
         if cell < 0:
             raise NoPathError("Failed to get a plan.")
         row, col = divmod(int(cell), self._geometry.cols)

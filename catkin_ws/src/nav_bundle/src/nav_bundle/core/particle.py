@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle import _particle
+from nav_bundle.core import kernel
 from nav_bundle.core.amcl_config import AmclConfig
 from nav_bundle.core.grid import FREE, Grid
 from nav_bundle.core.pose import Pose
@@ -123,14 +123,14 @@ class ParticleFilter:
         drawn = np.empty((most, 3))
         cumulative = np.cumsum(self.weights)
         arguments = (config.min_particles, config.kld_err, config.kld_z, self._table, drawn)
-        count = _particle.resample(self.poses, cumulative, uniforms, renew, fresh, *arguments)
+        count = kernel.resample(self.poses, cumulative, uniforms, renew, fresh, *arguments)
         self.poses = drawn[:count].copy()
         self.weights = np.full(count, 1.0 / count)
 
     def estimate(self) -> Estimate:
         """Returns the mean of the heaviest cluster and the covariance of all particles."""
         sums = np.empty((len(self.poses), 9))
-        clusters = _particle.cluster(self.poses, self.weights, self._table, self._labels, sums)
+        clusters = kernel.cluster(self.poses, self.weights, self._table, self._labels, sums)
         best = sums[:clusters][sums[:clusters, 1].argmax()]
         _, weight, x, y, cosine, sine = best[:6].tolist()
         pose = Pose(x / weight, y / weight, math.atan2(sine, cosine))
@@ -138,7 +138,7 @@ class ParticleFilter:
 
 
 def _covariance(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the covariance of x, y, yaw from the sums of ``_particle.cluster``; yaw's is that of a wrapped normal."""
+    """Returns the covariance of x, y, yaw from the sums of ``kernel.cluster``; yaw's is that of a wrapped normal."""
     x, y, cosine, sine, xx, xy, yy = (sums[2:] / sums[1]).tolist()
     length = min(1.0, max(1e-12, math.hypot(cosine, sine)))
     result = np.zeros((3, 3))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle import _trajectory
+from nav_bundle.core import kernel
 from nav_bundle.core.local_planner import Situation, Velocity
 from nav_bundle.core.pose import Pose
 
@@ -65,7 +65,7 @@ class Rollout:
         outline = costmap.footprint.outline(pose)
         points = np.ascontiguousarray(plan[:, :2])
         grids = (self._to_plan, self._to_goal, self._queue)
-        return bool(_trajectory.distance_grids(costmap.cells, *self._place, points, outline, *grids) > 0)
+        return bool(kernel.distance_grids(costmap.cells, *self._place, points, outline, *grids) > 0)
 
     def cheapest(self, samples: NDArray[np.float64]) -> Scored | None:
         """Returns the cheapest of ``samples`` (n, 3), the first of equals; None if none may be driven."""
@@ -84,7 +84,7 @@ class Rollout:
 
     def _search(self, samples: NDArray[np.float64], reach: bool, every: bool) -> tuple[int, NDArray[np.float64]]:
         results = np.empty((len(samples), 5))
-        best = _trajectory.search(
+        best = kernel.search(
             self._costmap.cells,
             *self._place,
             self._to_plan,
@@ -106,7 +106,7 @@ class Rollout:
         """Returns the poses (n, 3) that ``velocity`` leads through."""
         poses = np.empty((256, 3))
         sample = np.array([velocity.x, velocity.y, velocity.turn], np.float64)
-        count = _trajectory.roll_out(self._pose, self._velocity, self._acc, sample, self._horizon, poses)
+        count = kernel.roll_out(self._pose, self._velocity, self._acc, sample, self._horizon, poses)
         return poses[:count]
 
     def goal_distance(self, x: float, y: float) -> int | None:

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle import _likelihood
+from nav_bundle.core import kernel
 from nav_bundle.core.amcl_config import AmclConfig
 from nav_bundle.core.grid import OCCUPIED, Grid
 from nav_bundle.core.pose import Pose
@@ -97,7 +97,7 @@ class DistanceField:
         self.placement = placement(grid)
         self.cap = max(1, min(LONGEST_FIELD, math.ceil(reach / grid.resolution)))
         self.squares = np.empty(grid.cells.shape, np.uint16)
-        _likelihood.distance_field(np.ascontiguousarray(grid.cells), OCCUPIED, self.cap, self.squares)
+        kernel.distance_field(np.ascontiguousarray(grid.cells), OCCUPIED, self.cap, self.squares)
 
 
 class LikelihoodField:
@@ -133,7 +133,7 @@ class LikelihoodField:
         out: NDArray[np.float64],
     ) -> None:
         cells = np.ascontiguousarray(points / self.field.resolution)
-        _likelihood.add_likelihoods(particles, cells, self.field.squares, self.field.placement, table, out)
+        kernel.add_likelihoods(particles, cells, self.field.squares, self.field.placement, table, out)
 
     def _agreement(
         self, particles: NDArray[np.float64], points: NDArray[np.float64], distance: float
@@ -143,7 +143,7 @@ class LikelihoodField:
         cells = np.ascontiguousarray(points / self.field.resolution)
         nearest = math.ceil((distance / self.field.resolution) ** 2)
         field = self.field
-        _likelihood.count_agreement(particles, cells, field.squares, field.placement, nearest, counts)
+        kernel.count_agreement(particles, cells, field.squares, field.placement, nearest, counts)
         return counts / len(particles)
 
 
@@ -187,7 +187,7 @@ class BeamModel:
         config = self._config
         expected = np.empty((len(particles), len(beams.ranges)))
         laser = np.array([beams.laser.x, beams.laser.y, beams.laser.yaw])
-        _likelihood.expected_ranges(
+        kernel.expected_ranges(
             particles, laser, beams.bearings, self._cells, self._placement, beams.range_max, expected
         )
         excess = beams.ranges - expected

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle import _trajectory
+from nav_bundle.core import kernel
 from nav_bundle.core.costmap.config import CostmapConfig, InflationConfig, StaticConfig
 from nav_bundle.core.costmap.cost import FREE, LETHAL, UNKNOWN, cells_of_distance
 from nav_bundle.core.costmap.layer import (
@@ -128,7 +128,7 @@ class Costmap:
         """Returns the highest cost under the robot's outline at ``pose``: -1 lethal, -2 unknown, -3 off the grid."""
         place = self.geometry
         return int(
-            _trajectory.footprint_cost(
+            kernel.footprint_cost(
                 self.cells,
                 place.origin_x,
                 place.origin_y,

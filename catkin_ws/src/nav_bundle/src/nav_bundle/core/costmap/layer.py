@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle import _costmap
+from nav_bundle.core import kernel
 from nav_bundle.core.costmap.config import InflationConfig, ObstacleConfig, SourceConfig, StaticConfig
 from nav_bundle.core.costmap.cost import (
     FREE,
@@ -113,7 +113,7 @@ class StaticLayer:
         assert self.cells is not None
         part = self.cells[window.row_0 : window.row_1, window.col_0 : window.col_1].copy()
         reached = np.full(radius * radius + 1, INSCRIBED, np.uint8)
-        _costmap.inflate(part, 0, part.shape[0], 0, part.shape[1], radius, reached, True)
+        kernel.inflate(part, 0, part.shape[0], 0, part.shape[1], radius, reached, True)
         return (part == INSCRIBED) | (part == LETHAL)
 
     def merge(self, master: Cells, window: Window) -> None:
@@ -122,7 +122,7 @@ class StaticLayer:
             return
         part = np.s_[window.row_0 : window.row_1, window.col_0 : window.col_1]
         if self.config.use_maximum:
-            _costmap.merge_highest(master, self.cells, window.row_0, window.row_1, window.col_0, window.col_1)
+            kernel.merge_highest(master, self.cells, window.row_0, window.row_1, window.col_0, window.col_1)
         else:
             master[part] = self.cells[part]
 
@@ -160,15 +160,15 @@ class ObstacleLayer:
         for seen in mine:
             if seen.source.clearing:
                 sensor = (seen.sensor_x, seen.sensor_y)
-                _costmap.clear_rays(self.cells, *place, *sensor, seen.points, seen.source.raytrace_range)
+                kernel.clear_rays(self.cells, *place, *sensor, seen.points, seen.source.raytrace_range)
         for seen in mine:
             if seen.source.marking:
                 sensor = (seen.sensor_x, seen.sensor_y)
-                _costmap.mark_points(self.cells, *place, *sensor, seen.points, seen.source.obstacle_range)
+                kernel.mark_points(self.cells, *place, *sensor, seen.points, seen.source.obstacle_range)
         if self.config.footprint_clearing_enabled:
-            _costmap.fill_polygon(self.cells, *place, outline, FREE)
+            kernel.fill_polygon(self.cells, *place, outline, FREE)
         changed = np.array([geometry.rows, 0, geometry.cols, 0], np.int64)
-        _costmap.changed_window(self.cells, before, touched.row_0, touched.col_0, changed)
+        kernel.changed_window(self.cells, before, touched.row_0, touched.col_0, changed)
         window = Window(*(int(edge) for edge in changed))
         return window if window else EMPTY
 
@@ -197,8 +197,8 @@ class ObstacleLayer:
 
     def merge(self, master: Cells, window: Window) -> None:
         """Merges the layer into the window of ``master``."""
-        kernel = _costmap.merge_highest if self.config.combination_method == 1 else _costmap.merge_known
-        kernel(master, self.cells, window.row_0, window.row_1, window.col_0, window.col_1)
+        merged = kernel.merge_highest if self.config.combination_method == 1 else kernel.merge_known
+        merged(master, self.cells, window.row_0, window.row_1, window.col_0, window.col_1)
 
 
 class InflationLayer:
@@ -215,4 +215,4 @@ class InflationLayer:
         """Inflates into the window of ``master``; lethal cells around the window count too."""
         if self.radius > 0:
             place = (window.row_0, window.row_1, window.col_0, window.col_1)
-            _costmap.inflate(master, *place, self.radius, self._table, self.config.inflate_unknown)
+            kernel.inflate(master, *place, self.radius, self._table, self.config.inflate_unknown)
