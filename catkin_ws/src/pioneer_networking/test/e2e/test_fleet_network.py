@@ -44,7 +44,10 @@ class Network:
         # The ports are free by now, and roslaunch needs them so.
         self.ports.release()
         self.environment = {**os.environ, "ROS_IP": "127.0.0.1", "ROS_HOME": str(folder / "home")}
+        # Unlike that of any other hub that is announced on this machine now.
+        self.hub_name = f"Pioneer Hub {self.hub_port}"
         arguments = (
+            f"hub_name:={self.hub_name}",
             f"hub_port:={self.hub_port}",
             f"hub_master_port:={hub_master}",
             f"gateway_master_port:={gateway_master}",
@@ -111,6 +114,16 @@ def test_the_scripts_connect_the_fleet_in_any_order_and_twice(network: Network) 
     network.start("command", command, **network.at_robot)
     wait_until(lambda: "/pioneer1/pioneer/cmd_vel" in network.published_at_base(), "cmd_vel at the base", 20)
     wait_until(lambda: "/clock" in network.robot.system_state()[0], "/clock at the robot", 20)
+
+
+def test_the_tutorials_second_step_needs_nothing_but_the_hosts_name(network: Network) -> None:
+    gateway = ["roslaunch", "pioneer_networking", "pioneer_gateway.launch"]
+    # Only this tells the test's hub from others that run on this machine.
+    gateway.append(f"gateway_hub_whitelist:=['{network.hub_name}']")
+    network.start("gateway", gateway, **network.at_robot, HOSTNAME="aadi1", GATEWAY_HUB_URI="")
+    log = network.folder / "gateway.log"
+    wait_until(lambda: f"on hub '{network.hub_name}'" in log.read_text(), "the robot's gateway on the hub", 20)
+    assert "as 'aadi1_gateway'" in log.read_text()
 
 
 def test_a_client_written_for_rocon_works(network: Network) -> None:

@@ -4,7 +4,7 @@ import socket
 import struct
 import sys
 import xmlrpc.client
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -34,12 +34,13 @@ class Site:
         self.log = fleet.folder / f"{name}.log"
         self.pid = 0
 
-    def start(self, **parameters: Any) -> "Site":
-        """Starts the gateway."""
+    def start(self, environment: Mapping[str, str] | None = None, **parameters: Any) -> "Site":
+        """Starts the gateway, with more variables in its environment if given."""
         defaults = {"name": self.name, "disable_uuids": True, "firewall": False, "hub_uri": self._fleet.hub_uri}
         self.master.set_param("/gateway", {**defaults, **parameters})
         argv = ["rosrun", "rocon_gateway", "gateway"]
-        self.pid = self._fleet.group.start(self.name, argv, self.master.environment, self.log)
+        environment = {**self.master.environment, **(environment or {})}
+        self.pid = self._fleet.group.start(self.name, argv, environment, self.log)
         # The last one that the gateway offers.
         wait_until(lambda: self._has_service("/gateway/set_watcher_period"), f"{self.name}'s services", 15)
         return self
@@ -170,10 +171,17 @@ class Fleet:
         self.hub_master = Master()
         self.sites: list[Site] = []
 
-    def start_hub(self) -> int:
-        self.hub_master.set_param("/hub", {"name": "Test Hub", "port": self.hub_port, "zeroconf": False})
+    @property
+    def hub_name(self) -> str:
+        """Unlike that of any other hub that is announced on this machine now."""
+        return f"Test Hub {self.hub_port}"
+
+    def start_hub(self, environment: Mapping[str, str] | None = None, **parameters: Any) -> int:
+        defaults = {"name": self.hub_name, "port": self.hub_port, "zeroconf": False}
+        self.hub_master.set_param("/hub", {**defaults, **parameters})
         argv = ["rosrun", "rocon_hub", "hub"]
-        return self.group.start("hub", argv, self.hub_master.environment, self.folder / "hub.log")
+        environment = {**self.hub_master.environment, **(environment or {})}
+        return self.group.start("hub", argv, environment, self.folder / "hub.log")
 
     def site(self, name: str) -> Site:
         self.sites.append(Site(name, self))

@@ -39,6 +39,14 @@ def test_the_lists_of_hubs_take_names_and_addresses() -> None:
     )
 
 
+def test_lists_know_all_names_of_an_address() -> None:
+    local = HubAddress("127.0.0.1", 6380)
+    check_lists(local, "Hub", ["localhost"], [])
+    for barred in (["http://localhost:6380"], ["192.168.2.100:6380"]):
+        with pytest.raises(HubError):
+            check_lists(local, "Hub", [], barred, [HUB])
+
+
 def test_who_leaves_is_gone_at_once() -> None:
     presence = Presence()
     presence.start({"a", "b"}, 0.0)

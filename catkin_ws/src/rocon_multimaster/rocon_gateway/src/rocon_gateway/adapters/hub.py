@@ -12,11 +12,12 @@ from dataclasses import dataclass, field
 
 import redis
 
+from rocon_gateway.adapters.discovery import Discovery
 from rocon_gateway.adapters.hub_session import HEARTBEAT, Description, HubSession
 from rocon_gateway.core.code import Code, HubError
 from rocon_gateway.core.hub import (
     GATEWAYS_KEY,
-    HubAddress,
+    Candidate,
     HubView,
     Presence,
     address_from_uri,
@@ -31,6 +32,9 @@ from rocon_gateway.core.situation import Remote
 RETRY = 0.5
 """Pause between two tries to reach a hub [s]."""
 
+_SEARCH = "looking for a hub by mDNS; to name one: gateway_hub_uri:=http://HOST:6380 or the service ~connect_hub"
+_NO_SEARCH = "no hub_uri is given and mDNS is off: waiting for a call of ~connect_hub"
+
 
 @dataclass(frozen=True)
 class HubConfig:
@@ -40,12 +44,14 @@ class HubConfig:
         uris: addresses to try, in order.
         whitelist: hub names or addresses; empty allows all.
         blacklist: hub names or addresses; goes before the whitelist.
+        discover: also look for hubs that announce themselves by mDNS.
         password: what the hubs' Redis asks for. Not shown by repr.
     """
 
     uris: tuple[str, ...] = ()
     whitelist: tuple[str, ...] = ()
     blacklist: tuple[str, ...] = ()
+    discover: bool = False
     password: str | None = field(default=None, repr=False)
 
 
@@ -77,7 +83,9 @@ class Hub:
         self._logger = logger
         self._name, self._instance = record.name, record.instance
         self._lock = threading.Lock()
-        self._addresses = [address_from_uri(uri) for uri in config.uris]
+        self._known = [Candidate(address_from_uri(uri)) for uri in config.uris]
+        self._discovery = Discovery(self._wake) if config.discover else None
+        self._last: tuple[Candidate, ...] = ()
         self._record = record
         self._letters: Mapping[str, Letter] = {}
         self._interest: frozenset[str] = frozenset()
@@ -86,7 +94,7 @@ class Hub:
         self._session: HubSession | None = None
         self._connected = threading.Condition(self._lock)
         self._displaced = False
-        self._complaint = ""
+        self._complaints: dict[object, str] = {}
         self._stopping = False
         self._wake_reader, self._wake_writer = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         self._thread = threading.Thread(target=self._run, name="hub", daemon=True)
@@ -118,20 +126,24 @@ class Hub:
             same = view.hub_uri == str(address)
             code = Code.HUB_CONNECTION_ALREADY_EXISTS if same else Code.HUB_CONNECTION_FAILED
             raise HubError(code, f"connected to '{view.hub_name}' at {view.hub_uri} already; one hub at a time")
-        self._probe(address)
+        self._probe(Candidate(address))
         with self._connected:
-            if address not in self._addresses:
-                self._addresses.insert(0, address)
+            if Candidate(address) not in self._known:
+                self._known.insert(0, Candidate(address))
             self._wake()
             if not self._connected.wait_for(lambda: self._view.connected, patience):
                 raise HubError(Code.HUB_CONNECTION_FAILED, f"registering at {address} took too long")
 
-    def _probe(self, address: HubAddress) -> None:
-        session = HubSession(address, self._config.password, self._name, self._instance)
+    def _probe(self, candidate: Candidate) -> None:
+        session = HubSession(candidate.address, self._config.password, self._name, self._instance)
         try:
-            check_lists(address, session.hub_name, self._config.whitelist, self._config.blacklist)
+            self._check(candidate, session)
         finally:
             session.close()
+
+    def _check(self, candidate: Candidate, session: HubSession) -> None:
+        lists = self._config.whitelist, self._config.blacklist
+        check_lists(candidate.address, session.hub_name, *lists, candidate.aliases)
 
     def describe(self, names: Collection[str]) -> list[Description]:
         """Returns what the hub knows of these gateways, of all if empty. Without a hub, nothing."""
@@ -156,15 +168,32 @@ class Hub:
     # The thread
 
     def _run(self) -> None:
+        if not self._known:
+            self._logger.info("%s", _SEARCH if self._discovery else _NO_SEARCH)
         while not self._stopping:
-            for address in self._candidates():
-                if self._visit(address) or self._stopping:
+            for candidate in self._candidates():
+                if self._visit(candidate) or self._stopping:
                     break
             self._pause(RETRY)
+        if self._discovery:
+            self._discovery.rest()
 
-    def _candidates(self) -> list[HubAddress]:
+    def _candidates(self) -> list[Candidate]:
+        """Returns whom to try now: the hub that we lost, then those we were told of, then those we see."""
         with self._lock:
-            return list(self._addresses)
+            known = [*self._last, *self._known]
+        return list(dict.fromkeys([*known, *self._seen()]))
+
+    def _seen(self) -> list[Candidate]:
+        if self._discovery is None:
+            return []
+        try:
+            sightings = self._discovery.sightings()
+        except OSError as error:
+            self._complain(Discovery, f"cannot look for hubs by mDNS: {error}")
+            return []
+        own, stack = self._discovery.interfaces, self._discovery.stack
+        return [Candidate(way, sighting.hubs) for sighting in sightings for way in sighting.ways(own, stack)]
 
     def _pause(self, seconds: float) -> None:
         if not self._stopping:
@@ -175,18 +204,19 @@ class Hub:
         with contextlib.suppress(BlockingIOError):
             os.read(self._wake_reader, 4096)
 
-    def _visit(self, address: HubAddress) -> bool:
-        """Stays on the hub at `address` as long as that goes; tells whether it went at all."""
+    def _visit(self, candidate: Candidate) -> bool:
+        """Stays on this hub as long as that goes; tells whether it went at all."""
         session = None
         try:
-            session = HubSession(address, self._config.password, self._name, self._instance)
-            check_lists(address, session.hub_name, self._config.whitelist, self._config.blacklist)
+            session = HubSession(candidate.address, self._config.password, self._name, self._instance)
+            self._check(candidate, session)
             self._enter(session)
         except (HubError, redis.RedisError, OSError) as error:
-            self._complain(str(error))
+            self._complain(candidate.address, str(error))
             if session:
                 session.close()
             return False
+        self._last = (candidate,)
         try:
             self._stay(session)
         except (HubError, redis.RedisError, OSError) as error:
@@ -196,11 +226,11 @@ class Hub:
             self._exit(session)
         return True
 
-    def _complain(self, complaint: str) -> None:
+    def _complain(self, about: object, complaint: str) -> None:
         """Says why there is no hub: once, until the reason changes or a hub was found."""
-        if complaint != self._complaint:
+        if complaint != self._complaints.get(about):
             self._logger.info("%s; trying on", complaint)
-        self._complaint = complaint
+        self._complaints[about] = complaint
 
     def _enter(self, session: HubSession) -> None:
         if self._displaced and session.holder not in (None, self._instance):
@@ -217,7 +247,9 @@ class Hub:
             name: remote.letter for name, remote in self._view.remotes.items() if name in self._presence.names
         }
         self._take_letters(session, None)
-        self._complaint = ""
+        self._complaints.clear()
+        if self._discovery:
+            self._discovery.rest()
         self._logger.info("on hub '%s' at %s as '%s'", session.hub_name, session.address, self._name)
 
     def _exit(self, session: HubSession) -> None:

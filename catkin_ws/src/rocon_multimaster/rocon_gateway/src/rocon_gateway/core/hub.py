@@ -61,21 +61,52 @@ def address_from_uri(uri: str) -> HubAddress:
     return HubAddress(found[1].strip("[]"), port)
 
 
-def check_lists(address: HubAddress, name: str, whitelist: Collection[str], blacklist: Collection[str]) -> None:
+def check_lists(
+    address: HubAddress,
+    name: str,
+    whitelist: Collection[str],
+    blacklist: Collection[str],
+    aliases: Collection[HubAddress] = (),
+) -> None:
     """Raises HubError: 13 for a hub on the blacklist, 15 for one that a non-empty whitelist lacks.
 
-    Entries are hub names, or addresses as `address_from_uri` takes them.
+    Entries are hub names, or addresses as `address_from_uri` takes them; `aliases` are more addresses of this hub.
     """
-    if _listed(address, name, blacklist):
+    addresses = {_plain(one) for one in (address, *aliases)}
+    if _listed(addresses, name, blacklist):
         raise HubError(Code.HUB_CONNECTION_BLACKLISTED, f"the hub '{name}' at {address} is blacklisted")
-    if whitelist and not _listed(address, name, whitelist):
+    if whitelist and not _listed(addresses, name, whitelist):
         text = f"the hub '{name}' at {address} is not on the whitelist"
         raise HubError(Code.HUB_CONNECTION_NOT_IN_NONEMPTY_WHITELIST, text)
 
 
-def _listed(address: HubAddress, name: str, entries: Collection[str]) -> bool:
-    own = str(address).removeprefix("http://")
-    return any(entry == name or re.sub(r"^[a-z]+://|/$", "", entry) == own for entry in entries)
+def _listed(addresses: Collection[HubAddress], name: str, entries: Collection[str]) -> bool:
+    return any(entry == name or _address_in(entry) in addresses for entry in entries)
+
+
+def _address_in(entry: str) -> HubAddress | None:
+    """Returns the address that an entry of a list is, if it can be one."""
+    try:
+        return _plain(address_from_uri(entry))
+    except HubError:
+        return None
+
+
+def _plain(address: HubAddress) -> HubAddress:
+    return HubAddress("127.0.0.1", address.port) if address.host == "localhost" else address
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A hub to try.
+
+    Attributes:
+        address: where to dial.
+        aliases: more addresses of it, as lists of allowed and refused hubs may have them.
+    """
+
+    address: HubAddress
+    aliases: tuple[HubAddress, ...] = ()
 
 
 @dataclass(frozen=True)

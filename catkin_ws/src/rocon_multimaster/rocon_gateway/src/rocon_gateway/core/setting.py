@@ -28,7 +28,7 @@ class GatewaySetting:
         hub_whitelist: names or addresses of the only hubs to join; empty allows all.
         hub_blacklist: names or addresses of hubs never to join.
         hub_password_file: a file that holds the hub's password; empty for none, or the environment's.
-        disable_zeroconf: do not look for hubs by mDNS.
+        disable_zeroconf: do not look for hubs by mDNS, which only a gateway without `hub_uri` does.
         firewall: refuse flips to here.
         watch_loop_period: at the latest after so long, all is compared anew even if nothing seems to change [s].
         default_blacklist: `{name, node, type}` of what never leaves this gateway.
@@ -73,6 +73,11 @@ class GatewaySetting:
     def unique_name(self) -> str:
         """Returns a unique name; a new one with each call unless `disable_uuids`."""
         return self.name if self.disable_uuids else self.name + uuid.uuid4().hex
+
+    @property
+    def discovers(self) -> bool:
+        """Whether to look for hubs by mDNS: unless that is off or a hub is named."""
+        return not self.hub_uri and not self.disable_zeroconf
 
     @property
     def hubs_allowed(self) -> tuple[str, ...]:

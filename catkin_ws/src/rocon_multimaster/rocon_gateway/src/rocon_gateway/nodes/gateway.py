@@ -97,6 +97,7 @@ class GatewayNode:
             uris=(self._setting.hub_uri,) if self._setting.hub_uri else (),
             whitelist=self._setting.hubs_allowed,
             blacklist=self._setting.hubs_refused,
+            discover=self._setting.discovers,
             password=password,
         )
 
@@ -202,7 +203,7 @@ class GatewayNode:
         flipped = conversions.message_from_flipped
         return GatewayInfo(
             name=self._name,
-            discover_hubs_by_zeroconf=False,
+            discover_hubs_by_zeroconf=self._setting.discovers,
             discover_hubs_by_uri=[self._setting.hub_uri] if self._setting.hub_uri else [],
             connected=view.connected,
             ip=self._host(view),

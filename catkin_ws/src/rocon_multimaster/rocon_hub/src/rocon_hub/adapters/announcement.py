@@ -1,33 +1,67 @@
 """The hub's announcement by mDNS, as `_ros-multimaster-hub._tcp`."""
 
+import logging
 import socket
+from ipaddress import IPv4Interface
+from typing import Any
 
-import zeroconf
-
-SERVICE = "_ros-multimaster-hub._tcp.local."
+from rocon_gateway.adapters.discovery import network_stack, own_interfaces
+from rocon_gateway.core.sighting import LOOPBACK, SERVICE, instance_name
+from rocon_hub.core.error import AnnouncementError
 
 
 class Announcement:
-    """Announces the hub from its making until `close`.
+    """Announces the hub from the first `refresh` until `close`.
 
     Args:
         name: the hub's name.
         port: its port.
-        host: this machine's address, as others reach it.
+        everywhere: whether other machines may connect; otherwise only this machine hears of the hub.
     """
 
-    def __init__(self, name: str, port: int, host: str) -> None:
-        self._zeroconf = zeroconf.Zeroconf()
-        self._service = zeroconf.ServiceInfo(
-            SERVICE, f"{name.replace('.', ' ')}.{SERVICE}", port=port, addresses=[socket.inet_aton(_ipv4(host))]
+    def __init__(self, name: str, port: int, everywhere: bool) -> None:
+        self._name, self._port, self._everywhere = name, port, everywhere
+        self._zeroconf: Any = None
+        self._interfaces: frozenset[IPv4Interface] = frozenset()
+
+    def refresh(self) -> None:
+        """Announces the hub under the addresses that this machine has now, if they are not the ones of last time.
+
+        Raises:
+            AnnouncementError: the network takes no announcement.
+        """
+        interfaces = own_interfaces()
+        if interfaces == self._interfaces:
+            return
+        self.close()
+        addresses = [str(one.ip) for one in sorted(interfaces)]
+        try:
+            self._announce(addresses if self._everywhere else [LOOPBACK])
+        except (OSError, RuntimeError) as error:
+            raise AnnouncementError(f"the hub is not announced by mDNS: {error}") from None
+        self._interfaces = interfaces
+
+    def _announce(self, addresses: list[str]) -> None:
+        import zeroconf  # only for hubs that announce themselves
+
+        logging.getLogger("zeroconf").setLevel(logging.ERROR)
+        reachable = [address for address in addresses if not address.startswith("127.")] or [LOOPBACK]
+        service = zeroconf.ServiceInfo(
+            SERVICE,
+            f"{instance_name(self._name, socket.gethostname(), self._port)}.{SERVICE}",
+            port=self._port,
+            parsed_addresses=reachable,
+            properties={"name": self._name, "stack": network_stack()},
         )
-        self._zeroconf.register_service(self._service, allow_name_change=True)
+        try:
+            self._zeroconf = zeroconf.Zeroconf(addresses, ip_version=zeroconf.IPVersion.V4Only)
+            # Not register_service: that refuses rocon's service type, which is longer than RFC 6763 wants.
+            self._zeroconf.update_service(service)
+        except zeroconf.Error as error:
+            raise RuntimeError(str(error) or type(error).__name__) from None
 
     def close(self) -> None:
         """Takes the announcement back."""
-        self._zeroconf.unregister_service(self._service)
-        self._zeroconf.close()
-
-
-def _ipv4(host: str) -> str:
-    return socket.getaddrinfo(host, None, socket.AF_INET)[0][4][0]
+        if self._zeroconf is not None:
+            self._zeroconf.close()
+        self._zeroconf = None

@@ -11,3 +11,7 @@ class PortBusyError(HubNodeError):
 
 class RedisError(HubNodeError):
     """redis-server is missing, does not start, or dies again and again."""
+
+
+class AnnouncementError(HubNodeError):
+    """The hub cannot be announced; it can still be used."""

@@ -6,7 +6,6 @@ import time
 from pathlib import Path
 
 import redis
-import rosgraph
 import rospkg
 import rospy
 
@@ -17,7 +16,7 @@ from rocon_gateway.core.code import GatewayError
 from rocon_hub.adapters.announcement import Announcement
 from rocon_hub.adapters.redis_server import RedisServer
 from rocon_hub.adapters.registry import Registry
-from rocon_hub.core.error import HubNodeError, RedisError
+from rocon_hub.core.error import AnnouncementError, HubNodeError, RedisError
 from rocon_hub.core.setting import HubSetting, is_open
 
 LOOK_PERIOD = 0.25
@@ -25,6 +24,9 @@ LOOK_PERIOD = 0.25
 
 SHORT_LIFE = 5.0
 """A Redis that dies sooner than this after its start [s] counts as failing."""
+
+ANNOUNCEMENT_PERIOD = 5.0
+"""Time between two looks at whether this machine's addresses, which are announced, have changed [s]."""
 
 FAILURES = 3
 """Failing so often in a row ends the hub."""
@@ -40,7 +42,7 @@ class HubNode:
     Threads: the main thread alone, but for rospy's own and those of the mDNS announcement.
 
     On error: a port in use, a missing redis-server or an unreadable password file end the node with one line; a
-    Redis that dies is started again, and gateways register anew.
+    Redis that dies is started again, and gateways register anew; a network that takes no announcement is one line.
     """
 
     def __init__(self) -> None:
@@ -51,8 +53,9 @@ class HubNode:
         self._registry = Registry(self._server.client, self._setting.gateway_gone_timeout)
         self._stop = threading.Event()
         rospy.on_shutdown(self._stop.set)
-        self._announcement: Announcement | None = None
         self._open = is_open(self._setting, password)
+        self._announcement = Announcement(self._setting.name, self._setting.port, self._open)
+        self._unannounced = ""
         self._failures = 0
         self._warn(password)
 
@@ -72,12 +75,9 @@ class HubNode:
         """Runs until shutdown, then ends Redis."""
         try:
             self._start()
-            if self._setting.zeroconf and self._open:
-                self._announcement = Announcement(self._setting.name, self._setting.port, rosgraph.get_address())
             self._watch()
         finally:
-            if self._announcement:
-                self._announcement.close()
+            self._announcement.close()
             self._server.stop()
 
     def _start(self) -> None:
@@ -87,8 +87,11 @@ class HubNode:
         rospy.loginfo("hub '%s' on port %d (redis-server %d)", self._setting.name, self._setting.port, self._server.pid)
 
     def _watch(self) -> None:
-        next_clear = 0.0
+        next_clear = next_announcement = 0.0
         while not self._stop.wait(LOOK_PERIOD):
+            if self._setting.zeroconf and time.monotonic() >= next_announcement:
+                self._announce()
+                next_announcement = time.monotonic() + ANNOUNCEMENT_PERIOD
             if self._server.pid is None:
                 self._restart()
             with contextlib.suppress(redis.ConnectionError, redis.TimeoutError):
@@ -98,6 +101,15 @@ class HubNode:
                     next_clear = time.monotonic() + 1.0 / self._setting.watcher_thread_rate
                     for name in self._registry.clear():
                         rospy.loginfo("gateway '%s' removed", name)
+
+    def _announce(self) -> None:
+        try:
+            self._announcement.refresh()
+            self._unannounced = ""
+        except AnnouncementError as error:
+            if str(error) != self._unannounced:
+                rospy.logwarn("%s; gateways need gateway_hub_uri", error)
+            self._unannounced = str(error)
 
     def _restart(self) -> None:
         self._failures = self._failures + 1 if time.monotonic() - self._started < SHORT_LIFE else 1
