@@ -38,7 +38,7 @@ class Gains:
         x, y, z, roll, pitch, yaw = command
         linear, angular = self.linear, self.angular
         result = (linear * x, linear * y, linear * z, angular * roll, angular * pitch, angular * yaw)
-        if not math.isfinite(sum(map(abs, result))):
+        if not math.isfinite(sum(abs(part) for part in result)):
             raise CommandError(f"velocity {command} is not finite")
         return result
 
