@@ -199,6 +199,15 @@ def test_spawning_into_a_wall_is_refused_and_leaves_nothing(
     assert simulation.names() == ["floor", "wall"]
 
 
+def test_a_wheel_is_as_wide_as_described_beside_a_wall(simulate: MakeSimulation, robot: Robot, box: MakeBox) -> None:
+    face = 0.165 + 0.04 / 2 + 0.01
+    simulation = simulate(box("wall", Pose((0.0, face + 0.05, 0.5)), (4.0, 0.1, 1.0)))
+    entity = settled(simulation, robot)
+    drive(entity, 0.3, 0.0)
+    run(simulation, 2.0)
+    assert entity.collisions.count == 0
+
+
 def test_a_name_that_is_taken_is_refused(simulate: MakeSimulation, robot: Robot) -> None:
     simulation = simulate()
     simulation.add_robot("r", "", robot, Pose())

@@ -13,7 +13,8 @@ from pioneer_gazebo.core.engine import Contact, EngineError, Physics, Velocity
 from pioneer_gazebo.core.pose import Pose, Vector, rotated
 from pioneer_gazebo.core.world import PlacedCollision
 
-_GROUND, _SOLID, _ROLLING, _ALL = 2, 1, 4, -1
+# Bits that Bullet does not give out by itself: 2 is its own for everything that stands, walls too.
+_GROUND, _ROLLING, _ALL = 64, 128, -1
 
 _KINDS = {
     kinds.CONTINUOUS: pybullet.JOINT_REVOLUTE,
