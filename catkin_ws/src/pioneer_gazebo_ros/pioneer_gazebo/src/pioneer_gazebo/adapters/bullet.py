@@ -15,6 +15,8 @@ from pioneer_gazebo.core.world import PlacedCollision
 
 # Bits that Bullet does not give out by itself: 2 is its own for everything that stands, walls too.
 _GROUND, _ROLLING, _ALL = 64, 128, -1
+_BOTH_WANT = 0
+"""Two bodies meet where each one's mask holds the other's group; pybullet starts with one of the two sufficing."""
 
 _KINDS = {
     kinds.CONTINUOUS: pybullet.JOINT_REVOLUTE,
@@ -54,6 +56,7 @@ class BulletEngine:
             numSolverIterations=physics.iterations,
             numSubSteps=1,
             deterministicOverlappingPairs=1,
+            collisionFilterMode=_BOTH_WANT,
             physicsClientId=self._client,
         )
 
