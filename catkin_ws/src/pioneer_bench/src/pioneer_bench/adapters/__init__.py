@@ -1,0 +1,1 @@
+"""Processes and services of what is measured."""

@@ -1,0 +1,181 @@
+"""A hub and two gateways, each on a master of its own, and nodes that talk and hear."""
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from gateway_msgs import msg, srv
+
+from pioneer_bench.adapters import client
+from pioneer_harness.masters import Master
+from pioneer_harness.port import PortReservation, is_free
+from pioneer_harness.proc import process_state
+from pioneer_harness.process import ProcessGroup
+from pioneer_harness.wait import wait_until
+
+PATIENCE = 20.0
+"""For whatever is to start or to come [s]."""
+
+PREFERRED_PORT = 16380
+
+
+class Process:
+    """Something that was started, with its output."""
+
+    def __init__(self, pid: int, log: Path) -> None:
+        self.pid = pid
+        self.log = log
+
+    def lines(self) -> list[str]:
+        """Returns the whole lines that it has printed."""
+        return self.log.read_text().split("\n")[:-1]
+
+    def times(self) -> list[float]:
+        """Returns the moments that it has printed, monotonic [s]."""
+        return [float(line) for line in self.lines() if line[:1].isdigit()]
+
+    def first_after(self, moment: float) -> float:
+        """Waits until it prints a later moment; returns how much later [s]."""
+        wait_until(lambda: self.times()[-1:] > [moment], f"a message in {self.log.name}", PATIENCE)
+        return next(time for time in self.times() if time > moment) - moment
+
+
+class Site:
+    """A master with its gateway."""
+
+    def __init__(self, name: str, fleet: "Fleet") -> None:
+        self.name = name
+        self.master = Master()
+        self.gateway = Process(0, Path())
+        self._fleet = fleet
+        self._client = self.master.proxy(client.CALLER)
+
+    def start(self) -> None:
+        """Starts the gateway and waits until it is on the hub."""
+        setting = {"name": self.name, "disable_uuids": True, "firewall": False, "hub_uri": self._fleet.hub_uri}
+        self.master.set_param("/gateway", setting)
+        self.gateway = self.run("gateway", ["rosrun", "rocon_gateway", "gateway"])
+        # The one that the gateway offers last.
+        wait_until(self._has_services, f"{self.name}'s services", PATIENCE)
+        wait_until(self.is_connected, f"{self.name} on the hub", PATIENCE)
+
+    def run(self, name: str, argv: list[str]) -> Process:
+        """Starts a process on this master."""
+        return self._fleet.run(f"{self.name}-{name}", argv, self.master)
+
+    def module(self, name: str, *arguments: object) -> Process:
+        """Starts one of this package's nodes."""
+        return self.run(name, [sys.executable, "-m", f"pioneer_bench.nodes.{name}", *map(str, arguments)])
+
+    @contextmanager
+    def running(self, name: str, *arguments: object) -> Iterator[Process]:
+        """Starts one of this package's nodes, and ends it."""
+        process = self.module(name, *arguments)
+        try:
+            yield process
+        finally:
+            end(process.pid)
+
+    def publishers(self, topic: str) -> list[str]:
+        """Returns the nodes that publish, as the master says."""
+        return self.master.system_state()[0].get(topic, [])
+
+    def is_connected(self) -> bool:
+        """Tells whether the gateway is on a hub; one that does not answer is not."""
+        try:
+            info = client.latched(self._client, "/gateway", "/gateway/gateway_info", msg.GatewayInfo)
+        except OSError:  # its forerunner was killed, and the master still names that
+            return False
+        return bool(info.connected)
+
+    def states(self) -> list[str]:
+        """Returns state and reason of each rule."""
+        found = client.latched(self._client, "/gateway", "/gateway/rules", DiagnosticArray)
+        return [status.message for status in found.status]
+
+    def advertise(self, topic: str) -> None:
+        """Lets other gateways pull a topic."""
+        rules = [msg.Rule("publisher", topic, "")]
+        _check(client.call(self._client, "/gateway/advertise", srv.Advertise, rules=rules))
+
+    def ask(self, action: str, gateway: str, kind: str, topic: str, cancel: bool = False) -> None:
+        """Calls `flip` or `pull`."""
+        remotes = [msg.RemoteRule(gateway, msg.Rule(kind, topic, ""))]
+        _check(client.call(self._client, f"/gateway/{action}", srv.Remote, remotes=remotes, cancel=cancel))
+
+    def _has_services(self) -> bool:
+        return "/gateway/set_watcher_period" in self.master.system_state()[2]
+
+
+class Fleet:
+    """The hub, `base` and `robot`."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._group = ProcessGroup()
+        self._ports = PortReservation()
+        self._port = self._ports.take(PREFERRED_PORT)
+        self._number = count()
+        self._hub_master = Master()
+        self.hub_uri = f"http://127.0.0.1:{self._port}"
+        self.hub = Process(0, Path())
+        self.base, self.robot = Site("base", self), Site("robot", self)
+
+    def start(self) -> None:
+        """Starts everything."""
+        self.start_hub()
+        for site in (self.base, self.robot):
+            site.start()
+
+    def start_hub(self) -> None:
+        """Starts the hub and waits until its port answers."""
+        self._hub_master.set_param("/hub", {"name": "Bench Hub", "port": self._port, "zeroconf": False})
+        self.hub = self.run("hub", ["rosrun", "rocon_hub", "hub"], self._hub_master)
+        wait_until(lambda: not is_free(self._port), "the hub's port", PATIENCE)
+
+    def run(self, name: str, argv: list[str], master: Master) -> Process:
+        """Starts a process with a log of its own."""
+        log = self._folder / f"{next(self._number)}-{name}.log"
+        return Process(self._group.start(name, argv, master.environment, log, may_end=True), log)
+
+    def close(self) -> None:
+        """Ends everything."""
+        self._group.stop()
+        for master in (self.base.master, self.robot.master, self._hub_master):
+            master.stop()
+        self._ports.release()
+
+
+def kill(process: Process) -> None:
+    """Kills a process and waits until it is gone."""
+    os.kill(process.pid, signal.SIGKILL)
+    wait_until(lambda: not _lives(process.pid), "the end of what was killed", PATIENCE)
+
+
+def end(pid: int) -> None:
+    """Asks a process to end, and waits until it has."""
+    if _lives(pid):
+        os.kill(pid, signal.SIGINT)
+        wait_until(lambda: not _lives(pid), f"the end of process {pid}", PATIENCE)
+
+
+def cpu(pids: list[int]) -> float:
+    """Returns the CPU time that the living threads of processes have used [s], to the nanosecond."""
+    tasks = (task for pid in pids for task in Path(f"/proc/{pid}/task").iterdir())
+    return sum(int((task / "schedstat").read_text().split()[0]) for task in tasks) * 1e-9
+
+
+def _lives(pid: int) -> bool:
+    state = process_state(pid)
+    return state is not None and state.alive
+
+
+def _check(response: Any) -> None:
+    if response.result:
+        raise OSError(f"refused, {response.result}: {response.error_message}")

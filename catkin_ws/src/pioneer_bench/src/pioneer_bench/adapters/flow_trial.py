@@ -1,0 +1,87 @@
+"""What carrying messages costs: directly, through topic_tools' relay, through two gateways; and what idling costs."""
+
+import contextlib
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from pioneer_bench.adapters.fleet import PATIENCE, Fleet, Process, cpu
+from pioneer_bench.core.gateway import Flow, Flows, Row, large_rows, paced_rows, small_rows, steady_rows
+from pioneer_harness.wait import wait_until
+
+TOPIC_TOOLS_RELAY = "/usr/lib/topic_tools/relay"
+
+
+def flow_rows(fleet: Fleet, repetitions: int, seconds: float) -> list[Row]:
+    """Messages of 100 bytes and 1 MB, as fast as they go and paced."""
+    # With a queue rospy joins short messages; without one it waits for the socket, so no long ones are lost at once.
+    kinds = (
+        ("/small", 100, 0, 1000, small_rows),
+        ("/large", 1_000_000, 0, 0, large_rows),
+        ("/paced", 1_000_000, 50, 10, paced_rows),
+        ("/steady", 100, 100, 10, steady_rows),
+    )
+    rows = []
+    for topic, size, rate, queue, rows_from in kinds:
+        with _carriers(fleet, topic, (size, rate, queue)) as ways:
+            flows: Flows = {way: [] for way in ways}
+            for _ in range(repetitions):
+                for way, (site, heard, carriers) in ways.items():
+                    flows[way].append(_flow(fleet, site, heard, carriers, seconds))
+        rows += rows_from(flows)
+    return rows
+
+
+def idle_rows(fleet: Fleet, seconds: float) -> list[Row]:
+    """A gateway on a hub with one active rule that nobody listens to."""
+    fleet.base.ask("flip", "robot", "subscriber", "/idle")
+    with fleet.robot.running("talk", "idle", "/idle", 100, 100, 10):
+        wait_until(lambda: fleet.base.publishers("/idle"), "the proxy", PATIENCE)
+        pids = [site.gateway.pid for site in (fleet.base, fleet.robot)]
+        before, begin = [cpu([pid]) for pid in pids], time.monotonic()
+        # What is measured is time in which nothing happens.
+        time.sleep(seconds)
+        spent = [cpu([pid]) - early for pid, early in zip(pids, before, strict=True)]
+        share = tuple(100 * one / (time.monotonic() - begin) for one in spent)
+        status = [_status(pid) for pid in pids]
+    fleet.base.ask("flip", "robot", "subscriber", "/idle", cancel=True)
+    return [
+        Row("idle gateway: CPU", "% of a core", share, 0.5),
+        Row("idle gateway: threads", "", tuple(float(one["Threads"]) for one in status), 8),
+        Row("idle gateway: resident memory", "MB", tuple(float(one["VmRSS"]) / 1024 for one in status), 60),
+    ]
+
+
+@contextlib.contextmanager
+def _carriers(
+    fleet: Fleet, topic: str, load: tuple[int, int, int]
+) -> Iterator[dict[str, tuple[str, str, list[Process]]]]:
+    """Yields each way's site of the subscriber, topic there, and processes between."""
+    fleet.base.ask("flip", "robot", "subscriber", topic)
+    with fleet.robot.running("talk", "source", topic, *load):
+        copy = f"{topic}_copy"
+        argv = [TOPIC_TOOLS_RELAY, topic, copy, "__name:=topic_tools", "_lazy:=true"]
+        relay = fleet.robot.run("topic_tools", argv)
+        wait_until(lambda: fleet.base.publishers(topic), "the proxy", PATIENCE)
+        yield {
+            "direct": ("robot", topic, []),
+            "topic_tools": ("robot", copy, [relay]),
+            "gateway": ("base", topic, [fleet.base.gateway, fleet.robot.gateway]),
+        }
+    fleet.base.ask("flip", "robot", "subscriber", topic, cancel=True)
+
+
+def _flow(fleet: Fleet, site: str, topic: str, carriers: list[Process], seconds: float) -> Flow:
+    pids = [process.pid for process in carriers]
+    with (fleet.base if site == "base" else fleet.robot).running("hear", topic, seconds) as ear:
+        wait_until(lambda: "begin" in ear.lines(), f"messages on {topic}", PATIENCE)
+        before, begin = cpu(pids), time.monotonic()
+        wait_until(lambda: ear.lines()[-1].startswith("{"), "the window's end", seconds + PATIENCE)
+        spent = (cpu(pids) - before) / (time.monotonic() - begin)
+        return Flow(cpu=spent, **json.loads(ear.lines()[-1]))
+
+
+def _status(pid: int) -> dict[str, str]:
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return {key: value.split()[0] for key, _, value in (line.partition(":") for line in lines) if value.strip()}

@@ -1,0 +1,87 @@
+"""How fast rules act: from a call, a new publisher, a killed gateway or a hub that comes back."""
+
+import itertools
+import time
+
+from pioneer_bench.adapters.fleet import PATIENCE, Fleet, kill
+from pioneer_bench.core.gateway import Row
+from pioneer_harness.wait import wait_until
+
+
+def call_rows(fleet: Fleet, repetitions: int) -> list[Row]:
+    """From the call of flip or pull to the first message on the far master."""
+    fleet.robot.advertise("/called")
+    samples: dict[str, list[float]] = {"flip": [], "pull": []}
+    with fleet.robot.running("talk", "called", "/called", 100, 100, 10), fleet.base.running("hear", "/called") as ear:
+        wait_until(lambda: fleet.robot.publishers("/called"), "the publisher", PATIENCE)
+        wait_until(lambda: "/called" in fleet.base.master.system_state()[1], "the subscriber", PATIENCE)
+        for _ in range(repetitions):
+            for action, kind in (("flip", "subscriber"), ("pull", "publisher")):
+                asked = time.monotonic()
+                fleet.base.ask(action, "robot", kind, "/called")
+                samples[action].append(ear.first_after(asked))
+                fleet.base.ask(action, "robot", kind, "/called", cancel=True)
+                wait_until(lambda: not fleet.base.publishers("/called"), "the cancel", PATIENCE)
+    return [Row(f"{action} call → first message far", "s", tuple(times), 0.3) for action, times in samples.items()]
+
+
+def publisher_rows(fleet: Fleet, repetitions: int) -> list[Row]:
+    """From the registration of a publisher that a rule matches to its first message on the far master."""
+    rows = []
+    for what, topic, rule, goal in (("exact name", "/exact", "/exact", 0.2), ("pattern", "/pattern1", "/patt.*", 0.5)):
+        fleet.base.ask("flip", "robot", "subscriber", rule)
+        samples = []
+        with fleet.base.running("hear", topic) as ear:
+            wait_until(lambda t=topic: t in fleet.base.master.system_state()[1], "the subscriber", PATIENCE)
+            for _ in range(repetitions):
+                with fleet.robot.running("talk", "late", topic, 100, 100, 10) as talker:
+                    wait_until(talker.times, "the registration", PATIENCE)
+                    samples.append(ear.first_after(talker.times()[0]))
+                wait_until(lambda t=topic: not fleet.base.publishers(t), "the publisher's end", PATIENCE)
+        fleet.base.ask("flip", "robot", "subscriber", rule, cancel=True)
+        rows.append(Row(f"new publisher, {what} → first message far", "s", tuple(samples), goal))
+    return rows
+
+
+def fault_rows(fleet: Fleet, repetitions: int) -> list[Row]:
+    """A gateway that is killed; a hub that is killed and comes back."""
+    fleet.base.ask("flip", "robot", "subscriber", "/kept")
+    with fleet.robot.running("talk", "kept", "/kept", 100, 100, 10), fleet.base.running("hear", "/kept") as ear:
+        ear.first_after(0.0)
+        noticed = []
+        for _ in range(repetitions):
+            noticed.append(_killed_gateway(fleet))
+            ear.first_after(time.monotonic())
+        restored, gaps = [], []
+        for _ in range(repetitions):
+            begin = time.monotonic()
+            restored.append(_killed_hub(fleet))
+            times = [moment for moment in ear.times() if moment > begin]
+            gaps.append(max(late - early for early, late in itertools.pairwise(times)))
+    fleet.base.ask("flip", "robot", "subscriber", "/kept", cancel=True)
+    return [
+        Row("gateway SIGKILL → far side unregistered, rule says so", "s", tuple(noticed), 3.0),
+        Row("hub killed and back → all rules active", "s", tuple(restored), 2.0),
+        Row("hub killed and back: longest gap of 100 Hz data", "s", tuple(gaps), 1.0),
+    ]
+
+
+def _killed_gateway(fleet: Fleet) -> float:
+    kill(fleet.robot.gateway)
+    died = time.monotonic()
+    wait_until(lambda: not fleet.base.publishers("/kept"), "the far side notices", PATIENCE)
+    wait_until(lambda: fleet.base.states() != ["active"], "the rule says so", PATIENCE)
+    noticed = time.monotonic() - died
+    fleet.robot.start()
+    return noticed
+
+
+def _killed_hub(fleet: Fleet) -> float:
+    kill(fleet.hub)
+    sites = (fleet.base, fleet.robot)
+    wait_until(lambda: not any(site.is_connected() for site in sites), "the hub is missed", PATIENCE)
+    fleet.start_hub()
+    back = time.monotonic()
+    wait_until(lambda: all(site.is_connected() for site in sites), "both on the hub", PATIENCE)
+    wait_until(lambda: fleet.base.states() == ["active"], "all rules active", PATIENCE)
+    return time.monotonic() - back

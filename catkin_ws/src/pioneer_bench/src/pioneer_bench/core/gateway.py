@@ -1,0 +1,166 @@
+"""The gateway's figures: rows of samples beside their goals, and the table of them."""
+
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One figure.
+
+    Attributes:
+        what: what was measured.
+        unit: of samples and goal.
+        samples: one for each repetition; none where it could not be measured.
+        goal: what the median is to reach; None where the row is there to compare with.
+        at_least: whether more is better.
+        remark: where the goal comes from, or what went wrong.
+    """
+
+    what: str
+    unit: str
+    samples: tuple[float, ...]
+    goal: float | None = None
+    at_least: bool = False
+    remark: str = ""
+
+    @property
+    def median(self) -> float | None:
+        """The middle sample."""
+        return statistics.median(self.samples) if self.samples else None
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether the goal is reached; None where there is none."""
+        if self.goal is None:
+            return None
+        if self.median is None:
+            return False
+        return self.median >= self.goal if self.at_least else self.median <= self.goal
+
+    def as_dict(self) -> dict[str, Any]:
+        """Returns the row for JSON."""
+        return {
+            "what": self.what,
+            "unit": self.unit,
+            "samples": list(self.samples),
+            "median": self.median,
+            "goal": self.goal,
+            "at_least": self.at_least,
+            "holds": self.holds,
+            "remark": self.remark,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Flow:
+    """What one subscriber got in one window, and what carrying it cost.
+
+    Attributes:
+        messages: a second.
+        bytes: of the messages, a second.
+        cpu: of whatever carries them, CPU-s a second; 0 for a direct connection.
+        p50: half of the messages were quicker [s].
+        p99: 99 of 100 were quicker [s].
+    """
+
+    messages: float
+    bytes: float
+    cpu: float
+    p50: float
+    p99: float
+
+
+Flows = dict[str, list[Flow]]
+"""Windows by way: `direct`, `topic_tools`, `gateway`."""
+
+
+def small_rows(flows: Flows) -> list[Row]:
+    """Returns the rows of short messages sent as fast as they go."""
+    per_cpu = {way: _samples(flows[way], "messages", "cpu") for way in ("topic_tools", "gateway")}
+    best = _median(per_cpu["topic_tools"])
+    rows = [Row(f"100 B flat out, {way}: arrived", "msg/s", _samples(flows[way], "messages")) for way in flows]
+    rows.append(Row("100 B flat out, topic_tools (one hop)", "msg/CPU-s", per_cpu["topic_tools"]))
+    remark = "more than topic_tools"
+    return [*rows, Row("100 B flat out, gateways (both)", "msg/CPU-s", per_cpu["gateway"], best, True, remark)]
+
+
+def large_rows(flows: Flows) -> list[Row]:
+    """Returns the rows of long messages sent as fast as they go."""
+    rates = {way: _samples(flows[way], "bytes", scale=1e-6) for way in flows}
+    per_cpu = {way: _samples(flows[way], "bytes", "cpu", 1e-6) for way in ("topic_tools", "gateway")}
+    direct = _median(rates["direct"])
+    aim = None if direct is None else 0.9 * direct
+    return [
+        Row("1 MB flat out, direct", "MB/s", rates["direct"]),
+        Row("1 MB flat out, topic_tools (one hop)", "MB/s", rates["topic_tools"]),
+        Row("1 MB flat out, gateways", "MB/s", rates["gateway"], _median(rates["topic_tools"]), True, "topic_tools"),
+        Row("1 MB flat out, gateways, the aim", "MB/s", rates["gateway"], aim, True, "90 % of direct"),
+        Row("1 MB flat out, topic_tools (one hop)", "MB/CPU-s", per_cpu["topic_tools"]),
+        Row(
+            "1 MB flat out, gateways (both)",
+            "MB/CPU-s",
+            per_cpu["gateway"],
+            _median(per_cpu["topic_tools"]),
+            True,
+            "topic_tools",
+        ),
+    ]
+
+
+def paced_rows(flows: Flows) -> list[Row]:
+    """Returns the rows of long messages at a rate that everybody follows."""
+    per_cpu = {way: _samples(flows[way], "bytes", "cpu", 1e-6) for way in ("topic_tools", "gateway")}
+    goal = _median(per_cpu["topic_tools"])
+    rows = [Row(f"1 MB at 50 Hz, {way}: arrived", "MB/s", _samples(flows[way], "bytes", scale=1e-6)) for way in flows]
+    rows += [Row(f"1 MB at 50 Hz, {way}: p50", "ms", _samples(flows[way], "p50", scale=1e3)) for way in flows]
+    rows.append(Row("1 MB at 50 Hz, topic_tools (one hop)", "MB/CPU-s", per_cpu["topic_tools"]))
+    return [
+        *rows,
+        Row("1 MB at 50 Hz, gateways (both)", "MB/CPU-s", per_cpu["gateway"], goal, True, "topic_tools"),
+    ]
+
+
+def steady_rows(flows: Flows) -> list[Row]:
+    """Returns the rows of latency: short messages at 100 Hz."""
+    p99 = {way: _samples(flows[way], "p99", scale=1e3) for way in flows}
+    peer = _median(p99["topic_tools"])
+    goal = None if peer is None else 1.5 * peer
+    rows = [Row(f"100 B at 100 Hz, {way}: p50", "ms", _samples(flows[way], "p50", scale=1e3)) for way in flows]
+    rows += [Row(f"100 B at 100 Hz, {way}: p99", "ms", p99[way]) for way in flows if way != "gateway"]
+    return [*rows, Row("100 B at 100 Hz, gateway: p99", "ms", p99["gateway"], goal, False, "1.5 × topic_tools")]
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Returns the rows as a Markdown table."""
+    cells = [("what", "median", "range", "unit", "goal", "holds"), *(_cells(row) for row in rows)]
+    widths = [max(len(line[column]) for line in cells) for column in range(len(cells[0]))]
+    lines = [
+        "| " + " | ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)) + " |" for line in cells
+    ]
+    lines.insert(1, "|" + "|".join("-" * (width + 2) for width in widths) + "|")
+    return "\n".join(lines)
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    if row.median is None:
+        return row.what, "-", row.remark, row.unit, "" if row.goal is None else _number(row.goal), "no"
+    span = f"{_number(min(row.samples))} … {_number(max(row.samples))}"
+    goal = "" if row.goal is None else f"{'≥' if row.at_least else '≤'} {_number(row.goal)}"
+    if goal and row.remark:
+        goal += f" ({row.remark})"
+    return row.what, _number(row.median), span, row.unit, goal, {None: "", True: "yes", False: "no"}[row.holds]
+
+
+def _number(value: float) -> str:
+    return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
+
+
+def _samples(flows: Sequence[Flow], name: str, over: str = "", scale: float = 1.0) -> tuple[float, ...]:
+    return tuple(scale * getattr(flow, name) / (max(getattr(flow, over), 1e-6) if over else 1.0) for flow in flows)
+
+
+def _median(samples: Sequence[float]) -> float | None:
+    return statistics.median(samples) if samples else None

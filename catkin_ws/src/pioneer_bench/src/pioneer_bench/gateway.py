@@ -1,0 +1,67 @@
+"""``pioneer_bench gateway``: how fast rules act, and what relaying costs beside direct connections and topic_tools."""
+
+import argparse
+import contextlib
+import json
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from pioneer_bench.adapters.fleet import Fleet
+from pioneer_bench.adapters.flow_trial import flow_rows, idle_rows
+from pioneer_bench.adapters.rule_trial import call_rows, fault_rows, publisher_rows
+from pioneer_bench.core.gateway import Row, table
+from pioneer_harness.error import HarnessError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds this bench's options."""
+    parser.add_argument("--quick", action="store_true", help="one repetition, short windows")
+    parser.add_argument("--repetitions", type=int, default=3, metavar="N", help="default: %(default)s")
+    parser.add_argument("--seconds", type=float, default=2.0, help="length of each window [s]")
+    parser.add_argument("--output", type=Path, default=None, metavar="FILE", help="where the figures go as JSON")
+    parser.add_argument("--markdown", type=Path, default=None, metavar="FILE", help="where the table goes")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Runs all trials; returns 0 where every goal holds, 1 where one does not, 2 where a trial failed."""
+    repetitions, seconds = (1, 1.0) if options.quick else (options.repetitions, options.seconds)
+    load = os.getloadavg()[0]
+    rows: list[Row] = []
+    failure = ""
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="pioneer-bench-"))
+        # rosmaster, in this process, prints a traceback for each node that was killed.
+        stack.enter_context(contextlib.redirect_stderr(stack.enter_context(open(Path(folder) / "masters.log", "w"))))
+        fleet = Fleet(Path(folder))
+        trials: dict[str, Callable[[], list[Row]]] = {
+            "rules": lambda: call_rows(fleet, 2 * repetitions),
+            "new publishers": lambda: publisher_rows(fleet, repetitions),
+            "idling": lambda: idle_rows(fleet, 4 * seconds),
+            "messages": lambda: flow_rows(fleet, repetitions, seconds),
+            "faults": lambda: fault_rows(fleet, repetitions),
+        }
+        stack.callback(fleet.close)
+        try:
+            fleet.start()
+            for what, trial in trials.items():
+                print(f"{what} …", flush=True)
+                rows += trial()
+        except (HarnessError, OSError) as error:
+            failure = str(error)
+    _write(rows, load, options)
+    if failure:
+        print(f"the bench failed: {failure}")
+        return 2
+    return 1 if any(row.holds is False for row in rows) else 0
+
+
+def _write(rows: list[Row], load: float, options: argparse.Namespace) -> None:
+    remark = f"{os.cpu_count()} cores, load before the run {load:.1f}; medians and ranges."
+    print(f"\n{table(rows)}\n\n{remark}")
+    if options.output is not None:
+        values = {"cores": os.cpu_count(), "load": load, "rows": [row.as_dict() for row in rows]}
+        options.output.write_text(json.dumps(values, indent=2) + "\n")
+    if options.markdown is not None:
+        options.markdown.write_text(f"{table(rows)}\n\n{remark}\n")

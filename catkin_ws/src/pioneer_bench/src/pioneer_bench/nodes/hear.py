@@ -1,0 +1,78 @@
+"""A subscriber for the gateway's bench: `hear TOPIC` prints when each message comes; `hear TOPIC SECONDS` measures.
+
+Measuring begins half a second after the first message and prints `begin`, then one line of JSON. Messages are not
+deserialised.
+"""
+
+import json
+import sys
+import threading
+import time
+
+import rospy
+
+from pioneer_bench.nodes.talk import STAMP
+
+WARM_UP = 0.5
+"""Left out at the beginning [s]."""
+
+_BEFORE_STAMP = 12  # of a std_msgs/UInt8MultiArray: no dimensions, offset 0, length of the data
+
+
+class Window:
+    """Counts what comes in a window of time; `finished` is set at its end."""
+
+    def __init__(self, seconds: float) -> None:
+        self.finished = threading.Event()
+        self._seconds = seconds
+        self._first = self._begin = 0.0
+        self._bytes = 0
+        self._delays: list[float] = []
+
+    def take(self, message: rospy.AnyMsg) -> None:
+        """Takes one message."""
+        now = time.monotonic()
+        self._first = self._first or now
+        if now < self._first + WARM_UP or self.finished.is_set():
+            return
+        if not self._begin:
+            self._begin = now
+            print("begin", flush=True)
+        self._bytes += len(message._buff)
+        self._delays.append(now - STAMP.unpack_from(message._buff, _BEFORE_STAMP)[0])
+        if now >= self._begin + self._seconds:
+            self._print(now - self._begin)
+            self.finished.set()
+
+    def _print(self, seconds: float) -> None:
+        delays, count = sorted(self._delays), len(self._delays)
+        result = {
+            "messages": count / seconds,
+            "bytes": self._bytes / seconds,
+            "p50": delays[count // 2],
+            "p99": delays[count * 99 // 100],
+        }
+        print(json.dumps(result), flush=True)
+
+
+def tell(message: rospy.AnyMsg) -> None:
+    """Prints when a message came."""
+    print(time.monotonic(), flush=True)
+
+
+def main() -> None:
+    """Runs until shutdown, or until the window is over."""
+    topic, *seconds = rospy.myargv(sys.argv)[1:]
+    rospy.init_node("hear", anonymous=True)
+    if not seconds:
+        rospy.Subscriber(topic, rospy.AnyMsg, tell, tcp_nodelay=True)
+        rospy.spin()
+        return
+    window = Window(float(seconds[0]))
+    rospy.core.add_preshutdown_hook(lambda _reason: window.finished.set())
+    rospy.Subscriber(topic, rospy.AnyMsg, window.take, tcp_nodelay=True, buff_size=2**20)
+    window.finished.wait()
+
+
+if __name__ == "__main__":
+    main()

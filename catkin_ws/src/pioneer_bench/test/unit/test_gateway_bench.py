@@ -1,0 +1,42 @@
+"""Goals and table of the gateway's bench."""
+
+import json
+
+import pytest
+
+from pioneer_bench.core.gateway import Flow, Row, large_rows, paced_rows, small_rows, steady_rows, table
+
+
+def flows(gateway_cpu: float, p99: float = 0.001) -> dict[str, list[Flow]]:
+    direct = Flow(1000.0, 1e9, 0.0, 0.0002, 0.0005)
+    peer = Flow(500.0, 5e8, 0.5, 0.0004, 0.001)
+    gateway = Flow(950.0, 9.5e8, gateway_cpu, 0.0004, p99)
+    return {"direct": [direct], "topic_tools": [peer], "gateway": [gateway]}
+
+
+@pytest.mark.parametrize(("at_least", "holds"), [(True, False), (False, True)])
+def test_a_median_is_held_against_its_goal(at_least: bool, holds: bool) -> None:
+    assert Row("a", "s", (0.1, 0.2, 9.0), 0.3, at_least).holds is holds
+    assert Row("a", "s", (0.1, 0.2, 9.0)).holds is None
+
+
+def test_what_could_not_be_measured_misses_its_goal() -> None:
+    assert Row("a", "s", (), 0.3).holds is False
+    assert "| no" in table([Row("a", "s", (), 0.3)])
+
+
+@pytest.mark.parametrize("rows_from", [small_rows, large_rows, paced_rows])
+def test_what_is_carried_for_more_cpu_than_the_peer_needs_misses_its_goal(rows_from) -> None:
+    assert all(row.holds is not False for row in rows_from(flows(0.5)))
+    assert next(row.unit for row in rows_from(flows(2.0)) if row.holds is False).endswith("/CPU-s")
+
+
+def test_latency_is_held_against_the_peers() -> None:
+    assert steady_rows(flows(0.5, 0.0014))[-1].holds
+    assert not steady_rows(flows(0.5, 0.0016))[-1].holds
+
+
+def test_a_row_says_median_range_and_goal() -> None:
+    row = Row("call", "s", (0.1, 0.2, 0.4), 0.3, remark="peer")
+    assert table([row]).splitlines()[2].replace(" ", "") == "|call|0.2|0.1…0.4|s|≤0.3(peer)|yes|"
+    assert json.loads(json.dumps(row.as_dict()))["median"] == 0.2
