@@ -26,6 +26,12 @@ def box_model(name: str, pose: Pose, size: tuple[float, float, float], static: b
     return Model(name, pose, static, (Link("link", mass=mass, collisions=(collision,)),))
 
 
+@pytest.fixture(autouse=True)
+def _source_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Packages are found in the source tree, with or without a sourced workspace."""
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(Path(__file__).parents[4]))
+
+
 @pytest.fixture(name="box")
 def box_fixture() -> Callable[..., Model]:
     return box_model

@@ -8,7 +8,7 @@ import pytest
 
 from pioneer_gazebo.nodes.mailbox import ClosedError, Mailbox
 from pioneer_gazebo.nodes.pace import MOST_BEHIND, Pacer
-from pioneer_gazebo.nodes.topic import FRAMES_KEPT, _Outlet
+from pioneer_gazebo.nodes.topic import FRAMES_KEPT, _bear_late_goodbyes, _Outlet
 
 
 @pytest.fixture
@@ -70,6 +70,25 @@ def test_a_subscriber_that_has_gone_is_told(pair) -> None:
 
     with pytest.raises(ConnectionError):
         send_many()
+
+
+class _ClosedPublisher:
+    """As rospy leaves a publisher that it has closed."""
+
+    closed = True
+
+    def remove_connection(self, connection: object) -> None:
+        for _ in None:  # type: ignore[attr-defined]
+            pass
+
+
+def test_a_subscriber_may_leave_a_publisher_that_is_closed_already() -> None:
+    publisher = _ClosedPublisher()
+    _bear_late_goodbyes(publisher)
+    publisher.remove_connection(object())
+    publisher.closed = False
+    with pytest.raises(TypeError):
+        publisher.remove_connection(object())
 
 
 def test_a_mailbox_returns_results_and_raises_errors_where_they_were_asked_for() -> None:

@@ -15,6 +15,24 @@ import rospy
 FRAMES_KEPT = 5
 
 
+def _bear_late_goodbyes(implementation: Any) -> None:
+    """Has a publisher that was closed accept that a subscriber leaves.
+
+    rospy closes publishers, in whatever thread the signal met, while connections of theirs are still being taken down;
+    the goodbye of such a connection fails in rospy 1.15 on what closing has set to None.
+    """
+    remove = implementation.remove_connection
+
+    def remove_or_be_closed(connection: Any) -> None:
+        try:
+            remove(connection)
+        except (AttributeError, TypeError):
+            if not implementation.closed:
+                raise
+
+    implementation.remove_connection = remove_or_be_closed
+
+
 class _Outlet:
     """One subscriber's connection."""
 
@@ -71,6 +89,7 @@ class Topic:
         """Advertises ``name``."""
         # A queue size keeps rospy from writing, and so from waiting, in this thread; its queues stay empty.
         self._publisher = rospy.Publisher(name, message_class, queue_size=FRAMES_KEPT)
+        _bear_late_goodbyes(self._publisher.impl)
         self._outlets: dict[Any, _Outlet] = {}
         self.dropped = 0
 
