@@ -54,3 +54,12 @@ def cast_movers(
     max_range: float,
     out: NDArray[float64],
 ) -> None: ...
+def measure(
+    out: NDArray[float64],
+    noise: NDArray[float64],
+    mean: float,
+    deviation: float,
+    resolution: float,
+    least: float,
+    most: float,
+) -> None: ...

@@ -133,15 +133,15 @@ class JointStateTemplate(_Stamped):
         count = len(names)
         message = JointState(name=list(names), position=[0.0] * count, velocity=[0.0] * count)
         super().__init__(message)
-        start = self._body + 4 + sum(4 + len(name.encode()) for name in names) + 4
-        self._positions = np.frombuffer(self.frame, "<f8", count, start)
-        self._velocities = np.frombuffer(self.frame, "<f8", count, start + 8 * count + 4)
+        self._positions = self._body + 4 + sum(4 + len(name.encode()) for name in names) + 4
+        self._velocities = self._positions + 8 * count + 4
+        self._numbers = struct.Struct(f"<{count}d")
 
     def fill(self, time: int, states: Sequence[tuple[float, float]]) -> bytearray:
         """Returns the frame for a time [ns] and each joint's position and speed."""
         self._stamp(time)
-        self._positions[:] = [state[0] for state in states]
-        self._velocities[:] = [state[1] for state in states]
+        self._numbers.pack_into(self.frame, self._positions, *[state[0] for state in states])
+        self._numbers.pack_into(self.frame, self._velocities, *[state[1] for state in states])
         return self.frame
 
 

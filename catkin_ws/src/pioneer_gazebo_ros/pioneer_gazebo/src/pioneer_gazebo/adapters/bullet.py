@@ -42,6 +42,7 @@ class BulletEngine:
         self._client = pybullet.connect(pybullet.DIRECT)
         self._bodies: dict[int, Body] = {}
         self._centres: dict[int, list[Pose]] = {}
+        self._solid_links: dict[int, list[int]] = {}
         self._resting: set[int] = set()
         self._ground: list[int] = []
         self._obstacles: list[int] = []
@@ -108,6 +109,7 @@ class BulletEngine:
             raise EngineError(f"the physics engine refuses body {body.name}")
         self._bodies[handle] = body
         self._centres[handle] = [part.inertia.pose.inverse() for part in body.parts]
+        self._solid_links[handle] = [index - 1 for index, part in enumerate(body.parts) if not _rolls(part)]
         for index, part in enumerate(body.parts):
             self._finish(handle, index - 1, part)
         pybullet.resetBasePositionAndOrientation(handle, start.position, start.rotation, physicsClientId=self._client)
@@ -139,12 +141,12 @@ class BulletEngine:
                 handle, link, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=joint.friction,
                 physicsClientId=self._client,
             )  # fmt: skip
-        if part.touches and all(touch.rolling for touch in part.touches):
+        if part.touches and _rolls(part):
             pybullet.setCollisionFilterGroupMask(handle, link, _ROLLING, _GROUND, physicsClientId=self._client)
 
     def remove(self, handle: int) -> None:
         """See `Engine`."""
-        del self._bodies[handle], self._centres[handle]
+        del self._bodies[handle], self._centres[handle], self._solid_links[handle]
         self._resting.discard(handle)
         pybullet.removeBody(handle, physicsClientId=self._client)
 
@@ -239,13 +241,17 @@ class BulletEngine:
         return Contact(point[3] + 1, other, part, point[6], point[7], -point[8], point[9])
 
     def touching(self) -> set[int]:
-        """See `Engine`."""
-        ground, bodies = self._ground_set, self._bodies
-        found: set[int] = set()
-        for point in pybullet.getContactPoints(physicsClientId=self._client):
-            if point[9] > 0.0 and point[1] not in ground and point[2] not in ground:
-                found.update(body for body in point[1:3] if body in bodies)
-        return found
+        """See `Engine`.
+
+        Asked by links, because what rolls meets the ground only, and each contact point that comes over costs 6 µs.
+        """
+        return {
+            handle for handle, links in self._solid_links.items() if any(self._is_touched(handle, one) for one in links)
+        }
+
+    def _is_touched(self, handle: int, link: int) -> bool:
+        points = pybullet.getContactPoints(bodyA=handle, linkIndexA=link, physicsClientId=self._client)
+        return any(point[9] > 0.0 and point[2] not in self._ground_set for point in points)
 
     def overlap(self, handle: int) -> list[Contact]:
         """See `Engine`."""
@@ -255,6 +261,11 @@ class BulletEngine:
     def close(self) -> None:
         """See `Engine`."""
         pybullet.disconnect(self._client)
+
+
+def _rolls(part: Part) -> bool:
+    """Tells whether a part meets nothing but the ground: it only rolls there, or has no shape at all."""
+    return all(touch.rolling for touch in part.touches)
 
 
 def _joint(part: Part) -> kinds.Joint:

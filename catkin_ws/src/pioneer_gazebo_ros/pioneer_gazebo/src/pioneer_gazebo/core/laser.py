@@ -135,7 +135,7 @@ class Laser:
         self.config = config
         self._generator = generator
         self._distances = np.empty(config.samples)
-        self._noise = np.empty(config.samples)
+        self._noise = np.zeros(config.samples)
         self.increment = (config.max_angle - config.min_angle) / max(1, config.samples - 1)
 
     def ranges(
@@ -160,16 +160,10 @@ class Laser:
     def measured(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
         """Turns true distances into ranges in place: resolution, noise, limits."""
         config = self.config
-        beyond, below = out >= config.max_range, out < config.min_range
-        if config.noise_stddev > 0 or config.noise_mean != 0:
+        if config.noise_stddev > 0:
             self._generator.standard_normal(out=self._noise)
-            self._noise *= config.noise_stddev
-            out += self._noise
-            out += config.noise_mean
-        if config.resolution > 0:
-            np.round(out / config.resolution, out=out)
-            out *= config.resolution
-        np.clip(out, config.min_range, config.max_range, out=out)
-        out[beyond] = math.inf
-        out[below] = -math.inf
+        _laser.measure(
+            out, self._noise, config.noise_mean, config.noise_stddev, config.resolution, config.min_range,
+            config.max_range,
+        )  # fmt: skip
         return out

@@ -1,14 +1,13 @@
 """What lasers see: the standing world's sections by height, and the outlines of all that moves."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pioneer_gazebo.core.body import Body
 from pioneer_gazebo.core.laser import Movers, WallIndex
-from pioneer_gazebo.core.pose import IDENTITY, Pose
+from pioneer_gazebo.core.pose import IDENTITY
 from pioneer_gazebo.core.section import Section, Triangles, section_of
 from pioneer_gazebo.core.world import PlacedCollision
 
@@ -18,12 +17,8 @@ LAYER = 0.02
 SECTIONS_AT_MOST = 16
 
 
-@dataclass(frozen=True, slots=True)
-class Seen:
-    """A body that lasers see, and where it is."""
-
-    body: Body
-    pose: Pose
+Seen = tuple[Body, float]
+"""A body that lasers see, and the height [m] of its base's frame."""
 
 
 class Scene:
@@ -62,11 +57,11 @@ class Scene:
         A body's outline is that of its shapes with joints at 0 and its base level.
         """
         layer = round(height / LAYER)
-        keys = tuple((id(one.body), layer - round(one.pose.position[2] / LAYER)) for one in seen)
+        keys = tuple((id(body), layer - round(base / LAYER)) for body, base in seen)
         known = self._movers.get(layer)
         if known is not None and known[0] == keys:
             return known[1]
-        outlines = [self._outline(one.body, key) for one, key in zip(seen, keys, strict=True)]
+        outlines = [self._outline(body, key) for (body, _), key in zip(seen, keys, strict=True)]
         movers = Movers(outlines)
         if len(self._movers) >= SECTIONS_AT_MOST:
             self._movers.clear()

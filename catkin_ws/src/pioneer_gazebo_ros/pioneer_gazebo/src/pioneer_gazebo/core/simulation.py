@@ -19,7 +19,7 @@ from pioneer_gazebo.core.error import SimulatorError
 from pioneer_gazebo.core.laser import Laser, generator_for, laser_of_sonar
 from pioneer_gazebo.core.pose import Pose, Vector
 from pioneer_gazebo.core.robot import DiffDrive, LaserSensor, Robot
-from pioneer_gazebo.core.scene import Scene, Seen
+from pioneer_gazebo.core.scene import Scene
 from pioneer_gazebo.core.schedule import TICK_RATE, period_of
 from pioneer_gazebo.core.section import Triangles
 from pioneer_gazebo.core.standing import Standing
@@ -305,7 +305,7 @@ class Simulation:
         base = self.pose(entity) if mounted.part == 0 else self._engine.pose(entity.handle, mounted.part)
         sensor = base.compose(mounted.pose)
         x, y, height = sensor.position
-        seen = [Seen(other.body, other.after) for other in self._entities.values()]
+        seen = [(other.body, other.after.position[2]) for other in self._entities.values()]
         return mounted.laser.ranges(
             self._scene.walls(height), self._scene.movers(height, seen), self._mover_poses(), entity.number,
             (x, y, heading(sensor)),

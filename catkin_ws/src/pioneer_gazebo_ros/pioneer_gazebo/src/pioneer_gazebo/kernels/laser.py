@@ -9,6 +9,7 @@ The walk through the grid is that of Amanatides and Woo, "A fast voxel traversal
 
 import math
 
+import numpy as np
 from numba import njit
 
 _INDEX = "f8[:,::1], f8[:,::1], i4[::1], i4[::1], f8, f8, f8, i8, i8"
@@ -17,6 +18,7 @@ SIGNATURES = {
     "fill_items": "void(f8[:,::1], f8[:,::1], f8, f8, f8, i8, i8, i4[::1], i4[::1])",
     "cast": f"void({_INDEX}, f8, f8, f8, f8, f8, f8, f8[::1])",
     "cast_movers": "void(f8[:,::1], i4[::1], f8[:,::1], f8[::1], i8, f8, f8, f8, f8, f8, f8, f8[::1])",
+    "measure": "void(f8[::1], f8[::1], f8, f8, f8, f8, f8)",
 }
 
 
@@ -237,3 +239,28 @@ def cast_movers(segments, starts, poses, radii, own, px, py, yaw, first, increme
             bx = ax + c * segments[q, 2] - s * segments[q, 3]
             by = ay + s * segments[q, 2] + c * segments[q, 3]
             _shorten(ax, ay, bx, by, yaw + first, increment, turn_beams, out)
+
+
+def measure(out, noise, mean, deviation, resolution, least, most):
+    """Turns true distances into ranges in place: noise, resolution, limits.
+
+    Args:
+        out: distances [m].
+        noise: standard normal draws, one a beam.
+        mean: of the noise [m].
+        deviation: of the noise [m].
+        resolution: ranges are whole multiples of it [m]; 0 for any.
+        least: least range [m]; what is nearer becomes -inf.
+        most: greatest range [m]; what is farther becomes +inf.
+    """
+    for i in range(out.shape[0]):
+        true = out[i]
+        if true >= most:
+            out[i] = math.inf
+        elif true < least:
+            out[i] = -math.inf
+        else:
+            value = true + deviation * noise[i] + mean
+            if resolution > 0.0:
+                value = np.rint(value / resolution) * resolution
+            out[i] = min(max(value, least), most)

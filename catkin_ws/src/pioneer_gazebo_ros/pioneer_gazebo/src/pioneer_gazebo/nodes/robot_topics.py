@@ -16,7 +16,7 @@ from pioneer_gazebo.core.drive import CommandError
 from pioneer_gazebo.core.engine import Contact
 from pioneer_gazebo.core.entity import Driven, Entity, Mounted
 from pioneer_gazebo.core.laser import generator_for
-from pioneer_gazebo.core.pose import Pose, Vector, rotated
+from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector, rotated
 from pioneer_gazebo.core.schedule import Schedule, nanoseconds
 from pioneer_gazebo.core.simulation import Simulation
 from pioneer_gazebo.nodes.topic import Topic
@@ -177,22 +177,26 @@ class RobotTopics:
         part, at = self._entity.body.part_of(config.bodyName)
         offset = Pose.from_rpy(*config.xyzOffset, *config.rpyOffset)
         noise = generator_for(0, self._entity.name, config.name)
+        at_origin = part == 0 and at == IDENTITY
+        as_it_is = offset == IDENTITY
 
         def publish(tick: int) -> None:
             if not topic.wanted:
                 return
             pose = self._simulation.link_pose(self._entity, config.bodyName)
-            x, y, z = (p + o for p, o in zip(pose.position, offset.position, strict=True))
             velocity = self._simulation.velocity(self._entity, part)
-            arm = rotated(pose.compose(at.inverse()).rotation, at.position)
-            linear = _sum(velocity.linear, _cross(velocity.angular, arm))
-            angular = velocity.angular
+            linear, angular = velocity.linear, velocity.angular
+            if not at_origin:
+                arm = rotated(pose.compose(at.inverse()).rotation, at.position)
+                linear = _sum(linear, _cross(angular, arm))
             if config.gaussianNoise > 0:
                 draws = noise.standard_normal(6) * config.gaussianNoise
                 linear = _sum(linear, tuple(draws[:3]))
                 angular = _sum(angular, tuple(draws[3:]))
-            turned = Pose((x, y, z), offset.compose(Pose(rotation=pose.rotation)).rotation)
-            topic.send(template.fill(nanoseconds(tick), turned, linear, angular))
+            if not as_it_is:
+                turned = offset.compose(Pose(rotation=pose.rotation)).rotation
+                pose = Pose(_sum(pose.position, offset.position), turned)
+            topic.send(template.fill(nanoseconds(tick), pose, linear, angular))
 
         self._every(config.updateRate, config.topicName, publish)
 
