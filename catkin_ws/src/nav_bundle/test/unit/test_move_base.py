@@ -239,7 +239,7 @@ def test_noetic_s_four_recoveries_are_the_default():
     ("parameters", "words"),
     [
         ({"planer_frequency": 1.0}, "did you mean ~planner_frequency"),
-        ({"base_local_planner": "dwa_local_planner/DWAPlannerROS"}, "not available"),
+        ({"base_local_planner": "eband_local_planner/EBandPlannerROS"}, "not available"),
         ({"recovery_behaviors": [{"name": "x", "type": "y/Z"}]}, "no such type"),
         ({"controller_frequency": 0.0}, "positive"),
     ],

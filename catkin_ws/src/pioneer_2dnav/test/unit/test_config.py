@@ -14,21 +14,22 @@ def read(name: str) -> dict[str, Any]:
     return yaml.safe_load((CONFIG / name).read_text())
 
 
-def setup() -> Setup:
+def configured(local_planner: str = "base_local_planner/TrajectoryPlannerROS") -> Setup:
     """Returns the set-up from the files, merged as the launch file merges them."""
     common = read("costmap_common_params.yaml")
-    parameters = read("base_local_planner_params.yaml")
+    parameters = {**read("base_local_planner_params.yaml"), **read("dwa_local_planner_params.yaml")}
+    parameters["base_local_planner"] = local_planner
     for name in ("global_costmap", "local_costmap"):
         parameters[name] = {**common, **read(f"{name}_params.yaml")[name]}
     return setup_from_parameters(parameters, "/move_base")
 
 
 def test_move_base_knows_every_parameter() -> None:
-    assert setup().base.planner_frequency == 0.5
+    assert configured().base.planner_frequency == 0.5
 
 
 def test_the_local_planner_is_the_pioneers() -> None:
-    planner = setup().trajectory
+    planner = configured().local_planner
     assert (planner.max_vel_x, planner.min_vel_x, planner.escape_vel) == (1.0, 0.0, -0.2)
     assert (planner.max_vel_theta, planner.min_vel_theta, planner.min_in_place_vel_theta) == (1.0, -1.0, 0.4)
     assert (planner.acc_lim_theta, planner.acc_lim_x, planner.acc_lim_y) == (3.2, 2.5, 2.5)
@@ -37,8 +38,17 @@ def test_the_local_planner_is_the_pioneers() -> None:
     assert (planner.pdist_scale, planner.gdist_scale) == (0.8, 1.0)
 
 
+def test_the_other_local_planner_is_the_pioneers_too() -> None:
+    planner = configured("dwa_local_planner/DWAPlannerROS").local_planner
+    assert (planner.max_vel_x, planner.max_vel_trans, planner.min_vel_x) == (1.0, 1.0, 0.0)
+    assert (planner.max_vel_y, planner.min_vel_y) == (0.0, 0.0)
+    assert (planner.max_vel_theta, planner.min_vel_theta) == (1.0, 0.4)
+    assert (planner.acc_lim_theta, planner.acc_lim_x) == (3.2, 2.5)
+    assert (planner.xy_goal_tolerance, planner.yaw_goal_tolerance) == (0.25, 3.15)
+
+
 def test_the_costmaps_are_the_pioneers() -> None:
-    whole, window = setup().global_costmap, setup().local_costmap
+    whole, window = configured().global_costmap, configured().local_costmap
     assert (whole.update_frequency, whole.publish_frequency, whole.rolling_window) == (5.0, 1.0, False)
     assert (window.update_frequency, window.publish_frequency, window.rolling_window) == (5.0, 5.0, True)
     assert (window.width, window.height, window.resolution) == (3.0, 3.0, 0.05)
@@ -47,7 +57,7 @@ def test_the_costmaps_are_the_pioneers() -> None:
 
 
 def test_both_costmaps_see_the_laser() -> None:
-    for costmap in (setup().global_costmap, setup().local_costmap):
+    for costmap in (configured().global_costmap, configured().local_costmap):
         (source,) = (source for layer in costmap.layers for source in getattr(layer, "sources", ()))
         assert (source.topic, source.obstacle_range, source.raytrace_range) == ("base_scan", 2.0, 3.0)
         assert (source.marking, source.clearing, source.expected_update_rate) == (True, True, 0.4)

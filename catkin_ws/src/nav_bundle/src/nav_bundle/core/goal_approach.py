@@ -2,18 +2,43 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from nav_bundle.core.local_planner import STANDSTILL, Decision, LocalPlannerError, Situation, Velocity
 from nav_bundle.core.pose import Pose, angle_difference
-from nav_bundle.core.trajectory_config import TrajectoryConfig
+
+
+@dataclass(frozen=True)
+class ApproachConfig:
+    """What a local planner's parameters say about the end of the way.
+
+    Attributes:
+        acc: limits of the velocity's change [m/s**2, rad/s**2].
+        left, right: fastest turns [rad/s], both positive.
+        slowest: slowest turn [rad/s] that the robot carries out.
+        place, heading: tolerances [m], [rad].
+        latch: the place counts as reached for good once it was.
+        still, still_turning: slower [m/s], [rad/s] than this the robot stands.
+        period: of a control cycle [s].
+    """
+
+    acc: Velocity
+    left: float
+    right: float
+    slowest: float
+    place: float
+    heading: float
+    latch: bool
+    still: float
+    still_turning: float
+    period: float
 
 
 class GoalApproach:
     """What base_local_planner does within ``xy_goal_tolerance`` of the goal."""
 
-    def __init__(self, config: TrajectoryConfig) -> None:
+    def __init__(self, config: ApproachConfig) -> None:
         self._config = config
-        self._period = 1.0 / config.controller_frequency
         self.reset()
 
     def reset(self) -> None:
@@ -23,8 +48,8 @@ class GoalApproach:
 
     def is_near(self, pose: Pose, goal: Pose) -> bool:
         """Tells whether the goal's place is reached; for good, with ``latch_xy_goal_tolerance``."""
-        near = pose.distance(goal) <= self._config.xy_goal_tolerance
-        if near and self._config.latch_xy_goal_tolerance:
+        near = pose.distance(goal) <= self._config.place
+        if near and self._config.latch:
             self._latched = True
         if not (near or self._latched):
             self._rotating = False
@@ -37,7 +62,7 @@ class GoalApproach:
             LocalPlannerError: an obstacle is in the way of the turn.
         """
         difference = angle_difference(goal.yaw, situation.pose.yaw)
-        if abs(difference) <= self._config.yaw_goal_tolerance:
+        if abs(difference) <= self._config.heading:
             self.reset()
             return Decision(STANDSTILL, True)
         if not self._rotating and not self._is_stopped(situation.velocity):
@@ -49,28 +74,28 @@ class GoalApproach:
         return Decision(turn)
 
     def _is_stopped(self, velocity: Velocity) -> bool:
-        standing = math.hypot(velocity.x, velocity.y) <= self._config.trans_stopped_velocity
-        return standing and abs(velocity.turn) <= self._config.rot_stopped_velocity
+        standing = math.hypot(velocity.x, velocity.y) <= self._config.still
+        return standing and abs(velocity.turn) <= self._config.still_turning
 
     def _slowed(self, velocity: Velocity, is_free: Callable[[Velocity], bool]) -> Velocity:
         """Returns the velocity after one period of braking; standstill if even that meets an obstacle."""
-        config, period = self._config, self._period
+        config, period = self._config, self._config.period
         slowed = Velocity(
-            _towards_zero(velocity.x, config.acc_lim_x * period),
-            _towards_zero(velocity.y, config.acc_lim_y * period),
-            _towards_zero(velocity.turn, config.acc_lim_theta * period),
+            _towards_zero(velocity.x, config.acc.x * period),
+            _towards_zero(velocity.y, config.acc.y * period),
+            _towards_zero(velocity.turn, config.acc.turn * period),
         )
         return slowed if is_free(slowed) else STANDSTILL
 
     def _turning_speed(self, difference: float, current: float) -> float:
         """Returns a speed that turns by ``difference`` [rad]: reachable, able to stop in time, not too slow to move."""
         config = self._config
-        fastest = config.max_vel_theta if difference > 0.0 else -config.min_vel_theta
-        speed = min(max(abs(difference), config.min_in_place_vel_theta), fastest)
-        change = config.acc_lim_theta * self._period
+        fastest = config.left if difference > 0.0 else config.right
+        speed = min(max(abs(difference), config.slowest), fastest)
+        change = config.acc.turn * config.period
         speed = min(max(speed, abs(current) - change), abs(current) + change)
-        speed = min(speed, math.sqrt(2.0 * config.acc_lim_theta * abs(difference)))
-        return math.copysign(min(max(speed, config.min_in_place_vel_theta), fastest), difference)
+        speed = min(speed, math.sqrt(2.0 * config.acc.turn * abs(difference)))
+        return math.copysign(min(max(speed, config.slowest), fastest), difference)
 
 
 def _towards_zero(value: float, change: float) -> float:

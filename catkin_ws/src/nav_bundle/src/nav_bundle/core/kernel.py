@@ -10,7 +10,16 @@ from typing import ParamSpec, TypeVar
 
 import numpy as np
 
-from nav_bundle import _alignment, _costmap, _likelihood, _navfn, _particle, _trajectory
+from nav_bundle import (
+    _alignment,
+    _costmap,
+    _dynamic_window,
+    _likelihood,
+    _navfn,
+    _particle,
+    _plan_distance,
+    _trajectory,
+)
 from nav_bundle.core.error import NavigationError
 
 Parameters = ParamSpec("Parameters")
@@ -73,13 +82,20 @@ spread = checked(_navfn.spread, "f4[2]", "u1[2]", "u1[2]", "i4[1]", "i4[2]", "i8
 descend = checked(_navfn.descend, "f4[2]", "f8[2]")
 nearest_reached = checked(_navfn.nearest_reached, "f4[2]")
 
-distance_grids = checked(_trajectory.distance_grids, "u1[2]", "f8[2]", "f8[2]", "i4[2]", "i4[2]", "i4[1]")
+distance_grids = checked(_plan_distance.distance_grids, "u1[2]", "f8[2]", "f8[2]", "i4[2]", "i4[2]", "i4[1]")
+goal_grid = checked(_plan_distance.goal_grid, "u1[2]", "f8[2]", "f8[2]", "i4[2]", "i4[1]")
 footprint_cost = checked(_trajectory.footprint_cost, "u1[2]", "f8[2]")
 search = checked(
     _trajectory.search,
     *("u1[2]", "i4[2]", "i4[2]", "f8[2]", "f8[1]", "f8[1]", "f8[1]", "f8[2]", "f8[1]", "f8[1]", "f8[2]"),
 )
 roll_out = checked(_trajectory.roll_out, "f8[1]", "f8[1]", "f8[1]", "f8[1]", "f8[1]", "f8[2]")
+
+score = checked(
+    _dynamic_window.score,
+    *("u1[2]", "i4[2]", "i4[2]", "i4[2]", "f8[2]", "f8[1]", "f8[1]", "f8[1]", "f8[2]", "f8[1]", "f8[1]", "f8[2]"),
+)
+trace = checked(_dynamic_window.trace, "f8[1]", "f8[1]", "f8[1]", "f8[1]", "f8[1]", "f8[2]")
 
 resample = checked(_particle.resample, "f8[2]", "f8[1]", "f8[1]", "u1[1]", "f8[2]", "i8[1]", "f8[2]")
 cluster = checked(_particle.cluster, "f8[2]", "f8[1]", "i8[1]", "i8[1]", "f8[2]")

@@ -1,17 +1,27 @@
 """Parameters of move_base under their Noetic names."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from nav_bundle.core.costmap.config import CostmapConfig, costmap_config_from_parameters
+from nav_bundle.core.dwa_config import DwaConfig, dwa_config_from_parameters
+from nav_bundle.core.dwa_planner import DwaPlanner
+from nav_bundle.core.local_planner import LocalPlanner
 from nav_bundle.core.move_base import Limits
 from nav_bundle.core.navfn import NavfnConfig
 from nav_bundle.core.recovery import Recovery, recoveries_from_parameters
 from nav_bundle.core.trajectory_config import TrajectoryConfig, trajectory_config_from_parameters
+from nav_bundle.core.trajectory_planner import TrajectoryPlanner
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 
-_LOCAL_PLANNER = "TrajectoryPlannerROS"
+LocalReader = Callable[[Mapping[str, Any], str, float], TrajectoryConfig | DwaConfig]
+"""Makes a local planner's configuration of its parameters, its namespace and the control frequency [Hz]."""
+
+_LOCAL_PLANNERS: dict[str, LocalReader] = {
+    "base_local_planner/TrajectoryPlannerROS": trajectory_config_from_parameters,
+    "dwa_local_planner/DWAPlannerROS": dwa_config_from_parameters,
+}
 _GLOBAL_PLANNER = "NavfnROS"
 
 
@@ -20,7 +30,8 @@ class MoveBaseConfig:
     """The parameters in move_base's own namespace.
 
     ``odom_timeout`` [s] is ours: the longest silence of the odometry that the robot may still drive on, 0 for
-    any. ``base_global_planner`` and ``base_local_planner`` name the only planners there are.
+    any. ``base_global_planner`` names the only one there is; ``base_local_planner`` may also be
+    ``dwa_local_planner/DWAPlannerROS``. The packages' names may be left out.
     """
 
     base_global_planner: str = "navfn/NavfnROS"
@@ -45,15 +56,23 @@ class MoveBaseConfig:
 
 @dataclass(frozen=True)
 class Setup:
-    """Everything move_base is made from."""
+    """Everything move_base is made from; ``local_planner_name`` is the namespace of its parameters and topics."""
 
     base: MoveBaseConfig
     global_costmap: CostmapConfig
     local_costmap: CostmapConfig
     navfn: NavfnConfig
-    trajectory: TrajectoryConfig
+    local_planner_name: str
+    local_planner: TrajectoryConfig | DwaConfig
     recoveries: tuple[Recovery, ...]
     limits: Limits = field(default_factory=Limits)
+
+    def make_local_planner(self) -> LocalPlanner:
+        """Returns the local planner that was asked for, on the local costmap's cells."""
+        resolution = self.local_costmap.resolution
+        if isinstance(self.local_planner, DwaConfig):
+            return DwaPlanner(self.local_planner, resolution)
+        return TrajectoryPlanner(self.local_planner, resolution)
 
 
 def setup_from_parameters(parameters: Mapping[str, Any], owner: str) -> Setup:
@@ -68,14 +87,14 @@ def setup_from_parameters(parameters: Mapping[str, Any], owner: str) -> Setup:
     local_costmap = costmap_config_from_parameters(parameters.get("local_costmap", {}), f"{owner}/local_costmap")
     radius = local_costmap.outline().circumscribed_radius
     recoveries = tuple(recoveries_from_parameters(parameters, radius)) if base.recovery_behavior_enabled else ()
+    name, local_planner_from_parameters = _local_planner(base, owner)
     return Setup(
         base,
         costmap_config_from_parameters(parameters.get("global_costmap", {}), f"{owner}/global_costmap"),
         local_costmap,
         config_from_mapping(NavfnConfig, parameters.get(_GLOBAL_PLANNER, {}), f"{owner}/{_GLOBAL_PLANNER}"),
-        trajectory_config_from_parameters(
-            parameters.get(_LOCAL_PLANNER, {}), f"{owner}/{_LOCAL_PLANNER}", base.controller_frequency
-        ),
+        name,
+        local_planner_from_parameters(parameters.get(name, {}), f"{owner}/{name}", base.controller_frequency),
         recoveries,
         _limits(base, len(recoveries)),
     )
@@ -86,13 +105,19 @@ def _check(base: MoveBaseConfig, owner: str) -> None:
         raise ParameterError(
             f"{owner}: ~base_global_planner {base.base_global_planner!r} is not available, only navfn/NavfnROS"
         )
-    if base.base_local_planner.split("/")[-1] != _LOCAL_PLANNER:
-        raise ParameterError(
-            f"{owner}: ~base_local_planner {base.base_local_planner!r} is not available, "
-            f"only base_local_planner/{_LOCAL_PLANNER}"
-        )
     if base.controller_frequency <= 0.0:
         raise ParameterError(f"{owner}: ~controller_frequency must be positive, not {base.controller_frequency}")
+
+
+def _local_planner(base: MoveBaseConfig, owner: str) -> tuple[str, LocalReader]:
+    """Returns the local planner's name without its package, and what reads its parameters."""
+    wanted = base.base_local_planner
+    for full, reader in _LOCAL_PLANNERS.items():
+        name = full.split("/")[-1]
+        if wanted in (full, name):
+            return name, reader
+    known = ", ".join(_LOCAL_PLANNERS)
+    raise ParameterError(f"{owner}: ~base_local_planner {wanted!r} is not available; there are {known}")
 
 
 def _limits(base: MoveBaseConfig, recoveries: int) -> Limits:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from nav_bundle.core.goal_approach import GoalApproach
 from nav_bundle.core.local_planner import Decision, LocalPlannerError, Route, Situation, Velocity
+from nav_bundle.core.meeting import careful_speed
 from nav_bundle.core.planner import Path
 from nav_bundle.core.pose import Pose, angle_difference
 from nav_bundle.core.rollout import Horizon, Rollout, Scales, Scored
@@ -19,9 +20,6 @@ _NO_COMMAND = (
 )
 
 _STANDING = 1.0e-3
-# With what the map does not know in front (within 60 degrees), the speed [m/s] is held to 0.4/s times the distance
-# beyond 0.5 m, so that two robots that meet have time to give way.
-_FRONT, _SPEED_BY_DISTANCE, _MEETING_MARGIN, _SLOWEST_MEETING = 0.5, 0.4, 0.5, 0.15
 
 
 @dataclass
@@ -63,7 +61,7 @@ class TrajectoryPlanner:
             Scales(config.pdist_scale * unit, config.gdist_scale * unit, config.occdist_scale * unit),
         )
         self._period = 1.0 / config.controller_frequency
-        self._approach = GoalApproach(config)
+        self._approach = GoalApproach(config.approach())
         self._turning = _Turning()
         self._route: Route | None = None
         self._escape_from: Pose | None = None
@@ -95,7 +93,7 @@ class TrajectoryPlanner:
     def _best(self, situation: Situation, ahead: NDArray[np.float64]) -> Velocity | None:
         if not self._is_escaping(situation.pose):
             goal_distance = math.hypot(ahead[-1, 0] - situation.pose.x, ahead[-1, 1] - situation.pose.y)
-            fastest = min(goal_distance / self.config.sim_time, self._careful_speed(situation))
+            fastest = min(goal_distance / self.config.sim_time, careful_speed(situation))
             forward: Scored | None = self._rollout.cheapest(self._forward_samples(situation.velocity, fastest))
             if forward is not None and not self._leads_on(forward, situation.pose):
                 chosen: Scored | None = self._turn_in_place(situation.velocity, None) or forward
@@ -116,16 +114,6 @@ class TrajectoryPlanner:
             max(config.min_vel_theta, velocity.turn - config.acc_lim_theta * time),
             min(config.max_vel_theta, velocity.turn + config.acc_lim_theta * time),
         )
-
-    def _careful_speed(self, situation: Situation) -> float:
-        """Returns how fast to go in view of what the map does not know: it may come to meet the robot."""
-        ahead = situation.strangers - (situation.pose.x, situation.pose.y)
-        along = ahead @ (math.cos(situation.pose.yaw), math.sin(situation.pose.yaw))
-        distance = np.hypot(ahead[:, 0], ahead[:, 1])
-        in_front = distance[along > _FRONT * distance]
-        if not len(in_front):
-            return math.inf
-        return max(_SLOWEST_MEETING, _SPEED_BY_DISTANCE * (float(in_front.min()) - _MEETING_MARGIN))
 
     def _forward_samples(self, velocity: Velocity, limit: float) -> NDArray[np.float64]:
         """Returns straight and curved samples (n, 3), no faster than ``limit`` unless braking takes longer.

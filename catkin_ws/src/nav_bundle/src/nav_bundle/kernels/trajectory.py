@@ -1,4 +1,4 @@
-"""Local planning kernels: distances to the plan and to the local goal, and the rollout of velocity samples.
+"""Local planning kernels: the footprint's cost, and the rollout of velocity samples.
 
 The scores are trajectory rollout's (Gerkey and Konolige, Planning and Control in Unstructured Terrain,
 2008) as base_local_planner computes them. A score's distance terms depend on a trajectory's end alone,
@@ -9,9 +9,6 @@ the search ends as soon as no bound is below the best score. The winner is the s
 import numpy as np
 from numba import njit
 
-from nav_bundle.kernels.costmap import fill_polygon
-
-INSCRIBED = 253
 LETHAL = 254
 UNKNOWN = 255
 
@@ -23,7 +20,6 @@ UNCHECKED = -3.0
 COST, X, Y, YAW, BOUND = 0, 1, 2, 3, 4
 
 SIGNATURES = {
-    "distance_grids": "i8(u1[:, ::1], f8, f8, f8, f8[:, ::1], f8[:, ::1], i4[:, ::1], i4[:, ::1], i4[::1])",
     "footprint_cost": "i8(u1[:, ::1], f8, f8, f8, f8[:, ::1], f8, f8, f8)",
     "search": (
         "i8(u1[:, ::1], f8, f8, f8, i4[:, ::1], i4[:, ::1], f8[:, ::1], f8[::1], f8[::1], f8[::1],"
@@ -31,101 +27,6 @@ SIGNATURES = {
     ),
     "roll_out": "i8(f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[:, ::1])",
 }
-
-
-@njit
-def _plan_cells(costs, origin_x, origin_y, resolution, plan, cells):
-    """Writes the flat indices of the known cells that the plan crosses on its first way through the grid.
-
-    Returns their number; at most one entry per cell of ``cells``.
-    """
-    rows, cols = costs.shape
-    count = 0
-    for i in range(plan.shape[0]):
-        before = i - 1 if i > 0 else 0
-        dx = plan[i, 0] - plan[before, 0]
-        dy = plan[i, 1] - plan[before, 1]
-        parts = max(1, int(np.ceil(np.sqrt(dx * dx + dy * dy) / resolution)))
-        for part in range(1, parts + 1):
-            x = plan[before, 0] + dx * part / parts
-            y = plan[before, 1] + dy * part / parts
-            row = int(np.floor((y - origin_y) / resolution))
-            col = int(np.floor((x - origin_x) / resolution))
-            if row < 0 or row >= rows or col < 0 or col >= cols or costs[row, col] == UNKNOWN:
-                if count > 0:
-                    return count
-                continue
-            cell = row * cols + col
-            if (count == 0 or cells[count - 1] != cell) and count < cells.shape[0]:
-                cells[count] = cell
-                count += 1
-    return count
-
-
-@njit
-def _flood(costs, inside, distance, queue, count):
-    """Fills ``distance`` by steps between edge neighbours from the ``count`` cells queued with distance 0.
-
-    Obstacles, except under the robot, get the number of cells; what cannot be reached one more.
-    """
-    rows, cols = costs.shape
-    head = 0
-    while head < count:
-        cell = queue[head]
-        head += 1
-        row = cell // cols
-        col = cell - row * cols
-        onwards = distance[row, col] + 1
-        for d_row, d_col in ((0, -1), (0, 1), (-1, 0), (1, 0)):
-            r = row + d_row
-            c = col + d_col
-            if r < 0 or r >= rows or c < 0 or c >= cols or distance[r, c] != rows * cols + 1:
-                continue
-            if costs[r, c] >= INSCRIBED and inside[r, c] == 0:
-                distance[r, c] = rows * cols
-                continue
-            distance[r, c] = onwards
-            queue[count] = r * cols + c
-            count += 1
-
-
-def distance_grids(costs, origin_x, origin_y, resolution, plan, outline, to_plan, to_goal, queue):
-    """Fills the two grids that trajectories are scored on; returns how many cells the plan crosses, 0 if none.
-
-    Args:
-        costs: the local costmap.
-        origin_x: corner of cell (0, 0) [m].
-        origin_y: corner of cell (0, 0) [m].
-        resolution: [m].
-        plan: points (n, 2) [m] in the costmap's frame.
-        outline: the footprint's vertices (m, 2) [m] at the robot's pose.
-        to_plan: steps to the plan, for every cell.
-        to_goal: steps to the plan's last cell inside the costmap.
-        queue: room for one entry per cell.
-    """
-    rows, cols = costs.shape
-    inside = np.zeros((rows, cols), np.uint8)
-    fill_polygon(inside, origin_x, origin_y, resolution, outline, np.uint8(1))
-    to_plan[:, :] = rows * cols + 1
-    to_goal[:, :] = rows * cols + 1
-    crossed = np.empty(rows * cols, np.int32)
-    crossings = _plan_cells(costs, origin_x, origin_y, resolution, plan, crossed)
-    if crossings == 0:
-        return 0
-    count = 0
-    for i in range(crossings):
-        row = crossed[i] // cols
-        col = crossed[i] - row * cols
-        if to_plan[row, col] != 0:
-            to_plan[row, col] = 0
-            queue[count] = crossed[i]
-            count += 1
-    _flood(costs, inside, to_plan, queue, count)
-    goal = crossed[crossings - 1]
-    to_goal[goal // cols, goal % cols] = 0
-    queue[0] = goal
-    _flood(costs, inside, to_goal, queue, 1)
-    return crossings
 
 
 @njit
@@ -194,7 +95,8 @@ def _steps(sample, horizon):
 
 
 @njit
-def _towards(value, wanted, change):
+def towards(value, wanted, change):
+    """Returns ``value`` moved to ``wanted`` by at most ``change``."""
     if value < wanted:
         return min(value + change, wanted)
     return max(value - change, wanted)
@@ -202,14 +104,13 @@ def _towards(value, wanted, change):
 
 @njit
 def _check(
-    costs, origin_x, origin_y, resolution, to_plan, to_goal, footprint, pose, velocity, acc, sample, horizon, reach
+    costs, origin_x, origin_y, resolution, to_plan, to_goal, footprint, pose, start, acc, sample, time, steps, reach
 ):
     """Follows one sample over the costmap: returns its highest cost, or HIT, or UNREACHED."""
     rows, cols = costs.shape
     x, y, yaw = pose[0], pose[1], pose[2]
-    vx, vy, turn = velocity[0], velocity[1], velocity[2]
-    steps = _steps(sample, horizon)
-    dt = horizon[0] / steps
+    vx, vy, turn = start[0], start[1], start[2]
+    dt = time / steps
     highest = 0
     for _ in range(steps):
         row = int(np.floor((y - origin_y) / resolution))
@@ -222,9 +123,9 @@ def _check(
         highest = max(highest, max(cost, np.int64(costs[row, col])))
         if reach and (to_plan[row, col] >= rows * cols or to_goal[row, col] >= rows * cols):
             return UNREACHED
-        vx = _towards(vx, sample[0], acc[0] * dt)
-        vy = _towards(vy, sample[1], acc[1] * dt)
-        turn = _towards(turn, sample[2], acc[2] * dt)
+        vx = towards(vx, sample[0], acc[0] * dt)
+        vy = towards(vy, sample[1], acc[1] * dt)
+        turn = towards(turn, sample[2], acc[2] * dt)
         cosine = np.cos(yaw)
         sine = np.sin(yaw)
         x += (vx * cosine - vy * sine) * dt
@@ -233,23 +134,29 @@ def _check(
     return float(highest)
 
 
-def roll_out(pose, velocity, acc, sample, horizon, poses):
+@njit
+def follow(pose, start, acc, sample, time, steps, poses):
     """Writes the poses (x, y, yaw) of one sample into ``poses``; returns their number."""
     x, y, yaw = pose[0], pose[1], pose[2]
-    vx, vy, turn = velocity[0], velocity[1], velocity[2]
-    steps = min(_steps(sample, horizon), poses.shape[0])
-    dt = horizon[0] / steps
+    vx, vy, turn = start[0], start[1], start[2]
+    steps = min(steps, poses.shape[0])
+    dt = time / steps
     for i in range(steps):
         poses[i, 0], poses[i, 1], poses[i, 2] = x, y, yaw
-        vx = _towards(vx, sample[0], acc[0] * dt)
-        vy = _towards(vy, sample[1], acc[1] * dt)
-        turn = _towards(turn, sample[2], acc[2] * dt)
+        vx = towards(vx, sample[0], acc[0] * dt)
+        vy = towards(vy, sample[1], acc[1] * dt)
+        turn = towards(turn, sample[2], acc[2] * dt)
         cosine = np.cos(yaw)
         sine = np.sin(yaw)
         x += (vx * cosine - vy * sine) * dt
         y += (vx * sine + vy * cosine) * dt
         yaw += turn * dt
     return steps
+
+
+def roll_out(pose, velocity, acc, sample, horizon, poses):
+    """Writes the poses (x, y, yaw) of one sample into ``poses``; returns their number."""
+    return follow(pose, velocity, acc, sample, horizon[0], _steps(sample, horizon), poses)
 
 
 @njit
@@ -261,14 +168,76 @@ def _finish(pose, velocity, acc, sample, horizon, scored):
     dt = horizon[0] / steps
     for _ in range(steps):
         scored[0], scored[1], scored[2] = x, y, yaw
-        vx = _towards(vx, sample[0], acc[0] * dt)
-        vy = _towards(vy, sample[1], acc[1] * dt)
-        turn = _towards(turn, sample[2], acc[2] * dt)
+        vx = towards(vx, sample[0], acc[0] * dt)
+        vy = towards(vy, sample[1], acc[1] * dt)
+        turn = towards(turn, sample[2], acc[2] * dt)
         cosine = np.cos(yaw)
         sine = np.sin(yaw)
         x += (vx * cosine - vy * sine) * dt
         y += (vx * sine + vy * cosine) * dt
         yaw += turn * dt
+
+
+@njit
+def cheapest(
+    costs,
+    origin_x,
+    origin_y,
+    resolution,
+    to_plan,
+    to_goal,
+    footprint,
+    pose,
+    starts,
+    acc,
+    samples,
+    time,
+    steps,
+    obstacle_scale,
+    reach,
+    every,
+    results,
+):
+    """Checks the samples marked UNCHECKED in the order of their bounds; returns the index of the cheapest, or -1.
+
+    ``starts`` (n, 3) are the velocities they begin with, ``steps`` (n,) the numbers of looks within ``time`` [s].
+    """
+    best = -1
+    while True:
+        candidate = -1
+        for i in range(samples.shape[0]):
+            if results[i, COST] == UNCHECKED and (candidate < 0 or results[i, BOUND] < results[candidate, BOUND]):
+                candidate = i
+        if candidate < 0:
+            return best
+        if not every and best >= 0 and results[candidate, BOUND] > results[best, COST]:
+            return best
+        highest = _check(
+            costs,
+            origin_x,
+            origin_y,
+            resolution,
+            to_plan,
+            to_goal,
+            footprint,
+            pose,
+            starts[candidate],
+            acc,
+            samples[candidate],
+            time,
+            steps[candidate],
+            reach,
+        )
+        if highest < 0.0:
+            results[candidate, COST] = highest
+            continue
+        results[candidate, COST] = results[candidate, BOUND] + obstacle_scale * highest
+        if (
+            best < 0
+            or results[candidate, COST] < results[best, COST]
+            or (results[candidate, COST] == results[best, COST] and candidate < best)
+        ):
+            best = candidate
 
 
 def search(
@@ -296,8 +265,8 @@ def search(
         origin_x: corner of cell (0, 0) [m].
         origin_y: corner of cell (0, 0) [m].
         resolution: [m].
-        to_plan: steps to the plan, from ``distance_grids``.
-        to_goal: steps to the local goal, from ``distance_grids``.
+        to_plan: steps to the plan, from ``plan_distance.distance_grids``.
+        to_goal: steps to the local goal, from ``plan_distance.distance_grids``.
         footprint: vertices (m, 2) [m] around the robot's origin.
         pose: x, y [m], yaw [rad] in the costmap's frame.
         velocity: forward, left [m/s], turn [rad/s] at the start.
@@ -323,38 +292,27 @@ def search(
             result[COST] = UNREACHED
         else:
             result[BOUND] = scales[0] * to_plan[row, col] + scales[1] * to_goal[row, col]
-    best = -1
-    while True:
-        candidate = -1
-        for i in range(count):
-            if results[i, COST] == UNCHECKED and (candidate < 0 or results[i, BOUND] < results[candidate, BOUND]):
-                candidate = i
-        if candidate < 0:
-            return best
-        if not every and best >= 0 and results[candidate, BOUND] > results[best, COST]:
-            return best
-        highest = _check(
-            costs,
-            origin_x,
-            origin_y,
-            resolution,
-            to_plan,
-            to_goal,
-            footprint,
-            pose,
-            velocity,
-            acc,
-            samples[candidate],
-            horizon,
-            reach,
-        )
-        if highest < 0.0:
-            results[candidate, COST] = highest
-            continue
-        results[candidate, COST] = results[candidate, BOUND] + scales[2] * highest
-        if (
-            best < 0
-            or results[candidate, COST] < results[best, COST]
-            or (results[candidate, COST] == results[best, COST] and candidate < best)
-        ):
-            best = candidate
+    starts = np.empty((count, 3))
+    steps = np.empty(count, np.int64)
+    for i in range(count):
+        starts[i, :] = velocity
+        steps[i] = _steps(samples[i], horizon)
+    return cheapest(
+        costs,
+        origin_x,
+        origin_y,
+        resolution,
+        to_plan,
+        to_goal,
+        footprint,
+        pose,
+        starts,
+        acc,
+        samples,
+        horizon[0],
+        steps,
+        scales[2],
+        reach,
+        every,
+        results,
+    )

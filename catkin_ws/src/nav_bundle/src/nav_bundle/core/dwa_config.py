@@ -1,0 +1,118 @@
+"""Parameters of DWAPlannerROS, under dwa_local_planner's names."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from nav_bundle.core.goal_approach import ApproachConfig
+from nav_bundle.core.local_planner import Velocity
+from pioneer_node.core.parameter import ParameterError, config_from_mapping
+
+# Names that dwa_local_planner still takes, and what they are called now.
+_FORMER = {
+    "max_trans_vel": "max_vel_trans",
+    "min_trans_vel": "min_vel_trans",
+    "max_rot_vel": "max_vel_theta",
+    "min_rot_vel": "min_vel_theta",
+    "acc_limit_trans": "acc_lim_trans",
+    "rot_stopped_vel": "theta_stopped_vel",
+}
+
+
+@dataclass(frozen=True)
+class DwaConfig:
+    """Defaults are Noetic's.
+
+    Speeds in [m/s] and [rad/s], accelerations in [m/s**2] and [rad/s**2], distances in [m], angles in [rad], times
+    in [s]. ``path_distance_bias`` and ``goal_distance_bias`` weigh metres. ``acc_lim_trans``, ``stop_time_buffer``,
+    ``scaling_speed`` and ``max_scaling_factor`` are taken and change nothing, as in Noetic; the clouds that
+    ``publish_traj_pc`` and ``publish_cost_grid_pc`` ask for are not there, which is refused.
+    """
+
+    max_vel_trans: float = 0.55
+    min_vel_trans: float = 0.1
+    max_vel_x: float = 0.55
+    min_vel_x: float = 0.0
+    max_vel_y: float = 0.1
+    min_vel_y: float = -0.1
+    max_vel_theta: float = 1.0
+    min_vel_theta: float = 0.4
+    acc_lim_x: float = 2.5
+    acc_lim_y: float = 2.5
+    acc_lim_theta: float = 3.2
+    acc_lim_trans: float = 0.1
+    prune_plan: bool = False
+    xy_goal_tolerance: float = 0.1
+    yaw_goal_tolerance: float = 0.1
+    latch_xy_goal_tolerance: bool = False
+    trans_stopped_vel: float = 0.1
+    theta_stopped_vel: float = 0.1
+    sim_time: float = 1.7
+    sim_granularity: float = 0.025
+    angular_sim_granularity: float = 0.1
+    path_distance_bias: float = 0.6
+    goal_distance_bias: float = 0.8
+    occdist_scale: float = 0.01
+    twirling_scale: float = 0.0
+    stop_time_buffer: float = 0.2
+    oscillation_reset_dist: float = 0.05
+    oscillation_reset_angle: float = 0.2
+    forward_point_distance: float = 0.325
+    cheat_factor: float = 1.0
+    scaling_speed: float = 0.25
+    max_scaling_factor: float = 0.2
+    vx_samples: int = 3
+    vy_samples: int = 10
+    vth_samples: int = 20
+    use_dwa: bool = True
+    controller_frequency: float = 20.0
+    publish_traj_pc: bool = False
+    publish_cost_grid_pc: bool = False
+    restore_defaults: bool = False
+    global_frame_id: str = ""
+
+    def approach(self) -> ApproachConfig:
+        """Returns what holds near the goal."""
+        return ApproachConfig(
+            acc=Velocity(self.acc_lim_x, self.acc_lim_y, self.acc_lim_theta),
+            left=self.max_vel_theta,
+            right=self.max_vel_theta,
+            slowest=self.min_vel_theta,
+            place=self.xy_goal_tolerance,
+            heading=self.yaw_goal_tolerance,
+            latch=self.latch_xy_goal_tolerance,
+            still=self.trans_stopped_vel,
+            still_turning=self.theta_stopped_vel,
+            period=1.0 / self.controller_frequency,
+        )
+
+
+def dwa_config_from_parameters(parameters: Mapping[str, Any], owner: str, frequency: float) -> DwaConfig:
+    """Returns the configuration in namespace ``owner``; ``frequency`` [Hz] holds where it names none.
+
+    Raises:
+        ParameterError: an unknown name, a wrong type, a value out of range, or an option that is not there.
+    """
+    values = {_FORMER.get(name, name): value for name, value in parameters.items()}
+    values.setdefault("controller_frequency", frequency)
+    config = config_from_mapping(DwaConfig, values, owner)
+    _check(config, owner)
+    return config
+
+
+def _check(config: DwaConfig, owner: str) -> None:
+    for name in ("publish_traj_pc", "publish_cost_grid_pc"):
+        if getattr(config, name):
+            raise ParameterError(f"{owner}: ~{name} true is not available")
+    positive = ("sim_time", "sim_granularity", "angular_sim_granularity", "controller_frequency", "acc_lim_x")
+    for name in (*positive, "acc_lim_theta"):
+        if not getattr(config, name) > 0.0:
+            raise ParameterError(f"{owner}: ~{name} must be positive, not {getattr(config, name)}")
+    for name in ("path_distance_bias", "goal_distance_bias", "occdist_scale", "twirling_scale"):
+        if getattr(config, name) < 0.0:
+            raise ParameterError(f"{owner}: ~{name} must not be negative, not {getattr(config, name)}")
+    for name in ("vx_samples", "vy_samples", "vth_samples"):
+        if getattr(config, name) < 1:
+            raise ParameterError(f"{owner}: ~{name} must be at least 1, not {getattr(config, name)}")
+    if config.min_vel_x > config.max_vel_x or config.min_vel_y > config.max_vel_y:
+        raise ParameterError(f"{owner}: a minimal velocity lies above the maximal one")

@@ -1,0 +1,120 @@
+"""The local planner DWAPlannerROS: the dynamic window approach."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle.core.dwa_config import DwaConfig
+from nav_bundle.core.dynamic_window import DynamicWindow, NoseScales
+from nav_bundle.core.goal_approach import GoalApproach
+from nav_bundle.core.local_planner import Decision, LocalPlannerError, Route, Situation, Velocity
+from nav_bundle.core.meeting import careful_speed
+from nav_bundle.core.oscillation import Oscillation
+from nav_bundle.core.planner import Path
+from nav_bundle.core.rollout import Horizon, Scales
+
+_NO_COMMAND = (
+    "The dwa local planner failed to find a valid plan, cost functions discarded all candidates. "
+    "This can mean there is an obstacle too close to the robot."
+)
+_EPSILON = 1.0e-4
+
+
+class DwaPlanner:
+    """Samples the velocities that can be reached within a cycle, and drives the cheapest.
+
+    A sample costs its end's distance to the plan and to the plan's last point inside the costmap, the same
+    for the robot's nose, its turning speed, and the highest costmap cost on its way (dwa_local_planner's critics). A
+    reversal closes the way back until the robot has moved on. Unlike dwa_local_planner, turns in place slower than
+    ``min_vel_theta`` are tried at that speed instead of not at all: from standstill no other can be reached.
+    """
+
+    def __init__(self, config: DwaConfig, resolution: float) -> None:
+        """Takes the configuration and the local costmap's cell size [m]."""
+        self.config = config
+        plan, goal = resolution * config.path_distance_bias, resolution * config.goal_distance_bias
+        self._window = DynamicWindow(
+            Velocity(config.acc_lim_x, config.acc_lim_y, config.acc_lim_theta),
+            Horizon(config.sim_time, config.sim_granularity, config.angular_sim_granularity),
+            Scales(plan, goal, config.occdist_scale),
+            NoseScales(plan, goal, config.twirling_scale),
+            config.forward_point_distance,
+            not config.use_dwa,
+        )
+        self._approach = GoalApproach(config.approach())
+        self._oscillation = Oscillation(
+            config.min_vel_trans, config.oscillation_reset_dist, config.oscillation_reset_angle
+        )
+        self._route: Route | None = None
+
+    def set_plan(self, plan: Path) -> None:
+        """Takes a new plan; a goal approach begins anew only if the plan leads to another goal."""
+        route = Route(plan)
+        if self._route is None or self._route.goal != route.goal:
+            self._approach.reset()
+        self._oscillation.reset()
+        self._route = route
+
+    def decide(self, situation: Situation) -> Decision:
+        """Returns what to drive now; see ``local_planner.LocalPlanner``."""
+        if self._route is None:
+            raise LocalPlannerError("there is no plan to follow")
+        ahead = self._route.ahead(situation, self.config.prune_plan)
+        goal = situation.local_from_global.compose(self._route.goal)
+        left = math.hypot(ahead[-1, 0] - situation.pose.x, ahead[-1, 1] - situation.pose.y)
+        aligned = left > self.config.forward_point_distance * math.sqrt(self.config.cheat_factor)
+        if not self._window.begin_window(situation, ahead, aligned):
+            raise LocalPlannerError("the global plan does not cross the local costmap")
+        if self._approach.is_near(situation.pose, goal):
+            return self._approach.decide(situation, goal, self._window.is_free)
+        samples = self._samples(situation, left)
+        best = self._window.cheapest(samples[self._oscillation.allowed(samples)])
+        if best is None:
+            raise LocalPlannerError(_NO_COMMAND)
+        self._oscillation.note(best.velocity, situation.pose)
+        return Decision(best.velocity, False, self._window.poses(best.velocity), ahead)
+
+    def _samples(self, situation: Situation, left: float) -> NDArray[np.float64]:
+        """Returns the velocities (n, 3) to try with ``left`` [m] to go in the costmap."""
+        config = self.config
+        time = 1.0 / config.controller_frequency if config.use_dwa else config.sim_time
+        now = situation.velocity
+        fastest = min(config.max_vel_x, careful_speed(situation))
+        if not config.use_dwa:
+            fastest = min(fastest, left / config.sim_time)
+        change = config.acc_lim_x * time, config.acc_lim_y * time, config.acc_lim_theta * time
+        forward = _reachable(now.x, change[0], config.min_vel_x, max(fastest, config.min_vel_x))
+        sideways = _reachable(now.y, change[1], config.min_vel_y, config.max_vel_y)
+        turning = _reachable(now.turn, change[2], -config.max_vel_theta, config.max_vel_theta)
+        turns = _spread(*turning, config.vth_samples)
+        axes = np.meshgrid(
+            _spread(*forward, config.vx_samples), _spread(*sideways, config.vy_samples), turns, indexing="ij"
+        )
+        return self._possible(np.stack(axes, axis=-1).reshape(-1, 3), turns)
+
+    def _possible(self, samples: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns the samples that the robot can carry out, turns in place among them."""
+        config = self.config
+        speed = np.hypot(samples[:, 0], samples[:, 1])
+        moving = speed + _EPSILON >= config.min_vel_trans
+        turning = (np.abs(samples[:, 2]) + _EPSILON >= config.min_vel_theta) & (speed > _EPSILON)
+        kept = samples[(moving | turning) & (speed - _EPSILON <= config.max_vel_trans)]
+        raised = {math.copysign(max(abs(turn), config.min_vel_theta), turn) for turn in turns.tolist() if turn != 0.0}
+        in_place = np.zeros((len(raised), 3))
+        in_place[:, 2] = sorted(raised)
+        return np.concatenate([kept, in_place])
+
+
+def _reachable(now: float, change: float, slowest: float, fastest: float) -> tuple[float, float]:
+    """Returns the range between ``slowest`` and ``fastest`` within ``change`` of ``now``, or its nearest point."""
+    low, high = max(slowest, now - change), min(fastest, now + change)
+    return (low, high) if low <= high else ((high, high) if now < slowest else (low, low))
+
+
+def _spread(low: float, high: float, count: int) -> NDArray[np.float64]:
+    """Returns ``count`` values from ``low`` to ``high``, at least both ends, and zero where it lies between."""
+    if low == high:
+        return np.array([low])
+    values = np.linspace(low, high, max(count, 2))
+    return np.union1d(values, [0.0]) if low < 0.0 < high else values
