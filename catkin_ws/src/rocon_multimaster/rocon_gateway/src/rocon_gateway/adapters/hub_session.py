@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import redis
 
+from rocon_gateway.adapters.password import FILE_VARIABLE
 from rocon_gateway.core.code import Code, HubError
 from rocon_gateway.core.hub import (
     GATEWAYS_KEY,
@@ -80,11 +81,8 @@ class HubSession:
             # What is read from now on cannot miss a change: it is either in what is read or told.
             for _ in range(2):
                 self.events.get_message(timeout=TIMEOUT)
-        except redis.exceptions.AuthenticationError as error:
-            text = f"the hub at {address} wants another password: {error}"
-            raise HubError(Code.HUB_CONNECTION_FAILED, text) from None
-        except redis.exceptions.ResponseError as error:
-            raise HubError(Code.HUB_CONNECTION_FAILED, f"the hub at {address} refuses: {error}") from None
+        except (redis.exceptions.AuthenticationError, redis.exceptions.ResponseError) as error:
+            raise HubError(Code.HUB_CONNECTION_FAILED, f"the hub at {address} {_refusal(error)}") from None
         except (redis.RedisError, OSError) as error:
             raise HubError(Code.HUB_CONNECTION_UNRESOLVABLE, f"no hub at {address}: {error}") from None
 
@@ -210,6 +208,18 @@ class HubSession:
         self.events.close()
         self.client.close()
         self.client.connection_pool.disconnect()
+
+
+def _refusal(error: redis.RedisError) -> str:
+    """Returns why Redis does not listen to us, and what to do; the client library has no classes for some of it."""
+    text = str(error)
+    if "without any password" in text:
+        return f"has no password, but we have one: unset {FILE_VARIABLE} here or set it there"
+    if "WRONGPASS" in text or "invalid password" in text:
+        return f"wants another password than ours (from {FILE_VARIABLE} or hub_password_file)"
+    if isinstance(error, redis.exceptions.AuthenticationError):
+        return f"wants a password: set {FILE_VARIABLE} to the file that holds it"
+    return f"refuses: {text}"
 
 
 def _sound(names, texts, parse):  # type: ignore[no-untyped-def]
