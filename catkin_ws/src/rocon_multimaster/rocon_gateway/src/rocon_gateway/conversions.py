@@ -3,13 +3,14 @@
 from collections.abc import Iterable
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-from gateway_msgs.msg import ConnectionStatistics, RemoteGateway, RemoteRuleWithStatus
+from gateway_msgs.msg import ConnectionStatistics, GatewayInfo, RemoteGateway, RemoteRuleWithStatus
 from gateway_msgs.msg import RemoteRule as RemoteRuleMessage
 from gateway_msgs.msg import Rule as RuleMessage
 
 from rocon_gateway.core.code import Code
+from rocon_gateway.core.network import Member
 from rocon_gateway.core.record import Record
-from rocon_gateway.core.rule import Connection, RemoteRule, Rule, rule_from_text
+from rocon_gateway.core.rule import Connection, Kind, RemoteRule, Rule, rule_from_text
 from rocon_gateway.core.rulebook import remote_rule
 from rocon_gateway.core.situation import Flipped, RuleState, State
 
@@ -93,3 +94,32 @@ def diagnostic_from_state(state: RuleState, gateway: str) -> DiagnosticStatus:
         hardware_id=gateway,
         values=[KeyValue(key, value) for key, value in values.items()],
     )
+
+
+def member_from_info(info: GatewayInfo) -> Member:
+    """Returns our own gateway as a member of the network."""
+    return Member(
+        name=info.name,
+        advertised=tuple(map(_rule, info.public_interface)),
+        flips=tuple(map(_remote_rule, info.flip_watchlist)),
+        pulls=tuple(map(_remote_rule, info.pull_watchlist)),
+    )
+
+
+def member_from_remote(remote: RemoteGateway) -> Member:
+    """Returns another gateway as a member of the network."""
+    return Member(
+        name=remote.name,
+        advertised=tuple(map(_rule, remote.public_interface)),
+        flips=tuple(map(_remote_rule, remote.flipped_interface)),
+        pulls=tuple(map(_remote_rule, remote.pulled_interface)),
+        alive=remote.conn_stats.gateway_available,
+    )
+
+
+def _rule(message: RuleMessage) -> Rule:
+    return Rule(Kind(message.type), message.name, message.node)
+
+
+def _remote_rule(message: RemoteRuleMessage) -> RemoteRule:
+    return RemoteRule(message.gateway, _rule(message.rule))

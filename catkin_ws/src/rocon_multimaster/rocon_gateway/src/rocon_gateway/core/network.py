@@ -1,0 +1,113 @@
+"""The network of a hub as a picture: who advertises, pulls and flips what, with whom."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from rocon_gateway.core.rule import RemoteRule, Rule, base_name, gateway_matches
+
+FLIP_COLOUR = "purple"
+PULL_COLOUR = "green4"
+"""As in the figure of the tutorial: flips are direct, what is advertised may be pulled by all."""
+
+LABEL_LINES = 8
+"""An arrow names so many topics and counts the others."""
+
+
+@dataclass(frozen=True)
+class Member:
+    """A gateway of the network.
+
+    Attributes:
+        name: its unique name.
+        advertised: what others may pull.
+        flips: its flip rules.
+        pulls: its pull rules.
+        alive: whether the hub hears of it.
+    """
+
+    name: str
+    advertised: tuple[Rule, ...] = ()
+    flips: tuple[RemoteRule, ...] = ()
+    pulls: tuple[RemoteRule, ...] = ()
+    alive: bool = True
+
+
+@dataclass(frozen=True)
+class Arrow:
+    """Rules of one gateway towards another.
+
+    Attributes:
+        action: "flip" or "pull".
+        origin: the gateway whose rules these are.
+        target: the other one's unique name, or the rule's pattern if it means none.
+        missing: whether it means none.
+        labels: the rules, for people.
+    """
+
+    action: str
+    origin: str
+    target: str
+    missing: bool
+    labels: tuple[str, ...]
+
+
+def arrows(members: Iterable[Member]) -> list[Arrow]:
+    """Returns the network's arrows: one for each action and pair of gateways."""
+    members = sorted(members, key=lambda member: member.name)
+    names = [member.name for member in members]
+    found: dict[tuple[str, str, str, bool], list[str]] = {}
+    for member in members:
+        for action, rules in (("flip", member.flips), ("pull", member.pulls)):
+            for remote in rules:
+                others = [name for name in names if name != member.name and gateway_matches(remote.gateway, name)]
+                for target in others or [remote.gateway]:
+                    labels = found.setdefault((action, member.name, target, not others), [])
+                    labels.append(str(remote.rule))
+    return [Arrow(*key, tuple(labels)) for key, labels in found.items()]
+
+
+def text(hub: str, members: Iterable[Member]) -> str:
+    """Returns the network as indented lines."""
+    members = sorted(members, key=lambda member: member.name)
+    lines = [f"hub {hub or '(none)'}"]
+    drawn = arrows(members)
+    for member in members:
+        lines.append(f"  {base_name(member.name)}" + ("" if member.alive else "  (not heard of)"))
+        lines += [f"    advertises {rule}" for rule in member.advertised]
+        for arrow in (one for one in drawn if one.origin == member.name):
+            sign, missing = ("<->" if arrow.action == "flip" else "<--"), "  (no such gateway)" if arrow.missing else ""
+            lines.append(f"    {arrow.action} {sign} {base_name(arrow.target)}{missing}")
+            lines += [f"      {label}" for label in arrow.labels]
+    return "\n".join(lines)
+
+
+def dot(hub: str, members: Iterable[Member]) -> str:
+    """Returns the network in Graphviz' language: flips purple, pulls and advertisements green."""
+    members = sorted(members, key=lambda member: member.name)
+    lines = ["digraph gateways {", "  rankdir=LR; node [shape=box, style=rounded];"]
+    lines.append(f"  {_quoted('hub')} [label={_quoted(hub or 'no hub')}, shape=ellipse];")
+    for member in members:
+        style = "" if member.alive else ", color=gray, fontcolor=gray"
+        lines.append(f"  {_quoted(member.name)} [label={_quoted(base_name(member.name))}{style}];")
+        label = _label([str(rule) for rule in member.advertised])
+        colour = PULL_COLOUR if member.advertised else "gray"
+        lines.append(f"  {_quoted(member.name)} -> {_quoted('hub')} [color={colour}, label={label}];")
+    for arrow in arrows(members):
+        colour = FLIP_COLOUR if arrow.action == "flip" else PULL_COLOUR
+        style = ", style=dashed" if arrow.missing else ""
+        ends = f"{_quoted(arrow.origin)} -> {_quoted(arrow.target)}"
+        lines.append(f"  {ends} [color={colour}, fontcolor={colour}, label={_label(arrow.labels)}{style}];")
+    return "\n".join([*lines, "}"])
+
+
+def _label(labels: Iterable[str]) -> str:
+    labels = list(labels)
+    shown = labels[:LABEL_LINES]
+    if len(labels) > len(shown):
+        shown.append(f"and {len(labels) - len(shown)} more")
+    return _quoted("\n".join(shown))
+
+
+def _quoted(label: str) -> str:
+    body = label.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+    return f'"{body}"'

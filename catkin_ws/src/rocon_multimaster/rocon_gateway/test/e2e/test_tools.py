@@ -1,0 +1,66 @@
+"""The command-line tools against real gateways."""
+
+import os
+import re
+import subprocess
+from typing import Any
+
+import pytest
+
+from pioneer_harness.wait import wait_until
+
+# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+
+
+def tool(site: Any, *argv: str) -> tuple[int, str]:
+    """Runs a tool on the site's master; returns its status and all that it said."""
+    command = ["rosrun", "rocon_gateway", *argv]
+    done = subprocess.run(command, env=site.master.environment, capture_output=True, text=True, check=False, timeout=60)
+    return done.returncode, done.stdout + done.stderr
+
+
+def test_the_tools_make_rules_and_say_how_they_do(pair, tmp_path) -> None:
+    base, robot = pair
+    robot.talk("/p1/scan")
+    assert tool(base, "flip", "robot", "/p1/scan", "/p1/scam", "-t", "subscriber")[0] == 0
+    assert tool(robot, "advertise", "/p1/scan")[0] == 0
+    assert tool(base, "pull", "robto", "/p1/scan") == (0, "done; 'rosrun rocon_gateway rules' shows how the rules do\n")
+    status, said = tool(base, "flip", "base", "/p1/scan")
+    assert (status, "refused (52)" in said) == (1, True)
+    wait_until(lambda: base.states()["flip /p1/scan"] == "active", "the flip", 10)
+    wait_until(lambda: "robot" in base.states()["pull /p1/scan"], "the pull's reason", 10)
+    wait_until(lambda: base.states()["flip /p1/scam"].startswith("no such topic"), "the other's answer", 10)
+
+    status, said = tool(base, "rules")
+    assert (status, said.count("\n")) == (1, 4), said
+    lines = {line.split()[0] + line.split()[3]: line for line in said.splitlines()}
+    assert lines["flip/p1/scan"].split()[5] == "active"
+    assert re.search("no such topic +nearest there: /p1/scan$", lines["flip/p1/scam"])
+    assert re.search("no such gateway +nearest on the hub: robot$", lines["pull/p1/scan"])
+
+    assert f"hub     {base.info().hub_names[0]} at" in tool(base, "gateway_info")[1]
+    status, said = tool(base, "remote_gateway_info", "robot", "nobody")
+    assert (status, "advertised (1)\n  publisher /p1/scan" in said) == (1, True)
+    said = tool(base, "graph")[1]
+    assert "flip <-> robot" in said
+    assert "pull <-- robto  (no such gateway)" in said
+    assert '"base" -> "robot" [color=purple' in tool(base, "graph", "--dot")[1]
+
+    status, said = tool(base, "doctor")
+    assert "gateway 'robot' at 127.0.0.1:" in said
+    assert "2 of 4 rules" not in said
+    assert "1 of 3 rules are active\n         → rosrun rocon_gateway rules says why" in said
+    assert status == 0, said
+
+
+def test_the_tools_say_what_is_missing(fleet) -> None:
+    site = fleet.site("base")
+    assert tool(site, "rules") == (2, f"no gateway runs on the master {site.master.uri}\n")
+    status, said = tool(site, "doctor", "--hub", fleet.hub_uri)
+    assert "→ roslaunch pioneer_networking pioneer_gateway.launch" in said
+    assert f"the hub at 127.0.0.1:{fleet.hub_port}: Connection refused" in said
+    site.master.stop()
+    status, said = tool(site, "rules")
+    assert (status, "is ROS_MASTER_URI right?" in said) == (2, True)
+    assert os.path.exists(site.log) is False
