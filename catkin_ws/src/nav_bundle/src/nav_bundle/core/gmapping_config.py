@@ -1,0 +1,82 @@
+"""slam_gmapping's parameters under their names in ROS Noetic, with its defaults."""
+
+import math
+from dataclasses import dataclass, fields
+
+from pioneer_node.core.parameter import ParameterError
+
+_POSITIVE = ("sigma", "lsigma", "lstep", "astep", "ogain", "delta", "map_update_interval")
+_NOT_NEGATIVE = (
+    "kernelSize", "iterations", "lskip", "srr", "srt", "str", "stt", "linearUpdate", "angularUpdate",
+    "resampleThreshold", "transform_publish_period", "tf_delay", "seed", "minimumScore",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class GmappingConfig:
+    """Parameters of slam_gmapping, documented one by one in config/gmapping_defaults.yaml; SI units.
+
+    ``maxUrange``, ``maxRange`` and ``tf_delay`` may be negative: Noetic's default for an absent one is then used.
+    ``llsamplerange`` and its three neighbours are accepted and change nothing, here as in the C++ node, which reads
+    them for a likelihood it never samples.
+
+    Raises:
+        ParameterError: a value out of its range.
+    """
+
+    base_frame: str = "base_link"
+    map_frame: str = "map"
+    odom_frame: str = "odom"
+    throttle_scans: int = 1
+    transform_publish_period: float = 0.05
+    tf_delay: float = -1.0
+    map_update_interval: float = 5.0
+    occ_thresh: float = 0.25
+    maxUrange: float = -1.0
+    maxRange: float = -1.0
+    sigma: float = 0.05
+    kernelSize: int = 1
+    lstep: float = 0.05
+    astep: float = 0.05
+    iterations: int = 5
+    lsigma: float = 0.075
+    ogain: float = 3.0
+    lskip: int = 0
+    minimumScore: float = 0.0
+    srr: float = 0.1
+    srt: float = 0.2
+    str: float = 0.1
+    stt: float = 0.2
+    linearUpdate: float = 1.0
+    angularUpdate: float = 0.5
+    temporalUpdate: float = -1.0
+    resampleThreshold: float = 0.5
+    particles: int = 30
+    xmin: float = -100.0
+    ymin: float = -100.0
+    xmax: float = 100.0
+    ymax: float = 100.0
+    delta: float = 0.05
+    llsamplerange: float = 0.01
+    llsamplestep: float = 0.01
+    lasamplerange: float = 0.005
+    lasamplestep: float = 0.005
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            self._check(not isinstance(value, float) or math.isfinite(value), field.name, "be finite")
+        for name in _POSITIVE:
+            self._check(getattr(self, name) > 0, name, "be positive")
+        for name in _NOT_NEGATIVE:
+            self._check(getattr(self, name) >= 0 or name == "tf_delay", name, "not be negative")
+        self._check(self.throttle_scans >= 1, "throttle_scans", "be at least 1")
+        self._check(self.particles >= 1, "particles", "be at least 1")
+        self._check(0.0 <= self.occ_thresh <= 1.0, "occ_thresh", "be between 0 and 1")
+        self._check(self.xmax > self.xmin, "xmax", "be above ~xmin")
+        self._check(self.ymax > self.ymin, "ymax", "be above ~ymin")
+
+    def _check(self, right: bool, name: object, rule: object) -> None:
+        if not right:
+            raise ParameterError(f"slam_gmapping: parameter ~{name} must {rule}, not {getattr(self, f'{name}')!r}")

@@ -1,0 +1,51 @@
+"""How well a map that a robot has drawn agrees with the true one."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle.core.grid import FREE, OCCUPIED, Grid
+from nav_bundle.core.pose import Pose
+
+
+def grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Returns ``mask``, shape (rows, cols), with the eight neighbours of each of its cells."""
+    rows = np.pad(mask, ((1, 1), (0, 0)))
+    rows = rows[:-2] | rows[1:-1] | rows[2:]
+    columns = np.pad(rows, ((0, 0), (1, 1)))
+    return columns[:, :-2] | columns[:, 1:-1] | columns[:, 2:]
+
+
+def agreement(drawn: Grid, true: Grid, true_from_drawn: Pose) -> float:
+    """Returns the intersection over union of the two maps' occupied cells, cells within one of each other being equal.
+
+    Of the true map count the cells that a laser can see: occupied ones beside a free one.
+
+    Args:
+        drawn: the robot's map.
+        true: of the same resolution.
+        true_from_drawn: the robot's map frame in the true one's.
+
+    Returns:
+        From 0 to 1: occupied cells of ``drawn`` near a true one, over those, the other ones of ``drawn``, and the
+        true ones that none of ``drawn`` is near; 1 for two empty maps.
+    """
+    solid = true.cells == OCCUPIED
+    surface = solid & grown(true.cells == FREE)
+    cells = true.cells_at(_points(drawn, true_from_drawn))
+    inside = ((cells >= 0) & (cells < true.cells.shape)).all(axis=1)
+    strays = int(np.count_nonzero(~inside))
+    found = np.zeros(true.cells.shape, np.bool_)
+    found[cells[inside, 0], cells[inside, 1]] = True
+    right = int(np.count_nonzero(found & grown(surface)))
+    wrong = int(np.count_nonzero(found)) - right + strays
+    missed = int(np.count_nonzero(surface & ~grown(found)))
+    union = right + wrong + missed
+    return right / union if union else 1.0
+
+
+def _points(grid: Grid, frame: Pose) -> NDArray[np.float64]:
+    """Returns the centres of the occupied cells (x, y) [m], shape (n, 2), in the frame that ``frame`` leads to."""
+    points = grid.points_at(np.argwhere(grid.cells == OCCUPIED))
+    cosine, sine = np.cos(frame.yaw), np.sin(frame.yaw)
+    turned = points @ np.array([[cosine, sine], [-sine, cosine]])
+    return turned + np.array([frame.x, frame.y])

@@ -1,0 +1,191 @@
+"""Mapping while driving: GMapping's Rao-Blackwellised particle filter (Grisetti, Stachniss and Burgard 2007).
+
+Each particle is a path of the laser with the map that follows from it. Odometry moves them apart, the scan is matched
+to each one's own map, and what fits badly dies out when the weights have become uneven. No ROS, no clock.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle import _slam
+from nav_bundle.core.gmapping_config import GmappingConfig
+from nav_bundle.core.grid import Grid
+from nav_bundle.core.pose import Pose, angle_difference
+from nav_bundle.core.sensor import Scan
+from nav_bundle.core.tile_map import TileMaps
+
+SIDEWAYS = 0.3
+"""Share of ``srr`` that movement along one axis adds to the noise along the other, upstream's."""
+SHORT_OF_MAX = 0.01
+"""Ranges this close [m] to the scan's limit saw nothing, upstream's."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Beams:
+    """A scan's beams as the kernels take them: all that clear or hit, and of those that hit, the ones matched."""
+
+    beams: NDArray[np.float64]
+    hits: NDArray[np.uint8]
+    matched: NDArray[np.float64]
+
+
+class Slam:
+    """Particles with maps. The map frame is where odometry was when the first scan came.
+
+    Args:
+        config: slam_gmapping's parameters.
+        generator: source of all randomness; equal ones give equal results.
+
+    Attributes:
+        poses: the particles' laser poses, x, y [m], yaw [rad], map frame, shape (particles, 3).
+        unmatched: particles whose last scan found no match better than ``minimumScore``.
+        resamplings: how often the particles have been resampled.
+    """
+
+    def __init__(self, config: GmappingConfig, generator: np.random.Generator) -> None:
+        self._config, self._generator = config, generator
+        self.poses = np.zeros((config.particles, 3))
+        self.unmatched = self.resamplings = 0
+        self._maps = TileMaps(config.particles, config.xmin, config.ymin, config.delta)
+        self._odom: Pose | None = None
+        self._map_from_odom: Pose | None = None
+        self._logs = np.zeros(config.particles)
+        self._sums = np.zeros(config.particles)
+        self._distance = self._turn = self._stamp = 0.0
+
+    @property
+    def map_from_odom(self) -> Pose | None:
+        """The odometry frame's pose in the map by the best particle at the last scan used; None before the first."""
+        return self._map_from_odom
+
+    @property
+    def tiles(self) -> int:
+        """Tiles that all maps together use, 8 kB each."""
+        return self._maps.tiles
+
+    @property
+    def best(self) -> int:
+        """Index of the particle whose whole path explains the scans best."""
+        return int(np.argmax(self._sums))
+
+    def weights(self) -> NDArray[np.float64]:
+        """Returns the particles' weights since the last resampling, shape (particles,), sum 1."""
+        gain = 1.0 / (self._config.ogain * len(self.poses))
+        weights = np.exp(gain * (self._logs - self._logs.max()))
+        return weights / weights.sum()
+
+    def entropy(self) -> float:
+        """Returns the entropy [nat] of the weights: the logarithm of the number of particles where all are equal."""
+        weights = self.weights()
+        return float(-(weights * np.log(np.maximum(weights, np.finfo(float).tiny))).sum())
+
+    def grid(self) -> Grid:
+        """Returns the best particle's map, from xmin, ymin to xmax, ymax, and farther where it has grown."""
+        config = self._config
+        return self._maps.drawn(self.best, config.occ_thresh, config.xmax, config.ymax)
+
+    def observe(self, odom: Pose, scan: Scan, stamp: float) -> bool:
+        """Moves the particles by odometry, and uses the scan if the robot has gone far enough since the last one.
+
+        Call it with every scan: noise is drawn for each step of odometry, as upstream.
+
+        Args:
+            odom: the robot's pose by odometry at the scan's time.
+            scan: what the laser saw.
+            stamp: time of the scan [s].
+
+        Returns:
+            Whether the scan was used.
+        """
+        laser = odom.compose(scan.laser)
+        first = self._odom is None
+        if self._odom is None:
+            self.poses[:] = laser.x, laser.y, laser.yaw
+        else:
+            self._move(self._odom, laser)
+        self._odom = laser
+        if not (first or self._due(stamp)):
+            return False
+        self._distance, self._turn, self._stamp = 0.0, 0.0, stamp
+        beams = self._beams(scan)
+        if not first:
+            self._match(beams)
+            self._resample_if_uneven()
+        for index, pose in enumerate(self.poses):
+            self._maps.register(index, pose, beams.beams, beams.hits)
+        self._map_from_odom = Pose(*self.poses[self.best].tolist()).compose(laser.inverse())
+        return True
+
+    def _due(self, stamp: float) -> bool:
+        config = self._config
+        far = self._distance >= config.linearUpdate or self._turn >= config.angularUpdate
+        return far or 0.0 <= config.temporalUpdate < stamp - self._stamp
+
+    def _move(self, before: Pose, after: Pose) -> None:
+        """Moves every particle as the laser moved by odometry, each with a noise of its own."""
+        step = before.inverse().compose(after)
+        length, turn = math.hypot(step.x, step.y), abs(angle_difference(after.yaw, before.yaw))
+        if length == 0.0 and turn == 0.0:
+            return
+        self._distance += length
+        self._turn += turn
+        config, ahead, aside = self._config, abs(step.x), abs(step.y)
+        sigmas = (
+            config.srr * (ahead + SIDEWAYS * aside) + config.str * turn,
+            config.srr * (aside + SIDEWAYS * ahead) + config.str * turn,
+            config.stt * turn + config.srt * length,
+        )
+        noise = self._generator.standard_normal((len(self.poses), 3)) * sigmas
+        x, y, yaw = (noise + np.array([step.x, step.y, step.yaw])).T
+        cosine, sine = np.cos(self.poses[:, 2]), np.sin(self.poses[:, 2])
+        self.poses[:, 0] += cosine * x - sine * y
+        self.poses[:, 1] += sine * x + cosine * y
+        self.poses[:, 2] += yaw
+
+    def _beams(self, scan: Scan) -> _Beams:
+        """Sorts the beams: beyond maxRange they say nothing, from maxUrange on they clear that far, nearer they hit."""
+        config = self._config
+        longest = config.maxRange if config.maxRange >= 0.0 else scan.range_max - SHORT_OF_MAX
+        usable = config.maxUrange if config.maxUrange >= 0.0 else longest
+        ranges = scan.ranges.astype(np.float64)
+        # A comparison with NaN is false: such beams are dropped.
+        valid = (ranges >= scan.range_min) & (ranges > 0.0) & (ranges <= longest)
+        bearings = scan.angle_min + scan.angle_increment * np.arange(len(ranges))[valid]
+        lengths = np.minimum(ranges[valid], usable)
+        beams = np.stack([np.cos(bearings), np.sin(bearings), lengths / config.delta], axis=1)
+        hits = ranges[valid] < usable
+        return _Beams(beams, hits.astype(np.uint8), np.ascontiguousarray(beams[hits][:: config.lskip + 1]))
+
+    def _match(self, beams: _Beams) -> None:
+        config = self._config
+        terms = np.array([config.sigma, config.lsigma, config.lstep, config.astep, config.minimumScore])
+        found = np.empty((len(self.poses), 2))
+        _slam.match(
+            self.poses,
+            beams.matched,
+            self._maps.directories,
+            self._maps.pool,
+            self._maps.placement,
+            terms,
+            config.iterations,
+            config.kernelSize,
+            found,
+        )
+        self.unmatched = int(np.count_nonzero(found[:, 0] <= config.minimumScore))
+        self._logs += found[:, 1]
+        self._sums += found[:, 1]
+
+    def _resample_if_uneven(self) -> None:
+        """Draws particles by weight (systematic resampling) when too few of them carry it all."""
+        weights, count = self.weights(), len(self.poses)
+        if 1.0 / (weights**2).sum() >= self._config.resampleThreshold * count:
+            return
+        marks = (self._generator.random() + np.arange(count)) / count
+        chosen = np.minimum(np.searchsorted(np.cumsum(weights), marks), count - 1)
+        self.poses, self._sums = self.poses[chosen], self._sums[chosen]
+        self._logs = np.zeros(count)
+        self._maps.resample(chosen)
+        self.resamplings += 1

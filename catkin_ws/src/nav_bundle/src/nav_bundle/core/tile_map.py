@@ -1,0 +1,138 @@
+"""Maps of many particles that share what they have in common.
+
+Cells lie in tiles, tiles in one pool; a map is a directory of tile numbers. Copying a map copies its directory; a tile
+is copied when a map writes into it that others name too. So thirty maps that differ in the last few scans cost little
+more than one, and a directory grows to where beams lead, whatever the extent that is published.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle import _slam
+from nav_bundle.core.grid import UNKNOWN, Grid
+from nav_bundle.core.pose import Pose
+
+TILE = 32
+"""Cells along a tile's side."""
+_MARGIN = 4
+"""Tiles a directory grows beyond what was asked for, so that it grows seldom."""
+_FIRST = 512
+"""Tiles in a new pool."""
+
+
+class TileMaps:
+    """The maps of ``count`` particles.
+
+    Args:
+        count: of the maps.
+        x: [m], and
+        y: of the corner of cell (0, 0); cells at negative rows and columns exist as well [m].
+        delta: side of a cell [m].
+
+    Attributes:
+        pool: the tiles, as kernels/slam.py has them.
+        directories: tile numbers, int32, shape (count, tile rows, tile columns).
+    """
+
+    def __init__(self, count: int, x: float, y: float, delta: float) -> None:
+        self._corner, self._delta = (x, y), delta
+        self.directories = np.empty((count, 0, 0), np.int32)
+        self._first = (0, 0)  # tile row and column of the directories' first, from cell (0, 0)
+        self.pool = np.zeros((_FIRST, TILE * TILE, 4), np.uint16)
+        self._users = np.zeros(_FIRST, np.int32)
+        self._recount()
+
+    @property
+    def placement(self) -> NDArray[np.float64]:
+        """Where the directories lie, as the kernels take it."""
+        row, col = self._first
+        side = TILE * self._delta
+        return np.array([self._corner[0] + col * side, self._corner[1] + row * side, 1.0 / self._delta])
+
+    @property
+    def tiles(self) -> int:
+        """Number of tiles in use."""
+        return int(np.count_nonzero(self._users))
+
+    def register(
+        self, index: int, pose: NDArray[np.float64], beams: NDArray[np.float64], hits: NDArray[np.uint8]
+    ) -> None:
+        """Enters a scan into map ``index``.
+
+        Args:
+            index: of the map.
+            pose: the laser's x, y [m], yaw [rad], shape (3,).
+            beams: cosine and sine of their bearings, length [cells], shape (m, 3).
+            hits: 0 where a beam ended in the air, shape (m,).
+        """
+        reach = float(beams[:, 2].max(initial=0.0)) * self._delta
+        self._reserve(self._cover(pose[0] - reach, pose[1] - reach, pose[0] + reach, pose[1] + reach))
+        directory = self.directories[index]
+        _slam.register(pose, beams, hits, self.placement, directory, self.pool, self._users, self._spare)
+
+    def resample(self, chosen: NDArray[np.int64]) -> None:
+        """Replaces the maps by those of the indices ``chosen``, any of them any number of times."""
+        self.directories = np.ascontiguousarray(self.directories[chosen])
+        named = self.directories[self.directories >= 0]
+        self._users[:] = np.bincount(named, minlength=len(self._users))
+        self._recount()
+
+    def drawn(self, index: int, threshold: float, x: float, y: float) -> Grid:
+        """Returns map ``index`` from its cell (0, 0) to (``x``, ``y``) [m], and as much farther as it has tiles.
+
+        Cells of whose visits more than ``threshold`` were hits are occupied, other visited ones free.
+        """
+        rows = math.ceil((y - self._corner[1]) / self._delta - 1e-9)
+        cols = math.ceil((x - self._corner[0]) / self._delta - 1e-9)
+        directory = np.ascontiguousarray(self.directories[index])
+        (low, top), (left, right) = (self._extent(directory, axis, most) for axis, most in ((0, rows), (1, cols)))
+        cells = np.full((top - low, right - left), UNKNOWN, np.int8)
+        row, col = self._first[0] * TILE - low, self._first[1] * TILE - left
+        _slam.draw(directory, self.pool, threshold, row, col, cells)
+        return Grid(self._delta, Pose(self._corner[0] + left * self._delta, self._corner[1] + low * self._delta), cells)
+
+    def _extent(self, directory: NDArray[np.int32], axis: int, most: int) -> tuple[int, int]:
+        """Returns first and end row (axis 0) or column (1) that take in 0 … ``most`` and every tile."""
+        used = np.flatnonzero((directory >= 0).any(axis=1 - axis))
+        if len(used) == 0:
+            return 0, most
+        first = self._first[axis]
+        return min(0, int(first + used[0]) * TILE), max(most, int(first + used[-1] + 1) * TILE)
+
+    def _cover(self, left: float, low: float, right: float, top: float) -> int:
+        """Makes the directories take in a box [m]; returns how many tiles lie in it."""
+        side = TILE * self._delta
+        x, y = self._corner
+        # A tile more on each side: a beam that ends on a border may be rounded over it.
+        first = np.floor([(low - y) / side, (left - x) / side]).astype(int) - 1
+        end = np.floor([(top - y) / side, (right - x) / side]).astype(int) + 2
+        if self.directories.shape[1] == 0:
+            self._first = (int(first[0]), int(first[1]))
+        begin = np.array(self._first)
+        before = np.maximum(0, begin - first)
+        after = np.maximum(0, end - begin - self.directories.shape[1:])
+        if before.any() or after.any():
+            before, after = before + _MARGIN * (before > 0), after + _MARGIN * (after > 0)
+            widths = [(0, 0), *zip(before.tolist(), after.tolist(), strict=True)]
+            self.directories = np.pad(self.directories, widths, constant_values=-1)
+            self._first = (int(begin[0] - before[0]), int(begin[1] - before[1]))
+        return int(np.prod(end - first))
+
+    def _reserve(self, tiles: int) -> None:
+        """Makes the pool hold at least ``tiles`` unused ones."""
+        if self._spare[0] >= tiles:
+            return
+        size = len(self._users) + max(tiles, len(self._users) // 4)
+        # In place: a second pool beside the first would be the peak of the memory used.
+        self.pool.resize((size, TILE * TILE, 4), refcheck=False)
+        self._users = np.concatenate([self._users, np.zeros(size - len(self._users), np.int32)])
+        self._recount()
+
+    def _recount(self) -> None:
+        """Lists the unused tiles: their number first, then they, lowest last so that the lowest are taken first."""
+        unused = np.flatnonzero(self._users == 0)[::-1]
+        self._spare = np.empty(len(self._users) + 1, np.int32)
+        self._spare[0] = len(unused)
+        self._spare[1 : len(unused) + 1] = unused

@@ -1,0 +1,161 @@
+"""The slam_gmapping node: a map drawn while driving, under the names of ROS Noetic's gmapping."""
+
+import threading
+
+import numpy as np
+import rospy
+from nav_msgs.msg import MapMetaData
+from nav_msgs.srv import GetMapRequest
+from std_msgs.msg import Float64
+
+from nav_bundle.conversions import (
+    GetMapArray,
+    GetMapArrayResponse,
+    GridMessage,
+    ScanMessage,
+    message_from_grid,
+    scan_from_message,
+)
+from nav_bundle.core.error import NavigationError
+from nav_bundle.core.gmapping_config import GmappingConfig
+from nav_bundle.core.pose import Pose
+from nav_bundle.core.slam import Slam
+from nav_bundle.core.transform import Transform, TransformError
+from nav_bundle.nodes.transform import TransformBroadcaster, TransformListener, robot_frame
+from pioneer_node.core.frame import stripped
+from pioneer_node.core.parameter import config_from_mapping
+from pioneer_node.nodes import entry
+
+TRANSFORM_TIMEOUT = 0.5
+"""Wall time [s] a scan waits for the odometry of its stamp."""
+WARNING_PERIOD = 5.0
+"""Least time [s] between two equal warnings."""
+
+
+class SlamGmappingNode:
+    """Draws a map by a robot's laser and odometry, and says where in it the robot is.
+
+    Subscribes: ``scan`` (sensor_msgs/LaserScan), /tf, /tf_static.
+
+    Publishes: ``map`` (nav_msgs/OccupancyGrid), ``map_metadata`` (nav_msgs/MapMetaData), ``~entropy``
+    (std_msgs/Float64), all latched; /tf (map to odom), every ~transform_publish_period, stamped ~tf_delay ahead.
+
+    Services: ``dynamic_map`` (nav_msgs/GetMap): the last map published.
+
+    Parameters: ``GmappingConfig``. Frames of the robot go under ``tf_prefix``, the map's does not.
+
+    Threads: the callback stores the newest scan; ``spin`` does all the work; one more thread publishes tf.
+
+    On error: scans without transforms are dropped with a warning that names what is missing; a bad parameter ends the
+    node. When time jumps back, the map is begun anew.
+    """
+
+    def __init__(self) -> None:
+        self._config = config = config_from_mapping(GmappingConfig, entry.parameters(), "slam_gmapping")
+        self._map_frame = stripped(config.map_frame)
+        self._odom_frame, self._base_frame = robot_frame(config.odom_frame), robot_frame(config.base_frame)
+        self._arrived = threading.Condition()
+        self._scan: ScanMessage | None = None
+        self._scans = 0
+        self._lasers: dict[str, Transform] = {}
+        self._map: GridMessage | None = None
+        self._now = 0.0
+        self._start()
+        self._listener = TransformListener()
+        self._listener.listen(self._odom_frame, self._base_frame)
+        self._broadcaster = TransformBroadcaster()
+        self._advertise()
+        self._subscriber = rospy.Subscriber("scan", ScanMessage, self._on_scan, queue_size=5, tcp_nodelay=True)
+        rospy.on_shutdown(self._wake)
+
+    def _start(self) -> None:
+        self._slam = Slam(self._config, np.random.default_rng(self._config.seed))
+        self._map_from_odom: Pose | None = None
+        self._next_map = -np.inf
+
+    def _advertise(self) -> None:
+        self._map_publisher = rospy.Publisher("map", GridMessage, queue_size=1, latch=True)
+        self._metadata_publisher = rospy.Publisher("map_metadata", MapMetaData, queue_size=1, latch=True)
+        self._entropy_publisher = rospy.Publisher("~entropy", Float64, queue_size=1, latch=True)
+        rospy.Service("dynamic_map", GetMapArray, self._on_dynamic_map)
+        if self._config.transform_publish_period > 0.0:
+            period = rospy.Duration.from_sec(self._config.transform_publish_period)
+            self._timer = rospy.Timer(period, self._broadcast, reset=True)
+
+    def _on_scan(self, message: ScanMessage) -> None:
+        with self._arrived:
+            self._scans += 1
+            if (self._scans - 1) % self._config.throttle_scans == 0:
+                self._scan = message
+                self._arrived.notify()
+
+    def _on_dynamic_map(self, _: GetMapRequest) -> GetMapArrayResponse:
+        if self._map is None:
+            raise rospy.ServiceException("no map yet: no scan has been used")
+        return GetMapArrayResponse(self._map)
+
+    def _wake(self) -> None:
+        with self._arrived:
+            self._arrived.notify()
+
+    def spin(self) -> None:
+        """Works on scans until shutdown."""
+        while not rospy.is_shutdown():
+            with self._arrived:
+                self._arrived.wait_for(lambda: self._scan or rospy.is_shutdown())
+                scan, self._scan = self._scan, None
+            if scan is None:
+                continue
+            try:
+                self._use(scan)
+            except TransformError as error:
+                if not rospy.is_shutdown():
+                    rospy.logwarn_throttle(WARNING_PERIOD, "scans are dropped: %s", error)
+
+    def _use(self, message: ScanMessage) -> None:
+        self._restart_if_time_jumped()
+        stamp = message.header.stamp
+        laser = self._laser(stripped(message.header.frame_id))
+        odom = self._listener.wait(self._odom_frame, self._base_frame, stamp.to_sec(), TRANSFORM_TIMEOUT).planar()
+        if not self._slam.observe(odom, scan_from_message(message, laser), stamp.to_sec()):
+            return
+        self._map_from_odom = self._slam.map_from_odom
+        if self._slam.unmatched:
+            rospy.logwarn_throttle(
+                WARNING_PERIOD, "%d particles found no match for the scan and follow odometry", self._slam.unmatched
+            )
+        if stamp.to_sec() >= self._next_map:
+            self._next_map = stamp.to_sec() + self._config.map_update_interval
+            self._publish_map(stamp)
+
+    def _laser(self, frame: str) -> Transform:
+        """Returns base_from_laser; it is asked for once, lasers do not move."""
+        if frame not in self._lasers:
+            self._lasers[frame] = self._listener.wait(self._base_frame, frame, None, TRANSFORM_TIMEOUT)
+        return self._lasers[frame]
+
+    def _restart_if_time_jumped(self) -> None:
+        now = rospy.get_time()
+        if now < self._now:
+            rospy.logwarn("time jumped back: the map is begun anew")
+            self._start()
+        self._now = now
+
+    def _publish_map(self, stamp: rospy.Time) -> None:
+        self._map = message_from_grid(self._slam.grid(), self._map_frame, stamp)
+        self._map_publisher.publish(self._map)
+        self._metadata_publisher.publish(self._map.info)
+        self._entropy_publisher.publish(Float64(self._slam.entropy()))
+
+    def _broadcast(self, _: rospy.timer.TimerEvent) -> None:
+        """Sends the newest map_from_odom, stamped a little ahead: identity until the first scan, as upstream."""
+        config = self._config
+        delay = config.tf_delay if config.tf_delay >= 0.0 else config.transform_publish_period
+        pose = self._map_from_odom or Pose()
+        ahead = rospy.Time.now() + rospy.Duration.from_sec(delay)
+        self._broadcaster.send(self._map_frame, self._odom_frame, ahead, pose)
+
+
+def main() -> int:
+    """Runs the node; returns the exit status."""
+    return entry.run("slam_gmapping", SlamGmappingNode, expected=(NavigationError,))
