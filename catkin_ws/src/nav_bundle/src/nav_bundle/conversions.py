@@ -17,10 +17,10 @@ from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import MapMetaData, OccupancyGrid, Path
 from nav_msgs.srv import GetMap, GetMapResponse, LoadMap, LoadMapResponse, SetMap, SetMapRequest
 from numpy.typing import NDArray
-from sensor_msgs.msg import LaserScan
+from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 from std_msgs.msg import Header
 
-from nav_bundle.core.error import MapError
+from nav_bundle.core.error import MapError, ObservationError
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.sensor import Scan
@@ -187,6 +187,33 @@ def scan_from_message(message: LaserScan, base_from_laser: Transform) -> Scan:
         message.range_max,
         base_from_laser.planar(),
     )
+
+
+_REALS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
+
+
+def points_from_cloud(message: PointCloud2) -> NDArray[np.float64]:
+    """Returns a cloud's points (n, 3) [m] in its frame, without those that have a coordinate that is no number.
+
+    Raises:
+        ObservationError: the cloud has no fields x, y, z of floats, or fewer bytes than it says.
+    """
+    fields = {field.name: field for field in message.fields}
+    order = ">" if message.is_bigendian else "<"
+    try:
+        formats = [order + _REALS[fields[name].datatype] for name in "xyz"]
+    except KeyError:
+        raise ObservationError(f"a point cloud needs fields x, y, z of floats, this one has {sorted(fields)}") from None
+    offsets = [fields[name].offset for name in "xyz"]
+    shape, steps = (message.height, message.width), (message.row_step, message.point_step)
+    try:
+        kind = np.dtype({"names": list("xyz"), "formats": formats, "offsets": offsets, "itemsize": message.point_step})
+        records = np.ndarray(shape, kind, bytes(message.data), strides=steps).ravel()
+    except (TypeError, ValueError):
+        size = f"{len(message.data)} bytes for {message.width} x {message.height} points of {message.point_step}"
+        raise ObservationError(f"a point cloud came with {size} bytes") from None
+    points = np.stack([records[name].astype(np.float64) for name in "xyz"], axis=1)
+    return points[np.isfinite(points).all(axis=1)]
 
 
 def grid_from_message(message: OccupancyGrid) -> Grid:

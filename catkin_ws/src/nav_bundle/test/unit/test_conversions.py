@@ -10,10 +10,13 @@ import pytest
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import LoadMapResponse
-from sensor_msgs.msg import LaserScan
+from numpy.typing import NDArray
+from sensor_msgs.msg import LaserScan, PointCloud2, PointField
+from std_msgs.msg import Header
 
 from nav_bundle import conversions
-from nav_bundle.core.error import MapError
+from nav_bundle.conversions import points_from_cloud
+from nav_bundle.core.error import MapError, ObservationError
 from nav_bundle.core.grid import Grid, grid_from_text
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.transform import Transform
@@ -120,3 +123,40 @@ def test_a_laser_mounted_upside_down_turns_the_other_way() -> None:
     assert (scan.angle_min, scan.angle_increment) == (1.0, -0.5)
     upright = conversions.scan_from_message(message, Transform())
     assert (upright.angle_min, upright.angle_increment) == (-1.0, 0.5)
+
+
+def cloud_of(
+    points: NDArray[np.float64], order: str = "<", kind: str = "f4", code: int = PointField.FLOAT32
+) -> PointCloud2:
+    """Returns a cloud with eight bytes before the coordinates and padding after each row."""
+    size = np.dtype(kind).itemsize
+    fields = [PointField(name, 8 + size * i, code, 1) for i, name in enumerate("xyz")]
+    step = 8 + 3 * size
+    rows, cols = points.shape[:2]
+    raw = np.zeros((rows, cols * step + 5), np.uint8)
+    values = points.astype(order + kind).view(np.uint8).reshape(rows, cols, 3 * size)
+    raw[:, : cols * step].reshape(rows, cols, step)[:, :, 8:] = values
+    return PointCloud2(Header(), rows, cols, fields, order == ">", step, cols * step + 5, raw.tobytes(), False)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize(("kind", "code"), [("f4", PointField.FLOAT32), ("f8", PointField.FLOAT64)])
+def test_a_cloud_s_points_are_read_whatever_its_layout(order: str, kind: str, code: int) -> None:
+    points = np.arange(18.0).reshape(2, 3, 3)
+    points[1, 1, 2] = np.nan
+    expected = np.delete(points.reshape(-1, 3), 4, axis=0)
+    np.testing.assert_array_equal(points_from_cloud(cloud_of(points, order, kind, code)), expected)
+
+
+def test_a_cloud_that_lacks_fields_or_bytes_is_refused() -> None:
+    cloud = cloud_of(np.zeros((1, 2, 3)))
+    cloud.data = cloud.data[:-9]
+    with pytest.raises(ObservationError, match="bytes"):
+        points_from_cloud(cloud)
+    cloud.fields = cloud.fields[:2]
+    with pytest.raises(ObservationError, match="x, y, z"):
+        points_from_cloud(cloud)
+
+
+def test_a_cloud_without_points_has_none() -> None:
+    assert points_from_cloud(cloud_of(np.zeros((0, 0, 3)))).shape == (0, 3)

@@ -10,6 +10,7 @@ from nav_bundle.core.costmap.cost import FREE, INSCRIBED, LETHAL, UNKNOWN, occup
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.footprint import FootprintError, footprint_from_parameters
 from nav_bundle.core.costmap.layer import Observation
+from nav_bundle.core.costmap.observation import ObservationBuffer
 from nav_bundle.core.costmap.scan import points_from_ranges
 from nav_bundle.core.grid import grid_from_text
 from nav_bundle.core.pose import Pose
@@ -107,6 +108,41 @@ def test_returns_beyond_the_obstacle_range_clear_without_marking():
     assert LETHAL not in costmap.cells
 
 
+def test_what_persists_goes_on_marking_until_its_time_is_over():
+    costmap = rolling(laser={**LASER, "observation_persistence": 1.0})
+    buffer = ObservationBuffer(1.0)
+    for stamp, x, expected in ((0.0, 0.8, LETHAL), (0.6, 1.2, LETHAL), (1.3, 1.2, FREE)):
+        buffer.add(stamp, seen_by(costmap, 0.0, 0.0, (x, 0.0))[0])
+        costmap.update(Pose(), buffer.current(stamp))
+        assert cost_at(costmap, 0.8, 0.0) == expected
+
+
+def test_without_persistence_only_the_newest_observation_counts_however_old():
+    costmap, buffer = rolling(), ObservationBuffer(0.0)
+    first, second = seen_by(costmap, 0.0, 0.0, (0.8, 0.0)) + seen_by(costmap, 0.0, 0.0, (0.9, 0.0))
+    buffer.add(1.0, first)
+    buffer.add(2.0, second)
+    assert buffer.current(9.0) == [second]
+    assert buffer.newest == 2.0
+
+
+def test_each_source_marks_and_clears_as_it_is_told_to():
+    costmap = rolling(
+        observation_sources="laser camera",
+        laser={**LASER, "marking": False},
+        camera={"topic": "points", "data_type": "PointCloud2", "obstacle_range": 1.0},
+    )
+    laser, camera = costmap.config.layers[-2].sources
+    far, near, beyond = (np.array([[x, 0.0]]) for x in (1.3, 0.8, 1.2))
+    costmap.update(Pose(), [Observation(laser, 0.0, 0.0, far), Observation(camera, 0.0, 0.0, near)])
+    assert cost_at(costmap, 0.8, 0.0) == LETHAL
+    assert (costmap.cells == LETHAL).sum() == 1
+    costmap.update(Pose(), [Observation(camera, 0.0, 0.0, beyond)])
+    assert cost_at(costmap, 0.8, 0.0) == LETHAL
+    costmap.update(Pose(), [Observation(laser, 0.0, 0.0, far)])
+    assert LETHAL not in costmap.cells
+
+
 def test_rays_clear_no_farther_than_the_raytrace_range():
     costmap = rolling(width=8.0, height=8.0, obstacle_range=3.9)
     costmap.update(Pose(), seen_by(costmap, 0.0, 0.0, (3.5, 0.0)))
@@ -180,7 +216,8 @@ def test_layered_parameters_mean_the_same_as_classic_ones():
         ({"static_map": True, "rolling_window": True}, "rolling window"),
         ({"map_type": "voxel"}, "voxel"),
         ({"plugins": [{"name": "x", "type": "costmap_2d::VoxelLayer"}]}, "no such layer"),
-        ({**SENSING, "laser": {**LASER, "data_type": "PointCloud2"}}, "PointCloud2"),
+        ({**SENSING, "laser": {**LASER, "data_type": "PointCloud"}}, "there are.*PointCloud2"),
+        ({**SENSING, "laser": {**LASER, "observation_persistence": -1.0}}, "observation_persistence"),
         ({"resolution": 0.0}, "positive"),
     ],
 )

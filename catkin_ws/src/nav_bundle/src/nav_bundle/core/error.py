@@ -7,3 +7,7 @@ class NavigationError(Exception):
 
 class MapError(NavigationError):
     """A map that cannot be read, written or used."""
+
+
+class ObservationError(NavigationError):
+    """A sensor's message that cannot be read."""

@@ -5,20 +5,33 @@ import rospy
 from geometry_msgs.msg import Point32, Polygon, PolygonStamped
 from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import MapMetaData, OccupancyGrid
+from numpy.typing import NDArray
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
-from nav_bundle.conversions import GridMessage, GridUpdateMessage, ScanMessage, grid_from_message, message_from_pose
+from nav_bundle.conversions import (
+    GridMessage,
+    GridUpdateMessage,
+    ScanMessage,
+    grid_from_message,
+    message_from_pose,
+    points_from_cloud,
+)
 from nav_bundle.core.costmap.config import CostmapConfig, ObstacleConfig, SourceConfig, StaticConfig
 from nav_bundle.core.costmap.cost import occupancy_by_cost
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.layer import EMPTY, Observation
+from nav_bundle.core.costmap.observation import ObservationBuffer
 from nav_bundle.core.costmap.scan import points_from_ranges
+from nav_bundle.core.error import ObservationError
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.transform import ExtrapolationError, TransformError
-from nav_bundle.nodes.sensor import Newest, newest_scans
+from nav_bundle.nodes.sensor import Newest, newest_clouds, newest_scans
 from nav_bundle.nodes.transform import TransformListener, robot_frame
 from pioneer_node.core.frame import stripped
+
+Seen = ScanMessage | PointCloud2
 
 _WORLD_FRAME = "map"
 
@@ -32,7 +45,7 @@ class CostmapNode:
     """One costmap of move_base, updated by its owner's loop.
 
     Subscribes: the static layer's map topic (nav_msgs/OccupancyGrid), each observation source's topic
-        (sensor_msgs/LaserScan).
+        (sensor_msgs/LaserScan or PointCloud2).
 
     Publishes: ``~<name>/costmap`` (nav_msgs/OccupancyGrid), ``~<name>/costmap_updates``
         (map_msgs/OccupancyGridUpdate), ``~<name>/footprint`` (geometry_msgs/PolygonStamped); each only
@@ -57,7 +70,7 @@ class CostmapNode:
         self._new_map: Grid | None = None
         self._map_topic = ""
         self._sources = [
-            (source, newest_scans(source.topic))
+            (source, _subscribed(source), ObservationBuffer(source.observation_persistence))
             for layer in config.layers
             if isinstance(layer, ObstacleConfig) and layer.enabled
             for source in layer.sources
@@ -93,7 +106,7 @@ class CostmapNode:
             found.append(f"the map on {rospy.resolve_name(self._map_topic)}")
         if self.pose(now) is None:
             found.append(f"a transform from {self.base_frame} to {self.frame}")
-        found += [f"scans on {scans.topic}" for _, scans in self._sources if scans.received is None]
+        found += [f"scans on {scans.topic}" for _, scans, _ in self._sources if scans.received is None]
         return found
 
     def pose(self, now: float) -> Pose | None:
@@ -114,7 +127,7 @@ class CostmapNode:
 
     def is_current(self, now: float) -> bool:
         """Tells whether every source has spoken within its ``expected_update_rate``."""
-        return all(_is_current(source, scans, now) for source, scans in self._sources)
+        return all(_is_current(source, scans, now) for source, scans, _ in self._sources)
 
     def update(self, now: float, forced: bool = False) -> bool:
         """Brings the costmap up to date and publishes it, each if due; ``forced`` updates in any case.
@@ -132,39 +145,47 @@ class CostmapNode:
         if pose is None:
             return False
         self._updated = now
-        changed = self.costmap.update(pose, [seen for seen in map(self._observation, self._sources) if seen])
+        changed = self.costmap.update(pose, self._observations(now))
         self._changed = self._changed.joined(changed)
         self._publish(now, pose)
         return True
 
     def forget(self) -> None:
         """Drops what sensors saw, for a clock that jumped back."""
-        for _, scans in self._sources:
+        for _, scans, buffer in self._sources:
             scans.forget()
+            buffer.forget()
         self.costmap.reset()
 
-    def _observation(self, source_and_scans: tuple[SourceConfig, Newest[ScanMessage]]) -> Observation | None:
-        """Returns the newest scan that can be placed in the costmap's frame."""
-        source, scans = source_and_scans
-        for scan in scans.messages():
+    def _observations(self, now: float) -> list[Observation]:
+        """Returns what the sources saw that still counts, as far as it can be placed in the costmap's frame."""
+        for source, scans, buffer in self._sources:
+            kept = scans.messages()
+            if buffer.persistence <= 0.0:
+                self._place_newest(source, kept, buffer)
+                continue
+            for scan in reversed(kept):
+                if scan.header.stamp.to_sec() > buffer.newest:
+                    self._place_newest(source, [scan], buffer)
+        return [seen for _, _, buffer in self._sources for seen in buffer.current(now)]
+
+    def _place_newest(self, source: SourceConfig, scans: list[Seen], buffer: ObservationBuffer) -> None:
+        """Buffers the first of ``scans``, newest first, whose transform has come."""
+        for scan in scans:
             try:
-                return self._placed(source, scan)
+                buffer.add(scan.header.stamp.to_sec(), self._placed(source, scan))
+                return
             except ExtrapolationError as error:
                 if not error.future:
-                    return None
-            except TransformError as error:
-                rospy.logwarn_throttle(5.0, f"{self.name}: cannot place a scan of {source.topic}: {error}")
-                return None
-        return None
+                    return
+            except (TransformError, ObservationError) as error:
+                rospy.logwarn_throttle(5.0, f"{self.name}: cannot use what came on {source.topic}: {error}")
+                return
 
-    def _placed(self, source: SourceConfig, scan: ScanMessage) -> Observation:
+    def _placed(self, source: SourceConfig, scan: Seen) -> Observation:
         frame = source.sensor_frame or scan.header.frame_id
         place = self._listener.lookup(self.frame, frame, scan.header.stamp.to_sec())
-        points = place.apply(
-            points_from_ranges(
-                scan.ranges, scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, source.inf_is_valid
-            )
-        )
+        points = place.apply(_points(source, scan))
         heights = points[:, 2]
         kept = (heights >= source.min_obstacle_height) & (heights <= source.max_obstacle_height)
         sensor_x, sensor_y, _ = place.translation
@@ -213,7 +234,19 @@ class _NewListener(rospy.SubscribeListener):  # type: ignore[misc]
         self.arrived = True
 
 
-def _is_current(source: SourceConfig, scans: Newest[ScanMessage], now: float) -> bool:
+def _subscribed(source: SourceConfig) -> Newest[Seen]:
+    return newest_clouds(source.topic) if source.data_type == "PointCloud2" else newest_scans(source.topic)
+
+
+def _points(source: SourceConfig, scan: Seen) -> NDArray[np.float64]:
+    """Returns the points (n, 3) [m] of a message, in the sensor's frame."""
+    if source.data_type == "PointCloud2":
+        return points_from_cloud(scan)
+    step = scan.angle_increment
+    return points_from_ranges(scan.ranges, scan.angle_min, step, scan.range_min, scan.range_max, source.inf_is_valid)
+
+
+def _is_current(source: SourceConfig, scans: Newest[Seen], now: float) -> bool:
     if source.expected_update_rate <= 0.0:
         return True
     age = scans.age(now)

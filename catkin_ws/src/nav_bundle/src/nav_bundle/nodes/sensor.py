@@ -5,6 +5,7 @@ from typing import Any, Generic, Self, TypeVar
 
 import rospy
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import PointCloud2
 
 from nav_bundle.conversions import ScanMessage
 from nav_bundle.core.local_planner import Velocity
@@ -25,6 +26,17 @@ class _PackedOdometry(Odometry):  # type: ignore[misc]
 
 class _PackedScan(ScanMessage):
     """A LaserScan that keeps its bytes until ``unpacked``."""
+
+    packed: bytes | None = None
+
+    def deserialize(self, data: bytes) -> Self:
+        """Keeps the message's bytes."""
+        self.packed = bytes(data)
+        return self
+
+
+class _PackedCloud(PointCloud2):  # type: ignore[misc]
+    """A PointCloud2 that keeps its bytes until ``unpacked``."""
 
     packed: bytes | None = None
 
@@ -80,6 +92,11 @@ def newest_odometry(topic: str) -> Newest[Odometry]:
 def newest_scans(topic: str) -> Newest[ScanMessage]:
     """Subscribes to a laser; keeps a few scans, because the newest may be ahead of its transform."""
     return Newest(topic, _PackedScan, ScanMessage, 4)
+
+
+def newest_clouds(topic: str) -> Newest[PointCloud2]:
+    """Subscribes to a sensor of points in space; keeps a few clouds."""
+    return Newest(topic, _PackedCloud, PointCloud2, 4)
 
 
 def velocity_from_odometry(message: Odometry) -> Velocity:

@@ -7,11 +7,15 @@ from typing import Any
 from nav_bundle.core.costmap.footprint import Footprint, footprint_from_parameters
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 
+DATA_TYPES = ("LaserScan", "PointCloud2")
+"""What a source may send."""
+
 
 @dataclass(frozen=True)
 class SourceConfig:
-    """One observation source: a laser.
+    """One observation source: a laser, or points in space.
 
+    ``observation_persistence`` [s] is how long what was seen goes on marking and clearing, 0 for the newest alone.
     ``expected_update_rate`` [s] is the longest silence that still counts as current, 0 for any.
     Ranges [m] hold for this source; heights [m] are in the costmap's frame.
     """
@@ -134,7 +138,7 @@ def costmap_config_from_parameters(parameters: Mapping[str, Any], owner: str) ->
     ``static_map``, ``observation_sources`` and ``inflation_radius`` stand in the costmap's namespace.
 
     Raises:
-        ParameterError: an unknown name or layer, a wrong type, a source that is no laser, a rolling static map.
+        ParameterError: an unknown name or layer, a wrong type, a source of an unknown type, a rolling static map.
     """
     nested = {name for name, value in parameters.items() if isinstance(value, Mapping)}
     config = config_from_mapping(CostmapConfig, parameters, owner, _WITHOUT_EFFECT | nested)
@@ -205,8 +209,9 @@ def _source(name: str, scopes: Sequence[Mapping[str, Any]], owner: str) -> Sourc
         if outer is not None:
             values.setdefault(inherited, outer)
     source = config_from_mapping(SourceConfig, values, f"{owner}/{name}")
-    if source.data_type != "LaserScan":
-        raise ParameterError(f"{owner}/{name}: data_type {source.data_type!r} is not available, only 'LaserScan' is")
-    if source.observation_persistence > 0.0:
-        raise ParameterError(f"{owner}/{name}: observation_persistence above 0 is not available")
+    if source.data_type not in DATA_TYPES:
+        known = ", ".join(DATA_TYPES)
+        raise ParameterError(f"{owner}/{name}: data_type {source.data_type!r} is not available; there are {known}")
+    if source.observation_persistence < 0.0:
+        raise ParameterError(f"{owner}/{name}: observation_persistence must not be negative")
     return source
