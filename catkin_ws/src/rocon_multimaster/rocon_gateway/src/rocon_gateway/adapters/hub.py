@@ -156,10 +156,11 @@ class Hub:
             return []
 
     def shutdown(self) -> None:
-        """Takes our leave and ends the thread; returns within a few seconds even when the hub does not answer."""
+        """Takes our leave and ends the thread; a hub that does not answer is not waited for."""
         self._stopping = True
         self._wake()
-        self._thread.join(5.0)
+        # The thread may be in a call that takes `TIMEOUT`; it ends with the process, and the hub sees us expire.
+        self._thread.join(1.5 if self._session else 0.3)
 
     def _wake(self) -> None:
         with contextlib.suppress(BlockingIOError):
