@@ -126,6 +126,14 @@ def test_the_tutorials_second_step_needs_nothing_but_the_hosts_name(network: Net
     assert "as 'aadi1_gateway'" in log.read_text()
 
 
+def test_the_handshake_pair_proves_both_ways(network: Network) -> None:
+    network.start_robot()
+    network.start("receiver", ["roslaunch", "rocon_flip", "receiver.launch"], **network.at_base)
+    said = network.run("sender", ["roslaunch", "rocon_flip", "sender.launch"], **network.at_robot)
+    assert "handshake with Hub_Gateway: 10 messages there and back" in said
+    assert "Cancel Flip" in said
+
+
 def test_a_client_written_for_rocon_works(network: Network) -> None:
     network.start_robot()
     network.run("wait", ["rosrun", "rocon_flip", "pull-from-hub"], **network.at_robot)

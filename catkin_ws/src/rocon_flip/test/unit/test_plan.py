@@ -8,6 +8,7 @@ from rocon_flip.core.plan import (
     advertised_by_hub,
     flipped_from_hub,
     flipped_from_robot,
+    handshake,
     pulled_from_hub,
     robot_count,
     robot_name,
@@ -20,6 +21,17 @@ def test_the_hub_advertises_what_the_robots_pull() -> None:
     assert [(wish.name, wish.gateway) for wish in pulled_from_hub()] == [
         (wish.name, "Hub_Gateway") for wish in advertised_by_hub()
     ]
+
+
+def test_the_handshake_goes_there_and_back() -> None:
+    there, back = handshake("aadi1_gateway")
+    assert (there.kind, back.kind, there.gateway, back.gateway) == (
+        "publisher",
+        "subscriber",
+        "aadi1_gateway",
+        "aadi1_gateway",
+    )
+    assert there.name != back.name
 
 
 def test_a_robot_flips_its_sensors_here_and_its_commands_there() -> None:

@@ -20,6 +20,7 @@ VIEWED_TOPICS = (
     "move_base/TrajectoryPlannerROS/local_plan",
 )
 VIEWER = "/rviz"
+PING, PONG = "/handshake/ping", "/handshake/pong"
 DEFAULT_ROBOTS = 15
 
 
@@ -78,6 +79,11 @@ def flipped_from_robot(robot: str, gateway: str = HUB_GATEWAY) -> list[Wish]:
     """Returns what a robot flips: its sensors here, its commands there."""
     sensors = [Wish("subscriber", topic_in(robot, topic), gateway=gateway) for topic in SENSOR_TOPICS]
     return [*sensors, Wish("publisher", topic_in(robot, COMMAND_TOPIC), gateway=gateway)]
+
+
+def handshake(gateway: str) -> list[Wish]:
+    """Returns what `test_sender` flips: one topic to `gateway`, one back from there."""
+    return [Wish("publisher", PING, gateway=gateway), Wish("subscriber", PONG, gateway=gateway)]
 
 
 def topic_in(namespace: str, topic: str) -> str:

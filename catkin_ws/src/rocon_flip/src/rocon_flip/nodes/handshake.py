@@ -1,0 +1,133 @@
+"""The pair `test_sender` and `test_receiver`: messages there and back prove that two gateways carry both ways."""
+
+import statistics
+import threading
+import time
+import uuid
+from dataclasses import dataclass
+
+import rospy
+from std_msgs.msg import String
+
+from pioneer_node.core.parameter import config_from_mapping
+from pioneer_node.nodes import entry
+from rocon_flip.adapters.gateway import GatewayClient
+from rocon_flip.core import plan
+from rocon_flip.core.plan import Action, PlanError
+
+REPEAT = 0.2
+"""A message that was not answered for so long [s] is sent again: the links may only be coming up."""
+
+
+class HandshakeError(PlanError):
+    """No answer came, or the gateway refused."""
+
+
+@dataclass(frozen=True)
+class SenderSetting:
+    """Parameters of `test_sender`.
+
+    Attributes:
+        gateway: the gateway where `test_receiver` runs.
+        count: how many messages must come back.
+        timeout: within which each must [s].
+    """
+
+    gateway: str = plan.HUB_GATEWAY
+    count: int = 10
+    timeout: float = 30.0
+
+    def __post_init__(self) -> None:
+        """Raises PlanError for values that cannot be meant."""
+        if not self.gateway or self.count < 1 or self.timeout <= 0:
+            raise PlanError("test_sender: ~gateway must be named, ~count at least 1, ~timeout greater than 0")
+
+
+class ReceiverNode:
+    """Sends back what it gets.
+
+    Subscribes: `/handshake/ping` (String). Publishes: `/handshake/pong` (String).
+
+    Parameters, services: none. Threads: rospy's. On error: nothing can go wrong here.
+    """
+
+    def __init__(self) -> None:
+        self._known: set[str] = set()
+        self._pong = rospy.Publisher(plan.PONG, String, queue_size=10)
+        self._ping = rospy.Subscriber(plan.PING, String, self._answer, queue_size=10)
+        rospy.loginfo("waiting for a test_sender")
+
+    def _answer(self, ping: String) -> None:
+        sender = ping.data.partition(" ")[0]
+        if sender not in self._known:
+            self._known.add(sender)
+            rospy.loginfo("handshake with sender %s", sender)
+        self._pong.publish(ping)
+
+
+class SenderNode:
+    """Flips one topic there and one back, counts what returns, takes the rules back and ends.
+
+    Publishes: `/handshake/ping` (String). Subscribes: `/handshake/pong` (String).
+
+    Parameters: the fields of `SenderSetting`, private. Services: calls the gateway's `flip`.
+
+    Threads: the main thread sends, rospy's receives. On error: one line with what to look at, status 1.
+    """
+
+    def __init__(self) -> None:
+        self._setting = config_from_mapping(SenderSetting, entry.parameters(), rospy.get_name())
+        self._id = uuid.uuid4().hex[:8]
+        self._arrived = threading.Condition()
+        self._last = -1
+        self._ping = rospy.Publisher(plan.PING, String, queue_size=10)
+        self._pong = rospy.Subscriber(plan.PONG, String, self._take, queue_size=10)
+
+    def spin(self) -> None:
+        """Does the handshake."""
+        client = GatewayClient()
+        client.wait()
+        wishes = plan.handshake(self._setting.gateway)
+        if not client.ask(Action.FLIP, wishes):
+            raise HandshakeError("test_sender: the gateway refused")
+        try:
+            times = [self._round_trip(number) for number in range(self._setting.count)]
+        finally:
+            if not rospy.is_shutdown():
+                client.ask(Action.FLIP, wishes, cancel=True)
+        text = "handshake with %s: %d messages there and back, median %.1f ms"
+        rospy.loginfo(text, self._setting.gateway, len(times), 1000 * statistics.median(times))
+
+    def _round_trip(self, number: int) -> float:
+        """Returns how long message `number` took there and back [s], counted from its last sending."""
+        deadline = time.monotonic() + self._setting.timeout
+        while time.monotonic() < deadline:
+            if rospy.is_shutdown():
+                raise rospy.ROSInterruptException("shutdown")
+            sent = time.monotonic()
+            self._ping.publish(String(f"{self._id} {number}"))
+            with self._arrived:
+                if self._arrived.wait_for(lambda: self._last >= number, REPEAT):
+                    return time.monotonic() - sent
+        raise HandshakeError(
+            f"test_sender: message {number} did not come back from '{self._setting.gateway}' within "
+            f"{self._setting.timeout:g} s. Does test_receiver run there? 'rosrun rocon_gateway rules' says more"
+        )
+
+    def _take(self, pong: String) -> None:
+        sender, _, number = pong.data.partition(" ")
+        # Other senders may be at work with the same receiver.
+        if sender == self._id and number.isdigit():
+            with self._arrived:
+                self._last = max(self._last, int(number))
+                self._arrived.notify()
+
+
+def sender() -> int:
+    """Entry point of `test_sender`."""
+    return entry.run("test_sender", SenderNode, (PlanError,), wall_time=True)
+
+
+def receiver() -> int:
+    """Entry point of `test_receiver`."""
+    return entry.run("test_receiver", ReceiverNode, wall_time=True)
