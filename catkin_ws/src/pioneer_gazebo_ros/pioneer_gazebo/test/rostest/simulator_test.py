@@ -4,9 +4,11 @@
 import math
 import subprocess
 import sys
+import tempfile
 import threading
 import unittest
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import rospy
@@ -15,6 +17,7 @@ from gazebo_msgs import srv
 from gazebo_msgs.msg import ModelState, ModelStates
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist
 from nav_msgs.msg import Odometry
+from PIL import Image
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, LaserScan
 from std_msgs.msg import Bool, UInt32
@@ -147,6 +150,18 @@ class SimulatorTest(unittest.TestCase):
         gone = service("get_model_state", srv.GetModelState)("nobody", "")
         assert not gone.success
         assert "nobody" in gone.status_message
+
+    def test_a_snapshot_shows_the_robot_headless(self) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            target = Path(folder) / "world.png"
+            command = ["rosrun", "pioneer_gazebo", "snapshot", "-o", str(target), "--size", "400"]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            assert done.returncode == 0, done.stderr
+            assert "1 models that move" in done.stdout
+            with Image.open(target) as image:
+                assert max(image.size) == 400
+                colours = {colour for _, colour in image.getcolors(image.size[0] * image.size[1])}
+            assert (214, 69, 65) in colours, "no robot is drawn"
 
     def test_bad_spawns_are_refused_in_one_line_and_the_simulator_goes_on(self) -> None:
         again = spawn("pioneer1", *START)

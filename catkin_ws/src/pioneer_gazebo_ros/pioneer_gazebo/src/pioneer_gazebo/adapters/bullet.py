@@ -1,4 +1,4 @@
-"""The physics engine: pybullet, headless, behind core's `Engine`."""
+"""The physics engine: pybullet, headless or in its own window, behind core's `Engine`."""
 
 import math
 from collections.abc import Sequence
@@ -7,6 +7,7 @@ from typing import Any
 import pybullet
 
 from pioneer_gazebo.adapters.bullet_shape import FRICTION_AT_MOST, Triangles, batches, compound, standing_body
+from pioneer_gazebo.adapters.bullet_window import client_with_window
 from pioneer_gazebo.core import robot as kinds
 from pioneer_gazebo.core.body import Body, Part
 from pioneer_gazebo.core.engine import Contact, EngineError, Physics, Velocity
@@ -36,10 +37,14 @@ def _sum(a: Vector, b: Vector) -> Vector:
 class BulletEngine:
     """See `Engine`. pybullet numbers a base -1 and its links from 0, here a base is part 0 and links follow."""
 
-    def __init__(self, triangles: Triangles, physics: Physics | None = None) -> None:
-        """Opens a physics server in this process; ``triangles`` reads meshes."""
+    def __init__(self, triangles: Triangles, physics: Physics | None = None, window: bool = False) -> None:
+        """Opens a physics server in this process; ``triangles`` reads meshes; ``window`` shows pybullet's viewer.
+
+        Raises:
+            EngineError: there is no display for a window.
+        """
         self._triangles = triangles
-        self._client = pybullet.connect(pybullet.DIRECT)
+        self._client = client_with_window() if window else pybullet.connect(pybullet.DIRECT)
         self._bodies: dict[int, Body] = {}
         self._centres: dict[int, list[Pose]] = {}
         self._solid_links: dict[int, list[int]] = {}

@@ -44,6 +44,7 @@ class GazeboConfig:
     clock_rate: float = 100.0
     state_rate: float = 50.0
     odometry_error: float = 0.0
+    gui: bool = False
 
     def __post_init__(self) -> None:
         """Refuses what makes no sense."""
@@ -84,7 +85,7 @@ class GazeboNode:
         for line in world.warnings:
             rospy.logwarn("%s: %s", path, line)
         physics = Physics(1.0 / config.physics_rate, config.solver_iterations, world.gravity)
-        self._engine = BulletEngine(triangles_of_mesh, physics)
+        self._engine = BulletEngine(triangles_of_mesh, physics, config.gui)
         self.simulation = Simulation(self._engine, triangles_of_mesh, physics, config.seed, config.odometry_error)
         self.simulation.load(world)
         self._robots: dict[str, RobotTopics] = {}

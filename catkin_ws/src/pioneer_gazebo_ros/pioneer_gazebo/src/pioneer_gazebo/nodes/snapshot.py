@@ -1,0 +1,146 @@
+"""``snapshot``: a PNG of the running simulation from above."""
+# ruff: noqa: T201 - a command talks to people on standard output
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import rosgraph
+import rospy
+from gazebo_msgs import srv
+from numpy.typing import NDArray
+from sensor_msgs.msg import LaserScan
+
+from pioneer_gazebo import conversions
+from pioneer_gazebo.adapters.mesh import triangles_of_mesh
+from pioneer_gazebo.adapters.plan_image import PlanImage, Shown
+from pioneer_gazebo.adapters.resource import model_path, world_path
+from pioneer_gazebo.adapters.sdf import world_from_sdf
+from pioneer_gazebo.adapters.urdf import robot_from_urdf
+from pioneer_gazebo.core.body import body_from_robot
+from pioneer_gazebo.core.error import SimulatorError
+from pioneer_gazebo.core.pose import Pose
+from pioneer_gazebo.core.scene import outline_of
+from pioneer_gazebo.core.section import Section, section_of
+from pioneer_gazebo.nodes.world_to_map import LASER_HEIGHT
+
+PATIENCE = 3.0
+"""Wall seconds that a service or a scan may take."""
+
+BLIND: NDArray[np.float64] = np.empty((0, 2))
+NO_OUTLINE: NDArray[np.float64] = np.empty((0, 4))
+
+
+class SnapshotError(SimulatorError):
+    """There is no simulation to take a picture of."""
+
+
+class Snapshot:
+    """Asks the simulation for all that is drawn.
+
+    Subscribes: every sensor_msgs/LaserScan below a model's name, for one message.
+    Services called: ``/gazebo/get_world_properties``, ``get_model_properties``, ``get_model_state`` and
+        ``get_link_state``.
+    Parameters: ``/gazebo/world_name``, ``/robot_description``.
+    On error: `SnapshotError`; a scan that does not come is named and left out.
+    """
+
+    def __init__(self) -> None:
+        self._world = self._service("get_world_properties", srv.GetWorldProperties)
+        self._properties = self._service("get_model_properties", srv.GetModelProperties)
+        self._model = self._service("get_model_state", srv.GetModelState)
+        self._link = self._service("get_link_state", srv.GetLinkState)
+        self._silent = False
+        self._scans = [topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/LaserScan"]
+
+    @staticmethod
+    def _service(name: str, kind: type) -> rospy.ServiceProxy:
+        try:
+            rospy.wait_for_service(f"/gazebo/{name}", PATIENCE)
+        except rospy.ROSException:
+            raise SnapshotError(f"no simulator serves /gazebo/{name} at {rosgraph.get_master_uri()}") from None
+        return rospy.ServiceProxy(f"/gazebo/{name}", kind)
+
+    def walls(self) -> Section:
+        """Returns the section of what stands in the world's file at the height of the laser.
+
+        Raises:
+            DescriptionError: the file cannot be read.
+        """
+        world = world_from_sdf(world_path(rospy.get_param("/gazebo/world_name", "utm_0")), model_path())
+        return Section.joined(
+            section_of(one.collision.shape, one.pose, LASER_HEIGHT, triangles_of_mesh)
+            for one in world.collisions(static_only=True)
+        )
+
+    def shown(self) -> list[Shown]:
+        """Returns all that moves, in the order of spawning."""
+        names = self._world().model_names
+        moving = [name for name in names if not self._properties(name).is_static]
+        outline = self._outline()
+        return [self._shown(name, outline) for name in moving]
+
+    @staticmethod
+    def _outline() -> NDArray[np.float64]:
+        """Returns the robots' outline, empty where there is no ``/robot_description``."""
+        text = rospy.get_param("/robot_description", "")
+        if not text:
+            return NO_OUTLINE
+        return outline_of(body_from_robot(robot_from_urdf(text)), LASER_HEIGHT, triangles_of_mesh)
+
+    def _shown(self, name: str, outline: NDArray[np.float64]) -> Shown:
+        pose = conversions.pose_from_message(self._model(name, "").pose)
+        x, y, _ = pose.position
+        hits, eye = BLIND, (x, y)
+        topic = next((topic for topic in self._scans if topic.startswith(f"/{name}/")), None)
+        if topic is not None and not self._silent:
+            try:
+                scan = rospy.wait_for_message(topic, LaserScan, PATIENCE)
+                sensor = self._sensor(name, scan.header.frame_id, pose)
+                hits, eye = ends(scan, sensor), sensor.position[:2]
+            except rospy.ROSException:
+                print(f"snapshot: {topic} brings no scan (is time paused?): drawn without scans", file=sys.stderr)
+                self._silent = True
+        return Shown(name, x, y, pose.yaw, outline if topic else NO_OUTLINE, hits, eye)
+
+    def _sensor(self, name: str, frame: str, base: Pose) -> Pose:
+        """Returns the pose of a scan's frame, the base's where no link has that name."""
+        answer = self._link(f"{name}::{frame.rpartition('/')[2]}", "")
+        return conversions.pose_from_message(answer.link_state.pose) if answer.success else base
+
+
+def ends(scan: LaserScan, sensor: Pose) -> NDArray[np.float64]:
+    """Returns where a scan's beams ended, shape (n, 2) in the world [m]; beams that met nothing are left out."""
+    ranges = np.asarray(scan.ranges)
+    angles = sensor.yaw + scan.angle_min + np.arange(len(ranges)) * scan.angle_increment
+    met = np.isfinite(ranges)
+    x, y, _ = sensor.position
+    return np.column_stack([x + ranges * np.cos(angles), y + ranges * np.sin(angles)])[met]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Reads the command line, writes the picture, and returns the exit status."""
+    words = rospy.myargv(sys.argv)[1:] if argv is None else argv
+    parser = argparse.ArgumentParser("snapshot", description="Draws the running simulation from above.")
+    parser.add_argument("-o", "--output", type=Path, default=Path("snapshot.png"), help="default: %(default)s")
+    parser.add_argument("--size", type=int, default=1200, help="of the longer side [pixels] (default %(default)s)")
+    options = parser.parse_args(words)
+    if not 100 <= options.size <= 20000:
+        parser.error(f"--size must be 100 to 20000 pixels, not {options.size}")
+    if not rosgraph.is_master_online():
+        print(f"snapshot: no ROS master at {rosgraph.get_master_uri()}", file=sys.stderr)
+        return 1
+    rospy.init_node("snapshot", anonymous=True, disable_signals=True, disable_rostime=True)
+    try:
+        snapshot = Snapshot()
+        shown = snapshot.shown()
+        PlanImage(snapshot.walls(), shown, options.size).image.save(options.output, "PNG")
+    except (SimulatorError, rospy.ServiceException, OSError) as error:
+        print(f"snapshot: {error}", file=sys.stderr)
+        return 1
+    finally:
+        rospy.signal_shutdown("done")
+    print(f"{options.output}: {len(shown)} models that move")
+    return 0

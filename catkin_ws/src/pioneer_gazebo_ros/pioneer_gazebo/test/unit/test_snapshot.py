@@ -1,0 +1,48 @@
+"""The picture from above shows walls, robots and where beams ended, each at its place."""
+
+import math
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import LaserScan
+
+from pioneer_gazebo.adapters.bullet import BulletEngine
+from pioneer_gazebo.adapters.mesh import triangles_of_mesh
+from pioneer_gazebo.adapters.plan_image import PAPER, WALL, PlanImage, Shown
+from pioneer_gazebo.core.engine import EngineError
+from pioneer_gazebo.core.pose import Pose
+from pioneer_gazebo.core.section import EMPTY, Section
+from pioneer_gazebo.nodes.snapshot import ends
+
+
+def test_beams_that_met_something_end_there_and_others_nowhere() -> None:
+    scan = LaserScan(angle_min=-math.pi / 2, angle_increment=math.pi / 2, ranges=[1.0, math.inf, 2.0])
+    found = ends(scan, Pose.from_rpy(5.0, 1.0, 0.3, yaw=math.pi / 2))
+    np.testing.assert_allclose(found, [[6.0, 1.0], [3.0, 1.0]], atol=1e-9)
+
+
+def test_walls_and_hits_are_drawn_where_they_are() -> None:
+    walls = Section(np.array([[-5.0, -5.0, 10.0, 0.0], [-5.0, 5.0, 10.0, 0.0]]), EMPTY.circles)
+    robot = Shown("r", 0.0, 0.0, 0.0, np.empty((0, 4)), np.array([[3.0, 2.0]]), (0.0, 0.0))
+    image = PlanImage(walls, [robot], 1101).image
+    assert image.size == (1001, 1101) or image.size == (1101, 1101)
+    scale = (image.size[1] - 1) / 11.0
+
+    def pixel(x: float, y: float) -> tuple[int, ...]:
+        return image.getpixel((round((x + 5.5) * scale), round(image.size[1] - 1 - (y + 5.5) * scale)))
+
+    assert pixel(2.0, 5.0) == WALL
+    assert pixel(2.0, -5.0) == WALL
+    assert pixel(3.0, 2.0) not in (PAPER, WALL)
+    assert pixel(-3.0, -2.0) == PAPER
+
+
+def test_an_empty_world_has_a_picture_too() -> None:
+    assert PlanImage(EMPTY, [], 200).image.size == (200, 200)
+
+
+@pytest.mark.parametrize("display", ["", ":987", "nonsense", ":x"])
+def test_a_window_without_a_display_is_refused_in_one_line(display: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DISPLAY", display)
+    with pytest.raises(EngineError, match="a window needs a display"):
+        BulletEngine(triangles_of_mesh, window=True)
