@@ -42,6 +42,8 @@ def robot_from_urdf(text: str | bytes, source: str = "robot_description") -> Rob
     materials = {m.attribute("name"): _rgba(m) for m in root.children("material")}
     extensions = read_extensions(root, notes)
     links = {link.name: link for link in (_link(e, materials, extensions, notes) for e in root.children("link"))}
+    for kind in ("link", "joint"):
+        _names_used_once(root, kind)
     joints = tuple(_joint(element, links) for element in root.children("joint"))
     poses = _poses_in_root(root, links, joints)
     extensions.check(root, set(links), {joint.name for joint in joints})
@@ -59,6 +61,15 @@ def robot_from_urdf(text: str | bytes, source: str = "robot_description") -> Rob
         extensions.static,
         notes.lines(),
     )
+
+
+def _names_used_once(root: Element, kind: str) -> None:
+    seen: set[str] = set()
+    for element in root.children(kind):
+        name = element.attribute("name")
+        if name in seen:
+            raise element.error(f"a {kind} named {name!r} is there already")
+        seen.add(name)
 
 
 def _origin(element: Element) -> Pose:

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 
 Handler = Callable[[Any], Any]
 
+LONGEST = 400
+"""Characters of a refusal: names that a client sends may have millions."""
+
 
 def serve(node: "GazeboNode", name: str, kind: Any, handler: Handler) -> None:
     """Serves ``/gazebo/NAME`` by ``handler``, which runs in the simulation's thread and returns a response.
@@ -32,6 +35,7 @@ def serve(node: "GazeboNode", name: str, kind: Any, handler: Handler) -> None:
 
 def refusal(name: str, kind: Any, text: str) -> Any:
     """Returns the response that says no, and logs why."""
+    text = text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} … {text[-LONGEST // 2 :]}"
     rospy.logerr("%s: %s", name, text)
     response = kind._response_class()
     field = "status_message" if hasattr(response, "status_message") else "message"

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import rosgraph.names
 import rospy
 from gazebo_msgs import srv
 from gazebo_msgs.msg import ODEPhysics
@@ -26,6 +27,9 @@ from pioneer_gazebo.nodes.service import refusal, serve
 
 if TYPE_CHECKING:
     from pioneer_gazebo.nodes.gazebo import GazeboNode
+
+LONGEST_NAMESPACE = 200
+"""Characters."""
 
 
 class Services:
@@ -53,7 +57,7 @@ class Services:
         try:
             robot = robot_from_urdf(request.model_xml, name)
             pose = self._node.mailbox.call(lambda: self._initial_pose(request))
-            namespace = request.robot_namespace.strip("/")
+            namespace = _namespace(request)
             self._node.mailbox.call(lambda: self._node.spawn_robot(name, namespace, robot, pose))
         except (SimulatorError, ValueError) as error:
             return refusal("spawn_urdf_model", srv.SpawnModel, str(error))
@@ -62,12 +66,16 @@ class Services:
     def _spawn_sdf(self, request: srv.SpawnModelRequest) -> srv.SpawnModelResponse:
         name = request.model_name
         try:
-            models = world_from_sdf_text(request.model_xml, model_path(), name).models
+            namespace = _namespace(request)
+            world = world_from_sdf_text(request.model_xml, model_path(), name)
+            for line in world.warnings:
+                rospy.logwarn("%s: %s", name, line)
+            models = world.models
             if len(models) != 1:
                 raise ModelError(f"{name}: the SDF has to hold one model, not {len(models)}")
             pose = self._node.mailbox.call(lambda: self._initial_pose(request))
             model = replace(models[0], name=name, pose=pose.compose(models[0].pose))
-            self._node.mailbox.call(lambda: self._simulation.add_model(model, request.robot_namespace.strip("/")))
+            self._node.mailbox.call(lambda: self._simulation.add_model(model, namespace))
         except (SimulatorError, ValueError) as error:
             return refusal("spawn_sdf_model", srv.SpawnModel, str(error))
         return self._spawned(name)
@@ -138,3 +146,18 @@ class Services:
             raise ModelError("step works while physics is paused (pause_physics)")
         self._node.step()
         return TriggerResponse(True, f"simulated time is {self._simulation.tick / TICK_RATE:.6f} s")
+
+
+def _namespace(request: srv.SpawnModelRequest) -> str:
+    """Returns the namespace a request asks for, without slashes at the ends; empty for none.
+
+    Raises:
+        ModelError: it is no name that ROS allows.
+    """
+    namespace = request.robot_namespace.strip("/")
+    if namespace and not (len(namespace) <= LONGEST_NAMESPACE and rosgraph.names.is_legal_name(namespace)):
+        raise ModelError(
+            f"robot_namespace {namespace[:60]!r} ({len(namespace)} characters) is no name in ROS:"
+            f" at most {LONGEST_NAMESPACE} letters, digits, _ and /, a letter first"
+        )
+    return namespace
