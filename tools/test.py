@@ -85,7 +85,7 @@ def types() -> Iterator[Check]:
 def pytest_check(name: str, paths: list[Path], timeout: float = 900.0) -> Check:
     """Returns the check that runs pytest over ``paths``."""
     results = LOG / f"{name}-results"
-    command = [sys.executable, "-m", "pytest", f"--junitxml={results / 'pytest.xml'}", "-o", "junit_family=xunit2"]
+    command = [sys.executable, "-m", "pytest", f"--junitxml={results / 'pytest.xml'}", "-o", "junit_family=xunit1"]
     return Check(name, [*command, "--durations=5", *map(str, paths)], results, timeout=timeout)
 
 
