@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from nav_bundle.core.global_planner import GlobalPlanner
 from nav_bundle.core.goal import GoalError, check_goal
 from nav_bundle.core.local_planner import STANDSTILL, Velocity
 from nav_bundle.core.move_base import (
@@ -24,6 +25,7 @@ from nav_bundle.core.move_base import (
     advance,
 )
 from nav_bundle.core.move_base_config import setup_from_parameters
+from nav_bundle.core.navfn import NavfnPlanner
 from nav_bundle.core.pose import Pose
 from pioneer_node.core.parameter import ParameterError
 
@@ -240,6 +242,7 @@ def test_noetic_s_four_recoveries_are_the_default():
     [
         ({"planer_frequency": 1.0}, "did you mean ~planner_frequency"),
         ({"base_local_planner": "eband_local_planner/EBandPlannerROS"}, "not available"),
+        ({"base_global_planner": "carrot_planner/CarrotPlanner"}, "there are navfn/NavfnROS, global_planner"),
         ({"recovery_behaviors": [{"name": "x", "type": "y/Z"}]}, "no such type"),
         ({"controller_frequency": 0.0}, "positive"),
     ],
@@ -247,3 +250,17 @@ def test_noetic_s_four_recoveries_are_the_default():
 def test_wrong_parameters_of_move_base_are_refused(parameters, words):
     with pytest.raises(ParameterError, match=words):
         setup_from_parameters(parameters, "move_base")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "namespace", "parameters"),
+    [
+        ("navfn/NavfnROS", NavfnPlanner, "NavfnROS", {"default_tolerance": 0.5}),
+        ("global_planner/GlobalPlanner", GlobalPlanner, "GlobalPlanner", {"default_tolerance": 0.5}),
+    ],
+)
+def test_base_global_planner_names_the_global_planner(name, kind, namespace, parameters):
+    setup = setup_from_parameters({"base_global_planner": name, namespace: parameters}, "move_base")
+    planner = setup.make_global_planner()
+    assert type(planner) is kind
+    assert (setup.global_planner_name, planner.config.default_tolerance) == (namespace, 0.5)

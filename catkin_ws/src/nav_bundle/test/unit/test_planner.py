@@ -1,5 +1,6 @@
 """What every global planner promises, on small drawn maps."""
 
+import contextlib
 import itertools
 import math
 
@@ -10,10 +11,16 @@ from nav_bundle.core.costmap.config import costmap_config_from_parameters
 from nav_bundle.core.costmap.cost import INSCRIBED, UNKNOWN
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.layer import Observation
+from nav_bundle.core.global_planner import (
+    GlobalPlanner,
+    GlobalPlannerConfig,
+    global_planner_config_from_parameters,
+)
 from nav_bundle.core.grid import grid_from_text
 from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
 from nav_bundle.core.planner import GoalOutsideError, NoPathError, StartOutsideError, path_between
 from nav_bundle.core.pose import Pose
+from pioneer_node.core.parameter import ParameterError
 
 RESOLUTION = 0.1
 ROOMS = [
@@ -48,7 +55,15 @@ def costs_along(costmap, path):
     return [costmap.cells[place.row_of(y), place.col_of(x)] for x, y, _ in path]
 
 
-@pytest.fixture(params=[NavfnPlanner(NavfnConfig())], ids=["navfn"])
+# With GlobalPlanner's own cost_factor of 3, costs above 67 are all the same, and these maps know hardly lower ones.
+PLANNERS = [
+    NavfnPlanner(NavfnConfig()),
+    GlobalPlanner(GlobalPlannerConfig(cost_factor=0.8)),
+    GlobalPlanner(GlobalPlannerConfig(cost_factor=0.8, use_dijkstra=False)),
+]
+
+
+@pytest.fixture(params=PLANNERS, ids=["navfn", "dijkstra", "a*"])
 def planner(request):
     return request.param
 
@@ -186,3 +201,42 @@ def test_what_the_map_does_not_know_is_passed_on_the_right():
         beside = path[np.abs(path[:, 0] - 2.0).argmin()]
         side = math.copysign(1.0, goal.x - start.x) * (beside[1] - 2.05)
         assert side < -0.2
+
+
+def reached(planner, costmap, start, goal):
+    search = planner.search(costmap, start, goal)
+    assert search.advance(1 << 40) is not None
+    cell = costmap.geometry.row_of(goal.y), costmap.geometry.col_of(goal.x)
+    return int((search.potential < 1.0e9).sum()), float(search.potential[cell])
+
+
+def test_a_star_looks_at_less_and_finds_as_cheap_a_way():
+    costmap = costmap_of(["." * 120] * 120)
+    start, goal = Pose(2.05, 6.05), Pose(11.65, 6.05)
+    (all_cells, cost), (some_cells, same) = (reached(planner, costmap, start, goal) for planner in PLANNERS[1:])
+    assert some_cells < 0.5 * all_cells
+    assert same == pytest.approx(cost, rel=0.01)
+
+
+def test_a_star_s_ways_are_at_most_a_tenth_dearer_than_dijkstra_s():
+    generator = np.random.default_rng(7)
+    rows = ["".join(generator.choice([".", "#"], 60, p=[0.97, 0.03])) for _ in range(60)]
+    costmap = costmap_of(rows, 0.3)
+    free = np.argwhere(costmap.cells == 0)
+    for _ in range(20):
+        (r0, c0), (r1, c1) = free[generator.integers(len(free), size=2)]
+        start, goal = Pose((c0 + 0.5) * 0.1, (r0 + 0.5) * 0.1), Pose((c1 + 0.5) * 0.1, (r1 + 0.5) * 0.1)
+        searches = [planner.search(costmap, start, goal) for planner in PLANNERS[1:]]
+        for search in searches:
+            with contextlib.suppress(NoPathError):
+                search.advance(1 << 40)
+        dijkstra, a_star = (float(search.potential[r1, c1]) for search in searches)
+        assert a_star <= 1.1 * dijkstra
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"use_grid_path": True}, {"orientation_mode": 1}, {"cost_factor": 9.0}, {"lethal_cost": 255}, {"x": 1}]
+)
+def test_global_planner_s_parameters_that_make_no_sense_are_refused(wrong):
+    with pytest.raises(ParameterError):
+        global_planner_config_from_parameters(wrong, "GlobalPlanner")

@@ -2,18 +2,25 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from nav_bundle.core.costmap.config import CostmapConfig, costmap_config_from_parameters
 from nav_bundle.core.dwa_config import DwaConfig, dwa_config_from_parameters
 from nav_bundle.core.dwa_planner import DwaPlanner
+from nav_bundle.core.global_planner import (
+    GlobalPlanner,
+    GlobalPlannerConfig,
+    global_planner_config_from_parameters,
+)
 from nav_bundle.core.local_planner import LocalPlanner
 from nav_bundle.core.move_base import Limits
-from nav_bundle.core.navfn import NavfnConfig
+from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
 from nav_bundle.core.recovery import Recovery, recoveries_from_parameters
 from nav_bundle.core.trajectory_config import TrajectoryConfig, trajectory_config_from_parameters
 from nav_bundle.core.trajectory_planner import TrajectoryPlanner
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
+
+Reader = TypeVar("Reader")
 
 LocalReader = Callable[[Mapping[str, Any], str, float], TrajectoryConfig | DwaConfig]
 """Makes a local planner's configuration of its parameters, its namespace and the control frequency [Hz]."""
@@ -22,7 +29,18 @@ _LOCAL_PLANNERS: dict[str, LocalReader] = {
     "base_local_planner/TrajectoryPlannerROS": trajectory_config_from_parameters,
     "dwa_local_planner/DWAPlannerROS": dwa_config_from_parameters,
 }
-_GLOBAL_PLANNER = "NavfnROS"
+GlobalReader = Callable[[Mapping[str, Any], str], NavfnConfig | GlobalPlannerConfig]
+"""Makes a global planner's configuration of its parameters and its namespace."""
+
+
+def _navfn_config(parameters: Mapping[str, Any], owner: str) -> NavfnConfig:
+    return config_from_mapping(NavfnConfig, parameters, owner)
+
+
+_GLOBAL_PLANNERS: dict[str, GlobalReader] = {
+    "navfn/NavfnROS": _navfn_config,
+    "global_planner/GlobalPlanner": global_planner_config_from_parameters,
+}
 
 
 @dataclass(frozen=True)
@@ -30,7 +48,7 @@ class MoveBaseConfig:
     """The parameters in move_base's own namespace.
 
     ``odom_timeout`` [s] is ours: the longest silence of the odometry that the robot may still drive on, 0 for
-    any. ``base_global_planner`` names the only one there is; ``base_local_planner`` may also be
+    any. ``base_global_planner`` may also be ``global_planner/GlobalPlanner``, ``base_local_planner``
     ``dwa_local_planner/DWAPlannerROS``. The packages' names may be left out.
     """
 
@@ -56,16 +74,23 @@ class MoveBaseConfig:
 
 @dataclass(frozen=True)
 class Setup:
-    """Everything move_base is made from; ``local_planner_name`` is the namespace of its parameters and topics."""
+    """Everything move_base is made from; planners' names are the namespaces of their parameters and topics."""
 
     base: MoveBaseConfig
     global_costmap: CostmapConfig
     local_costmap: CostmapConfig
-    navfn: NavfnConfig
+    global_planner_name: str
+    global_planner: NavfnConfig | GlobalPlannerConfig
     local_planner_name: str
     local_planner: TrajectoryConfig | DwaConfig
     recoveries: tuple[Recovery, ...]
     limits: Limits = field(default_factory=Limits)
+
+    def make_global_planner(self) -> NavfnPlanner:
+        """Returns the global planner that was asked for."""
+        if isinstance(self.global_planner, GlobalPlannerConfig):
+            return GlobalPlanner(self.global_planner)
+        return NavfnPlanner(self.global_planner)
 
     def make_local_planner(self) -> LocalPlanner:
         """Returns the local planner that was asked for, on the local costmap's cells."""
@@ -87,12 +112,18 @@ def setup_from_parameters(parameters: Mapping[str, Any], owner: str) -> Setup:
     local_costmap = costmap_config_from_parameters(parameters.get("local_costmap", {}), f"{owner}/local_costmap")
     radius = local_costmap.outline().circumscribed_radius
     recoveries = tuple(recoveries_from_parameters(parameters, radius)) if base.recovery_behavior_enabled else ()
-    name, local_planner_from_parameters = _local_planner(base, owner)
+    name, local_planner_from_parameters = _planner(
+        _LOCAL_PLANNERS, base.base_local_planner, f"{owner}: ~base_local_planner"
+    )
+    global_name, global_planner_from_parameters = _planner(
+        _GLOBAL_PLANNERS, base.base_global_planner, f"{owner}: ~base_global_planner"
+    )
     return Setup(
         base,
         costmap_config_from_parameters(parameters.get("global_costmap", {}), f"{owner}/global_costmap"),
         local_costmap,
-        config_from_mapping(NavfnConfig, parameters.get(_GLOBAL_PLANNER, {}), f"{owner}/{_GLOBAL_PLANNER}"),
+        global_name,
+        global_planner_from_parameters(parameters.get(global_name, {}), f"{owner}/{global_name}"),
         name,
         local_planner_from_parameters(parameters.get(name, {}), f"{owner}/{name}", base.controller_frequency),
         recoveries,
@@ -101,23 +132,17 @@ def setup_from_parameters(parameters: Mapping[str, Any], owner: str) -> Setup:
 
 
 def _check(base: MoveBaseConfig, owner: str) -> None:
-    if base.base_global_planner.split("/")[-1] != _GLOBAL_PLANNER:
-        raise ParameterError(
-            f"{owner}: ~base_global_planner {base.base_global_planner!r} is not available, only navfn/NavfnROS"
-        )
     if base.controller_frequency <= 0.0:
         raise ParameterError(f"{owner}: ~controller_frequency must be positive, not {base.controller_frequency}")
 
 
-def _local_planner(base: MoveBaseConfig, owner: str) -> tuple[str, LocalReader]:
-    """Returns the local planner's name without its package, and what reads its parameters."""
-    wanted = base.base_local_planner
-    for full, reader in _LOCAL_PLANNERS.items():
+def _planner(readers: dict[str, Reader], wanted: str, what: str) -> tuple[str, Reader]:
+    """Returns the name of the planner ``wanted`` without its package, and what reads its parameters."""
+    for full, reader in readers.items():
         name = full.split("/")[-1]
         if wanted in (full, name):
             return name, reader
-    known = ", ".join(_LOCAL_PLANNERS)
-    raise ParameterError(f"{owner}: ~base_local_planner {wanted!r} is not available; there are {known}")
+    raise ParameterError(f"{what} {wanted!r} is not available; there are {', '.join(readers)}")
 
 
 def _limits(base: MoveBaseConfig, recoveries: int) -> Limits:

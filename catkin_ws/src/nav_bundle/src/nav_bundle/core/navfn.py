@@ -67,6 +67,7 @@ class NavfnPlanner:
     def __init__(self, config: NavfnConfig) -> None:
         self.config = config
         self._weights = weights(config.allow_unknown)
+        self._pull = 0.0
 
     def search(self, costmap: Costmap, start: Pose, goal: Pose, tolerance: float | None = None) -> "NavfnSearch":
         """Begins a search on a copy of the costmap's cells; see ``planner.GlobalPlanner``."""
@@ -86,7 +87,8 @@ class NavfnPlanner:
         if self.config.keep_right:
             _keep_right(costs, place, start, costmap.strangers(start, MEETING_DISTANCE))
         reach = self.config.default_tolerance if tolerance is None else tolerance
-        return NavfnSearch(costs, Geometry(**vars(place)), start_cell, goal_cell, goal, reach, self._weights)
+        field = (costs, Geometry(**vars(place)))
+        return NavfnSearch(*field, start_cell, goal_cell, goal, reach, self._weights, self._pull)
 
 
 class NavfnSearch:
@@ -101,16 +103,18 @@ class NavfnSearch:
         goal: Pose,
         tolerance: float,
         weight: NDArray[np.int32],
+        pull: float = 0.0,
     ) -> None:
         self._costs, self._geometry, self._weights = costs, geometry, weight
         self._start, self._goal_cell, self._goal = start, goal_cell, goal
-        self._tolerance = tolerance
+        self._tolerance, self._pull = tolerance, pull
         self.potential: NDArray[np.float32] = np.empty(costs.shape, np.float32)
         self._waiting = np.empty(costs.shape, np.uint8)
         self._queue = np.empty((3, 4096 + 16 * sum(costs.shape)), np.int32)
         self._counts = np.zeros(3, np.int64)
         self._limits = np.array([0.0, _BAND])
         kernel.begin(self.potential, self._waiting, costs, weight, self._queue, self._counts, self._limits, *start)
+        self._limits[0] += pull * float(np.hypot(goal_cell[0] - start[0], goal_cell[1] - start[1]))
 
     def advance(self, budget: int) -> Path | None:
         """Looks at about ``budget`` more cells; see ``planner.Search``."""
@@ -120,7 +124,7 @@ class NavfnSearch:
 
     def _spread(self, budget: int) -> int:
         fields = (self.potential, self._waiting, self._costs, self._weights, self._queue, self._counts, self._limits)
-        return int(kernel.spread(*fields, *self._goal_cell, 0.0, budget))
+        return int(kernel.spread(*fields, *self._goal_cell, self._pull, budget))
 
     def _path(self) -> Path:
         """Returns the path from the robot to the goal, or to the nearest reached place within the tolerance."""

@@ -30,7 +30,7 @@ from nav_bundle.core.move_base import (
     advance,
 )
 from nav_bundle.core.move_base_config import Setup, setup_from_parameters
-from nav_bundle.core.navfn import MEETING_DISTANCE, NavfnPlanner
+from nav_bundle.core.navfn import MEETING_DISTANCE
 from nav_bundle.core.planner import Path, PlannerError, Search, path_between
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.recovery import Recovery, Surroundings
@@ -56,9 +56,10 @@ class MoveBaseNode:
     Subscribes: ``odom`` (nav_msgs/Odometry), tf, what the costmaps subscribe to (``nodes.costmap``), goals
         (``nodes.move_base_action``).
 
-    Publishes: ``cmd_vel`` (geometry_msgs/Twist), ``~NavfnROS/plan``, ``~<local planner>/global_plan``,
+    Publishes: ``cmd_vel`` (geometry_msgs/Twist), ``~<global planner>/plan``, ``~<local planner>/global_plan``,
         ``~<local planner>/local_plan`` (nav_msgs/Path), ``~recovery_status`` (move_base_msgs/RecoveryStatus), and
-        what costmaps and action publish. The local planner is TrajectoryPlannerROS or DWAPlannerROS.
+        what costmaps and action publish. The global planner is NavfnROS or
+        GlobalPlanner, the local planner TrajectoryPlannerROS or DWAPlannerROS.
 
     Services: ``~make_plan`` (nav_msgs/GetPlan), ``~clear_costmaps`` (std_srvs/Empty).
 
@@ -77,7 +78,7 @@ class MoveBaseNode:
         self._global = CostmapNode("global_costmap", self._setup.global_costmap, self._listener)
         self._local = CostmapNode("local_costmap", self._setup.local_costmap, self._listener)
         self._listener.listen(self._local.frame, self._global.frame)
-        self._planner = NavfnPlanner(self._setup.navfn)
+        self._planner = self._setup.make_global_planner()
         self._controller = self._setup.make_local_planner()
         self._state = State()
         self._goal: Pose | None = None
@@ -91,7 +92,7 @@ class MoveBaseNode:
     def _advertise(self) -> None:
         self._velocity = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
         name = self._setup.local_planner_name
-        self._plan = rospy.Publisher("~NavfnROS/plan", PathType, queue_size=1)
+        self._plan = rospy.Publisher(f"~{self._setup.global_planner_name}/plan", PathType, queue_size=1)
         self._followed = rospy.Publisher(f"~{name}/global_plan", PathType, queue_size=1)
         self._driven = rospy.Publisher(f"~{name}/local_plan", PathType, queue_size=1)
         self._recovery_status = rospy.Publisher("~recovery_status", RecoveryStatus, queue_size=1)

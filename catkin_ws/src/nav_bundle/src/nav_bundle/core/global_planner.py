@@ -1,0 +1,82 @@
+"""The global planner GlobalPlanner: navfn's wave with other weights, spread evenly or towards the goal (A*)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle.core.costmap.cost import UNKNOWN
+from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
+from pioneer_node.core.parameter import ParameterError, config_from_mapping
+
+_BLOCKED = -1
+# A* pulls the wave towards the goal by this share of what free ground costs at least. The wave runs in bands, not
+# cell by cell, so that ways can still be some hundredths dearer than Dijkstra's.
+_CHEAPEST_STEP = 0.95
+
+
+@dataclass(frozen=True)
+class GlobalPlannerConfig:
+    """Parameters under ``~GlobalPlanner``; defaults are Noetic's.
+
+    A cell of cost c weighs ``neutral_cost + cost_factor c``, at most ``lethal_cost - 1``; from ``lethal_cost`` on it
+    cannot be crossed. With ``use_dijkstra`` false the wave runs towards the goal first (A*): faster over open ground.
+    ``planner_window_x``, ``planner_window_y``, ``visualize_potential``, ``publish_potential``, ``publish_scale``,
+    ``outline_map`` and ``orientation_window_size`` are taken and change nothing. ``keep_right`` is ours, see
+    ``navfn.NavfnConfig``.
+    """
+
+    allow_unknown: bool = True
+    default_tolerance: float = 0.0
+    use_dijkstra: bool = True
+    use_quadratic: bool = True
+    use_grid_path: bool = False
+    old_navfn_behavior: bool = False
+    lethal_cost: int = 253
+    neutral_cost: int = 50
+    cost_factor: float = 3.0
+    orientation_mode: int = 0
+    orientation_window_size: int = 1
+    outline_map: bool = True
+    publish_potential: bool = True
+    publish_scale: int = 100
+    visualize_potential: bool = False
+    planner_window_x: float = 0.0
+    planner_window_y: float = 0.0
+    keep_right: bool = True
+
+    def weights(self) -> NDArray[np.int32]:
+        """Returns what crossing a cell adds, by its cost; negative where nothing may pass. Shape (256,)."""
+        dearest = self.lethal_cost - 1
+        table = np.minimum(self.neutral_cost + self.cost_factor * np.arange(256), dearest).astype(np.int32)
+        table[self.lethal_cost :] = _BLOCKED
+        table[UNKNOWN] = dearest if self.allow_unknown else _BLOCKED
+        return table
+
+
+def global_planner_config_from_parameters(parameters: Mapping[str, Any], owner: str) -> GlobalPlannerConfig:
+    """Returns the configuration in namespace ``owner``.
+
+    Raises:
+        ParameterError: an unknown name, a wrong type, a value out of range, or an option that is not there.
+    """
+    config = config_from_mapping(GlobalPlannerConfig, parameters, owner)
+    offered = {"use_quadratic": True, "use_grid_path": False, "old_navfn_behavior": False, "orientation_mode": 0}
+    for name, value in offered.items():
+        if getattr(config, name) != value:
+            raise ParameterError(f"{owner}: ~{name} {getattr(config, name)!r} is not available, only {value!r}")
+    for name, low, high in (("lethal_cost", 2, 253), ("neutral_cost", 1, 252), ("cost_factor", 0.01, 5.0)):
+        if not low <= getattr(config, name) <= high:
+            raise ParameterError(f"{owner}: ~{name} must lie in {low} to {high}, not {getattr(config, name)}")
+    return config
+
+
+class GlobalPlanner(NavfnPlanner):
+    """Plans as global_planner does by default: quadratic potential, gradient path."""
+
+    def __init__(self, config: GlobalPlannerConfig) -> None:
+        super().__init__(NavfnConfig(config.allow_unknown, config.default_tolerance, keep_right=config.keep_right))
+        self._weights = config.weights()
+        self._pull = 0.0 if config.use_dijkstra else _CHEAPEST_STEP * config.neutral_cost
