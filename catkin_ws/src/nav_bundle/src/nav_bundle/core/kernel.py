@@ -18,6 +18,7 @@ from nav_bundle import (
     _navfn,
     _particle,
     _plan_distance,
+    _slam,
     _trajectory,
 )
 from nav_bundle.core.error import NavigationError
@@ -106,3 +107,7 @@ count_agreement = checked(_likelihood.count_agreement, "f8[2]", "f8[2]", "u2[2]"
 expected_ranges = checked(_likelihood.expected_ranges, "f8[2]", "f8[1]", "f8[1]", "i1[2]", "f8[1]", "f8[2]")
 
 align = checked(_alignment.align, "f8[1]", "f8[2]", "u2[2]", "f8[1]", "f8[2]", "f8[1]")
+
+match = checked(_slam.match, "f8[2]", "f8[2]", "i4[3]", "u2[3]", "f8[1]", "f8[1]", "f8[2]")
+register = checked(_slam.register, "f8[1]", "f8[2]", "u1[1]", "f8[1]", "i4[2]", "u2[3]", "i4[1]", "i4[1]")
+draw = checked(_slam.draw, "i4[2]", "u2[3]", "i1[2]")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle import _slam
+from nav_bundle.core import kernel
 from nav_bundle.core.gmapping_config import GmappingConfig
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose, angle_difference
@@ -163,7 +163,7 @@ class Slam:
         config = self._config
         terms = np.array([config.sigma, config.lsigma, config.lstep, config.astep, config.minimumScore])
         found = np.empty((len(self.poses), 2))
-        _slam.match(
+        kernel.match(
             self.poses,
             beams.matched,
             self._maps.directories,

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle import _slam
+from nav_bundle.core import kernel
 from nav_bundle.core.grid import UNKNOWN, Grid
 from nav_bundle.core.pose import Pose
 
@@ -70,7 +70,7 @@ class TileMaps:
         reach = float(beams[:, 2].max(initial=0.0)) * self._delta
         self._reserve(self._cover(pose[0] - reach, pose[1] - reach, pose[0] + reach, pose[1] + reach))
         directory = self.directories[index]
-        _slam.register(pose, beams, hits, self.placement, directory, self.pool, self._users, self._spare)
+        kernel.register(pose, beams, hits, self.placement, directory, self.pool, self._users, self._spare)
 
     def resample(self, chosen: NDArray[np.int64]) -> None:
         """Replaces the maps by those of the indices ``chosen``, any of them any number of times."""
@@ -90,7 +90,7 @@ class TileMaps:
         (low, top), (left, right) = (self._extent(directory, axis, most) for axis, most in ((0, rows), (1, cols)))
         cells = np.full((top - low, right - left), UNKNOWN, np.int8)
         row, col = self._first[0] * TILE - low, self._first[1] * TILE - left
-        _slam.draw(directory, self.pool, threshold, row, col, cells)
+        kernel.draw(directory, self.pool, threshold, row, col, cells)
         return Grid(self._delta, Pose(self._corner[0] + left * self._delta, self._corner[1] + low * self._delta), cells)
 
     def _extent(self, directory: NDArray[np.int32], axis: int, most: int) -> tuple[int, int]:
