@@ -24,6 +24,10 @@ def test_every_option_arrives():
     assert config == DemoConfig(5, "small_world", 7, 0.0, 4, Path("out"), 99.0)
 
 
+def test_a_world_file_goes_by_the_name_of_its_map():
+    assert parsed("--world", "/home/me/small_world.world").map_name == "small_world"
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -31,7 +35,8 @@ def test_every_option_arrives():
         (["--robots", "16"], "--robots must be 1 to 15 in closed_maze, not 16"),
         (["--robots", "7", "--world", "small_world"], "--robots must be 1 to 6 in small_world, not 7"),
         (["--robots", "two"], "--robots: invalid int value: 'two'"),
-        (["--world", "mars"], "--world must be one of closed_maze, small_world, not 'mars'"),
+        (["--world", "mars"], "--world must be one of closed_maze, small_world, or a .world file"),
+        (["--world", "/tmp/mars.world"], "whose map was drawn by world_to_map, not '/tmp/mars.world'"),
         (["--rtf", "-1"], "--rtf must be 0"),
         (["--rtf", "nan"], "--rtf must be 0"),
         (["--waypoints", "0"], "--waypoints must be 1 to 50, not 0"),

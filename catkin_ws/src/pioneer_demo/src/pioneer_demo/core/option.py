@@ -15,7 +15,7 @@ class DemoConfig:
 
     Attributes:
         robots: how many.
-        world: name of a world of pioneer_gazebo.
+        world: name of a world of pioneer_gazebo, or path of a .world file whose map has been drawn.
         seed: of the waypoints, the simulator's sensor noise and the filters.
         real_time_factor: wanted; 0 is as fast as the machine can.
         waypoints: a robot.
@@ -30,6 +30,11 @@ class DemoConfig:
     waypoints: int = 3
     report: Path = Path("demo-report")
     limit: float = 0.0
+
+    @property
+    def map_name(self) -> str:
+        """Name of the world's map."""
+        return self.world.rpartition("/")[2].removesuffix(".world")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -54,10 +59,14 @@ def config_from_arguments(arguments: Sequence[str], places: Mapping[str, int]) -
 
 
 def _check(config: DemoConfig, places: Mapping[str, int]) -> None:
-    if config.world not in places:
-        raise OptionError(f"--world must be one of {', '.join(places)}, not '{config.world}'")
-    if not 1 <= config.robots <= places[config.world]:
-        raise OptionError(f"--robots must be 1 to {places[config.world]} in {config.world}, not {config.robots}")
+    most = places.get(config.map_name)
+    if most is None:
+        raise OptionError(
+            f"--world must be one of {', '.join(places)}, or a .world file whose map was drawn by world_to_map, "
+            f"not '{config.world}'"
+        )
+    if not 1 <= config.robots <= most:
+        raise OptionError(f"--robots must be 1 to {most} in {config.map_name}, not {config.robots}")
     if not 1 <= config.waypoints <= 50:
         raise OptionError(f"--waypoints must be 1 to 50, not {config.waypoints}")
     if not 0.0 <= config.real_time_factor < float("inf"):
@@ -80,7 +89,12 @@ def _parser(worlds: Sequence[str]) -> argparse.ArgumentParser:
     )
     add = parser.add_argument
     add("--robots", type=int, default=default.robots, metavar="N", help="robots (default %(default)s)")
-    add("--world", default=default.world, metavar="W", help=f"{', '.join(worlds)} (default %(default)s)")
+    add(
+        "--world",
+        default=default.world,
+        metavar="W",
+        help=f"{', '.join(worlds)}, or a .world file (default %(default)s)",
+    )
     add("--seed", type=int, default=default.seed, metavar="S", help="of waypoints and noise (default %(default)s)")
     add("--rtf", dest="real_time_factor", type=float, default=default.real_time_factor, metavar="R",
         help="real-time factor to hold, 0 = as fast as possible (default %(default)s)")  # fmt: skip

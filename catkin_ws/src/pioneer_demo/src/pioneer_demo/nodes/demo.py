@@ -247,4 +247,4 @@ class Demo:
     def _title(self) -> str:
         reached = sum(robot.reached for robot in self._fleet.robots)
         count = sum(len(robot.visits) for robot in self._fleet.robots)
-        return f"{self._config.world}, seed {self._config.seed}: {reached} of {count} waypoints reached"
+        return f"{self._config.map_name}, seed {self._config.seed}: {reached} of {count} waypoints reached"

@@ -1,5 +1,6 @@
 """The command: arguments in, exit status out."""
 
+import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,7 +24,7 @@ def main(arguments: Sequence[str]) -> int:
     watch, interrupt = Stopwatch(), Interrupt()
     try:
         config, maps = _configured(arguments)
-        return _run(config, maps / f"{config.world}.yaml", watch, interrupt)
+        return _run(config, maps / f"{config.map_name}.yaml", watch, interrupt)
     except Interrupted as error:
         print(f"{error}: every process of this demo has ended.")
         return error.status
@@ -57,7 +58,13 @@ def _configured(arguments: Sequence[str]) -> tuple[DemoConfig, Path]:
         places = {world: _count(poses, world) for world in map_names(maps)}
     except (rospkg.ResourceNotFound, OSError) as error:
         raise DemoError(f"the workspace is not built or not sourced: {error}") from error
-    return config_from_arguments(arguments, places), maps
+    config = config_from_arguments(arguments, places)
+    if "/" in config.world or config.world.endswith(".world"):
+        path = Path(config.world).expanduser().resolve()
+        if not path.is_file():
+            raise OptionError(f"--world: there is no file {path}")
+        config = dataclasses.replace(config, world=str(path))
+    return config, maps
 
 
 def _count(poses: Path, world: str) -> int:
