@@ -70,6 +70,10 @@ def configure(request):
     return request.param
 
 
+# How near two robots' centres may come in passing [m]; DWA passes closer in a corridor, and nothing touches.
+NEAREST = {config_of: 0.6, dwa_config_of: 0.55}
+
+
 def world_of(rows, scale):
     """Returns the grid of a drawing whose symbols are ``scale`` [m] wide."""
     cells = round(scale / RESOLUTION)
@@ -206,7 +210,7 @@ def test_two_robots_pass_each_other(configure, drawing, scale, first_y, second_y
     while drives:
         first.other, second.other = second.pose, first.pose
         drives = [drive for drive in drives if next(drive, "at the goal") is None]
-        assert first.pose.distance(second.pose) > 0.55
+        assert first.pose.distance(second.pose) > NEAREST[configure]
     assert max(first.time, second.time) < 25.0
 
 
