@@ -1,50 +1,82 @@
 """``pioneer_bench sim``: the simulator's cost by number of robots."""
 
 import argparse
+import dataclasses
 import json
 import subprocess
 import sys
 from pathlib import Path
 
+from pioneer_bench.core.setting import SETTINGS, Rates
 from pioneer_bench.core.simulator import Run, table
+
+EXPLANATION = "`!` misses its goal; `ratio` is to the peer. CPU-s: all threads of the simulator's process."
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds this bench's options."""
-    parser.add_argument("--robots", type=int, nargs="+", default=[1, 5, 20], metavar="N", help="default: %(default)s")
+    parser.add_argument("--setting", nargs="+", choices=SETTINGS, default=list(SETTINGS), help="default: all")
+    parser.add_argument("--robots", type=int, nargs="+", metavar="N", help="instead of the setting's numbers")
     parser.add_argument("--seconds", type=float, default=10.0, help="simulated length of each window [s]")
-    parser.add_argument("--beams", type=int, default=180, help="of a scan")
-    parser.add_argument("--scan-rate", type=float, default=10.0, help="[Hz]")
-    parser.add_argument("--odometry-rate", type=float, default=50.0, help="of odom and tf [Hz]")
+    parser.add_argument("--beams", type=int, help="of a scan, instead of the setting's")
+    parser.add_argument("--scan-rate", type=float, help="[Hz], instead of the setting's")
+    parser.add_argument("--odometry-rate", type=float, help="of odom and tf [Hz], instead of the setting's")
     parser.add_argument("--real-time-factor", type=float, default=1.0, help="0: as fast as possible")
     parser.add_argument("--seed", type=int, default=1, help="of walls and noise")
-    parser.add_argument("--output", type=Path, default=None, metavar="FILE", help="where the figures go as JSON")
+    parser.add_argument("--output", type=Path, default=Path("bench-report"), metavar="DIR", help="default: %(default)s")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Runs one process for each number of robots; returns 0 where every goal holds, else 1."""
-    runs = []
-    for robots in options.robots:
-        print(f"{robots} robots, {options.seconds:g} simulated seconds …", flush=True)
-        measured = _one(robots, options)
-        if measured is None:
-            return 2
-        runs.append(measured)
-    print("\n" + table(runs) + "\n! misses its goal. Gazebo: its cost at 1 ms steps with no publishing at all.")
-    if options.output is not None:
-        options.output.write_text(json.dumps([one.as_dict() for one in runs], indent=2) + "\n")
-        print(f"written: {options.output}")
-    return 0 if all(holds for one in runs for _, holds in one.goals().values()) else 1
+    """Runs each setting, one process for each number of robots; returns 0 where every goal holds, else 1."""
+    measured: dict[str, list[Run]] = {}
+    for name in options.setting:
+        measured[name] = []
+        rates = _rates(SETTINGS[name], options)
+        for robots in rates.robots:
+            print(f"{name}: {robots} robots, {options.seconds:g} simulated seconds …", flush=True)
+            one = _one(robots, rates, options)
+            if one is None:
+                return 2
+            measured[name].append(one)
+    sections = [_section(_rates(SETTINGS[name], options), runs) for name, runs in measured.items()]
+    text = "\n".join([*sections, EXPLANATION, ""])
+    print("\n" + text)
+    _write(options.output, text, measured)
+    return 0 if all(holds for runs in measured.values() for one in runs for _, holds in one.goals().values()) else 1
 
 
-def _one(robots: int, options: argparse.Namespace) -> Run | None:
+def _rates(rates: Rates, options: argparse.Namespace) -> Rates:
+    """Returns the setting with what the command line says otherwise."""
+    asked = {name: getattr(options, name) for name in ("robots", "beams", "scan_rate", "odometry_rate")}
+    changes = {name: value for name, value in asked.items() if value is not None}
+    if changes.keys() - {"robots"}:
+        changes |= {"title": f"{rates.title}; changed: {changes}", "peers": {}, "peer": ""}
+    return dataclasses.replace(rates, **changes)
+
+
+def _section(rates: Rates, runs: list[Run]) -> str:
+    peer = f"\nPeer: {rates.peer}.\n" if rates.peer else ""
+    return f"## {rates.title}\n\n{table(runs, rates.peers)}\n{peer}"
+
+
+def _write(folder: Path, text: str, measured: dict[str, list[Run]]) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "simulator.md").write_text(f"# The simulator\n\n{text}")
+    values = {name: [one.as_dict() for one in runs] for name, runs in measured.items()}
+    (folder / "simulator.json").write_text(json.dumps(values, indent=2) + "\n")
+    print(f"written: {folder / 'simulator.md'}, {folder / 'simulator.json'}")
+
+
+def _one(robots: int, rates: Rates, options: argparse.Namespace) -> Run | None:
     """Returns one run's figures, None (and a line) where it failed."""
     setting = {
         "robots": robots,
         "seconds": options.seconds,
-        "beams": options.beams,
-        "scan_rate": options.scan_rate,
-        "odometry_rate": options.odometry_rate,
+        "beams": rates.beams,
+        "scan_rate": rates.scan_rate,
+        "odometry_rate": rates.odometry_rate,
+        "other_rate": rates.other_rate,
+        "clock_rate": rates.clock_rate,
         "real_time_factor": options.real_time_factor,
         "seed": options.seed,
     }

@@ -6,6 +6,7 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 
 from pioneer_bench.core import hall
+from pioneer_bench.core.setting import SETTINGS
 from pioneer_bench.core.simulator import Run, table
 
 
@@ -19,7 +20,7 @@ def run(**changes: float) -> Run:
 
 def test_a_run_within_its_goals_holds_them_all() -> None:
     assert all(holds for _, holds in run().goals().values())
-    assert "!" not in table([run()])
+    assert "!" not in table([run()], {})
 
 
 MISSES = [
@@ -34,7 +35,21 @@ MISSES = [
 def test_what_misses_its_goal_is_marked(changes: dict[str, float], goal: str) -> None:
     missed = run(**changes)
     assert [name for name, (_, holds) in missed.goals().items() if not holds] == [goal]
-    assert table([missed]).count(" !") == 1
+    assert table([missed], {}).count(" !") == 1
+
+
+def test_a_peer_stands_beside_with_the_ratio() -> None:
+    assert "0.100" in (text := table([run()], {5: 0.1}))
+    assert "0.50" in text
+    assert "ratio" in text
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_every_setting_has_rates_that_the_simulator_takes(name: str) -> None:
+    rates = SETTINGS[name]
+    for rate in (rates.scan_rate, rates.odometry_rate, rates.other_rate, rates.clock_rate):
+        assert 600 % rate == 0
+    assert set(rates.peers) <= set(rates.robots)
 
 
 def test_other_settings_than_the_peers_have_no_cost_goal() -> None:

@@ -1,14 +1,11 @@
 """The simulator's figures: what one run measured, what it is to reach, and the table of both."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 COST_GOALS = {5: 0.06, 20: 0.25, 50: 0.65}
 """CPU-s a simulated second, by number of robots, at 180 beams and 10 Hz."""
-
-GAZEBO_COST = {1: 0.080, 5: 0.341, 10: 0.720, 20: 1.57, 50: 4.32}
-"""Gazebo Classic 11.1 at its default step, publishing nothing: CPU-s a simulated second, medians on another day."""
 
 FIRST_STEP_GOAL = 1.0
 """CPU-s from exec to the first step."""
@@ -73,7 +70,8 @@ HEADINGS = (
     "beams",
     "CPU-s/sim-s",
     "goal",
-    "Gazebo",
+    "peer",
+    "ratio",
     "rtf",
     "RSS MB",
     "goal",
@@ -83,9 +81,9 @@ HEADINGS = (
 )
 
 
-def table(runs: Sequence[Run]) -> str:
-    """Returns the runs as a Markdown table; ``!`` marks a figure that misses its goal."""
-    rows = [HEADINGS, *(_row(run) for run in runs)]
+def table(runs: Sequence[Run], peers: Mapping[int, float]) -> str:
+    """Returns the runs as a Markdown table, beside a peer's cost by number of robots; ``!`` marks a missed goal."""
+    rows = [HEADINGS, *(_row(run, peers.get(run.robots)) for run in runs)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(HEADINGS))]
     lines = [
         "| " + " | ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) + " |" for row in rows
@@ -94,20 +92,20 @@ def table(runs: Sequence[Run]) -> str:
     return "\n".join(lines)
 
 
-def _row(run: Run) -> tuple[str, ...]:
+def _row(run: Run, peer: float | None) -> tuple[str, ...]:
     goals = run.goals()
 
     def marked(name: str, text: str) -> str:
         return text if goals.get(name, (0.0, True))[1] else f"{text} !"
 
     cost_goal = f"{goals['cost'][0]:.2f}" if "cost" in goals else "-"
-    gazebo = f"{GAZEBO_COST[run.robots]:.3f}" if run.robots in GAZEBO_COST and run.beams == 180 else "-"
     return (
         str(run.robots),
         f"{run.beams} @ {run.scan_rate:g}",
         marked("cost", f"{run.cost:.4f}"),
         cost_goal,
-        gazebo,
+        "-" if peer is None else f"{peer:.3f}",
+        "-" if peer is None else f"{run.cost / peer:.2f}",
         f"{run.simulated / run.wall:.2f}",
         marked("rss", f"{run.rss:.0f}"),
         f"{goals['rss'][0]:.0f}",

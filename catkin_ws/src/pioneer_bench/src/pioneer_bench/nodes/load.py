@@ -49,6 +49,8 @@ class Setting:
     beams: int
     scan_rate: float
     odometry_rate: float
+    other_rate: float
+    clock_rate: float
     real_time_factor: float
     seed: int
 
@@ -118,6 +120,8 @@ def robot_description(setting: Setting) -> str:
         "laser_rate": setting.scan_rate,
         "laser_max_range": 8.0,
         "odom_rate": setting.odometry_rate,
+        "joint_rate": setting.other_rate,
+        "ground_truth_rate": setting.other_rate,
     }
     command = ["xacro", str(xacro), *(f"{name}:={value}" for name, value in arguments.items())]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
@@ -210,7 +214,7 @@ def main(argv: list[str]) -> int:
         command = [
             sys.executable, "-c", "from pioneer_gazebo.nodes.gazebo import main; raise SystemExit(main())",
             "__name:=gazebo", f"_world_name:={world}", f"_real_time_factor:={setting.real_time_factor}",
-            f"_seed:={setting.seed}",
+            f"_seed:={setting.seed}", f"_clock_rate:={setting.clock_rate}",
         ]  # fmt: skip
         pid = group.start("simulator", command, master.environment, master.home / "simulator.log")
         rospy.init_node("pioneer_bench", disable_signals=True, disable_rostime=True)

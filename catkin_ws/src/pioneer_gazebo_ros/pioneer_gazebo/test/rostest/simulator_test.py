@@ -13,6 +13,7 @@ from typing import Any
 
 import rospy
 import rostest
+from diagnostic_msgs.msg import DiagnosticArray
 from gazebo_msgs import srv
 from gazebo_msgs.msg import ModelState, ModelStates
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist
@@ -150,6 +151,13 @@ class SimulatorTest(unittest.TestCase):
         gone = service("get_model_state", srv.GetModelState)("nobody", "")
         assert not gone.success
         assert "nobody" in gone.status_message
+
+    def test_diagnostics_tell_how_the_simulation_does(self) -> None:
+        array = rospy.wait_for_message("/diagnostics", DiagnosticArray, PATIENCE)
+        values = {pair.key: pair.value for pair in array.status[0].values}
+        assert array.status[0].hardware_id == "pioneer_gazebo"
+        assert values["robots"] == "1"
+        assert float(values["real-time factor asked for"]) == 1.0
 
     def test_a_snapshot_shows_the_robot_headless(self) -> None:
         with tempfile.TemporaryDirectory() as folder:

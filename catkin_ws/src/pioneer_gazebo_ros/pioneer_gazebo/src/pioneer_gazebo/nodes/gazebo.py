@@ -18,6 +18,7 @@ from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.schedule import TICK_RATE, Schedule, nanoseconds
 from pioneer_gazebo.core.simulation import Simulation
+from pioneer_gazebo.nodes.diagnostics import Diagnostics
 from pioneer_gazebo.nodes.mailbox import Mailbox
 from pioneer_gazebo.nodes.pace import Pacer
 from pioneer_gazebo.nodes.robot_topics import RobotTopics
@@ -63,7 +64,7 @@ class GazeboNode:
 
     Subscribes: ``/gazebo/set_model_state``, ``/gazebo/set_link_state``, and what each robot's drive listens to.
     Publishes: ``/clock``, ``/tf``, ``/gazebo/model_states``, ``/gazebo/link_states``, ``/gazebo/ready`` (latched),
-        ``/gazebo/real_time_factor``, and each robot's topics (see `RobotTopics`).
+        ``/gazebo/real_time_factor``, ``/diagnostics``, and each robot's topics (see `RobotTopics`).
     Services: those of gazebo_ros and ``/gazebo/step`` (see `Services`).
     Parameters: `GazeboConfig`.
     Threads: `spin` owns the simulation; services and subscribers hand it their work through a `Mailbox`.
@@ -93,6 +94,7 @@ class GazeboNode:
         self._clock = Topic("/clock", Clock)
         self._tf = Topic("/tf", TFMessage)
         self._factor = rospy.Publisher("/gazebo/real_time_factor", Float64, queue_size=1)
+        self._diagnostics = Diagnostics()
         self._ready = rospy.Publisher("/gazebo/ready", Bool, queue_size=1, latch=True)
         self.schedule.add("/clock", config.clock_rate, self._publish_clock)
         StateTopics(self, config.state_rate)
@@ -147,7 +149,11 @@ class GazeboNode:
         now = self.pacer.now()
         if now - self._reported >= REPORT_PERIOD:
             self._reported = now
-            self._factor.publish(Float64(self.pacer.measured(self.simulation.tick / TICK_RATE)))
+            time = self.simulation.tick / TICK_RATE
+            factor = self.pacer.measured(time)
+            self._factor.publish(Float64(factor))
+            models = len(self.simulation.names())
+            self._diagnostics.publish(time, factor, self.pacer.factor, self.paused, models, len(self._robots))
 
     def spawn_robot(self, name: str, namespace: str, robot: Robot, pose: Pose) -> None:
         """Adds a robot and its topics.

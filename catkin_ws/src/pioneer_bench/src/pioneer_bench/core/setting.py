@@ -1,0 +1,52 @@
+"""What the simulator's bench runs: rates and beams by name, and the figures of peers at the same rates."""
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """How much is sensed and published.
+
+    Attributes:
+        title: over the table.
+        robots: numbers of robots to run.
+        beams: of a scan.
+        scan_rate: [Hz].
+        odometry_rate: of odom and tf [Hz].
+        other_rate: of joint states and ground truth [Hz].
+        clock_rate: of ``/clock`` [Hz].
+        peers: cost of the peer, CPU-s a simulated second, by number of robots.
+        peer: who that is, and how it was run.
+    """
+
+    title: str
+    robots: tuple[int, ...]
+    beams: int = 180
+    scan_rate: float = 10.0
+    odometry_rate: float = 50.0
+    other_rate: float = 20.0
+    clock_rate: float = 100.0
+    peers: dict[int, float] = field(default_factory=dict)
+    peer: str = ""
+
+
+SETTINGS = {
+    "fleet": Rates(
+        "Fleet: 180 beams at 10 Hz, odometry and tf at 50 Hz",
+        (1, 2, 5, 10, 20, 50),
+        peers={1: 0.080, 5: 0.341, 10: 0.720, 20: 1.57, 50: 4.32},
+        peer="Gazebo Classic 11.1 at its default step, publishing nothing",
+    ),
+    "original": Rates(
+        "The original's sensors: 720 beams at 40 Hz, odometry at 100 Hz", (10,), 720, 40.0, 100.0
+    ),
+    "stage": Rates(
+        "Stage's rates: everything at 10 Hz, 180 beams", (10, 50), 180, 10.0, 10.0, 10.0, 10.0,
+        peers={10: 0.050, 50: 0.246}, peer="Stage (2-D, no wheels, no contacts), every topic subscribed",
+    ),
+    "stage-640": Rates(
+        "Stage's rates with 640 beams", (50,), 640, 10.0, 10.0, 10.0, 10.0,
+        peers={50: 0.648}, peer="Stage (2-D, no wheels, no contacts), every topic subscribed",
+    ),
+}  # fmt: skip
+"""Peers' figures were measured on another day; ratios hold from day to day better than the figures do."""
