@@ -15,6 +15,8 @@ from pioneer_demo.core.kind import kind
         ("/usr/lib/rosout/rosout __name:=rosout", "masters"),
         ("python3 /ws/devel/lib/pioneer_gazebo/run-pioneer-nav-local robot_name:=pioneer1", "roslaunch"),
         ("python3 /ws/devel/lib/rocon_gateway/gateway __name:=gateway", "gateways"),
+        ("/usr/bin/bash /usr/bin/rosrun rocon_flip pull-from-hub", "start-up commands"),
+        ("python3 /ws/devel/lib/rocon_flip/flip-from-hub 2", "start-up commands"),
         ("sleep 5", "other"),
         ("", "other"),
     ],

@@ -17,7 +17,7 @@ from pioneer_demo.core.command import (
     commands,
 )
 from pioneer_demo.core.cost import Cost
-from pioneer_demo.core.kind import kind
+from pioneer_demo.core.kind import COMMAND, kind
 from pioneer_demo.core.launch_log import NodeDeath, node_deaths
 from pioneer_demo.core.option import DemoConfig
 from pioneer_harness.accounting import Account
@@ -40,7 +40,7 @@ class FleetProcesses:
         self._reservation = PortReservation()
         self.ports = _ports(self._reservation, config.robots)
         self.group = ProcessGroup()
-        self._account = Account(kind)
+        self._account = Account(kind, short=COMMAND)
         self._read: dict[Path, int] = {}
 
     def start(self) -> None:

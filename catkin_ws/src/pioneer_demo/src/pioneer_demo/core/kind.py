@@ -4,6 +4,8 @@ import os
 from collections.abc import Sequence
 
 OTHER = "other"
+COMMAND = "start-up commands"
+"""What runs for a moment only: flips, xacro, rosrun and what they call."""
 
 _BY_NAME = {
     "gazebo": "simulator",
@@ -23,6 +25,8 @@ _BY_NAME = {
     "map_goal_client": "waypoint clients, control",
     "pioneer_ros": "waypoint clients, control",
     "controller_spin_recover": "waypoint clients, control",
+    **dict.fromkeys(("advertise-from-hub", "pull-from-hub", "flip-from-hub", "flip-from-remote"), COMMAND),
+    **dict.fromkeys(("rosrun", "catkin_find", "rosversion", "xacro", "find", "uniq"), COMMAND),
 }
 
 
