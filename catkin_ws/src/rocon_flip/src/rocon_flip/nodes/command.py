@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 
 import rospy
 
-from rocon_flip.adapters.gateway import GatewayClient
 from rocon_flip.core import plan
 from rocon_flip.core.plan import Action, PlanError, Wish
+from rocon_flip.nodes.gateway_client import GatewayClient
 
 Wishes = Callable[[list[str]], list[Wish]]
 

@@ -11,9 +11,9 @@ from std_msgs.msg import String
 
 from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes import entry
-from rocon_flip.adapters.gateway import GatewayClient
 from rocon_flip.core import plan
 from rocon_flip.core.plan import Action, PlanError
+from rocon_flip.nodes.gateway_client import GatewayClient
 
 REPEAT = 0.2
 """A message that was not answered for so long [s] is sent again: the links may only be coming up."""

@@ -1,1 +1,0 @@
-"""The local gateway, as a client sees it."""
