@@ -1,6 +1,8 @@
 """The one way a node of this workspace starts and ends."""
 
 import logging
+import signal
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -22,7 +24,9 @@ def run(
             ``ParameterError`` always counts as one.
         wall_time: the node keeps to wall time even where ``/use_sim_time`` is set, and does not listen to ``/clock``.
     """
-    rospy.init_node(name, disable_rostime=wall_time)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _shut_down)
+    rospy.init_node(name, disable_rostime=wall_time, disable_signals=True)
     try:
         node = build()
         getattr(node, "spin", rospy.spin)()
@@ -37,6 +41,15 @@ def run(
         rospy.signal_shutdown("internal error")
         return 1
     return 0
+
+
+def _shut_down(number: int, _frame: object) -> None:
+    """Shuts down in a thread of its own.
+
+    rospy's own handler does it in the interrupted main thread, where it waits for ever for a lock that this thread
+    may hold. The thread is no daemon: the process ends when the node is unregistered.
+    """
+    threading.Thread(target=rospy.signal_shutdown, args=(f"signal-{number}",), name="shutdown").start()
 
 
 def parameters() -> dict[str, Any]:

@@ -77,8 +77,8 @@ class HubNode:
             self._start()
             self._watch()
         finally:
-            self._announcement.close()
             self._server.stop()
+            self._announcement.close()
 
     def _start(self) -> None:
         self._server.start()
