@@ -36,7 +36,7 @@ def test_a_world_file_goes_by_the_name_of_its_map():
         (["--robots", "7", "--world", "small_world"], "--robots must be 1 to 6 in small_world, not 7"),
         (["--robots", "two"], "--robots: invalid int value: 'two'"),
         (["--world", "mars"], "--world must be one of closed_maze, small_world, or a .world file"),
-        (["--world", "/tmp/mars.world"], "whose map was drawn by world_to_map, not '/tmp/mars.world'"),
+        (["--world", "/tmp/mars.world"], "whose map is in pioneer_gazebo/map, not '/tmp/mars.world'"),
         (["--rtf", "-1"], "--rtf must be 0"),
         (["--rtf", "nan"], "--rtf must be 0"),
         (["--waypoints", "0"], "--waypoints must be 1 to 50, not 0"),

@@ -62,7 +62,7 @@ def _check(config: DemoConfig, places: Mapping[str, int]) -> None:
     most = places.get(config.map_name)
     if most is None:
         raise OptionError(
-            f"--world must be one of {', '.join(places)}, or a .world file whose map was drawn by world_to_map, "
+            f"--world must be one of {', '.join(places)}, or a .world file whose map is in pioneer_gazebo/map, "
             f"not '{config.world}'"
         )
     if not 1 <= config.robots <= most:
