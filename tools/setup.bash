@@ -174,4 +174,6 @@ enter_workspace() {
   export PATH=$venv/bin:$PATH
   # What a user installed into ~/.local for another interpreter or version breaks this one.
   export PYTHONNOUSERSITE=1
+  # What a command says into a pipe or a log is to be read while it runs.
+  export PYTHONUNBUFFERED=1
 }

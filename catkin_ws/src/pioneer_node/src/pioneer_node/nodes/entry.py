@@ -1,7 +1,9 @@
 """The one way a node of this workspace starts and ends."""
 
+import io
 import logging
 import signal
+import sys
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -24,6 +26,9 @@ def run(
             ``ParameterError`` always counts as one.
         wall_time: the node keeps to wall time even where ``/use_sim_time`` is set, and does not listen to ``/clock``.
     """
+    # Into a pipe or a file, what a node says would otherwise stand in a buffer until it ends.
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _shut_down)
     rospy.init_node(name, disable_rostime=wall_time, disable_signals=True)
