@@ -151,6 +151,16 @@ def test_a_cancelled_import_can_come_back_at_once(sides):
         assert subscriber.text_of_message()
 
 
+def test_a_shutdown_unregisters_also_what_comes_after_an_import_that_was_never_shown(sides):
+    source, sink = sides
+    source.relay.apply({export()}, set())
+    sink.relay.apply(set(), {imported(source, topic="/never", node="/nobody")})  # asked for first, never exported
+    sink.relay.apply(set(), {imported(source, topic="/never", node="/nobody"), imported(source)})
+    wait_until(lambda: sink.publishers("/chatter"), "a registration", 5)
+    sink.relay.shutdown()
+    assert not sink.publishers("/chatter")
+
+
 def test_one_connection_asked_for_twice_is_an_error_and_changes_nothing(sides):
     source, sink = sides
     connect(source, sink)

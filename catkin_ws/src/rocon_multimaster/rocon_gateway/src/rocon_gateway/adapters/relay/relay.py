@@ -132,7 +132,8 @@ class TcpRelay:
         self._retiring.pop(key, None)
         if key in self._imports:
             self._imports[key].start()
-        if self._stopping and not self._retiring:
+        # An import that is not shown retires at once, while those after it still wait to be retired.
+        if self._stopping and not self._imports and not self._retiring:
             self._stop()
 
     def _accepted(self, sock: socket.socket, peer: str) -> None:
