@@ -78,8 +78,8 @@ merge_known = checked(_costmap.merge_known, "u1[2]", "u1[2]")
 changed_window = checked(_costmap.changed_window, "u1[2]", "u1[2]", "i8[1]")
 inflate = checked(_costmap.inflate, "u1[2]", "u1[1]")
 
-begin = checked(_navfn.begin, "f4[2]", "u1[2]", "u1[2]", "i4[1]", "i4[2]", "i8[1]", "f8[1]")
-spread = checked(_navfn.spread, "f4[2]", "u1[2]", "u1[2]", "i4[1]", "i4[2]", "i8[1]", "f8[1]")
+begin = checked(_navfn.begin, "f4[2]", "u1[2]", "u1[2]", "f4[1]", "i4[2]", "i8[1]", "f8[1]")
+spread = checked(_navfn.spread, "f4[2]", "u1[2]", "u1[2]", "f4[1]", "i4[2]", "i8[1]", "f8[1]")
 descend = checked(_navfn.descend, "f4[2]", "f8[2]")
 nearest_reached = checked(_navfn.nearest_reached, "f4[2]")
 

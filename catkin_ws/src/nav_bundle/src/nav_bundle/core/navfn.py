@@ -48,9 +48,9 @@ class NavfnConfig:
     keep_right: bool = True
 
 
-def weights(allow_unknown: bool) -> NDArray[np.int32]:
+def weights(allow_unknown: bool) -> NDArray[np.float32]:
     """Returns what crossing a cell adds, by its cost; negative where nothing may pass. Shape (256,)."""
-    table = np.minimum(NEUTRAL_COST + COST_FACTOR * np.arange(256), HIGHEST_COST).astype(np.int32)
+    table = np.floor(np.minimum(NEUTRAL_COST + COST_FACTOR * np.arange(256), HIGHEST_COST)).astype(np.float32)
     table[INSCRIBED:] = _BLOCKED
     table[UNKNOWN] = HIGHEST_COST if allow_unknown else _BLOCKED
     return table
@@ -102,7 +102,7 @@ class NavfnSearch:
         goal_cell: tuple[int, int],
         goal: Pose,
         tolerance: float,
-        weight: NDArray[np.int32],
+        weight: NDArray[np.float32],
         pull: float = 0.0,
     ) -> None:
         self._costs, self._geometry, self._weights = costs, geometry, weight

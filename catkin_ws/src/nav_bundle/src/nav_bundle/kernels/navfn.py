@@ -15,22 +15,24 @@ FAR = 1.0e10
 NOW, NEXT, LATER = 0, 1, 2
 LIMIT, STEP = 0, 1
 RUNNING, DONE, FULL = 0, 1, 2
+_DIAGONAL = np.sqrt(2.0) - 1.0
 
 SIGNATURES = {
-    "begin": "void(f4[:, ::1], u1[:, ::1], u1[:, ::1], i4[::1], i4[:, ::1], i8[::1], f8[::1], i8, i8)",
-    "spread": "i8(f4[:, ::1], u1[:, ::1], u1[:, ::1], i4[::1], i4[:, ::1], i8[::1], f8[::1], i8, i8, f8, i8)",
+    "begin": "void(f4[:, ::1], u1[:, ::1], u1[:, ::1], f4[::1], i4[:, ::1], i8[::1], f8[::1], i8, i8)",
+    "spread": "i8(f4[:, ::1], u1[:, ::1], u1[:, ::1], f4[::1], i4[:, ::1], i8[::1], f8[::1], i8, i8, f8, i8)",
     "descend": "i8(f4[:, ::1], f8[:, ::1], i8, i8, i8, i8)",
     "nearest_reached": "i8(f4[:, ::1], i8, i8, f8)",
 }
 
 
 @njit
-def _push(queue, counts, which, waiting, cell, cols):
-    """Appends the cell to a buffer unless it waits in one already."""
-    row = cell // cols
-    col = cell - row * cols
-    if waiting[row, col] == 0:
-        waiting[row, col] = 1
+def _offer(queue, counts, which, waiting, weights, costs, cell, potential, value):
+    """Appends the cell, whose potential is given, to a buffer if it may be crossed, can gain, and waits in none."""
+    if waiting[cell] != 0:
+        return
+    weight = weights[costs[cell]]
+    if weight >= 0.0 and potential > value + np.float32(0.7) * weight:
+        waiting[cell] = 1
         queue[which, counts[which]] = cell
         counts[which] += 1
 
@@ -38,41 +40,47 @@ def _push(queue, counts, which, waiting, cell, cols):
 def begin(potential, waiting, costs, weights, queue, counts, limits, row, col):
     """Clears the search and puts its source at ``row, col``.
 
-    ``weights[cost]`` is what a cell of that cost adds, negative where nothing may pass.
+    ``weights[cost]`` is what a cell of that cost adds, negative where nothing may pass. Cells at the edge of the grid
+    wait for ever, so that no other cell need look whether it has neighbours.
     """
+    rows, cols = potential.shape
     potential[:, :] = FAR
     waiting[:, :] = 0
+    waiting[0, :] = 1
+    waiting[rows - 1, :] = 1
+    waiting[:, 0] = 1
+    waiting[:, cols - 1] = 1
     counts[:] = 0
     potential[row, col] = 0.0
-    rows, cols = potential.shape
     limits[LIMIT] = limits[STEP]
-    for d_row, d_col in ((0, 1), (0, -1), (1, 0), (-1, 0)):
-        r = row + d_row
-        c = col + d_col
-        if 0 < r < rows - 1 and 0 < c < cols - 1 and weights[costs[r, c]] >= 0:
-            _push(queue, counts, NOW, waiting, r * cols + c, cols)
+    source = row * cols + col
+    for cell in (source + 1, source - 1, source + cols, source - cols):
+        if 0 <= cell < potential.size:
+            _offer(queue, counts, NOW, waiting.ravel(), weights, costs.ravel(), cell, FAR, 0.0)
 
 
 @njit
-def _wave(potential, row, col, weight):
-    """Returns the cell's potential from its neighbours': a plane wave where two axes carry, else a straight step."""
-    across = min(potential[row, col - 1], potential[row, col + 1])
-    along = min(potential[row - 1, col], potential[row + 1, col])
+def _wave(across, along, weight):
+    """Returns a cell's potential from its neighbours': a plane wave where two axes carry, else a straight step."""
     low = min(across, along)
     gap = abs(across - along)
     if gap >= weight:
         return low + weight
     d = gap / weight
-    return low + weight * (-0.2301 * d * d + 0.5307 * d + 0.7040)
+    return low + weight * (np.float32(-0.2301) * d * d + np.float32(0.5307) * d + np.float32(0.7040))
 
 
 def spread(potential, waiting, costs, weights, queue, counts, limits, goal_row, goal_col, pull, budget):
     """Lets the wave run for about ``budget`` cells; returns 0 running, 1 done, 2 buffers too small.
 
     Done means that the goal's potential is final or that nothing is left to visit. With ``pull``
-    above zero, cells towards the goal come first by ``pull`` a cell of distance (A*).
+    above zero, cells towards the goal come first by ``pull`` a cell of distance along eight directions (A*).
     """
-    rows, cols = potential.shape
+    cols = potential.shape[1]
+    per_col = 1.0 / cols
+    field = potential.ravel()
+    waits = waiting.ravel()
+    cost = costs.ravel()
     capacity = queue.shape[1]
     while budget > 0:
         if counts[NOW] == 0:
@@ -89,28 +97,26 @@ def spread(potential, waiting, costs, weights, queue, counts, limits, goal_row, 
             return FULL
         for i in range(count):
             cell = queue[NOW, i]
-            row = cell // cols
-            waiting[row, cell - row * cols] = 0
-        for i in range(count):
-            cell = queue[NOW, i]
-            row = cell // cols
-            col = cell - row * cols
-            value = _wave(potential, row, col, weights[costs[row, col]])
-            if value >= potential[row, col]:
+            waits[cell] = 0
+            right = field[cell + 1]
+            left = field[cell - 1]
+            above = field[cell + cols]
+            below = field[cell - cols]
+            value = _wave(min(left, right), min(above, below), weights[cost[cell]])
+            if value >= field[cell]:
                 continue
-            potential[row, col] = value
-            urgency = value
+            field[cell] = value
+            urgency = np.float64(value)
             if pull > 0.0:
-                urgency += pull * np.sqrt((row - goal_row) ** 2 + (col - goal_col) ** 2)
+                row = np.int64((cell + 0.5) * per_col)  # a division of integers costs more than the rest of this
+                rise = abs(row - goal_row)
+                run = abs(cell - row * cols - goal_col)
+                urgency += pull * (max(rise, run) + _DIAGONAL * min(rise, run))
             which = NEXT if urgency < limits[LIMIT] else LATER
-            for d_row, d_col in ((0, 1), (0, -1), (1, 0), (-1, 0)):
-                r = row + d_row
-                c = col + d_col
-                if r < 1 or r >= rows - 1 or c < 1 or c >= cols - 1:
-                    continue
-                weight = weights[costs[r, c]]
-                if weight >= 0 and potential[r, c] > value + 0.7 * weight:
-                    _push(queue, counts, which, waiting, r * cols + c, cols)
+            _offer(queue, counts, which, waits, weights, cost, cell + 1, right, value)
+            _offer(queue, counts, which, waits, weights, cost, cell - 1, left, value)
+            _offer(queue, counts, which, waits, weights, cost, cell + cols, above, value)
+            _offer(queue, counts, which, waits, weights, cost, cell - cols, below, value)
         budget -= count
         queue[NOW, : counts[NEXT]] = queue[NEXT, : counts[NEXT]]
         counts[NOW] = counts[NEXT]

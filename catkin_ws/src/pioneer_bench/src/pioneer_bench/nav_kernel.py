@@ -1,0 +1,201 @@
+"""Navigation without ROS: plans, costmaps, the local planners' cycle and amcl's update, CPU time a call."""
+
+import gc
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from nav_bundle.core.amcl_config import AmclConfig
+from nav_bundle.core.costmap.config import CostmapConfig, InflationConfig, ObstacleConfig, SourceConfig, StaticConfig
+from nav_bundle.core.costmap.costmap import Costmap
+from nav_bundle.core.costmap.layer import Observation
+from nav_bundle.core.dwa_config import DwaConfig
+from nav_bundle.core.dwa_planner import DwaPlanner
+from nav_bundle.core.global_planner import GlobalPlanner, GlobalPlannerConfig
+from nav_bundle.core.grid import Grid
+from nav_bundle.core.local_planner import LocalPlanner, Situation, Velocity
+from nav_bundle.core.localisation import Localisation
+from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
+from nav_bundle.core.planner import Path, path_between
+from nav_bundle.core.pose import Pose
+from nav_bundle.core.sensor import Scan
+from nav_bundle.core.trajectory_config import TrajectoryConfig
+from nav_bundle.core.trajectory_planner import TrajectoryPlanner
+from pioneer_bench.core.gateway import Row
+from pioneer_bench.core.room_map import RESOLUTION, room_cells
+
+_FOOTPRINT = ((0.20, 0.20), (0.20, -0.20), (-0.30, -0.20), (-0.30, 0.20))
+_LASER = SourceConfig(
+    "base_scan", marking=True, clearing=True, obstacle_range=2.0, raytrace_range=3.0, min_obstacle_height=-1.0
+)
+_WHOLE = CostmapConfig(
+    footprint=_FOOTPRINT,
+    layers=(
+        StaticConfig(),
+        ObstacleConfig(sources=(_LASER,)),
+        InflationConfig(inflation_radius=1.5, cost_scaling_factor=5.0),
+    ),
+)
+_WINDOW = CostmapConfig(
+    footprint=_FOOTPRINT,
+    rolling_window=True,
+    width=3.0,
+    height=3.0,
+    layers=(ObstacleConfig(sources=(_LASER,)), InflationConfig(inflation_radius=2.0, cost_scaling_factor=5.0)),
+)
+_NEAR_LENGTH = 0.15  # share by which a way may be longer or shorter than the peer's
+_BEAMS = 180
+
+
+def kernel_rows(repetitions: int = 5) -> list[Row]:
+    """Returns the rows of both map sizes and of the cycles; takes about half a minute."""
+    small = Costmap(_WHOLE)
+    small.set_map(_grid(400))
+    small.update(Pose(2.5, 2.5), ())
+    rows = [
+        *_plan_rows(small, {12.0: (2.9, 1.6), 27.0: (8.9, 1.9)}, repetitions, "C++"),
+        *_cycle_rows(small, repetitions),
+        *_amcl_rows(repetitions),
+        *_whole_map_rows(),
+    ]
+    large = Costmap(_WHOLE)
+    large.set_map(_grid(4000))
+    large.update(Pose(2.5, 2.5), ())
+    return [*rows, *_plan_rows(large, {30.0: (234.0, 172.0), 150.0: (889.0, 229.0)}, repetitions, "C++'s least")]
+
+
+def _grid(side: int) -> Grid:
+    return Grid(RESOLUTION, Pose(), room_cells(side))
+
+
+def _cpu_ms(work: Callable[[], object], repetitions: int) -> float:
+    """Returns the least CPU time of one call [ms]; what it made is let go within it, as a node does."""
+    gc.collect()
+    best = math.inf
+    for _ in range(repetitions):
+        begun = time.process_time()
+        work()
+        best = min(best, time.process_time() - begun)
+    return 1e3 * best
+
+
+def _length(path: Path) -> float:
+    return float(np.hypot(*np.diff(path[:, :2], axis=0).T).sum())
+
+
+def _ways(costmap: Costmap, length: float) -> Iterator[tuple[Pose, Pose]]:
+    """Yields five pairs of random places that a path of about ``length`` [m] joins."""
+    generator = np.random.default_rng(int(length))
+    planner = NavfnPlanner(NavfnConfig())
+    free = np.argwhere(costmap.cells < 100)
+    found = 0
+    while found < 5:
+        (row_0, col_0), (row_1, col_1) = free[generator.integers(len(free), size=2)]
+        ends = Pose(*_centre(row_0, col_0)), Pose(*_centre(row_1, col_1))
+        if not length / 1.6 < ends[0].distance(ends[1]) < length:
+            continue
+        if abs(_length(path_between(planner, costmap, *ends)) - length) <= _NEAR_LENGTH * length:
+            found += 1
+            yield ends
+
+
+def _centre(row: int, col: int) -> tuple[float, float]:
+    """Returns the centre (x, y) [m] of a cell."""
+    return (float(col) + 0.5) * RESOLUTION, (float(row) + 0.5) * RESOLUTION
+
+
+def _plan_rows(costmap: Costmap, goals: dict[float, tuple[float, float]], repetitions: int, peer: str) -> Iterator[Row]:
+    side = costmap.geometry.rows
+    planners = NavfnPlanner(NavfnConfig()), GlobalPlanner(GlobalPlannerConfig(use_dijkstra=False))
+    for length, of_length in goals.items():
+        ways = list(_ways(costmap, length))
+        for name, planner, goal in zip(("NavfnROS", "A*"), planners, of_length, strict=True):
+            samples = [_cpu_ms(lambda p=planner, w=way: path_between(p, costmap, *w), repetitions) for way in ways]
+            yield Row(f"plan {side}², {length:g} m, {name}", "CPU ms", tuple(samples), goal, remark=peer)
+
+
+def _whole_map_rows() -> Iterator[Row]:
+    grid = _grid(4000)
+
+    def begin() -> None:
+        costmap = Costmap(_WHOLE)
+        costmap.set_map(grid)
+        costmap.update(Pose(2.5, 2.5), ())
+
+    yield Row("costmap 4000², made and first update", "CPU ms", (_cpu_ms(begin, 2),), 500.0, remark="C++'s least")
+
+
+def _scan_at(pose: Pose) -> Observation:
+    """Returns what a laser at ``pose`` would see 2 m around it: a wavy wall."""
+    bearings = np.linspace(-math.pi, math.pi, _BEAMS, endpoint=False)
+    ranges = 1.9 + 0.2 * np.sin(7.0 * bearings)
+    points = np.stack([pose.x + ranges * np.cos(bearings), pose.y + ranges * np.sin(bearings)], axis=1)
+    return Observation(_LASER, pose.x, pose.y, np.ascontiguousarray(points))
+
+
+def _cycle_rows(whole: Costmap, repetitions: int) -> Iterator[Row]:
+    poses = [Pose(2.5 + 0.02 * step, 2.5, 0.3) for step in range(40)]
+    seen = [(pose, (_scan_at(pose),)) for pose in poses]
+    window = Costmap(_WINDOW)
+
+    def drive(costmap: Costmap) -> None:
+        for pose, scans in seen:
+            costmap.update(pose, scans)
+
+    for name, costmap, goal in (("local costmap 3 m", window, 0.50), ("global costmap 400²", whole, 3.4)):
+        each = _cpu_ms(lambda c=costmap: drive(c), repetitions) / len(poses)
+        yield Row(f"{name}, update by a scan of {_BEAMS}", "CPU ms", (each,), goal, remark="C++")
+    plan = np.zeros((60, 3))
+    plan[:, 0] = 2.5 + 0.05 * np.arange(60)
+    plan[:, 1] = 2.5 + 0.3 * np.sin(plan[:, 0])
+    trajectory = TrajectoryConfig(max_vel_x=1.0, meter_scoring=True, pdist_scale=0.8, gdist_scale=1.0)
+    dwa = DwaConfig(
+        max_vel_trans=1.0, max_vel_x=1.0, max_vel_y=0.0, min_vel_y=0.0, vx_samples=8,
+        path_distance_bias=32.0, goal_distance_bias=24.0,
+    )  # fmt: skip
+    planners: dict[str, LocalPlanner] = {
+        "TrajectoryPlannerROS": TrajectoryPlanner(trajectory, RESOLUTION),
+        "DWAPlannerROS": DwaPlanner(dwa, RESOLUTION),
+    }
+    window.update(Pose(2.5, 2.5), ())
+    situation = Situation(window, Pose(2.5, 2.5, 0.3), Velocity(0.5, 0.0, 0.1), Pose())
+    for name, planner in planners.items():
+        planner.set_plan(plan)
+        each = _cpu_ms(lambda p=planner: [p.decide(situation) for _ in range(20)], repetitions) / 20
+        goal = 7.4 if name == "TrajectoryPlannerROS" else None
+        yield Row(f"{name}, one cycle", "CPU ms", (each,), goal, remark="C++" if goal else "")
+
+
+def _amcl_rows(repetitions: int) -> Iterator[Row]:
+    grid = _grid(400)
+    bearings = np.linspace(-math.pi, math.pi, _BEAMS, endpoint=False)
+    ranges = (2.0 + 0.3 * np.cos(4.0 * bearings)).astype(np.float32)
+    scan = Scan(ranges, -math.pi, math.tau / _BEAMS, 0.1, 30.0, Pose())
+    base = AmclConfig(kld_err=0.05, laser_max_beams=60, resample_interval=1)
+    for particles, goal in ((500, 2.6), (2000, 11.7)):
+        config = replace(base, min_particles=particles, max_particles=particles)
+        localisation = Localisation(config, np.random.default_rng(1))
+        localisation.set_map(grid)
+        localisation.set_pose(Pose(2.5, 2.5), np.diag([0.01, 0.01, 0.01]))
+
+        def update(localisation: Localisation = localisation) -> None:
+            for step in range(20):
+                localisation.advance(Pose(0.01 * step, 0.0, 0.0), scan)
+
+        each = _cpu_ms(update, repetitions) / 20
+        yield Row(f"amcl update, {particles} particles, 60 beams", "CPU ms", (each,), goal, remark="C++")
+
+
+def main() -> int:
+    """Prints the rows."""
+    from pioneer_bench.core.gateway import table
+
+    print(table(kernel_rows()))
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
