@@ -171,6 +171,24 @@ class SimulatorTest(unittest.TestCase):
                 colours = {colour for _, colour in image.getcolors(image.size[0] * image.size[1])}
             assert (214, 69, 65) in colours, "no robot is drawn"
 
+    def test_an_actor_walks_where_it_is_spawned_and_cannot_be_placed(self) -> None:
+        person = (Path(__file__).parents[2] / "models" / "walking_person" / "model.sdf").read_text()
+        spawn_sdf = service("spawn_sdf_model", srv.SpawnModel)
+        answer = spawn_sdf("walker", person, "", Pose(Point(0.0, -3.5, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0)), "")
+        assert answer.success, answer.status_message
+        states = Listener("/gazebo/model_states", ModelStates)
+
+        def far(message: ModelStates) -> bool:
+            return message.pose[message.name.index("walker")].position.x > 0.5
+
+        walking = states.wait_for(far, "half a metre of way")
+        index = walking.name.index("walker")
+        assert abs(walking.pose[index].position.y + 3.5) < 1e-6
+        assert walking.twist[index].linear.x > 0.3
+        refused = service("set_model_state", srv.SetModelState)(ModelState("walker", Pose(), Twist(), "world"))
+        assert "follows its script" in refused.status_message
+        assert service("delete_model", srv.DeleteModel)("walker").success
+
     def test_bad_spawns_are_refused_in_one_line_and_the_simulator_goes_on(self) -> None:
         again = spawn("pioneer1", *START)
         assert again.returncode == 1

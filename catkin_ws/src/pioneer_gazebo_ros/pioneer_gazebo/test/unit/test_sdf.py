@@ -87,9 +87,9 @@ def test_model_that_is_not_found_is_named_once():
 
 def test_unsupported_elements_are_named_once_and_scenery_is_quiet():
     quiet = "<light type='directional' name='sun'/><scene><ambient>1 1 1 1</ambient></scene><gui/><audio/>"
-    loaded = world(quiet + "<actor name='a'/><actor name='b'/><road name='r'/>")
+    loaded = world(quiet + "<population name='a'/><population name='b'/><road name='r'/>")
     assert loaded.warnings == (
-        "<actor> in <world> is not supported and left out",
+        "<population> in <world> is not supported and left out",
         "<road> in <world> is not supported and left out",
     )
 

@@ -8,12 +8,13 @@ import yaml
 from scipy import ndimage
 
 from pioneer_gazebo.adapters.sdf import world_from_sdf
+from pioneer_gazebo.adapters.sdf_actor import PERSON_RADIUS
 from pioneer_gazebo.nodes.plan_to_world import world_text
 from pioneer_gazebo.nodes.world_to_map import map_of_world
 
 PACKAGE = Path(__file__).parents[2]
 POSES = PACKAGE.parent / "pioneer_description" / "config"
-NAMES = ["closed_maze", "utm_0", "small_world", "willow_office", "blank"]
+NAMES = ["closed_maze", "utm_0", "small_world", "small_world_people", "willow_office", "blank"]
 INSCRIBED_RADIUS, CIRCUMSCRIBED_RADIUS = 0.20, 0.37
 
 
@@ -33,7 +34,7 @@ def clearance(grey, resolution):
 @pytest.mark.parametrize("name", NAMES)
 def test_shipped_map_agrees_with_its_world(name):
     head, grey = read_map(name)
-    expected, extent = map_of_world(world_from_sdf(PACKAGE / "worlds" / f"{name}.world"))
+    expected, extent = map_of_world(world_from_sdf(PACKAGE / "worlds" / f"{name}.world", [PACKAGE / "models"]))
     assert np.array_equal(grey, expected)
     assert head["origin"] == pytest.approx([extent.x, extent.y, 0.0])
     assert head["resolution"] == extent.resolution
@@ -41,7 +42,7 @@ def test_shipped_map_agrees_with_its_world(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_shipped_world_is_read_without_a_warning(name):
-    world = world_from_sdf(PACKAGE / "worlds" / f"{name}.world")
+    world = world_from_sdf(PACKAGE / "worlds" / f"{name}.world", [PACKAGE / "models"])
     assert world.name == name
     assert world.warnings == ()
 
@@ -59,6 +60,7 @@ def test_shipped_world_is_what_its_plan_draws(plan):
         ("blank", "pioneer_poses.yaml", 15),
         ("willow_office", "pioneer_poses_willow_office.yaml", 15),
         ("small_world", "pioneer_poses_small_world.yaml", 6),
+        ("small_world_people", "pioneer_poses_small_world_people.yaml", 6),
     ],
 )
 def test_all_initial_poses_are_free_and_connected_for_a_robot(name, file, count):
@@ -100,3 +102,18 @@ def test_small_world_is_the_grid_of_the_original():
             x, y = -6.0 + col + 0.5, 5.0 - row - 0.5
             cell = grey[int((y - y0) / 0.05), int((x - x0) / 0.05)]
             assert cell == (0 if solid == "1" else 254), (row, col)
+
+
+def test_small_world_people_is_small_world_with_two_who_walk_in_free_space():
+    world = world_from_sdf(PACKAGE / "worlds" / "small_world_people.world", [PACKAGE / "models"])
+    empty = world_from_sdf(PACKAGE / "worlds" / "small_world.world")
+    people = [model for model in world.models if model.script is not None]
+    assert [model.name for model in people] == ["person_1", "person_2"]
+    assert tuple(model for model in world.models if model.script is None) == empty.models
+    head, grey = read_map("small_world_people")
+    room = clearance(grey, head["resolution"])
+    x0, y0, _ = head["origin"]
+    for person in people:
+        for time in np.linspace(0.0, 14.0, 141):
+            x, y, _ = person.script.pose(time).position
+            assert room[int((y - y0) / 0.05), int((x - x0) / 0.05)] > PERSON_RADIUS

@@ -15,7 +15,7 @@ from pioneer_gazebo.core.pose import Pose, Vector, rotated
 from pioneer_gazebo.core.world import PlacedCollision
 
 # Bits that Bullet does not give out by itself: 2 is its own for everything that stands, walls too.
-_GROUND, _ROLLING, _ALL = 64, 128, -1
+_STANDING, _GROUND, _ROLLING, _ALL = 2, 64, 128, -1
 _BOTH_WANT = 0
 """Two bodies meet where each one's mask holds the other's group; pybullet starts with one of the two sufficing."""
 
@@ -52,10 +52,13 @@ class BulletEngine:
         self._ground: list[int] = []
         self._obstacles: list[int] = []
         self._ground_set: frozenset[int] = frozenset()
+        self._fall: Vector = (0.0, 0.0, 0.0)
         self.configure(physics or Physics())
 
     def configure(self, physics: Physics) -> None:
         """See `Engine`."""
+        x, y, z = (part * physics.step for part in physics.gravity)
+        self._fall = x, y, z
         pybullet.setGravity(*physics.gravity, physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=physics.step,
@@ -114,9 +117,14 @@ class BulletEngine:
             raise EngineError(f"the physics engine refuses body {body.name}")
         self._bodies[handle] = body
         self._centres[handle] = [part.inertia.pose.inverse() for part in body.parts]
-        self._solid_links[handle] = [index - 1 for index, part in enumerate(body.parts) if not _rolls(part)]
+        solid = [] if body.led else [index - 1 for index, part in enumerate(body.parts) if not _rolls(part)]
+        self._solid_links[handle] = solid
         for index, part in enumerate(body.parts):
             self._finish(handle, index - 1, part)
+        if body.led:
+            pybullet.setCollisionFilterGroupMask(
+                handle, -1, 1, _ALL & ~(_STANDING | _GROUND), physicsClientId=self._client
+            )
         pybullet.resetBasePositionAndOrientation(handle, start.position, start.rotation, physicsClientId=self._client)
         return handle
 
@@ -193,6 +201,12 @@ class BulletEngine:
         x, y, z = rotated(rotation, self._centres[handle][0].position)
         linear = _sum(velocity.linear, _cross(velocity.angular, (-x, -y, -z)))
         pybullet.resetBaseVelocity(handle, linear, velocity.angular, physicsClientId=self._client)
+
+    def lead(self, handle: int, pose: Pose, velocity: Velocity) -> None:
+        """See `Engine`. What gravity will add during the step is taken off before."""
+        x, y, z = (v - fall for v, fall in zip(velocity.linear, self._fall, strict=True))
+        pybullet.resetBasePositionAndOrientation(handle, pose.position, pose.rotation, physicsClientId=self._client)
+        pybullet.resetBaseVelocity(handle, (x, y, z), velocity.angular, physicsClientId=self._client)
 
     def joints(self, handle: int, parts: Sequence[int]) -> list[tuple[float, float]]:
         """See `Engine`."""

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pioneer_gazebo.adapters.element import Element, Notes
 from pioneer_gazebo.adapters.resource import file_of_uri
+from pioneer_gazebo.adapters.sdf_actor import actor_from_sdf
 from pioneer_gazebo.adapters.sdf_frame import Frames
 from pioneer_gazebo.adapters.sdf_link import Scope, link_from_sdf, pose_in
 from pioneer_gazebo.core.error import DescriptionError
@@ -62,10 +63,9 @@ def world_from_sdf_text(
     world = root.child("world")
     if world is not None:
         return _world(world, scope)
-    model = root.child("model")
-    if model is None:
+    found = _lone_model(root, scope, 0)
+    if found is None:
         raise root.error("holds neither <world> nor <model>")
-    found = _model(model, scope, 0)
     return World(found.name, (found,), warnings=scope.notes.lines())
 
 
@@ -92,6 +92,8 @@ def _world(element: Element, scope: Scope) -> World:
         model = None
         if child.tag == "model":
             model = _model(child, scope, 0)
+        elif child.tag == "actor":
+            model = actor_from_sdf(child, scope)
         elif child.tag == "include":
             model = _include(child, scope, 0)
         elif child.tag not in WORLD_QUIET:
@@ -145,6 +147,14 @@ def _moved_by_state(model: Model, state: Element | None) -> Model:
     return dataclasses.replace(model, pose=pose, links=links)
 
 
+def _lone_model(root: Element, scope: Scope, depth: int) -> Model | None:
+    """Returns the model or actor that is all of a document; None where there is none."""
+    model, actor = root.child("model"), root.child("actor")
+    if model is not None:
+        return _model(model, scope, depth)
+    return None if actor is None else actor_from_sdf(actor, scope)
+
+
 def _model(element: Element, scope: Scope, depth: int) -> Model:
     name = element.attribute("name")
     frames = Frames(element)
@@ -189,6 +199,8 @@ def _include(element: Element, scope: Scope, depth: int) -> Model | None:
 
 def _overridden(model: Model, include: Element) -> Model:
     pose = include.child("pose")
+    if model.script is not None and pose is not None and pose.text:
+        return dataclasses.replace(model.moved(pose.pose()), name=include.word("name", model.name))
     return dataclasses.replace(
         model,
         name=include.word("name", model.name),
@@ -201,9 +213,9 @@ def _model_from_directory(path: Path, uri: Element, scope: Scope, depth: int) ->
     file = _model_file(path) if path.is_dir() else path
     inner = dataclasses.replace(scope, directory=file.parent)
     root = _sdf(_bytes(file), str(file), inner)
-    model = root.child("model")
+    model = _lone_model(root, inner, depth)
     if model is not None:
-        return _model(model, inner, depth)
+        return model
     if root.child("light") is not None:
         return None
     raise uri.error(f"{file} holds no <model>")

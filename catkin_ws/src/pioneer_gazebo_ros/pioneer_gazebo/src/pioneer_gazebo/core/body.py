@@ -22,6 +22,11 @@ LEAST_MASS = 1e-3
 WHEEL_CLEARANCE = 0.004
 """The drum that stands for a wheel against obstacles ends this much [m] above the ground."""
 
+LED_MASS = 1e5
+"""What a body that is led weighs [kg]: enough that nothing it meets slows it down."""
+
+LED_INERTIA = Inertia(LED_MASS, LED_MASS, LED_MASS)
+
 
 @dataclass(frozen=True, slots=True)
 class Touch:
@@ -64,10 +69,17 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """A tree of parts, base first and depth first: behind each part stands all that it carries."""
+    """A tree of parts, base first and depth first: behind each part stands all that it carries.
+
+    Attributes:
+        name: of the model.
+        parts: the tree.
+        led: pushes and is not pushed: it goes where it is led, through all that stands.
+    """
 
     name: str
     parts: tuple[Part, ...]
+    led: bool = False
 
     def part_of(self, link: str) -> tuple[int, Pose]:
         """Returns the index of the part that holds ``link`` and the link's pose in it.
@@ -96,10 +108,10 @@ class Body:
 def body_from_model(model: Model) -> Body:
     """Returns a dynamic model as one rigid body whose frame is the model's: its links are held together."""
     group = [(link, link.pose) for link in model.links]
-    mass, inertia = _lumped(group)
+    mass, inertia = (LED_MASS, LED_INERTIA) if model.script is not None else _lumped(group)
     touches = tuple(Touch(k.name, _moved(c, k.pose)) for k in model.links for c in k.collisions)
     frames = tuple((link.name, link.pose) for link in model.links)
-    return Body(model.name, (Part(model.name, -1, None, mass, inertia, touches, frames),))
+    return Body(model.name, (Part(model.name, -1, None, mass, inertia, touches, frames),), model.script is not None)
 
 
 def body_from_robot(robot: Robot) -> Body:

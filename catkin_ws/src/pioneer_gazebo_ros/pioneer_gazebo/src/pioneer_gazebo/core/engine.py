@@ -101,6 +101,9 @@ class Engine(Protocol):
     def set_velocity(self, handle: int, velocity: Velocity) -> None:
         """Sets the velocity of the base's frame."""
 
+    def lead(self, handle: int, pose: Pose, velocity: Velocity) -> None:
+        """Has a body that is led stand at ``pose`` and move with ``velocity`` during the next step."""
+
     def joints(self, handle: int, parts: Sequence[int]) -> list[tuple[float, float]]:
         """Returns position and speed of the joints that move ``parts`` [rad or m, and a second]."""
 

@@ -6,9 +6,11 @@ from dataclasses import dataclass, field
 from pioneer_gazebo.core.body import Body
 from pioneer_gazebo.core.collision import CollisionCounter
 from pioneer_gazebo.core.drive import Drive, Odometry
+from pioneer_gazebo.core.engine import STILL, Velocity
 from pioneer_gazebo.core.laser import Laser
-from pioneer_gazebo.core.pose import IDENTITY, Pose
+from pioneer_gazebo.core.pose import IDENTITY, Pose, between
 from pioneer_gazebo.core.robot import Robot
+from pioneer_gazebo.core.script import Script
 
 
 @dataclass(slots=True)
@@ -45,6 +47,9 @@ class Entity:
         after: pose after the last step.
         number: its row among all that moves.
         at_rest: whether the engine may let it sleep.
+        script: what moves it in place of physics; None for a body of its own.
+        began: tick at which its script began.
+        motion: velocity that the script gave it in the last step.
     """
 
     name: str
@@ -61,23 +66,13 @@ class Entity:
     collisions: CollisionCounter = field(default_factory=CollisionCounter)
     number: int = 0
     at_rest: bool = False
+    script: Script | None = None
+    began: int = 0
+    motion: Velocity = STILL
 
     def at(self, part: float) -> Pose:
         """Returns the pose of the base's frame at ``part`` (0 … 1) of the last step."""
         return self.after if part >= 1.0 else between(self.before, self.after, part)
-
-
-def between(a: Pose, b: Pose, part: float) -> Pose:
-    """Returns the pose at ``part`` of the short way from ``a`` to ``b``: straight, and turning nearly evenly."""
-    (ax, ay, az), (bx, by, bz) = a.position, b.position
-    ra, rb = a.rotation, b.rotation
-    sign = 1.0 if sum(p * q for p, q in zip(ra, rb, strict=True)) >= 0 else -1.0
-    x, y, z, w = (p + part * (sign * q - p) for p, q in zip(ra, rb, strict=True))
-    length = math.sqrt(x * x + y * y + z * z + w * w)
-    return Pose(
-        (ax + part * (bx - ax), ay + part * (by - ay), az + part * (bz - az)),
-        (x / length, y / length, z / length, w / length),
-    )
 
 
 def heading(pose: Pose) -> float:

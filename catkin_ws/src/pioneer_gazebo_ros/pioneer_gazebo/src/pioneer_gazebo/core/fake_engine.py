@@ -108,6 +108,10 @@ class FakeEngine:
         """See `Engine`."""
         self._bodies[handle].velocity = velocity
 
+    def lead(self, handle: int, pose: Pose, velocity: Velocity) -> None:
+        """See `Engine`."""
+        self._bodies[handle].pose, self._bodies[handle].velocity = pose, velocity
+
     def joints(self, handle: int, parts: Sequence[int]) -> list[tuple[float, float]]:
         """See `Engine`."""
         body = self._bodies[handle]

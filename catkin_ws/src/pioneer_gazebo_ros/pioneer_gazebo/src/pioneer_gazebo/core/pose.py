@@ -150,3 +150,16 @@ class Pose:
 
 IDENTITY = Pose()
 """The parent frame itself."""
+
+
+def between(a: Pose, b: Pose, part: float) -> Pose:
+    """Returns the pose at ``part`` of the short way from ``a`` to ``b``: straight, and turning nearly evenly."""
+    (ax, ay, az), (bx, by, bz) = a.position, b.position
+    ra, rb = a.rotation, b.rotation
+    sign = 1.0 if sum(p * q for p, q in zip(ra, rb, strict=True)) >= 0 else -1.0
+    x, y, z, w = (p + part * (sign * q - p) for p, q in zip(ra, rb, strict=True))
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    return Pose(
+        (ax + part * (bx - ax), ay + part * (by - ay), az + part * (bz - az)),
+        (x / length, y / length, z / length, w / length),
+    )

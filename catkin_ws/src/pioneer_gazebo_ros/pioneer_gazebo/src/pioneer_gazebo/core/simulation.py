@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pioneer_gazebo.core.actor import Actors
 from pioneer_gazebo.core.body import Body, body_from_model, body_from_robot, lowest_point
 from pioneer_gazebo.core.drive import Drive, Odometry
 from pioneer_gazebo.core.engine import STILL, Contact, Engine, Physics, Velocity
@@ -71,6 +72,7 @@ class Simulation:
         self._entities: dict[str, Entity] = {}
         self._by_handle: dict[int, Entity] = {}
         self._standing = Standing(engine, self._scene)
+        self._actors = Actors(engine)
         self._wrenches: list[Wrench] = []
         self._poses: tuple[int, NDArray[np.float64]] = (-1, np.empty((0, 3)))
         self._collided: list[Entity] = []
@@ -145,7 +147,13 @@ class Simulation:
             return
         if not model.links:
             raise ModelError(f"model {model.name} has no links")
-        self._add(model.name, namespace, body_from_model(model), model.pose, None)
+        body = body_from_model(model)
+        if model.script is None:
+            self._add(model.name, namespace, body, model.pose, None)
+            return
+        pose = model.script.pose(0.0)
+        entity = Entity(model.name, namespace, body, self._engine.add(body, pose), pose, before=pose, after=pose)
+        self._actors.add(self._keep(entity), model.script, self._stepped)
 
     def add_robot(self, name: str, namespace: str, robot: Robot, pose: Pose) -> Entity:
         """Adds a robot with its root link at ``pose``.
@@ -188,8 +196,11 @@ class Simulation:
             self._engine.remove(handle)
             x, y, _ = pose.position
             raise ModelError(f"model {name} at ({x:.2f}, {y:.2f}) would stand {deepest.depth:.2f} m inside {inside}")
-        entity = Entity(name, namespace, body, handle, pose, robot, before=pose, after=pose, number=len(self._entities))
-        self._entities[name] = self._by_handle[handle] = entity
+        return self._keep(Entity(name, namespace, body, handle, pose, robot, before=pose, after=pose))
+
+    def _keep(self, entity: Entity) -> Entity:
+        entity.number = len(self._entities)
+        self._entities[entity.name] = self._by_handle[entity.handle] = entity
         self._poses = (-1, self._poses[1])
         return entity
 
@@ -206,6 +217,7 @@ class Simulation:
         self._engine.remove(entity.handle)
         self._scene.forget(entity.body)
         del self._entities[name], self._by_handle[entity.handle]
+        self._actors.remove(entity)
         self._wrenches = [wrench for wrench in self._wrenches if wrench.entity is not entity]
         self._collided = [one for one in self._collided if one is not entity]
         for number, other in enumerate(self._entities.values()):
@@ -228,6 +240,7 @@ class Simulation:
                 self._engine.push(wrench.entity.handle, wrench.part, wrench.force, wrench.torque, wrench.point)
         for entity in self._entities.values():
             self._control(entity, step)
+        self._actors.lead(self._stepped + self._period, step)
         self._engine.step()
         self._stepped += self._period
         for entity in self._entities.values():
@@ -236,6 +249,7 @@ class Simulation:
                 driven.before = driven.drive.odometry
                 (left, _), (right, _) = self._engine.joints(entity.handle, driven.parts)
                 driven.drive.measure(left, right, step)
+        self._actors.follow(self._stepped)
         time = self._stepped / TICK_RATE
         for handle in sorted(self._engine.touching()):
             entity = self._by_handle[handle]
@@ -276,6 +290,8 @@ class Simulation:
 
     def velocity(self, entity: Entity, part: int = 0) -> Velocity:
         """Returns the velocity of a part's frame after the last step."""
+        if entity.script is not None:
+            return entity.motion
         return self._engine.velocity(entity.handle, part)
 
     def odometry(self, driven: Driven) -> Odometry:
@@ -326,12 +342,14 @@ class Simulation:
         """Moves a model at once; ``velocity`` None keeps the one it has.
 
         Raises:
-            ModelError: there is none of that name.
+            ModelError: there is none of that name, or it follows a script.
         """
         if name in self._standing.models:
             self._standing.place(name, pose)
             return
         entity = self.entity(name)
+        if entity.script is not None:
+            raise ModelError(f"model {name} follows its script and cannot be placed")
         self._engine.set_pose(entity.handle, pose)
         if velocity is not None:
             self._engine.set_velocity(entity.handle, velocity)
@@ -358,7 +376,9 @@ class Simulation:
         """Puts every model back to where it began, at rest, with odometry at the origin. Time goes on."""
         self._standing.reset()
         self._wrenches.clear()
-        for entity in self._entities.values():
+        self._actors.restart(self._stepped)
+        self._poses = (-1, self._poses[1])
+        for entity in (one for one in self._entities.values() if one.script is None):
             self.place(entity.name, entity.initial, STILL)
             for part, one in enumerate(entity.body.parts):
                 if one.joint is not None:
@@ -370,8 +390,8 @@ class Simulation:
 
     def reset(self) -> None:
         """Does `reset_poses` and puts time, noise and collision counts back to the beginning."""
-        self.reset_poses()
         self.tick = self._stepped = 0
+        self.reset_poses()
         self._part = 1.0
         self._collided.clear()
         for entity in self._entities.values():

@@ -1,9 +1,10 @@
 """What a world is made of, free of any file format and any engine. Lengths [m], masses [kg], SI throughout."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
+from pioneer_gazebo.core.script import Script
 
 Colour = tuple[float, float, float, float]
 
@@ -118,12 +119,18 @@ class Link:
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """A named group of links; its pose is in the world. A static model never moves."""
+    """A named group of links; its pose is in the world. A static model never moves; one with a script moves by that."""
 
     name: str
     pose: Pose = IDENTITY
     static: bool = False
     links: tuple[Link, ...] = ()
+    script: Script | None = None
+
+    def moved(self, base: Pose) -> "Model":
+        """Returns the model with its pose and script, given in ``base``'s frame, in the frame of ``base``'s parent."""
+        script = None if self.script is None else self.script.moved(base)
+        return replace(self, pose=base.compose(self.pose), script=script)
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,7 +74,7 @@ class Services:
             if len(models) != 1:
                 raise ModelError(f"{name}: the SDF has to hold one model, not {len(models)}")
             pose = self._node.mailbox.call(lambda: self._initial_pose(request))
-            model = replace(models[0], name=name, pose=pose.compose(models[0].pose))
+            model = replace(models[0].moved(pose), name=name)
             self._node.mailbox.call(lambda: self._simulation.add_model(model, namespace))
         except (SimulatorError, ValueError) as error:
             return refusal("spawn_sdf_model", srv.SpawnModel, str(error))

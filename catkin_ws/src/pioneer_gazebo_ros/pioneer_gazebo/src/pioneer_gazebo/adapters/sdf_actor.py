@@ -1,0 +1,103 @@
+"""SDF actors: scripted models. Skins and animations are looks, and are passed over."""
+
+import itertools
+
+from pioneer_gazebo.adapters.element import Element
+from pioneer_gazebo.adapters.sdf_link import Scope, link_from_sdf, pose_in
+from pioneer_gazebo.core.pose import Pose
+from pioneer_gazebo.core.script import Script, Trajectory, Waypoint
+from pioneer_gazebo.core.world import Collision, Cylinder, Link, Model, Visual
+
+QUIET = {"pose", "static", "skin", "animation", "script", "link", "joint", "frame", "self_collide", "enable_wind"}
+SCRIPT_QUIET = {"loop", "delay_start", "auto_start", "trajectory"}
+
+PERSON_RADIUS, PERSON_HEIGHT = 0.25, 1.8
+"""The upright cylinder that stands for an actor without collisions of its own [m]."""
+
+HIPS = (0.5, 1.5)
+"""Waypoints at such heights [m] are those of a skin whose origin is at its hips: the feet stand at height 0."""
+
+
+def actor_from_sdf(element: Element, scope: Scope) -> Model:
+    """Returns the scripted model of an ``<actor>``.
+
+    An actor whose links have collisions moves with those and takes all of its waypoints' rotations; any other is a
+    person, who stays upright.
+
+    Raises:
+        DescriptionError: a script without waypoints or with times that do not rise.
+    """
+    for child in element.children():
+        if child.tag not in QUIET:
+            scope.notes.add(f"<{child.tag}> in <actor> is not supported and left out")
+    name, pose = element.attribute("name"), pose_in(element)
+    links = tuple(link_from_sdf(child, pose_in(child), scope) for child in element.children("link"))
+    script = _script(element, scope)
+    if any(link.collisions for link in links):
+        return Model(name, pose, links=links, script=script)
+    upright = _upright(script)
+    return Model(name, upright.pose(0.0), links=(_person(element, upright),), script=upright)
+
+
+def _script(actor: Element, scope: Scope) -> Script:
+    element = actor.child("script")
+    if element is None:
+        return Script((), pose_in(actor))
+    for child in element.children():
+        if child.tag not in SCRIPT_QUIET:
+            scope.notes.add(f"<{child.tag}> in <script> is not supported and left out")
+    trajectories = tuple(_trajectory(child) for child in element.children("trajectory"))
+    home = pose_in(actor)
+    if actor.child("pose") is None and trajectories:
+        home = trajectories[0].waypoints[0].pose
+    delay = element.number("delay_start", 0.0)
+    if delay < 0:
+        raise element.needed("delay_start").error(f"must not be below 0, not {delay:g}")
+    return Script(trajectories, home, element.flag("loop", True), delay, element.flag("auto_start", True))
+
+
+def _trajectory(element: Element) -> Trajectory:
+    waypoints = tuple(_waypoint(child) for child in element.children("waypoint"))
+    waypoints = tuple(sorted(waypoints, key=lambda point: point.time))
+    if not waypoints:
+        raise element.error("has no <waypoint>: only trajectories through waypoints are supported")
+    for before, after in itertools.pairwise(waypoints):
+        if before.time == after.time:
+            raise element.error(f"two waypoints have the time {after.time:g}")
+    [tension] = element.numbers(1, element.attribute("tension", "0"), "tension")
+    if not 0 <= tension <= 1:
+        raise element.error(f"tension must be 0 to 1, not {tension:g}")
+    return Trajectory(waypoints, tension)
+
+
+def _waypoint(element: Element) -> Waypoint:
+    time = element.number("time")
+    if time < 0:
+        raise element.needed("time").error(f"must not be below 0, not {time:g}")
+    return Waypoint(time, element.needed("pose").pose())
+
+
+def _upright(script: Script) -> Script:
+    trajectories = tuple(
+        Trajectory(tuple(Waypoint(point.time, _level(point.pose)) for point in one.waypoints), one.tension)
+        for one in script.trajectories
+    )
+    return Script(trajectories, _level(script.home), script.loop, script.delay_start, script.auto_start)
+
+
+def _level(pose: Pose) -> Pose:
+    return Pose.from_rpy(*pose.position, yaw=pose.yaw)
+
+
+def _person(actor: Element, script: Script) -> Link:
+    skin = actor.child("skin")
+    scale = 1.0 if skin is None else skin.positive("scale", 1.0)
+    shape = Cylinder(PERSON_RADIUS * scale, PERSON_HEIGHT * scale)
+    height = script.pose(0.0).position[2]
+    feet = -height if HIPS[0] <= height <= HIPS[1] else 0.0
+    pose = Pose((0.0, 0.0, feet + shape.length / 2))
+    return Link(
+        "link",
+        collisions=(Collision("person", pose, shape, friction=0.0),),
+        visuals=(Visual("person", pose, shape, (0.2, 0.4, 0.7, 1.0)),),
+    )

@@ -1,0 +1,112 @@
+"""Where a scripted model is at a time: SDF's ``<actor><script>``, as Gazebo plays it.
+
+Positions run along a cardinal spline through the waypoints, rotations turn the short way between them.
+"""
+
+import math
+from bisect import bisect_right
+from dataclasses import dataclass, replace
+
+from pioneer_gazebo.core.pose import Pose, Vector, between
+
+
+@dataclass(frozen=True, slots=True)
+class Waypoint:
+    """Where the model is [world frame] at ``time`` [s] after its trajectory's start."""
+
+    time: float
+    pose: Pose
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """A way through waypoints; it stands at the first until that one's time.
+
+    Attributes:
+        waypoints: one or more, times rising from 0 or above.
+        tension: 0 (Catmull-Rom, which may swing past a corner) … 1 (straight lines, slowing down at each waypoint).
+    """
+
+    waypoints: tuple[Waypoint, ...]
+    tension: float = 0.0
+
+    @property
+    def duration(self) -> float:
+        """The last waypoint's time [s]."""
+        return self.waypoints[-1].time
+
+    def pose(self, time: float) -> Pose:
+        """Returns where it leads at ``time`` [s] after its start."""
+        points = self.waypoints
+        after = bisect_right(points, time, key=lambda point: point.time)
+        if after == 0:
+            return points[0].pose
+        if after == len(points):
+            return points[-1].pose
+        a, b = points[after - 1], points[after]
+        part = (time - a.time) / (b.time - a.time)
+        rotation = between(a.pose, b.pose, part).rotation
+        return Pose(self._position(after - 1, part), rotation)
+
+    def _position(self, index: int, part: float) -> Vector:
+        """Returns the Hermite curve's point at ``part`` (0 … 1) behind waypoint ``index``."""
+        p, q = self.waypoints[index].pose.position, self.waypoints[index + 1].pose.position
+        u, v = self._tangent(index), self._tangent(index + 1)
+        s, c = part * part, part * part * part
+        a, b, d, e = 2 * c - 3 * s + 1, 3 * s - 2 * c, c - 2 * s + part, c - s
+        x, y, z = (a * p[i] + b * q[i] + d * u[i] + e * v[i] for i in range(3))
+        return x, y, z
+
+    def _tangent(self, index: int) -> Vector:
+        """Returns the curve's direction at a waypoint; one whose ends meet is closed there."""
+        points = [point.pose.position for point in self.waypoints]
+        last = len(points) - 1
+        before, after = points[max(index - 1, 0)], points[min(index + 1, last)]
+        if index in (0, last) and math.dist(points[0], points[last]) < 1e-6:
+            before, after = points[last - 1], points[1]
+        half = (1.0 - self.tension) / 2
+        return half * (after[0] - before[0]), half * (after[1] - before[1]), half * (after[2] - before[2])
+
+
+@dataclass(frozen=True, slots=True)
+class Script:
+    """A model's whole motion, one trajectory after the other.
+
+    Attributes:
+        trajectories: in the order they are played.
+        home: where it stands before the first begins, and always without ``auto_start``.
+        loop: whether it begins again at the end.
+        delay_start: waits so long [s] before each round.
+        auto_start: whether it begins by itself; nothing else starts it here.
+    """
+
+    trajectories: tuple[Trajectory, ...]
+    home: Pose
+    loop: bool = True
+    delay_start: float = 0.0
+    auto_start: bool = True
+
+    def moved(self, base: Pose) -> "Script":
+        """Returns the script with all of it, given in ``base``'s frame, in the frame that ``base`` is given in."""
+        trajectories = tuple(
+            replace(one, waypoints=tuple(replace(point, pose=base.compose(point.pose)) for point in one.waypoints))
+            for one in self.trajectories
+        )
+        return replace(self, trajectories=trajectories, home=base.compose(self.home))
+
+    def pose(self, time: float) -> Pose:
+        """Returns where the model is at ``time`` [s] after the script's beginning."""
+        length = sum(trajectory.duration for trajectory in self.trajectories)
+        if not self.auto_start or not self.trajectories:
+            return self.home
+        rounds, elapsed = 0.0, time
+        if self.loop and self.delay_start + length > 0:
+            rounds, elapsed = divmod(time, self.delay_start + length)
+        elapsed -= self.delay_start
+        if elapsed < 0:
+            return self.trajectories[-1].pose(math.inf) if rounds else self.home
+        for trajectory in self.trajectories:
+            if elapsed < trajectory.duration:
+                return trajectory.pose(elapsed)
+            elapsed -= trajectory.duration
+        return self.trajectories[-1].pose(math.inf)
