@@ -48,7 +48,7 @@ def main() -> None:
     demand = Demand()
     rospy.core.add_preshutdown_hook(lambda _reason: demand.is_there.set())
     head, body = struct.pack("<III", 0, 0, int(size)), bytes(int(size) - STAMP.size)
-    publisher = rospy.Publisher(topic, Raw, demand, tcp_nodelay=True, queue_size=int(queue))
+    publisher = rospy.Publisher(topic, Raw, demand, tcp_nodelay=True, queue_size=int(queue) or None)
     print(time.monotonic(), flush=True)
     period, due = 1 / float(rate) if float(rate) else 0.0, 0.0
     message = Raw()

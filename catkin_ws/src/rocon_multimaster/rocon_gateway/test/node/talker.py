@@ -1,7 +1,11 @@
-"""Publishes numbered texts on /chatter, long ones on /big, and its arguments once, latched, on /latched."""
+"""Publishes numbered texts on /chatter, long ones on /big, and its arguments once, latched, on /latched.
+
+On /flood it publishes as fast as its only subscriber takes it, without a queue.
+"""
 
 import hashlib
 import sys
+import threading
 
 import rospy
 from std_msgs.msg import String
@@ -10,13 +14,43 @@ MIXED_SIZES = (1_500_000, 1_000_000, 100, 2_000_000, 70_000, 900_000, 8)
 """What follows one another on /mixed [bytes]."""
 
 
+FLOOD_SIZE = 1_000_000
+"""Of each message on /flood [bytes]."""
+
+
 def text(number: int, size: int) -> str:
     """A text of that size that nobody could make up."""
     return f"{number:08d}" + (hashlib.sha256(str(number).encode()).hexdigest() * (size // 64 + 1))[: size - 8]
 
 
+class Flood(rospy.SubscribeListener):
+    """Publishes while it has a subscriber."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._is_wanted = threading.Event()
+        self._publisher = rospy.Publisher("/flood", String, self, queue_size=None)
+        rospy.core.add_preshutdown_hook(lambda _reason: self._is_wanted.set())
+        threading.Thread(target=self._run, daemon=True).start()
+
+    def peer_subscribe(self, _topic, _publish, _peer_publish) -> None:
+        self._is_wanted.set()
+
+    def peer_unsubscribe(self, _topic, number_of_peers) -> None:
+        if not number_of_peers:
+            self._is_wanted.clear()
+
+    def _run(self) -> None:
+        number, rest = 0, "x" * (FLOOD_SIZE - 8)
+        while not rospy.is_shutdown():
+            self._is_wanted.wait()
+            self._publisher.publish(f"{number:08d}{rest}")
+            number += 1
+
+
 def main() -> None:
     rospy.init_node("talker")
+    Flood()
     chatter = rospy.Publisher("/chatter", String, queue_size=100)
     big = rospy.Publisher("/big", String, queue_size=5)
     mixed = rospy.Publisher("/mixed", String, queue_size=5)

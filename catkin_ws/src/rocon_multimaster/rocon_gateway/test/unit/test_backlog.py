@@ -20,6 +20,7 @@ class FakeReceiver:
         self.has_left = False
         self.has_joined = False
         self.unseen = 0
+        self.relieved = lambda: None
         self._appetite = iter(appetite)
 
     def take(self, data):
@@ -36,8 +37,14 @@ class FakeReceiver:
         self.flush()
 
     def flush(self):
+        was_full = self.backlog.is_full
         data = b"".join(self.backlog.batch())
         self.backlog.advance(self.take(data))
+        if was_full and not self.backlog.is_full:
+            self.relieved()
+
+    def acknowledged(self):
+        return len(self.received)
 
     def drain(self):
         while buffers := self.backlog.batch():
@@ -195,6 +202,40 @@ def test_who_leaves_within_a_message_gets_its_end_and_nothing_more():
     assert receiver.has_left
     receiver.drain()
     assert messages_in(receiver.received) == [b"x" * 20]
+
+
+def test_the_quickest_receiver_decides_whether_more_may_come():
+    fanout, quick, slow = Fanout(1000), FakeReceiver([10**6] * 9), FakeReceiver([])
+    relieved = []
+    assert not fanout.is_full, "without receivers all is read, and forgotten"
+    fanout.join(slow)
+    feed(fanout, frame(b"one"), [7])
+    assert fanout.is_full
+    fanout.relieved = lambda: relieved.append(True)
+    fanout.join(quick)
+    assert relieved, "a newcomer takes more"
+    feed(fanout, frame(b"two"), [7])
+    assert not fanout.is_full
+    fanout.remove(quick)
+    assert fanout.is_full
+    relieved.clear()
+    slow._appetite = iter([3, 100, 100])
+    for _ in range(2):
+        slow.flush()
+        assert not relieved
+    slow.flush()
+    assert relieved
+    assert fanout.acknowledged() == len(slow.received) == 14
+
+
+def test_who_leaves_within_a_message_is_not_kept_waiting_for_its_end():
+    fanout, leaving, behind = Fanout(1000), FakeReceiver([7]), FakeReceiver([])
+    fanout.join(leaving)
+    fanout.join(behind)
+    feed(fanout, frame(b"x" * 20)[:12], [12])
+    assert fanout.is_full
+    fanout.leave(leaving)
+    assert not fanout.is_full
 
 
 def test_one_copy_of_a_chunk_serves_all_who_wait():

@@ -52,6 +52,11 @@ class Backlog:
         return not self._sending and not self._waiting
 
     @property
+    def is_full(self) -> bool:
+        """Whether its receiver is behind, so that it is better to wait than to bring more."""
+        return bool(self._sending or self._waiting)
+
+    @property
     def is_direct(self) -> bool:
         """Whether whatever arrives now may be sent at once, all of it."""
         return self._rest is not _Rest.SKIP and self.is_empty

@@ -1,5 +1,6 @@
 """One stream of frames in, any number of receivers out, and what a latched topic owes to newcomers."""
 
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from rocon_gateway.core.backlog import Backlog
@@ -7,9 +8,15 @@ from rocon_gateway.core.frame import Chunk, FrameSplitter
 
 
 class Outlet(Protocol):
-    """A receiver of frames."""
+    """A receiver of frames.
+
+    Attributes:
+        backlog: what waits for it.
+        relieved: to be called when it takes more again after it was full; `Fanout.join` sets it.
+    """
 
     backlog: Backlog
+    relieved: Callable[[], None]
 
     def push(self, chunk: Chunk) -> None:
         """Sends or queues a chunk."""
@@ -25,6 +32,9 @@ class Outlet(Protocol):
 
     def passed(self, count: int, ended: bool) -> None:
         """Bytes of the frame that is arriving, and maybe its end, went in at `fileno`."""
+
+    def acknowledged(self) -> int:
+        """Returns how many bytes its peer has taken so far: what tells a slow one from one that stands still."""
 
     def close(self, reason: str) -> None:
         """Ends the connection."""
@@ -49,12 +59,14 @@ class Fanout:
         messages: whole messages that came in.
         bytes: their bytes, lengths included.
         latching: whether the source's last message is kept for newcomers.
+        relieved: is called when somebody takes more again after `is_full`.
     """
 
     def __init__(self, max_message_size: int) -> None:
         self.messages = 0
         self.bytes = 0
         self.latching = False
+        self.relieved: Callable[[], None] = _nobody_waits
         self._max_message_size = max_message_size
         self._splitter = FrameSplitter(max_message_size)
         self._outlets: list[Outlet] = []
@@ -64,6 +76,18 @@ class Fanout:
 
     def __len__(self) -> int:
         return len(self._outlets) + len(self._leaving)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether there are receivers and all of them are behind: the quickest decides."""
+        for outlet in self._outlets:
+            if not outlet.backlog.is_full:
+                return False
+        return bool(self._outlets) and not self._leaving
+
+    def acknowledged(self) -> int:
+        """Returns how many bytes all receivers together have taken."""
+        return sum(outlet.acknowledged() for outlet in self._outlets)
 
     def feed(self, data: memoryview) -> int:
         """Passes on what arrived and returns how many bytes of it are done with.
@@ -108,20 +132,26 @@ class Fanout:
         partial = memoryview(b"".join(self._partial)) if self._partial else None
         outlet.backlog.begin(partial, self._splitter.remaining > 0)
         self._outlets.append(outlet)
+        outlet.relieved = self._relieve
         outlet.flush()
+        self._relieve()
 
     def remove(self, outlet: Outlet) -> None:
         """Removes a receiver whose connection has ended; one that is not there is no error."""
         for outlets in (self._outlets, self._leaving):
             if outlet in outlets:
                 outlets.remove(outlet)
+        self._relieve()
 
     def leave(self, outlet: Outlet) -> None:
         """Removes a receiver whose connection goes on; its `left` is called at the end of the frame under way to it."""
         if outlet in self._outlets:
             self._outlets.remove(outlet)
-            if not outlet.backlog.abandon():
+            gone = outlet.backlog.abandon()
+            if not gone:
                 self._leaving.append(outlet)
+            self._relieve()
+            if not gone:
                 return
         outlet.left()
 
@@ -138,6 +168,10 @@ class Fanout:
         for outlet in (*self._outlets, *self._leaving):
             if not outlet.backlog.abandon():
                 outlet.close("its source ended within a message")
+
+    def _relieve(self) -> None:
+        if not self.is_full:
+            self.relieved()
 
     def _finish_leaving(self, chunk: Chunk) -> None:
         last = Chunk(chunk.data[: chunk.head], chunk.head, chunk.head_ends, chunk.head, int(chunk.head_ends))
@@ -159,3 +193,7 @@ class Fanout:
             self._last = chunk.stable[start:stop]
         if chunk.tail < len(chunk.data):
             self._partial.append(chunk.stable[chunk.tail :])
+
+
+def _nobody_waits() -> None:
+    """Stands where nobody waits for relief."""

@@ -4,8 +4,10 @@ import errno
 import os
 import select
 import socket
+import struct
 from collections.abc import Callable
 
+from rocon_gateway.adapters.relay.brake import Brake
 from rocon_gateway.adapters.relay.reactor import Reactor
 from rocon_gateway.core.backlog import Backlog
 from rocon_gateway.core.connection import RelayError
@@ -14,6 +16,7 @@ from rocon_gateway.core.frame import LENGTH_SIZE, Chunk
 
 _IN, _OUT = select.EPOLLIN, select.EPOLLOUT
 _EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+_ACKED = struct.Struct("=120xQ")  # the beginning of Linux's tcp_info, up to tcpi_bytes_acked
 _FAILED = select.EPOLLERR | select.EPOLLHUP
 
 Parse = Callable[[memoryview], int]
@@ -29,7 +32,9 @@ class Stream:
         backlog: what waits to be sent.
         peer: the other end, for log lines.
         parse: gets what has arrived, again and again while it takes something and there is more.
-        fanout: what `parse` gives frames to, once it does; those that it need not see go round `parse`.
+        fanout: what `parse` gives frames to, once it does; those that it need not see go round `parse`. Nothing is
+            read while it is full: so pressure passes from the slowest part of the way to its beginning.
+        relieved: see `core.fanout.Outlet`.
         is_closed: whether `close` was called.
     """
 
@@ -38,6 +43,7 @@ class Stream:
         self.peer = peer
         self.parse: Parse = len
         self.fanout: Fanout | None = None
+        self.relieved: Callable[[], None] = _nobody_waits
         self.is_closed = False
         self._reactor = reactor
         self._socket = sock
@@ -45,6 +51,7 @@ class Stream:
         self._connecting = False
         self._finishing = False
         self._events = _IN
+        self._brake: Brake | None = None
         sock.setblocking(False)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         reactor.add(sock.fileno(), self, _IN)
@@ -79,6 +86,8 @@ class Stream:
             self.flush()
         if events & (_IN | _FAILED) and not self.is_closed:
             self._receive()
+            if self.fanout is not None and self.fanout.is_full:
+                self._hold_back(self.fanout)
 
     def push(self, chunk: Chunk) -> None:
         """See `core.fanout.Outlet`."""
@@ -101,6 +110,11 @@ class Stream:
     def fileno(self) -> int:
         """See `core.fanout.Outlet`."""
         return self._socket.fileno()
+
+    def acknowledged(self) -> int:
+        """See `core.fanout.Outlet`."""
+        information = self._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _ACKED.size)
+        return int(_ACKED.unpack(information)[0]) if len(information) == _ACKED.size else 0
 
     def passed(self, count: int, ended: bool) -> None:
         """See `core.fanout.Outlet`."""
@@ -139,6 +153,8 @@ class Stream:
         if self.is_closed:
             return
         self.is_closed = True
+        if self._brake is not None:
+            self._brake.cancel()
         self._reactor.remove(self._socket.fileno())
         self._socket.close()
         self.closed(reason)
@@ -154,7 +170,7 @@ class Stream:
             self.close(os.strerror(error))
             return
         self._connecting = False
-        self._watch(_IN)
+        self._watch_output()
         self.connected()
         self.flush()
 
@@ -221,14 +237,34 @@ class Stream:
         else:
             self._kept = bytes(data)
 
+    def _hold_back(self, fanout: Fanout) -> None:
+        if self.is_closed:
+            return
+        if self._brake is None:
+            self._brake = Brake(self._reactor, fanout, self._watch_output)
+        self._brake.apply()
+        self._watch_output()
+
     def _watch_output(self) -> None:
-        if not self.is_closed:
-            self._watch(_IN if self.backlog.is_empty else _IN | _OUT)
+        if self.is_closed:
+            return
+        reading = 0 if self._brake is not None and self._brake.is_on else _IN
+        if self.backlog.is_empty:
+            was_behind = self._events & _OUT
+            self._watch(reading)
+            if was_behind:
+                self.relieved()
+        else:
+            self._watch(reading | _OUT)
 
     def _watch(self, events: int) -> None:
         if events != self._events:
             self._events = events
             self._reactor.change(self._socket.fileno(), events)
+
+
+def _nobody_waits() -> None:
+    """Stands where nobody waits for relief."""
 
 
 def dialled_socket() -> socket.socket:
