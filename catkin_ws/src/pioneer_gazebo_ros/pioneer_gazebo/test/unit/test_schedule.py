@@ -57,3 +57,16 @@ def test_a_task_may_remove_itself_while_it_runs() -> None:
 def test_a_second_of_ticks_is_a_second() -> None:
     assert nanoseconds(TICK_RATE) == 1_000_000_000
     assert nanoseconds(6) == 10_000_000
+
+
+def test_nothing_wakes_up_for_what_nobody_wants() -> None:
+    schedule, ran, wanted = Schedule(), [], [False]
+    schedule.add("laser", 10.0, ran.append)
+    schedule.add("odometry", 50.0, ran.append, lambda: wanted[0])
+    assert schedule.next_after(0) == 60
+    wanted[0] = True
+    assert schedule.next_after(0) == 60, "tasks are asked at a review only"
+    schedule.review()
+    assert schedule.next_after(0) == 12
+    schedule.run(12)
+    assert ran == [12]

@@ -6,13 +6,15 @@ from collections.abc import Callable
 import pytest
 
 from pioneer_gazebo.core.body import body_from_robot, lowest_point
+from pioneer_gazebo.core.drive import CommandError
 from pioneer_gazebo.core.engine import Engine, EngineError, Physics
 from pioneer_gazebo.core.fake_engine import FakeEngine
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.schedule import TICK_RATE, RateError
-from pioneer_gazebo.core.simulation import ModelError, Simulation, Wrench
+from pioneer_gazebo.core.simulation import ModelError, Simulation
 from pioneer_gazebo.core.world import Cylinder, Model, Sphere, World
+from pioneer_gazebo.core.wrench import Wrench
 
 
 def no_mesh(mesh: object) -> None:
@@ -139,3 +141,36 @@ def test_a_static_model_is_not_an_entity_and_the_error_says_so(
     assert simulation.standing("wall").pose.position == (1.0, 0.0, 0.5)
     simulation.reset_poses()
     assert simulation.standing("wall").pose.position == (0.0, 0.0, 0.5)
+
+
+def test_a_command_acts_from_the_first_step_that_begins_after_it_however_late_that_is_worked_out(
+    simulation: Simulation, robot: Robot
+) -> None:
+    driven = simulation.add_robot("r", "r", robot, Pose()).drives[0]
+    driven.command(0, 1.0, 0.0)
+    driven.command(13, 0.0, 0.0)
+    simulation.advance(24)
+    moving = simulation.odometry(driven).speed
+    assert moving > 0.1
+    simulation.advance(36)
+    assert 0.0 < simulation.odometry(driven).speed < moving
+    with pytest.raises(CommandError):
+        driven.command(40, math.nan, 0.0)
+
+
+def test_a_reset_forgets_commands_that_were_not_obeyed_yet(simulation: Simulation, robot: Robot) -> None:
+    driven = simulation.add_robot("r", "r", robot, Pose()).drives[0]
+    driven.command(600, 1.0, 0.0)
+    simulation.reset()
+    simulation.advance(1200)
+    assert simulation.odometry(driven).x == 0.0
+
+
+def test_between_two_steps_poses_lie_between_their_states(simulation: Simulation, robot: Robot) -> None:
+    entity = simulation.add_robot("r", "r", robot, Pose())
+    entity.drives[0].command(0, 1.0, 0.0)
+    at = {}
+    for tick in (600, 606, 612):
+        simulation.advance(tick)
+        at[tick] = simulation.pose(entity).position[0]
+    assert at[606] == pytest.approx((at[600] + at[612]) / 2)

@@ -1,14 +1,16 @@
 """A subscriber that does not read costs frames, never time."""
 
+import math
 import socket
 import threading
 from types import SimpleNamespace
 
 import pytest
+import rospy
 
 from pioneer_gazebo.nodes.mailbox import ClosedError, Mailbox
 from pioneer_gazebo.nodes.pace import MOST_BEHIND, Pacer
-from pioneer_gazebo.nodes.topic import FRAMES_KEPT, _bear_late_goodbyes, _Outlet
+from pioneer_gazebo.nodes.topic import FRAMES_KEPT, _bear_late_goodbyes, _Outlet, publish_while_alive
 
 
 @pytest.fixture
@@ -91,6 +93,18 @@ def test_a_subscriber_may_leave_a_publisher_that_is_closed_already() -> None:
         publisher.remove_connection(object())
 
 
+class _ClosedTopic:
+    def publish(self, message: object) -> None:
+        raise rospy.ROSException("publish() to a closed topic")
+
+
+def test_what_is_published_while_the_node_shuts_down_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(rospy.ROSException):
+        publish_while_alive(_ClosedTopic(), None)
+    monkeypatch.setattr(rospy, "is_shutdown", lambda: True)
+    publish_while_alive(_ClosedTopic(), None)
+
+
 def test_a_mailbox_returns_results_and_raises_errors_where_they_were_asked_for() -> None:
     mailbox, results = Mailbox(), []
 
@@ -127,6 +141,17 @@ def test_pace_keeps_to_the_wall_and_gives_up_what_it_cannot_catch_up(monkeypatch
     now[0] += MOST_BEHIND
     assert pacer.wait_for(2.0) == 0.0
     assert pacer.wait_for(3.0) == pytest.approx(0.5)
+
+
+def test_pace_says_what_simulated_time_is_due(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    pacer = Pacer(2.0)
+    assert pacer.reached() == math.inf
+    pacer.wait_for(1.0)
+    now[0] += 0.5
+    assert pacer.reached() == pytest.approx(2.0)
+    assert Pacer(0.0).reached() == math.inf
 
 
 def test_as_fast_as_possible_never_waits() -> None:

@@ -39,12 +39,12 @@ class Actors:
     def follow(self, tick: int) -> None:
         """Notes where each is after a step that ended at ``tick``."""
         for entity in self._entities:
-            entity.after = _pose(entity, tick)
+            entity.after, entity.seen = _pose(entity, tick), tick
 
     def restart(self, tick: int) -> None:
         """Begins every script anew at ``tick``."""
         for entity in self._entities:
-            entity.began, entity.motion = tick, STILL
+            entity.began, entity.seen, entity.motion = tick, tick, STILL
             entity.before = entity.after = _pose(entity, tick)
 
 

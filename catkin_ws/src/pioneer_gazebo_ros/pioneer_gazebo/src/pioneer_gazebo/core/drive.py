@@ -82,8 +82,7 @@ class Drive:
         Raises:
             CommandError: a value that is not finite; the command before goes on.
         """
-        if not (math.isfinite(speed) and math.isfinite(turn)):
-            raise CommandError(f"velocity command {speed} m/s, {turn} rad/s is not finite")
+        check_motion(speed, turn)
         half = turn * self.config.wheelSeparation / 2
         self._target = (speed - half) / self._radius, (speed + half) / self._radius
 
@@ -145,3 +144,13 @@ class Drive:
 def _behind(before: float, wanted: float, turned: float) -> float:
     """Returns how far a wheel is behind [rad] after a step in which it should have turned by ``wanted``."""
     return min(max(before + wanted - turned, -TRIM_REACH), TRIM_REACH)
+
+
+def check_motion(speed: float, turn: float) -> None:
+    """Checks a motion [m/s, rad/s].
+
+    Raises:
+        CommandError: a value that is not finite.
+    """
+    if not (math.isfinite(speed) and math.isfinite(turn)):
+        raise CommandError(f"velocity command {speed} m/s, {turn} rad/s is not finite")

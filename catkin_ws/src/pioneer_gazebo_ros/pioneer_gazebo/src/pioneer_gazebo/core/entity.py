@@ -1,26 +1,57 @@
 """One thing that moves in the simulated world: a robot or a dynamic model."""
 
 import math
+from collections import deque
 from dataclasses import dataclass, field
 
 from pioneer_gazebo.core.body import Body
 from pioneer_gazebo.core.collision import CollisionCounter
-from pioneer_gazebo.core.drive import Drive, Odometry
+from pioneer_gazebo.core.drive import Drive, Odometry, check_motion
 from pioneer_gazebo.core.engine import STILL, Velocity
 from pioneer_gazebo.core.laser import Laser
-from pioneer_gazebo.core.pose import IDENTITY, Pose, between
+from pioneer_gazebo.core.pose import IDENTITY, Pose
 from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.script import Script
+
+COMMANDS_KEPT = 100
 
 
 @dataclass(slots=True)
 class Driven:
-    """A drive together with what it turns: the parts of its left and right wheel, and how hard [N m]."""
+    """A drive together with what it turns: the parts of its left and right wheel, and how hard [N m].
+
+    Attributes:
+        before: odometry after the step before the last one.
+        commands: what is still to be obeyed: tick, speed [m/s], turn [rad/s]. The newest counts, so few are kept.
+    """
 
     drive: Drive
     parts: tuple[int, int]
     torque: float
     before: Odometry = field(default_factory=Odometry)
+    commands: deque[tuple[int, float, float]] = field(default_factory=lambda: deque(maxlen=COMMANDS_KEPT))
+
+    def command(self, tick: int, speed: float, turn: float) -> None:
+        """Takes a motion [m/s, rad/s] that came at ``tick``, for the first step that begins then or later.
+
+        Any thread may call this.
+
+        Raises:
+            CommandError: a value that is not finite; the command before goes on.
+        """
+        check_motion(speed, turn)
+        self.commands.append((tick, speed, turn))
+
+    def obey(self, tick: int) -> None:
+        """Hands the drive what has come by ``tick``."""
+        while self.commands and self.commands[0][0] <= tick:
+            self.drive.command(*self.commands.popleft()[1:])
+
+    def reset(self) -> None:
+        """Stops the wheels, forgets commands, and puts the odometry back to the origin."""
+        self.commands.clear()
+        self.drive.reset()
+        self.before = Odometry()
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +74,9 @@ class Entity:
         handle: the engine's number.
         initial: where it was spawned, and returns to on a reset.
         robot: what it was read from; None for a model without sensors and plugins.
-        before: pose after the step before the last one.
-        after: pose after the last step.
+        before: pose before the last step; kept only where something between the two is asked for.
+        after: pose after the step ``seen``.
+        seen: tick that `after` was read at.
         number: its row among all that moves.
         at_rest: whether the engine may let it sleep.
         script: what moves it in place of physics; None for a body of its own.
@@ -63,16 +95,13 @@ class Entity:
     sonars: list[Mounted] = field(default_factory=list)
     before: Pose = IDENTITY
     after: Pose = IDENTITY
+    seen: int = 0
     collisions: CollisionCounter = field(default_factory=CollisionCounter)
     number: int = 0
     at_rest: bool = False
     script: Script | None = None
     began: int = 0
     motion: Velocity = STILL
-
-    def at(self, part: float) -> Pose:
-        """Returns the pose of the base's frame at ``part`` (0 … 1) of the last step."""
-        return self.after if part >= 1.0 else between(self.before, self.after, part)
 
 
 def heading(pose: Pose) -> float:

@@ -38,46 +38,86 @@ def nanoseconds(tick: int) -> int:
     return tick * NANOSECONDS // TICK_RATE
 
 
+def _always() -> bool:
+    return True
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """Something that happens every ``period`` ticks, at whole multiples of it; ``action`` gets the tick."""
+    """Something that happens every ``period`` ticks, at whole multiples of it.
+
+    Attributes:
+        owner: what it is, for messages.
+        period: [ticks].
+        action: gets the tick.
+        wanted: whether anybody needs it at present.
+        needs_state: whether it looks at the simulated world, or at the time only.
+    """
 
     owner: str
     period: int
     action: Callable[[int], None]
+    wanted: Callable[[], bool] = _always
+    needs_state: bool = True
 
 
 class Schedule:
-    """Tasks by their period. Tasks of one period run in the order they were added, shorter periods first."""
+    """Tasks by their period. Tasks of one period run in the order they were added, shorter periods first.
+
+    A task that nobody wants is as if it were not there: nothing wakes up for it.
+    """
 
     def __init__(self) -> None:
-        self._tasks: dict[int, list[Task]] = {}
+        self._tasks: list[Task] = []
+        self._wanted: dict[int, list[Task]] = {}
+        self._stale = False
 
-    def add(self, owner: str, rate: float, action: Callable[[int], None]) -> Task:
-        """Has ``action`` called at ``rate`` [Hz].
+    def add(
+        self,
+        owner: str,
+        rate: float,
+        action: Callable[[int], None],
+        wanted: Callable[[], bool] = _always,
+        needs_state: bool = True,
+    ) -> Task:
+        """Has ``action`` called at ``rate`` [Hz] while it is ``wanted``, which is asked at each `review` only.
 
         Raises:
             RateError: as `period_of`.
         """
-        task = Task(owner, period_of(rate, owner), action)
-        self._tasks.setdefault(task.period, []).append(task)
-        self._tasks = dict(sorted(self._tasks.items()))
+        task = Task(owner, period_of(rate, owner), action, wanted, needs_state)
+        self._tasks.append(task)
+        self.review()
         return task
 
     def remove(self, task: Task) -> None:
         """Takes a task out."""
-        tasks = self._tasks[task.period]
-        tasks.remove(task)
-        if not tasks:
-            del self._tasks[task.period]
+        self._tasks.remove(task)
+        self.review()
+
+    def review(self) -> None:
+        """Has every task asked whether it is wanted, before anything else is answered. Any thread may call this."""
+        self._stale = True
+
+    def _by_period(self) -> dict[int, list[Task]]:
+        if self._stale:
+            self._stale = False
+            wanted: dict[int, list[Task]] = {}
+            for task in self._tasks:
+                if task.wanted():
+                    wanted.setdefault(task.period, []).append(task)
+            self._wanted = dict(sorted(wanted.items()))
+        return self._wanted
 
     def next_after(self, tick: int) -> int:
         """Returns the first tick after ``tick`` at which something is due; the next second where nothing ever is."""
-        return min((tick - tick % period + period for period in self._tasks), default=tick + TICK_RATE)
+        return min((tick - tick % period + period for period in self._by_period()), default=tick + TICK_RATE)
+
+    def due(self, tick: int) -> list[Task]:
+        """Returns all that is due at ``tick``, in the order it is to run in."""
+        return [task for period, tasks in self._by_period().items() if tick % period == 0 for task in tasks]
 
     def run(self, tick: int) -> None:
         """Runs all that is due at ``tick``."""
-        for period, tasks in list(self._tasks.items()):
-            if tick % period == 0:
-                for task in list(tasks):
-                    task.action(tick)
+        for task in self.due(tick):
+            task.action(tick)

@@ -6,7 +6,7 @@ than a step, and commands act from the next step on.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +18,14 @@ from pioneer_gazebo.core.engine import STILL, Contact, Engine, Physics, Velocity
 from pioneer_gazebo.core.entity import Driven, Entity, Mounted, heading
 from pioneer_gazebo.core.error import SimulatorError
 from pioneer_gazebo.core.laser import Laser, generator_for, laser_of_sonar
-from pioneer_gazebo.core.pose import Pose, Vector
+from pioneer_gazebo.core.pose import Pose, between
 from pioneer_gazebo.core.robot import DiffDrive, LaserSensor, Robot
 from pioneer_gazebo.core.scene import Scene
 from pioneer_gazebo.core.schedule import TICK_RATE, period_of
 from pioneer_gazebo.core.section import Triangles
 from pioneer_gazebo.core.standing import Standing
 from pioneer_gazebo.core.world import Model, World
+from pioneer_gazebo.core.wrench import Wrench, Wrenches
 
 DEEPEST_START = 0.02
 """A model may be spawned at most this far [m] inside something else."""
@@ -35,19 +36,6 @@ GROUND_GAP = 0.0005
 
 class ModelError(SimulatorError):
     """A model that is not there, or may not be there."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Wrench:
-    """A force [N] at a point of a part and a torque [N m], in the world's axes, from one tick to another."""
-
-    entity: Entity
-    part: int
-    force: Vector
-    torque: Vector
-    point: Vector
-    first: int
-    last: float
 
 
 class Simulation:
@@ -73,7 +61,7 @@ class Simulation:
         self._by_handle: dict[int, Entity] = {}
         self._standing = Standing(engine, self._scene)
         self._actors = Actors(engine)
-        self._wrenches: list[Wrench] = []
+        self._wrenches = Wrenches(engine)
         self._poses: tuple[int, NDArray[np.float64]] = (-1, np.empty((0, 3)))
         self._collided: list[Entity] = []
         self.tick = 0
@@ -152,7 +140,7 @@ class Simulation:
             self._add(model.name, namespace, body, model.pose, None)
             return
         pose = model.script.pose(0.0)
-        entity = Entity(model.name, namespace, body, self._engine.add(body, pose), pose, before=pose, after=pose)
+        entity = Entity(model.name, namespace, body, self._engine.add(body, pose), pose, after=pose)
         self._actors.add(self._keep(entity), model.script, self._stepped)
 
     def add_robot(self, name: str, namespace: str, robot: Robot, pose: Pose) -> Entity:
@@ -196,10 +184,10 @@ class Simulation:
             self._engine.remove(handle)
             x, y, _ = pose.position
             raise ModelError(f"model {name} at ({x:.2f}, {y:.2f}) would stand {deepest.depth:.2f} m inside {inside}")
-        return self._keep(Entity(name, namespace, body, handle, pose, robot, before=pose, after=pose))
+        return self._keep(Entity(name, namespace, body, handle, pose, robot, after=pose))
 
     def _keep(self, entity: Entity) -> Entity:
-        entity.number = len(self._entities)
+        entity.number, entity.before, entity.seen = len(self._entities), entity.after, self._stepped
         self._entities[entity.name] = self._by_handle[entity.handle] = entity
         self._poses = (-1, self._poses[1])
         return entity
@@ -218,7 +206,7 @@ class Simulation:
         self._scene.forget(entity.body)
         del self._entities[name], self._by_handle[entity.handle]
         self._actors.remove(entity)
-        self._wrenches = [wrench for wrench in self._wrenches if wrench.entity is not entity]
+        self._wrenches.clear(entity)
         self._collided = [one for one in self._collided if one is not entity]
         for number, other in enumerate(self._entities.values()):
             other.number = number
@@ -229,22 +217,22 @@ class Simulation:
     def advance(self, tick: int) -> None:
         """Moves on to ``tick``, stepping the engine as often as that takes."""
         while self._stepped < tick:
+            if tick < self._stepped + self._period:
+                for entity in self._entities.values():
+                    entity.before = self._settled(entity)
             self._step()
         self.tick = tick
         self._part = 1.0 - (self._stepped - tick) / self._period
 
     def _step(self) -> None:
         step = self.physics.step
-        for wrench in self._wrenches:
-            if wrench.first <= self._stepped:
-                self._engine.push(wrench.entity.handle, wrench.part, wrench.force, wrench.torque, wrench.point)
+        self._wrenches.push(self._stepped)
         for entity in self._entities.values():
             self._control(entity, step)
         self._actors.lead(self._stepped + self._period, step)
         self._engine.step()
         self._stepped += self._period
         for entity in self._entities.values():
-            entity.before, entity.after = entity.after, self._engine.pose(entity.handle)
             for driven in entity.drives:
                 driven.before = driven.drive.odometry
                 (left, _), (right, _) = self._engine.joints(entity.handle, driven.parts)
@@ -255,10 +243,10 @@ class Simulation:
             entity = self._by_handle[handle]
             if entity.collisions.touched(time):
                 self._collided.append(entity)
-        if self._wrenches:
-            self._wrenches = [wrench for wrench in self._wrenches if wrench.last > self._stepped]
 
     def _control(self, entity: Entity, step: float) -> None:
+        for driven in entity.drives:
+            driven.obey(self._stepped)
         speeds = [driven.drive.wheel_speeds(step) for driven in entity.drives]
         at_rest = all(driven.drive.at_rest for driven in entity.drives)
         if at_rest != entity.at_rest:
@@ -275,9 +263,16 @@ class Simulation:
 
     # States at the present tick.
 
+    def _settled(self, entity: Entity) -> Pose:
+        """Returns the pose of the base's frame after the last step, which the engine is asked for once."""
+        if entity.seen != self._stepped:
+            entity.after, entity.seen = self._engine.pose(entity.handle), self._stepped
+        return entity.after
+
     def pose(self, entity: Entity) -> Pose:
         """Returns the pose of the base's frame."""
-        return entity.at(self._part)
+        after = self._settled(entity)
+        return after if self._part >= 1.0 else between(entity.before, after, self._part)
 
     def link_pose(self, entity: Entity, link: str) -> Pose:
         """Returns the pose of a link's frame.
@@ -321,7 +316,7 @@ class Simulation:
         base = self.pose(entity) if mounted.part == 0 else self._engine.pose(entity.handle, mounted.part)
         sensor = base.compose(mounted.pose)
         x, y, height = sensor.position
-        seen = [(other.body, other.after.position[2]) for other in self._entities.values()]
+        seen = [(other.body, self._settled(other).position[2]) for other in self._entities.values()]
         return mounted.laser.ranges(
             self._scene.walls(height), self._scene.movers(height, seen), self._mover_poses(), entity.number,
             (x, y, heading(sensor)),
@@ -353,7 +348,7 @@ class Simulation:
         self._engine.set_pose(entity.handle, pose)
         if velocity is not None:
             self._engine.set_velocity(entity.handle, velocity)
-        entity.before = entity.after = pose
+        entity.before, entity.after, entity.seen = pose, pose, self._stepped
         self._poses = (-1, self._poses[1])
 
     def set_joint(self, entity: Entity, joint: str, position: float) -> None:
@@ -366,11 +361,11 @@ class Simulation:
 
     def push(self, wrench: Wrench) -> None:
         """Applies a wrench while it lasts."""
-        self._wrenches.append(wrench)
+        self._wrenches.add(wrench)
 
     def clear_pushes(self, entity: Entity, part: int) -> None:
         """Ends all wrenches on a part."""
-        self._wrenches = [one for one in self._wrenches if not (one.entity is entity and one.part == part)]
+        self._wrenches.clear(entity, part)
 
     def reset_poses(self) -> None:
         """Puts every model back to where it began, at rest, with odometry at the origin. Time goes on."""
@@ -384,8 +379,7 @@ class Simulation:
                 if one.joint is not None:
                     self._engine.set_joint(entity.handle, part, 0.0)
             for driven in entity.drives:
-                driven.drive.reset()
-                driven.before = Odometry()
+                driven.reset()
                 self._engine.turn(entity.handle, driven.parts, (0.0, 0.0), (driven.torque, driven.torque))
 
     def reset(self) -> None:
@@ -395,6 +389,7 @@ class Simulation:
         self._part = 1.0
         self._collided.clear()
         for entity in self._entities.values():
+            entity.seen = 0
             entity.collisions = type(entity.collisions)()
             for mounted in (*entity.lasers, *entity.sonars):
                 mounted.laser.reseed(generator_for(self._seed, entity.name, mounted.laser.config.name))

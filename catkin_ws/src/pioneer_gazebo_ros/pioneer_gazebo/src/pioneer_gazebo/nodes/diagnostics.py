@@ -3,6 +3,8 @@
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from pioneer_gazebo.nodes.topic import publish_while_alive
+
 SLOW = 0.9
 """Below this part of the real-time factor that was asked for, the status is a warning."""
 
@@ -39,7 +41,7 @@ class Diagnostics:
         array = DiagnosticArray(status=[status])
         whole, rest = divmod(simulated, 1.0)
         array.header.stamp = rospy.Time(int(whole), int(rest * 1e9))
-        self._publisher.publish(array)
+        publish_while_alive(self._publisher, array)
 
 
 def judged(measured: float, asked: float, paused: bool) -> tuple[int, str]:

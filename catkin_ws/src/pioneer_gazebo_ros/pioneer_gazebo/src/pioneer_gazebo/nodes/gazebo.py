@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import rospy
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool, Float64
-from tf2_msgs.msg import TFMessage
 
 from pioneer_gazebo import conversions
 from pioneer_gazebo.adapters.bullet import BulletEngine
@@ -24,12 +23,16 @@ from pioneer_gazebo.nodes.pace import Pacer
 from pioneer_gazebo.nodes.robot_topics import RobotTopics
 from pioneer_gazebo.nodes.services import Services
 from pioneer_gazebo.nodes.state_topics import StateTopics
-from pioneer_gazebo.nodes.topic import Topic
+from pioneer_gazebo.nodes.topic import Topic, publish_while_alive
+from pioneer_gazebo.nodes.transform_topic import TransformTopic
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 from pioneer_node.nodes import entry
 
 REPORT_PERIOD = 1.0
 """The real-time factor is measured and published every so many seconds of wall time."""
+
+LONGEST = TICK_RATE // 10
+"""The world is moved on at least this often [ticks of simulated time], whoever looks at it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +70,8 @@ class GazeboNode:
         ``/gazebo/real_time_factor``, ``/diagnostics``, and each robot's topics (see `RobotTopics`).
     Services: those of gazebo_ros and ``/gazebo/step`` (see `Services`).
     Parameters: `GazeboConfig`.
-    Threads: `spin` owns the simulation; services and subscribers hand it their work through a `Mailbox`.
+    Threads: `spin` owns the simulation; services and subscribers hand it their work through a `Mailbox`, velocity
+        commands through a queue of their drive, with the tick that they came at.
     On error: bad input is answered or logged in one line, and the simulation goes on.
     """
 
@@ -81,6 +85,7 @@ class GazeboNode:
         self.pacer = Pacer(config.real_time_factor)
         self.paused = config.paused
         self.schedule = Schedule()
+        self.tick = self._target = 0
         path = world_path(config.world_name)
         world = world_from_sdf(path, model_path())
         for line in world.warnings:
@@ -90,13 +95,12 @@ class GazeboNode:
         self.simulation = Simulation(self._engine, triangles_of_mesh, physics, config.seed, config.odometry_error)
         self.simulation.load(world)
         self._robots: dict[str, RobotTopics] = {}
-        self._transforms: list[bytes] = []
-        self._clock = Topic("/clock", Clock)
-        self._tf = Topic("/tf", TFMessage)
+        self._clock = Topic("/clock", Clock, self.schedule.review)
+        self._transforms = TransformTopic(self.schedule.review)
         self._factor = rospy.Publisher("/gazebo/real_time_factor", Float64, queue_size=1)
         self._diagnostics = Diagnostics()
         self._ready = rospy.Publisher("/gazebo/ready", Bool, queue_size=1, latch=True)
-        self.schedule.add("/clock", config.clock_rate, self._publish_clock)
+        self.schedule.add("/clock", config.clock_rate, self._publish_clock, lambda: self._clock.wanted, False)
         StateTopics(self, config.state_rate)
         Services(self)
         self._reported = 0.0
@@ -105,15 +109,15 @@ class GazeboNode:
 
     def spin(self) -> None:
         """Runs the simulation until the node shuts down."""
-        self._ready.publish(Bool(True))
+        publish_while_alive(self._ready, Bool(True))
         self.publish_now()
         while not rospy.is_shutdown():
-            self.mailbox.serve()
+            self._serve()
             self._report()
             if self.paused:
                 self.mailbox.wait(REPORT_PERIOD)
                 continue
-            tick = self.schedule.next_after(self.simulation.tick)
+            tick = self._target = min(self.schedule.next_after(self.tick), self.tick + LONGEST)
             wait = self.pacer.wait_for(tick / TICK_RATE)
             if wait > 0:
                 self.mailbox.wait(min(wait, REPORT_PERIOD))
@@ -122,36 +126,46 @@ class GazeboNode:
             self.run_to(tick)
         self._engine.close()
 
+    def _serve(self) -> None:
+        """Does what has come in, in the world as it is by now."""
+        if self.mailbox.pending:
+            if not self.paused:
+                self.tick = max(self.tick, min(self.present(), self._target - 1))
+            self.simulation.advance(self.tick)
+            self.mailbox.serve()
+
+    def present(self) -> int:
+        """Returns the tick that it is now, or the one that is being worked on where time is behind its pace."""
+        reached = self.pacer.reached() * TICK_RATE
+        return 0 if self.paused else int(min(reached, self._target))
+
     def run_to(self, tick: int) -> None:
-        """Advances to a tick and publishes what is due then."""
-        self.simulation.advance(tick)
-        self.schedule.run(tick)
-        self._flush()
+        """Moves time on to a tick and does what is due then; the world moves only where that is looked at."""
+        due = self.schedule.due(tick)
+        if tick - self.simulation.tick >= LONGEST or any(task.needs_state for task in due):
+            self.simulation.advance(tick)
+        self.tick = tick
+        for task in due:
+            task.action(tick)
+        self._transforms.send()
         for entity in self.simulation.collided():
             if entity.name in self._robots:
                 self._robots[entity.name].publish_collisions()
 
     def publish_now(self) -> None:
         """Publishes the time, for those who came while it stood still."""
-        self._publish_clock(self.simulation.tick)
+        self._publish_clock(self.tick)
 
     def _publish_clock(self, tick: int) -> None:
-        if self._clock.wanted:
-            self._clock.send(conversions.clock_frame(nanoseconds(tick)))
-
-    def _flush(self) -> None:
-        if self._transforms:
-            if self._tf.wanted:
-                self._tf.send(conversions.transforms_frame(self._transforms))
-            self._transforms.clear()
+        self._clock.send(conversions.clock_frame(nanoseconds(tick)))
 
     def _report(self) -> None:
         now = self.pacer.now()
         if now - self._reported >= REPORT_PERIOD:
             self._reported = now
-            time = self.simulation.tick / TICK_RATE
+            time = self.tick / TICK_RATE
             factor = self.pacer.measured(time)
-            self._factor.publish(Float64(factor))
+            publish_while_alive(self._factor, Float64(factor))
             models = len(self.simulation.names())
             self._diagnostics.publish(time, factor, self.pacer.factor, self.paused, models, len(self._robots))
 
@@ -165,7 +179,7 @@ class GazeboNode:
             rospy.logwarn("%s: %s", name, line)
         entity = self.simulation.add_robot(name, namespace, robot, pose)
         try:
-            self._robots[name] = RobotTopics(self.simulation, self.schedule, entity, self._transforms.append)
+            self._robots[name] = RobotTopics(self.simulation, self.schedule, entity, self._transforms, self.present)
         except SimulatorError:
             self.simulation.remove(name)
             raise
@@ -189,15 +203,17 @@ class GazeboNode:
 
     def step(self) -> None:
         """Advances by one physics step; only while paused."""
-        end = self.simulation.tick + round(self.simulation.physics.step * TICK_RATE)
-        while (tick := self.schedule.next_after(self.simulation.tick)) <= end:
+        end = self.tick + round(self.simulation.physics.step * TICK_RATE)
+        while (tick := self.schedule.next_after(self.tick)) <= end:
             self.run_to(tick)
         self.simulation.advance(end)
+        self.tick = end
 
     def reset(self, time: bool) -> None:
         """Puts all models back to where they began; with ``time``, simulated time and noise as well."""
         if time:
             self.simulation.reset()
+            self.tick = self._target = 0
             self.pacer.restart()
             for topics in self._robots.values():
                 topics.publish_collisions()

@@ -12,7 +12,8 @@ from pioneer_gazebo.core.entity import Entity
 from pioneer_gazebo.core.pose import Pose, rotated
 from pioneer_gazebo.core.robot import Joint
 from pioneer_gazebo.core.schedule import TICK_RATE
-from pioneer_gazebo.core.simulation import ModelError, Wrench
+from pioneer_gazebo.core.simulation import ModelError
+from pioneer_gazebo.core.wrench import Wrench
 from pioneer_gazebo.nodes import state
 from pioneer_gazebo.nodes.service import serve
 

@@ -1,5 +1,6 @@
 """Simulated time against wall time."""
 
+import math
 import time
 
 MOST_BEHIND = 0.2
@@ -31,6 +32,13 @@ class Pacer:
             self._anchor = simulated, now
             return 0.0
         return wait
+
+    def reached(self) -> float:
+        """Returns the simulated time [s] that is due by now; infinity where none is kept to. Any thread may ask."""
+        anchor = self._anchor
+        if self.factor <= 0 or anchor is None:
+            return math.inf
+        return anchor[0] + (time.monotonic() - anchor[1]) * self.factor
 
     def measured(self, simulated: float) -> float:
         """Returns the real-time factor since this was asked last."""

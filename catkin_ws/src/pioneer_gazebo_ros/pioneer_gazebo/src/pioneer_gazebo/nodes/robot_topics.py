@@ -19,11 +19,9 @@ from pioneer_gazebo.core.laser import generator_for
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector, rotated
 from pioneer_gazebo.core.schedule import Schedule, nanoseconds
 from pioneer_gazebo.core.simulation import Simulation
-from pioneer_gazebo.nodes.topic import Topic
+from pioneer_gazebo.nodes.topic import Topic, publish_while_alive
+from pioneer_gazebo.nodes.transform_topic import TransformTopic
 from pioneer_node.core.frame import resolved, stripped
-
-Transforms = Callable[[bytes], None]
-"""Takes one transform's bytes for the /tf message of this tick."""
 
 
 class RobotTopics:
@@ -38,13 +36,21 @@ class RobotTopics:
     On error: a command that is not finite is named once a second and the one before holds.
     """
 
-    def __init__(self, simulation: Simulation, schedule: Schedule, entity: Entity, transforms: Transforms) -> None:
-        """Advertises and schedules all that the robot's description asks for.
+    def __init__(
+        self,
+        simulation: Simulation,
+        schedule: Schedule,
+        entity: Entity,
+        transforms: TransformTopic,
+        now: Callable[[], int],
+    ) -> None:
+        """Advertises and schedules all that the robot's description asks for; ``now`` is the tick a command comes at.
 
         Raises:
             RateError: a rate does not divide the simulator's; nothing is left behind.
         """
-        self._simulation, self._schedule, self._entity, self._transforms = simulation, schedule, entity, transforms
+        self._simulation, self._schedule, self._entity = simulation, schedule, entity
+        self._transforms, self._now = transforms, now
         self._base = f"/{entity.namespace}" if entity.namespace else ""
         self._prefix = _tf_prefix(self._base)
         self._tasks: list[Any] = []
@@ -89,16 +95,23 @@ class RobotTopics:
     def publish_collisions(self) -> None:
         """Publishes how often the robot has collided since it was spawned."""
         if self._collisions is not None:
-            self._collisions.publish(UInt32(self._entity.collisions.count))
+            publish_while_alive(self._collisions, UInt32(self._entity.collisions.count))
 
     def _topic(self, name: str, message_class: type) -> Topic:
-        topic = Topic(name if name.startswith("/") else f"{self._base}/{name}", message_class)
+        topic = Topic(name if name.startswith("/") else f"{self._base}/{name}", message_class, self._schedule.review)
         self._topics.append(topic)
         return topic
 
-    def _every(self, rate: float, what: str, action: Callable[[int], None]) -> None:
+    def _every(
+        self, rate: float, what: str, action: Callable[[int], None], topic: Topic, by_transforms: bool = False
+    ) -> None:
+        """Has ``action`` run while somebody subscribes to ``topic``, or to the transforms that it makes as well."""
+
+        def wanted() -> bool:
+            return topic.wanted or (by_transforms and self._transforms.wanted)
+
         rate = rate if rate > 0 else 1.0 / self._simulation.physics.step
-        self._tasks.append(self._schedule.add(f"{self._entity.name}: {what}", rate, action))
+        self._tasks.append(self._schedule.add(f"{self._entity.name}: {what}", rate, action, wanted))
 
     def _frame(self, frame: str) -> str:
         return resolved(self._prefix, frame)
@@ -113,9 +126,6 @@ class RobotTopics:
         of_world = config.odometrySource == "world"
 
         def publish(tick: int) -> None:
-            wanted = topic.wanted
-            if not (wanted or sends_transform):
-                return
             time = nanoseconds(tick)
             if of_world:
                 pose, linear, angular = self._true_motion()
@@ -123,12 +133,12 @@ class RobotTopics:
                 state = self._simulation.odometry(driven)
                 pose = conversions.planar_pose(state.x, state.y, state.yaw)
                 linear, angular = (state.speed, 0.0, 0.0), (0.0, 0.0, state.turn)
-            if wanted:
+            if topic.wanted:
                 topic.send(template.fill(time, pose, linear, angular))
-            if sends_transform:
-                self._transforms(transform.fill(time, pose))
+            if sends_transform and self._transforms.wanted:
+                self._transforms.add(transform.fill(time, pose))
 
-        self._every(config.updateRate, config.odometryTopic, publish)
+        self._every(config.updateRate, config.odometryTopic, publish, topic, sends_transform)
         name = config.commandTopic if config.commandTopic.startswith("/") else f"{self._base}/{config.commandTopic}"
         self._subscribers.append(
             rospy.Subscriber(name, Twist, self._command, callback_args=driven, queue_size=1, tcp_nodelay=True)
@@ -143,7 +153,7 @@ class RobotTopics:
 
     def _command(self, message: Twist, driven: Driven) -> None:
         try:
-            driven.drive.command(message.linear.x, message.angular.z)
+            driven.command(self._now(), message.linear.x, message.angular.z)
         except CommandError as error:
             rospy.logerr_throttle(1.0, f"{self._entity.name}: {error}; the one before holds")
 
@@ -153,22 +163,20 @@ class RobotTopics:
         template = conversions.ScanTemplate(config, self._frame(config.frame), mounted.laser.increment)
 
         def publish(tick: int) -> None:
-            if topic.wanted:
-                topic.send(template.fill(nanoseconds(tick), self._simulation.ranges(self._entity, mounted)))
+            topic.send(template.fill(nanoseconds(tick), self._simulation.ranges(self._entity, mounted)))
 
-        self._every(config.update_rate, config.topic, publish)
+        self._every(config.update_rate, config.topic, publish, topic)
 
     def _sonar(self, config: kinds.SonarSensor, mounted: Mounted) -> None:
         topic = self._topic(config.topic, Range)
         template = conversions.RangeTemplate(config, self._frame(config.frame))
 
         def publish(tick: int) -> None:
-            if topic.wanted:
-                nearest = float(self._simulation.ranges(self._entity, mounted).min())
-                distance = min(max(nearest, config.min_range), config.max_range)
-                topic.send(template.fill(nanoseconds(tick), distance))
+            nearest = float(self._simulation.ranges(self._entity, mounted).min())
+            distance = min(max(nearest, config.min_range), config.max_range)
+            topic.send(template.fill(nanoseconds(tick), distance))
 
-        self._every(config.update_rate, config.topic, publish)
+        self._every(config.update_rate, config.topic, publish, topic)
 
     def _ground_truth(self, config: kinds.GroundTruth) -> None:
         topic = self._topic(config.topicName, OdometryMessage)
@@ -181,8 +189,6 @@ class RobotTopics:
         as_it_is = offset == IDENTITY
 
         def publish(tick: int) -> None:
-            if not topic.wanted:
-                return
             pose = self._simulation.link_pose(self._entity, config.bodyName)
             velocity = self._simulation.velocity(self._entity, part)
             linear, angular = velocity.linear, velocity.angular
@@ -198,7 +204,7 @@ class RobotTopics:
                 pose = Pose(_sum(pose.position, offset.position), turned)
             topic.send(template.fill(nanoseconds(tick), pose, linear, angular))
 
-        self._every(config.updateRate, config.topicName, publish)
+        self._every(config.updateRate, config.topicName, publish, topic)
 
     def _joint_states(self, config: kinds.JointStatePublisher) -> None:
         topic = self._topic(config.topicName, JointState)
@@ -208,10 +214,9 @@ class RobotTopics:
         template = conversions.JointStateTemplate(names)
 
         def publish(tick: int) -> None:
-            if topic.wanted:
-                topic.send(template.fill(nanoseconds(tick), self._simulation.joints(self._entity, parts)))
+            topic.send(template.fill(nanoseconds(tick), self._simulation.joints(self._entity, parts)))
 
-        self._every(config.updateRate, config.topicName, publish)
+        self._every(config.updateRate, config.topicName, publish, topic)
 
     def _bumper(self, config: kinds.Bumper) -> None:
         topic = self._topic(config.bumperTopicName, ContactsState)
@@ -220,15 +225,13 @@ class RobotTopics:
         message.header.frame_id = stripped(config.frameName)
 
         def publish(tick: int) -> None:
-            if not topic.wanted:
-                return
             contacts = [one for one in self._simulation.contacts(self._entity) if one.part == part and one.force > 0]
             if contacts:
                 message.header.stamp = rospy.Time(*conversions.seconds_nanoseconds(nanoseconds(tick)))
                 message.states = [self._contact_state(config, one) for one in contacts]
                 topic.send(conversions.frame_of(message))
 
-        self._every(config.update_rate, config.bumperTopicName, publish)
+        self._every(config.update_rate, config.bumperTopicName, publish, topic)
 
     def _contact_state(self, config: kinds.Bumper, contact: Contact) -> ContactState:
         force = Wrench(Vector3(*(contact.force * part for part in contact.normal)), Vector3())

@@ -25,18 +25,20 @@ class StateTopics:
     def __init__(self, node: "GazeboNode", rate: float) -> None:
         """Publishes at ``rate`` [Hz]."""
         self._node, self._simulation = node, node.simulation
-        self._models = Topic("/gazebo/model_states", ModelStates)
-        self._links = Topic("/gazebo/link_states", LinkStates)
-        node.schedule.add("/gazebo/model_states", rate, self._publish)
+        self._models = Topic("/gazebo/model_states", ModelStates, node.schedule.review)
+        self._links = Topic("/gazebo/link_states", LinkStates, node.schedule.review)
+        node.schedule.add("/gazebo/model_states", rate, self._publish_models, lambda: self._models.wanted)
+        node.schedule.add("/gazebo/link_states", rate, self._publish_links, lambda: self._links.wanted)
         rospy.Subscriber("/gazebo/set_model_state", ModelState, self._set_model, queue_size=10)
         rospy.Subscriber("/gazebo/set_link_state", LinkState, self._set_link, queue_size=10)
 
-    def _publish(self, tick: int) -> None:
+    def _publish_models(self, tick: int) -> None:
         del tick  # these messages carry no time
-        if self._models.wanted:
-            self._models.send(conversions.frame_of(self._model_states()))
-        if self._links.wanted:
-            self._links.send(conversions.frame_of(self._link_states()))
+        self._models.send(conversions.frame_of(self._model_states()))
+
+    def _publish_links(self, tick: int) -> None:
+        del tick
+        self._links.send(conversions.frame_of(self._link_states()))
 
     def _model_states(self) -> ModelStates:
         message = ModelStates()

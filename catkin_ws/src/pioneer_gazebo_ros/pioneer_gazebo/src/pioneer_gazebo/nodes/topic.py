@@ -8,6 +8,7 @@ short queue per subscriber, from which the oldest frame goes when it is full.
 import contextlib
 import socket
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 import rospy
@@ -57,11 +58,14 @@ class _Outlet:
         Raises:
             OSError: the subscriber has gone.
         """
-        if not self._rest and not self._queue:
-            sent = self._write(frame)
-            if sent < len(frame):
-                self._rest = bytes(frame[sent:])
-            return True
+        if self._rest or self._queue:
+            return self._queued(frame)
+        sent = self._write(frame)
+        if sent < len(frame):
+            self._rest = bytes(frame[sent:])
+        return True
+
+    def _queued(self, frame: bytes | bytearray) -> bool:
         self._queue.append(bytes(frame))
         self._flush()
         if len(self._queue) <= FRAMES_KEPT:
@@ -78,20 +82,43 @@ class _Outlet:
                 return
 
 
-class Topic:
-    """A publisher of frames. Used from one thread.
+def publish_while_alive(publisher: rospy.Publisher, message: Any) -> None:
+    """Publishes by rospy, unless the node shuts down in this moment: rospy closes publishers in another thread then."""
+    try:
+        publisher.publish(message)
+    except rospy.ROSException:
+        if not rospy.is_shutdown():
+            raise
+
+
+class Topic(rospy.SubscribeListener):
+    """A publisher of frames. Used from one thread; rospy tells in its own of subscribers that come and go.
 
     Attributes:
         dropped: frames that a slow subscriber did not get.
     """
 
-    def __init__(self, name: str, message_class: type) -> None:
-        """Advertises ``name``."""
-        # A queue size keeps rospy from writing, and so from waiting, in this thread; its queues stay empty.
-        self._publisher = rospy.Publisher(name, message_class, queue_size=FRAMES_KEPT)
-        _bear_late_goodbyes(self._publisher.impl)
+    def __init__(self, name: str, message_class: type, changed: Callable[[], None] = lambda: None) -> None:
+        """Advertises ``name``; ``changed`` is called, by any thread, when a subscriber has come or gone."""
+        self._changed = changed
         self._outlets: dict[Any, _Outlet] = {}
+        self._stale = True
         self.dropped = 0
+        # A queue size keeps rospy from writing, and so from waiting, in this thread; its queues stay empty.
+        self._publisher = rospy.Publisher(name, message_class, subscriber_listener=self, queue_size=FRAMES_KEPT)
+        _bear_late_goodbyes(self._publisher.impl)
+
+    def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
+        """See rospy."""
+        del topic_name, topic_publish, peer_publish
+        self._stale = True
+        self._changed()
+
+    def peer_unsubscribe(self, topic_name: str, num_peers: int) -> None:
+        """See rospy."""
+        del topic_name, num_peers
+        self._stale = True
+        self._changed()
 
     @property
     def wanted(self) -> bool:
@@ -101,24 +128,35 @@ class Topic:
 
     def send(self, frame: bytes | bytearray) -> None:
         """Sends a frame (length and message) to every subscriber."""
-        implementation = self._publisher.impl
-        if implementation is None:
-            return
-        connections = implementation.connections
-        if len(self._outlets) > len(connections):
-            self._outlets = {key: outlet for key, outlet in self._outlets.items() if key in connections}
-        for connection in connections:
-            outlet = self._outlets.get(connection)
+        if self._stale:
+            self._renew()
+        gone = []
+        for connection, outlet in self._outlets.items():
             try:
-                if outlet is None:
-                    outlet = self._outlets[connection] = _Outlet(connection)
                 if not outlet.send(frame):
                     self.dropped += 1
-            except (OSError, AttributeError):  # gone, or closed by rospy in this moment: its socket is None then
-                self._outlets.pop(connection, None)
-                with contextlib.suppress(Exception):
-                    connection.close()
-                implementation.remove_connection(connection)
+            except OSError:
+                gone.append(connection)
+        for connection in gone:
+            self._drop(connection)
+
+    def _renew(self) -> None:
+        """Takes over rospy's connections; one that rospy closes in this moment has no socket."""
+        self._stale = False
+        implementation = self._publisher.impl
+        connections = implementation.connections if implementation is not None else ()
+        self._outlets = {
+            connection: self._outlets.get(connection) or _Outlet(connection)
+            for connection in connections or ()
+            if connection.socket is not None
+        }
+
+    def _drop(self, connection: Any) -> None:
+        del self._outlets[connection]
+        with contextlib.suppress(Exception):
+            connection.close()
+        if (implementation := self._publisher.impl) is not None:
+            implementation.remove_connection(connection)
 
     def close(self) -> None:
         """Takes the topic back."""

@@ -1,0 +1,32 @@
+"""``/tf``: the transforms of all robots at a tick in one message."""
+
+from collections.abc import Callable
+
+from tf2_msgs.msg import TFMessage
+
+from pioneer_gazebo import conversions
+from pioneer_gazebo.nodes.topic import Topic
+
+
+class TransformTopic:
+    """Collects transforms and sends them together. Used from one thread."""
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        """Advertises ``/tf``; ``changed`` as for `Topic`."""
+        self._topic = Topic("/tf", TFMessage, changed)
+        self._transforms: list[bytes] = []
+
+    @property
+    def wanted(self) -> bool:
+        """Whether anybody subscribes."""
+        return self._topic.wanted
+
+    def add(self, transform: bytes) -> None:
+        """Takes the bytes of one transform for the next message."""
+        self._transforms.append(transform)
+
+    def send(self) -> None:
+        """Sends what has been collected, if anything has."""
+        if self._transforms:
+            self._topic.send(conversions.transforms_frame(self._transforms))
+            self._transforms.clear()
