@@ -8,8 +8,11 @@ import unittest
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 import rospy
 import rostest
+from dynamic_reconfigure import DynamicReconfigureCallbackException
+from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from nav_msgs.srv import SetMap, SetMapRequest
 from rosgraph_msgs.msg import Clock
@@ -193,6 +196,23 @@ class AmclCheck(unittest.TestCase):
         self.drive_until(self.answered, "tf of the last scan")
         self.robot.pose, self.robot.time = START, 3.0
         self.drive_until(self.is_localised, "localisation after time jumped back")
+
+    def test_7_parameters_change_under_way(self) -> None:
+        client = Client("/pioneer3/amcl", timeout=10)
+        held = client.update_configuration({"min_particles": 700, "laser_z_hit": 0.6, "max_particles": 99999})
+        assert (held["min_particles"], held["laser_z_hit"], held["max_particles"]) == (700, 0.6, 10000)
+        self.drive_until(lambda: self.answered() and len(self.cloud.poses) >= 700, "a larger cloud", 0.02)
+        held = client.update_configuration({"laser_model_type": "likelihood_field_prob", "odom_model_type": "omni"})
+        assert held["laser_model_type"] == "likelihood_field_prob"
+        self.drive_until(self.is_localised, "localisation by the other laser model", 0.0, 0.05)
+        with pytest.raises(DynamicReconfigureCallbackException):
+            client.update_configuration({"min_particles": 800, "max_particles": 750})
+        held = client.update_configuration({"restore_defaults": True})
+        assert (held["min_particles"], held["max_particles"], held["laser_model_type"]) == (
+            500,
+            2000,
+            "likelihood_field",
+        )
 
 
 if __name__ == "__main__":

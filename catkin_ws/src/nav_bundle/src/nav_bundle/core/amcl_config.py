@@ -2,16 +2,16 @@
 
 import math
 from dataclasses import dataclass, fields
+from typing import Annotated
 
+from pioneer_node.core.live import Live, one_of
 from pioneer_node.core.parameter import ParameterError
 
 LASER_MODELS = ("likelihood_field", "likelihood_field_prob", "beam")
 """Values of ``laser_model_type``."""
 ODOM_MODELS = ("diff", "omni", "diff-corrected", "omni-corrected")
 """Values of ``odom_model_type``."""
-UNSUPPORTED = frozenset(
-    {"bag_scan_period", "restore_defaults", "std_warn_level_x", "std_warn_level_y", "std_warn_level_yaw"}
-)
+UNSUPPORTED = frozenset({"bag_scan_period", "std_warn_level_x", "std_warn_level_y", "std_warn_level_yaw"})
 """Noetic's parameters that have no effect here; the node says so once when they are set."""
 
 
@@ -27,54 +27,55 @@ class AmclConfig:
 
     seed: int = 0
     refine_estimate: bool = True
-    use_map_topic: bool = False
-    first_map_only: bool = False
-    odom_frame_id: str = "odom"
-    base_frame_id: str = "base_link"
-    global_frame_id: str = "map"
-    transform_tolerance: float = 0.1
-    tf_broadcast: bool = True
-    gui_publish_rate: float = -1.0
-    save_pose_rate: float = 0.5
+    use_map_topic: Annotated[bool, Live()] = False
+    first_map_only: Annotated[bool, Live()] = False
+    odom_frame_id: Annotated[str, Live()] = "odom"
+    base_frame_id: Annotated[str, Live()] = "base_link"
+    global_frame_id: Annotated[str, Live()] = "map"
+    transform_tolerance: Annotated[float, Live(0.0, 2.0)] = 0.1
+    tf_broadcast: Annotated[bool, Live()] = True
+    gui_publish_rate: Annotated[float, Live(-1.0, 100.0)] = -1.0
+    save_pose_rate: Annotated[float, Live(-1.0, 10.0)] = 0.5
     initial_pose_x: float = 0.0
     initial_pose_y: float = 0.0
     initial_pose_a: float = 0.0
     initial_cov_xx: float = 0.25
     initial_cov_yy: float = 0.25
     initial_cov_aa: float = (math.pi / 12.0) ** 2
-    min_particles: int = 100
-    max_particles: int = 5000
-    kld_err: float = 0.01
-    kld_z: float = 0.99
-    update_min_d: float = 0.2
-    update_min_a: float = math.pi / 6.0
-    resample_interval: int = 2
-    selective_resampling: bool = False
-    recovery_alpha_slow: float = 0.001
-    recovery_alpha_fast: float = 0.1
-    force_update_after_initialpose: bool = False
-    force_update_after_set_map: bool = False
-    odom_model_type: str = "diff"
-    odom_alpha1: float = 0.2
-    odom_alpha2: float = 0.2
-    odom_alpha3: float = 0.2
-    odom_alpha4: float = 0.2
-    odom_alpha5: float = 0.2
-    laser_model_type: str = "likelihood_field"
-    laser_min_range: float = -1.0
-    laser_max_range: float = -1.0
-    laser_max_beams: int = 30
-    laser_z_hit: float = 0.95
-    laser_z_short: float = 0.1
-    laser_z_max: float = 0.05
-    laser_z_rand: float = 0.05
-    laser_sigma_hit: float = 0.2
-    laser_lambda_short: float = 0.1
-    laser_likelihood_max_dist: float = 2.0
-    do_beamskip: bool = False
-    beam_skip_distance: float = 0.5
-    beam_skip_threshold: float = 0.3
-    beam_skip_error_threshold: float = 0.9
+    min_particles: Annotated[int, Live(1, 1000)] = 100
+    max_particles: Annotated[int, Live(1, 10000)] = 5000
+    kld_err: Annotated[float, Live(0.0, 1.0)] = 0.01
+    kld_z: Annotated[float, Live(0.0, 1.0)] = 0.99
+    update_min_d: Annotated[float, Live(0.0, 5.0)] = 0.2
+    update_min_a: Annotated[float, Live(0.0, math.tau)] = math.pi / 6.0
+    resample_interval: Annotated[int, Live(1, 20)] = 2
+    selective_resampling: Annotated[bool, Live()] = False
+    recovery_alpha_slow: Annotated[float, Live(0.0, 0.5)] = 0.001
+    recovery_alpha_fast: Annotated[float, Live(0.0, 1.0)] = 0.1
+    force_update_after_initialpose: Annotated[bool, Live()] = False
+    force_update_after_set_map: Annotated[bool, Live()] = False
+    odom_model_type: Annotated[str, one_of(*ODOM_MODELS)] = "diff"
+    odom_alpha1: Annotated[float, Live(0.0, 10.0)] = 0.2
+    odom_alpha2: Annotated[float, Live(0.0, 10.0)] = 0.2
+    odom_alpha3: Annotated[float, Live(0.0, 10.0)] = 0.2
+    odom_alpha4: Annotated[float, Live(0.0, 10.0)] = 0.2
+    odom_alpha5: Annotated[float, Live(0.0, 10.0)] = 0.2
+    laser_model_type: Annotated[str, one_of(*LASER_MODELS)] = "likelihood_field"
+    laser_min_range: Annotated[float, Live(-1.0, 1000.0)] = -1.0
+    laser_max_range: Annotated[float, Live(-1.0, 1000.0)] = -1.0
+    laser_max_beams: Annotated[int, Live(2, 250)] = 30
+    laser_z_hit: Annotated[float, Live(0.0, 1.0)] = 0.95
+    laser_z_short: Annotated[float, Live(0.0, 1.0)] = 0.1
+    laser_z_max: Annotated[float, Live(0.0, 1.0)] = 0.05
+    laser_z_rand: Annotated[float, Live(0.0, 1.0)] = 0.05
+    laser_sigma_hit: Annotated[float, Live(0.0, 10.0)] = 0.2
+    laser_lambda_short: Annotated[float, Live(0.0, 10.0)] = 0.1
+    laser_likelihood_max_dist: Annotated[float, Live(0.0, 20.0)] = 2.0
+    do_beamskip: Annotated[bool, Live()] = False
+    beam_skip_distance: Annotated[float, Live(0.0, 2.0)] = 0.5
+    beam_skip_threshold: Annotated[float, Live(0.0, 1.0)] = 0.3
+    beam_skip_error_threshold: Annotated[float, Live(0.0, 1.0)] = 0.9
+    restore_defaults: Annotated[bool, Live()] = False
 
     def __post_init__(self) -> None:
         self._check(self.odom_model_type in ODOM_MODELS, "odom_model_type", "be one of " + ", ".join(ODOM_MODELS))

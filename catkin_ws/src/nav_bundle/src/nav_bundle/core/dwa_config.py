@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from nav_bundle.core.goal_approach import ApproachConfig
 from nav_bundle.core.local_planner import Velocity
+from pioneer_node.core.live import Live
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 
 # Names that dwa_local_planner still takes, and what they are called now.
@@ -29,46 +30,46 @@ class DwaConfig:
     ``publish_traj_pc`` and ``publish_cost_grid_pc`` ask for are not there, which is refused.
     """
 
-    max_vel_trans: float = 0.55
-    min_vel_trans: float = 0.1
-    max_vel_x: float = 0.55
-    min_vel_x: float = 0.0
-    max_vel_y: float = 0.1
-    min_vel_y: float = -0.1
-    max_vel_theta: float = 1.0
-    min_vel_theta: float = 0.4
-    acc_lim_x: float = 2.5
-    acc_lim_y: float = 2.5
-    acc_lim_theta: float = 3.2
-    acc_lim_trans: float = 0.1
-    prune_plan: bool = False
-    xy_goal_tolerance: float = 0.1
-    yaw_goal_tolerance: float = 0.1
-    latch_xy_goal_tolerance: bool = False
-    trans_stopped_vel: float = 0.1
-    theta_stopped_vel: float = 0.1
-    sim_time: float = 1.7
-    sim_granularity: float = 0.025
-    angular_sim_granularity: float = 0.1
-    path_distance_bias: float = 0.6
-    goal_distance_bias: float = 0.8
-    occdist_scale: float = 0.01
-    twirling_scale: float = 0.0
-    stop_time_buffer: float = 0.2
-    oscillation_reset_dist: float = 0.05
-    oscillation_reset_angle: float = 0.2
-    forward_point_distance: float = 0.325
+    max_vel_trans: Annotated[float, Live(0.0)] = 0.55
+    min_vel_trans: Annotated[float, Live(0.0)] = 0.1
+    max_vel_x: Annotated[float, Live()] = 0.55
+    min_vel_x: Annotated[float, Live()] = 0.0
+    max_vel_y: Annotated[float, Live()] = 0.1
+    min_vel_y: Annotated[float, Live()] = -0.1
+    max_vel_theta: Annotated[float, Live(0.0)] = 1.0
+    min_vel_theta: Annotated[float, Live(0.0)] = 0.4
+    acc_lim_x: Annotated[float, Live(0.0, 20.0)] = 2.5
+    acc_lim_y: Annotated[float, Live(0.0, 20.0)] = 2.5
+    acc_lim_theta: Annotated[float, Live(0.0, 20.0)] = 3.2
+    acc_lim_trans: Annotated[float, Live(0.0)] = 0.1
+    prune_plan: Annotated[bool, Live()] = False
+    xy_goal_tolerance: Annotated[float, Live(0.0)] = 0.1
+    yaw_goal_tolerance: Annotated[float, Live(0.0)] = 0.1
+    latch_xy_goal_tolerance: Annotated[bool, Live()] = False
+    trans_stopped_vel: Annotated[float, Live(0.0)] = 0.1
+    theta_stopped_vel: Annotated[float, Live(0.0)] = 0.1
+    sim_time: Annotated[float, Live(0.0)] = 1.7
+    sim_granularity: Annotated[float, Live(0.0)] = 0.025
+    angular_sim_granularity: Annotated[float, Live(0.0)] = 0.1
+    path_distance_bias: Annotated[float, Live(0.0)] = 0.6
+    goal_distance_bias: Annotated[float, Live(0.0)] = 0.8
+    occdist_scale: Annotated[float, Live(0.0)] = 0.01
+    twirling_scale: Annotated[float, Live(0.0)] = 0.0
+    stop_time_buffer: Annotated[float, Live(0.0)] = 0.2
+    oscillation_reset_dist: Annotated[float, Live(0.0)] = 0.05
+    oscillation_reset_angle: Annotated[float, Live(0.0)] = 0.2
+    forward_point_distance: Annotated[float, Live()] = 0.325
     cheat_factor: float = 1.0
-    scaling_speed: float = 0.25
-    max_scaling_factor: float = 0.2
-    vx_samples: int = 3
-    vy_samples: int = 10
-    vth_samples: int = 20
-    use_dwa: bool = True
+    scaling_speed: Annotated[float, Live(0.0)] = 0.25
+    max_scaling_factor: Annotated[float, Live(0.0)] = 0.2
+    vx_samples: Annotated[int, Live(1, 300)] = 3
+    vy_samples: Annotated[int, Live(1, 300)] = 10
+    vth_samples: Annotated[int, Live(1, 300)] = 20
+    use_dwa: Annotated[bool, Live()] = True
     controller_frequency: float = 20.0
-    publish_traj_pc: bool = False
-    publish_cost_grid_pc: bool = False
-    restore_defaults: bool = False
+    publish_traj_pc: Annotated[bool, Live()] = False
+    publish_cost_grid_pc: Annotated[bool, Live()] = False
+    restore_defaults: Annotated[bool, Live()] = False
     global_frame_id: str = ""
 
     def approach(self) -> ApproachConfig:

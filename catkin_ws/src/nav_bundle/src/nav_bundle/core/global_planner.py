@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nav_bundle.core.costmap.cost import UNKNOWN
 from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
+from pioneer_node.core.live import Live
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 
 _BLOCKED = -1
@@ -34,18 +35,19 @@ class GlobalPlannerConfig:
     use_quadratic: bool = True
     use_grid_path: bool = False
     old_navfn_behavior: bool = False
-    lethal_cost: int = 253
-    neutral_cost: int = 50
-    cost_factor: float = 3.0
-    orientation_mode: int = 0
-    orientation_window_size: int = 1
+    lethal_cost: Annotated[int, Live(1, 253)] = 253
+    neutral_cost: Annotated[int, Live(1, 252)] = 50
+    cost_factor: Annotated[float, Live(0.01, 5.0)] = 3.0
+    orientation_mode: Annotated[int, Live(0, 6)] = 0
+    orientation_window_size: Annotated[int, Live(1, 255)] = 1
     outline_map: bool = True
-    publish_potential: bool = True
+    publish_potential: Annotated[bool, Live()] = True
     publish_scale: int = 100
     visualize_potential: bool = False
     planner_window_x: float = 0.0
     planner_window_y: float = 0.0
     keep_right: bool = True
+    restore_defaults: Annotated[bool, Live()] = False
 
     def weights(self) -> NDArray[np.float32]:
         """Returns what crossing a cell adds, by its cost; negative where nothing may pass. Shape (256,)."""

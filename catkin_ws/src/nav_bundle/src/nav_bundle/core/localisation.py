@@ -1,6 +1,6 @@
 """Adaptive Monte Carlo localisation: odometry and scans in, the robot's pose in the map out. No ROS, no clock."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from nav_bundle.core.alignment import refined
 from nav_bundle.core.amcl_config import AmclConfig
 from nav_bundle.core.error import NavigationError
 from nav_bundle.core.grid import Grid
-from nav_bundle.core.motion import motion_model
+from nav_bundle.core.motion import MotionModel, motion_model
 from nav_bundle.core.particle import Estimate, FreeSpace, ParticleFilter
 from nav_bundle.core.pose import Pose, angle_difference
 from nav_bundle.core.sensor import Beams, LikelihoodField, Scan, SensorModel, sensor_model
@@ -47,8 +47,7 @@ class Localisation:
         self._config = config
         self._filter = ParticleFilter(config, generator)
         self._generator = generator
-        alphas = (config.odom_alpha1, config.odom_alpha2, config.odom_alpha3, config.odom_alpha4, config.odom_alpha5)
-        self._move = motion_model(config.odom_model_type, alphas)
+        self._move = _motion_model(config)
         self._sensor: SensorModel | None = None
         self._free: FreeSpace | None = None
         self._odom: Pose | None = None
@@ -71,6 +70,16 @@ class Localisation:
         self._sensor = self._free = None
         self._sensor = sensor_model(self._config, grid)
         self._free = FreeSpace(grid, self._generator)
+
+    def configure(self, config: AmclConfig) -> None:
+        """Goes on with other parameters; the particles stay, and become as many as allowed with the next resampling."""
+        before, self._config = self._config, config
+        self._filter.configure(config)
+        self._move = _motion_model(config)
+        sensing = [field.name for field in fields(config) if field.name.startswith(("laser_", "do_beam", "beam_"))]
+        if self._free is not None and any(getattr(config, name) != getattr(before, name) for name in sensing):
+            self._sensor = None
+            self._sensor = sensor_model(config, self._free.grid)
 
     def set_pose(self, pose: Pose, covariance: NDArray[np.float64]) -> None:
         """Starts anew about ``pose`` (map frame); ``covariance`` over x, y, yaw, shape (3, 3)."""
@@ -136,3 +145,8 @@ class Localisation:
 
     def _thinned(self, scan: Scan, beams: int) -> Beams:
         return scan.thinned(beams, self._config.laser_min_range, self._config.laser_max_range)
+
+
+def _motion_model(config: AmclConfig) -> MotionModel:
+    alphas = (config.odom_alpha1, config.odom_alpha2, config.odom_alpha3, config.odom_alpha4, config.odom_alpha5)
+    return motion_model(config.odom_model_type, alphas)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from nav_bundle.core.costmap.config import CostmapConfig, costmap_config_from_parameters
 from nav_bundle.core.dwa_config import DwaConfig, dwa_config_from_parameters
@@ -18,6 +18,7 @@ from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
 from nav_bundle.core.recovery import Recovery, recoveries_from_parameters
 from nav_bundle.core.trajectory_config import TrajectoryConfig, trajectory_config_from_parameters
 from nav_bundle.core.trajectory_planner import TrajectoryPlanner
+from pioneer_node.core.live import Live, live_values
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 
 Reader = TypeVar("Reader")
@@ -52,23 +53,23 @@ class MoveBaseConfig:
     ``dwa_local_planner/DWAPlannerROS``. The packages' names may be left out.
     """
 
-    base_global_planner: str = "navfn/NavfnROS"
-    base_local_planner: str = "base_local_planner/TrajectoryPlannerROS"
-    controller_frequency: float = 20.0
-    planner_frequency: float = 0.0
-    planner_patience: float = 5.0
-    controller_patience: float = 15.0
-    max_planning_retries: int = -1
-    oscillation_timeout: float = 0.0
-    oscillation_distance: float = 0.5
-    recovery_behavior_enabled: bool = True
-    clearing_rotation_allowed: bool = True
-    conservative_reset_dist: float = 3.0
+    base_global_planner: Annotated[str, Live()] = "navfn/NavfnROS"
+    base_local_planner: Annotated[str, Live()] = "base_local_planner/TrajectoryPlannerROS"
+    controller_frequency: Annotated[float, Live(0.0, 100.0)] = 20.0
+    planner_frequency: Annotated[float, Live(0.0, 100.0)] = 0.0
+    planner_patience: Annotated[float, Live(0.0, 100.0)] = 5.0
+    controller_patience: Annotated[float, Live(0.0, 100.0)] = 15.0
+    max_planning_retries: Annotated[int, Live(-1, 1000)] = -1
+    oscillation_timeout: Annotated[float, Live(0.0, 60.0)] = 0.0
+    oscillation_distance: Annotated[float, Live(0.0, 10.0)] = 0.5
+    recovery_behavior_enabled: Annotated[bool, Live()] = True
+    clearing_rotation_allowed: Annotated[bool, Live()] = True
+    conservative_reset_dist: Annotated[float, Live(0.0, 50.0)] = 3.0
     recovery_behaviors: Any = ()
-    make_plan_clear_costmap: bool = True
-    make_plan_add_unreachable_goal: bool = True
-    shutdown_costmaps: bool = False
-    restore_defaults: bool = False
+    make_plan_clear_costmap: Annotated[bool, Live()] = True
+    make_plan_add_unreachable_goal: Annotated[bool, Live()] = True
+    shutdown_costmaps: Annotated[bool, Live()] = False
+    restore_defaults: Annotated[bool, Live()] = False
     odom_timeout: float = 0.5
 
 
@@ -86,11 +87,29 @@ class Setup:
     recoveries: tuple[Recovery, ...]
     limits: Limits = field(default_factory=Limits)
 
+    def live_configs(self) -> dict[str, Any]:
+        """Returns the configurations that may change while the node runs, by their namespace below the node's."""
+        configs: dict[str, Any] = {"": self.base, self.local_planner_name: self.local_planner}
+        if isinstance(self.global_planner, GlobalPlannerConfig):
+            configs[self.global_planner_name] = self.global_planner
+        for name, costmap in (("global_costmap", self.global_costmap), ("local_costmap", self.local_costmap)):
+            configs[name] = costmap
+            layers = zip(costmap.layer_names, costmap.layers, strict=True)
+            configs.update({f"{name}/{layer_name}": layer for layer_name, layer in layers})
+        return configs
+
     def make_global_planner(self) -> NavfnPlanner:
         """Returns the global planner that was asked for."""
         if isinstance(self.global_planner, GlobalPlannerConfig):
             return GlobalPlanner(self.global_planner)
         return NavfnPlanner(self.global_planner)
+
+    def drives_as(self, other: "Setup") -> bool:
+        """Tells whether the local planner of both is the same."""
+        mine, its = (
+            (each.local_planner_name, each.local_planner, each.local_costmap.resolution) for each in (self, other)
+        )
+        return mine == its
 
     def make_local_planner(self) -> LocalPlanner:
         """Returns the local planner that was asked for, on the local costmap's cells."""
@@ -98,6 +117,26 @@ class Setup:
         if isinstance(self.local_planner, DwaConfig):
             return DwaPlanner(self.local_planner, resolution)
         return TrajectoryPlanner(self.local_planner, resolution)
+
+
+def changed_parameters(
+    parameters: Mapping[str, Any], setup: Setup, namespace: str, changes: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Returns the tree ``parameters`` that led to ``setup`` with ``changes`` of one of its ``live_configs``.
+
+    What may change in that namespace is written out whole, as dynamic_reconfigure does: a default that follows another
+    parameter stays where it is.
+    """
+    tree = dict(parameters)
+    own = tree
+    for name in filter(None, namespace.split("/")):
+        found = own.get(name)
+        own[name] = dict(found) if isinstance(found, Mapping) else {}
+        own = own[name]
+    for name, value in {**live_values(setup.live_configs()[namespace]), **changes}.items():
+        own.pop(name, None)  # so that it comes after a former name of the same parameter
+        own[name] = value
+    return tree
 
 
 def setup_from_parameters(parameters: Mapping[str, Any], owner: str) -> Setup:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from nav_bundle.core import kernel
 from nav_bundle.core.costmap.cost import INSCRIBED, UNKNOWN
 from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.costmap.layer import Geometry
+from nav_bundle.core.costmap.geometry import Geometry
 from nav_bundle.core.planner import GoalOutsideError, NoPathError, Path, StartOutsideError
 from nav_bundle.core.pose import Pose
 

@@ -37,7 +37,7 @@ class FreeSpace:
     """The free cells of a map, to draw poses from evenly; keeps one number a row, not one a cell."""
 
     def __init__(self, grid: Grid, generator: np.random.Generator) -> None:
-        self._grid = grid
+        self.grid = grid
         self._generator = generator
         self._until_row = np.cumsum(np.count_nonzero(grid.cells == FREE, axis=1))
 
@@ -46,7 +46,7 @@ class FreeSpace:
         cells = np.empty((count, 2))
         for index, drawn in enumerate(self._generator.integers(0, max(1, self._until_row[-1]), count)):
             cells[index] = self._cell(int(drawn))
-        grid = self._grid
+        grid = self.grid
         offsets = self._generator.uniform(-0.5, 0.5, (count, 2))
         points = grid.points_at(cells + offsets)
         return np.column_stack([points, self._generator.uniform(-math.pi, math.pi, count)])
@@ -54,10 +54,10 @@ class FreeSpace:
     def _cell(self, drawn: int) -> tuple[int, int]:
         """Returns (row, col) of free cell number ``drawn``."""
         if self._until_row[-1] == 0:
-            return divmod(int(self._generator.integers(self._grid.cells.size)), self._grid.cols)
+            return divmod(int(self._generator.integers(self.grid.cells.size)), self.grid.cols)
         row = int(np.searchsorted(self._until_row, drawn, side="right"))
         before = int(self._until_row[row - 1]) if row else 0
-        return row, int(np.flatnonzero(self._grid.cells[row] == FREE)[drawn - before])
+        return row, int(np.flatnonzero(self.grid.cells[row] == FREE)[drawn - before])
 
 
 class ParticleFilter:
@@ -69,12 +69,18 @@ class ParticleFilter:
     """
 
     def __init__(self, config: AmclConfig, generator: np.random.Generator) -> None:
-        self._config = config
         self._generator = generator
-        self._table = np.empty(1 << (2 * config.max_particles).bit_length(), np.int64)
-        self._labels = np.empty_like(self._table)
+        self.poses: NDArray[np.float64] = np.empty((0, 3))
+        self.configure(config)
         self._slow = self._fast = 0.0
         self.replace(np.zeros((config.max_particles, 3)))
+
+    def configure(self, config: AmclConfig) -> None:
+        """Goes on with other parameters; the particles stay."""
+        self._config = config
+        most = max(config.max_particles, len(self.poses))
+        self._table = np.empty(1 << (2 * most).bit_length(), np.int64)
+        self._labels = np.empty_like(self._table)
 
     def replace(self, poses: NDArray[np.float64]) -> None:
         """Starts anew from ``poses``, shape (n, 3), all of equal weight."""

@@ -3,10 +3,11 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from nav_bundle.core.goal_approach import ApproachConfig
 from nav_bundle.core.local_planner import Velocity
+from pioneer_node.core.live import Live
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 
 # Names that base_local_planner still takes, and what they are called now.
@@ -29,44 +30,45 @@ class TrajectoryConfig:
     and ``publish_cost_grid_pc`` are refused unless they ask for what is done anyway.
     """
 
-    acc_lim_x: float = 2.5
-    acc_lim_y: float = 2.5
-    acc_lim_theta: float = 3.2
-    max_vel_x: float = 0.55
-    min_vel_x: float = 0.0
-    max_vel_theta: float = 1.0
-    min_vel_theta: float = -1.0
-    min_in_place_vel_theta: float = 0.4
-    escape_vel: float = -0.1
-    holonomic_robot: bool = False
-    xy_goal_tolerance: float = 0.10
-    yaw_goal_tolerance: float = 0.05
-    latch_xy_goal_tolerance: bool = False
-    sim_time: float = 1.7
-    sim_granularity: float = 0.025
-    angular_sim_granularity: float = 0.025
-    vx_samples: int = 20
-    vtheta_samples: int = 20
+    acc_lim_x: Annotated[float, Live(0.0, 20.0)] = 2.5
+    acc_lim_y: Annotated[float, Live(0.0, 20.0)] = 2.5
+    acc_lim_theta: Annotated[float, Live(0.0, 20.0)] = 3.2
+    max_vel_x: Annotated[float, Live(0.0, 20.0)] = 0.55
+    min_vel_x: Annotated[float, Live(0.0, 20.0)] = 0.0
+    max_vel_theta: Annotated[float, Live(0.0, 20.0)] = 1.0
+    min_vel_theta: Annotated[float, Live(-20.0, 0.0)] = -1.0
+    min_in_place_vel_theta: Annotated[float, Live(0.0, 20.0)] = 0.4
+    escape_vel: Annotated[float, Live(-2.0, 2.0)] = -0.1
+    holonomic_robot: Annotated[bool, Live()] = False
+    xy_goal_tolerance: Annotated[float, Live(0.0)] = 0.10
+    yaw_goal_tolerance: Annotated[float, Live(0.0)] = 0.05
+    latch_xy_goal_tolerance: Annotated[bool, Live()] = False
+    sim_time: Annotated[float, Live(0.0, 10.0)] = 1.7
+    sim_granularity: Annotated[float, Live(0.0, 5.0)] = 0.025
+    angular_sim_granularity: Annotated[float, Live(0.0, math.pi / 2)] = 0.025
+    vx_samples: Annotated[int, Live(1, 300)] = 20
+    vtheta_samples: Annotated[int, Live(1, 300)] = 20
     controller_frequency: float = 20.0
-    meter_scoring: bool = False
-    pdist_scale: float = 0.6
-    gdist_scale: float = 0.8
-    occdist_scale: float = 0.01
-    heading_lookahead: float = 0.325
-    dwa: bool = False
-    prune_plan: bool = True
-    oscillation_reset_dist: float = 0.05
-    escape_reset_dist: float = 0.10
-    escape_reset_theta: float = math.pi / 2
+    meter_scoring: Annotated[bool, Live()] = False
+    pdist_scale: Annotated[float, Live(0.0, 5.0)] = 0.6
+    gdist_scale: Annotated[float, Live(0.0, 5.0)] = 0.8
+    occdist_scale: Annotated[float, Live(0.0, 5.0)] = 0.01
+    heading_lookahead: Annotated[float, Live(0.0, 5.0)] = 0.325
+    dwa: Annotated[bool, Live()] = False
+    prune_plan: Annotated[bool, Live()] = True
+    oscillation_reset_dist: Annotated[float, Live(0.0, 5.0)] = 0.05
+    escape_reset_dist: Annotated[float, Live(0.0, 5.0)] = 0.10
+    escape_reset_theta: Annotated[float, Live(0.0, 5.0)] = math.pi / 2
     rot_stopped_velocity: float = 0.01
     trans_stopped_velocity: float = 0.01
     planner_frequency: float = 0.0
     stop_time_buffer: float = 0.2
-    simple_attractor: bool = False
-    heading_scoring: bool = False
-    heading_scoring_timestep: float = 0.8
+    simple_attractor: Annotated[bool, Live()] = False
+    heading_scoring: Annotated[bool, Live()] = False
+    heading_scoring_timestep: Annotated[float, Live(0.0, 1.0)] = 0.8
     publish_cost_grid_pc: bool = False
-    y_vels: Any = ""
+    restore_defaults: Annotated[bool, Live()] = False
+    y_vels: Annotated[Any, Live()] = ""
     world_model: str = "costmap"
     global_frame_id: str = ""
 

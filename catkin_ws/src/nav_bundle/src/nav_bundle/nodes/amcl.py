@@ -4,6 +4,7 @@ import functools
 import threading
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -36,8 +37,10 @@ from nav_bundle.core.transform import Transform, TransformError
 from nav_bundle.nodes.pose_store import PoseStore
 from nav_bundle.nodes.transform import TransformBroadcaster, TransformListener, robot_frame
 from pioneer_node.core.frame import stripped
-from pioneer_node.core.parameter import config_from_mapping
+from pioneer_node.core.live import Value
+from pioneer_node.core.parameter import ParameterError, config_from_mapping
 from pioneer_node.nodes import entry
+from pioneer_node.nodes.reconfigure import ReconfigureServer
 
 TRANSFORM_TIMEOUT = 0.5
 """Wall time [s] a scan waits for the odometry of its stamp."""
@@ -66,7 +69,8 @@ class AmclNode:
     Services: ``global_localization``, ``request_nomotion_update`` (std_srvs/Empty), ``set_map`` (nav_msgs/SetMap).
     Calls ``static_map`` (nav_msgs/GetMap) without ~use_map_topic.
 
-    Parameters: ``AmclConfig``. Frames of the robot go under ``tf_prefix``, the map's does not.
+    Parameters: ``AmclConfig``; what is ``Live`` in it may change later (``ReconfigureServer``). Frames of the robot go
+    under ``tf_prefix``, the map's does not.
 
     Threads: callbacks store the newest scan or queue a command; ``spin`` does all the work.
 
@@ -76,8 +80,6 @@ class AmclNode:
 
     def __init__(self) -> None:
         self._config = config = read_config()
-        self._map_frame = stripped(config.global_frame_id)
-        self._odom_frame, self._base_frame = robot_frame(config.odom_frame_id), robot_frame(config.base_frame_id)
         self._localisation = Localisation(config, np.random.default_rng(config.seed))
         self._store = PoseStore(config.save_pose_rate)
         self._arrived = threading.Condition()
@@ -89,11 +91,18 @@ class AmclNode:
         self._now = self._next_cloud = 0.0
         self._start_at_initial_pose()
         self._listener = TransformListener()
-        self._listener.listen(self._odom_frame, self._base_frame)
+        self._name_frames()
         self._broadcaster = TransformBroadcaster()
         self._advertise()
         self._subscribe()
+        self._reconfiguration = ReconfigureServer("~", config, self._on_reconfigure, (ParameterError,))
         rospy.on_shutdown(self._wake)
+
+    def _name_frames(self) -> None:
+        config = self._config
+        self._map_frame = stripped(config.global_frame_id)
+        self._odom_frame, self._base_frame = robot_frame(config.odom_frame_id), robot_frame(config.base_frame_id)
+        self._listener.listen(self._odom_frame, self._base_frame)
 
     def _advertise(self) -> None:
         self._pose_publisher = rospy.Publisher("amcl_pose", PoseWithCovarianceStamped, queue_size=2, latch=True)
@@ -104,11 +113,14 @@ class AmclNode:
         )
         rospy.Service("set_map", SetMapArray, self._on_set_map)
 
-    def _subscribe(self) -> None:
+    def _ask_for_map(self) -> None:
         if self._config.use_map_topic:
-            rospy.Subscriber("map", GridMessage, self._on_map, queue_size=1)
+            self._maps = rospy.Subscriber("map", GridMessage, self._on_map, queue_size=1)
         else:
             threading.Thread(target=self._fetch_map, name="static_map", daemon=True).start()
+
+    def _subscribe(self) -> None:
+        self._ask_for_map()
         rospy.Subscriber("initialpose", PoseWithCovarianceStamped, self._on_initial_pose, queue_size=2)
         self._scans = rospy.Subscriber("scan", ScanMessage, self._on_scan, queue_size=1, tcp_nodelay=True)
 
@@ -133,6 +145,11 @@ class AmclNode:
                 self._localisation.force_update()
 
         return self._do(change, SetMapResponse(True))
+
+    def _on_reconfigure(self, changes: dict[str, Value]) -> None:
+        config = replace(self._config, **changes)  # type: ignore[arg-type]
+        self._do(lambda: self._configure(config), None)
+        self._reconfiguration.update(config)
 
     def _post(self, command: Callable[[], None]) -> None:
         with self._arrived:
@@ -224,6 +241,22 @@ class AmclNode:
         self._now = now
 
     # What commands do.
+
+    def _configure(self, config: AmclConfig) -> None:
+        """Goes on with other parameters, from where the particles are."""
+        before, self._config = self._config, config
+        self._localisation.configure(config)
+        if config.save_pose_rate != before.save_pose_rate:
+            self._store = PoseStore(config.save_pose_rate)
+        if config.use_map_topic != before.use_map_topic:
+            if before.use_map_topic:
+                self._maps.unregister()
+            self._ask_for_map()
+        frames = ("global_frame_id", "odom_frame_id", "base_frame_id")
+        if any(getattr(config, name) != getattr(before, name) for name in frames):
+            self._lasers.clear()
+            self._map_from_odom = None
+            self._name_frames()
 
     def _start_at_initial_pose(self) -> None:
         config = self._config

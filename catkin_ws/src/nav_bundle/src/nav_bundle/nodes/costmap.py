@@ -17,10 +17,11 @@ from nav_bundle.conversions import (
     message_from_pose,
     points_from_cloud,
 )
-from nav_bundle.core.costmap.config import CostmapConfig, ObstacleConfig, SourceConfig, StaticConfig
+from nav_bundle.core.costmap.config import CostmapConfig, FleetConfig, ObstacleConfig, SourceConfig, StaticConfig
 from nav_bundle.core.costmap.cost import occupancy_by_cost
 from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.costmap.layer import EMPTY, Observation
+from nav_bundle.core.costmap.geometry import EMPTY
+from nav_bundle.core.costmap.layer import Observation
 from nav_bundle.core.costmap.observation import ObservationBuffer
 from nav_bundle.core.costmap.scan import points_from_ranges
 from nav_bundle.core.error import ObservationError
@@ -68,18 +69,46 @@ class CostmapNode:
         self._config, self._listener = config, listener
         listener.listen(self.frame, self.base_frame)
         self._new_map: Grid | None = None
-        self._map_topic = ""
-        self._sources = [
-            (source, _subscribed(source), ObservationBuffer(source.observation_persistence))
-            for layer in config.layers
-            if isinstance(layer, ObstacleConfig) and layer.enabled
-            for source in layer.sources
-        ]
+        self._map_topic, self._map_frame = "", self.frame
+        self._scans: dict[tuple[str, str], Newest[Seen]] = {}
+        self._buffers: dict[SourceConfig, ObservationBuffer] = {}
+        self._others: tuple[FleetConfig, ...] = ()
+        self._listen_to(config)
         self._subscribe_map()
         self._advertise()
         self._updated, self._published = -np.inf, -np.inf
         self._changed = EMPTY
         self._values = occupancy_by_cost()
+
+    def configure(self, config: CostmapConfig) -> None:
+        """Goes on with another configuration; its frames and topics are those of before."""
+        if config == self._config:
+            return
+        self._config = config
+        self.costmap.configure(config)
+        self._listen_to(config)
+
+    def _listen_to(self, config: CostmapConfig) -> None:
+        """Subscribes to the sources of enabled layers, and no longer to others; what was heard stays."""
+        enabled = [layer for layer in config.layers if layer.enabled]
+        sources = [source for layer in enabled if isinstance(layer, ObstacleConfig) for source in layer.sources]
+        self._others = tuple(layer for layer in enabled if isinstance(layer, FleetConfig))
+        for layer in self._others:
+            for frame in layer.frames():
+                self._listener.listen(self.frame, frame)
+        wanted = {(source.topic, source.data_type) for source in sources}
+        for key in self._scans.keys() - wanted:
+            self._scans.pop(key).close()
+        for topic, data_type in wanted - self._scans.keys():
+            newest = newest_clouds if data_type == "PointCloud2" else newest_scans
+            self._scans[topic, data_type] = newest(topic)
+        buffers = self._buffers
+        self._buffers = {
+            source: buffers.get(source, ObservationBuffer(source.observation_persistence)) for source in sources
+        }
+        self._sources = [
+            (source, self._scans[source.topic, source.data_type], buffer) for source, buffer in self._buffers.items()
+        ]
 
     def _subscribe_map(self) -> None:
         for layer in self._config.layers:
@@ -88,6 +117,7 @@ class CostmapNode:
                 self._map_subscriber = rospy.Subscriber(self._map_topic, GridMessage, self._on_map, queue_size=1)
 
     def _on_map(self, message: GridMessage) -> None:
+        self._map_frame = costmap_frame(message.header.frame_id or _WORLD_FRAME)
         self._new_map = grid_from_message(message)
 
     def _advertise(self) -> None:
@@ -141,11 +171,11 @@ class CostmapNode:
         due = now - self._updated >= 1.0 / self._config.update_frequency - 1.0e-6 or now < self._updated
         if not self.costmap.ready or not (due or forced):
             return False
-        pose = self.pose(now)
-        if pose is None:
+        pose, map_place = self.pose(now), self._map_place()
+        if pose is None or map_place is None:
             return False
         self._updated = now
-        changed = self.costmap.update(pose, self._observations(now))
+        changed = self.costmap.update(pose, self._observations(now), self._other_robots(now), map_place)
         self._changed = self._changed.joined(changed)
         self._publish(now, pose)
         return True
@@ -156,6 +186,30 @@ class CostmapNode:
             scans.forget()
             buffer.forget()
         self.costmap.reset()
+
+    def _map_place(self) -> Pose | None:
+        """Returns the pose of the map's frame in the costmap's, None while a rolling window does not know it."""
+        if not (self._config.rolling_window and self._map_topic):
+            return Pose()
+        try:
+            return self._listener.lookup(self.frame, self._map_frame).planar()
+        except TransformError as error:
+            rospy.logwarn_throttle(5.0, f"{self.name}: the map cannot be placed: {error}")
+            return None
+
+    def _other_robots(self, now: float) -> list[Pose]:
+        """Returns where the other robots stand, as far as that is known and recent."""
+        found = []
+        for layer in self._others:
+            for frame in layer.frames():
+                if frame == self.base_frame:
+                    continue
+                try:
+                    if now - self._listener.latest(self.frame, frame) <= layer.timeout:
+                        found.append(self._listener.lookup(self.frame, frame).planar())
+                except TransformError as error:
+                    rospy.logdebug("%s: no other robot at %s: %s", self.name, frame, error)
+        return found
 
     def _observations(self, now: float) -> list[Observation]:
         """Returns what the sources saw that still counts, as far as it can be placed in the costmap's frame."""
@@ -232,10 +286,6 @@ class _NewListener(rospy.SubscribeListener):  # type: ignore[misc]
     def peer_subscribe(self, *_: object) -> None:
         """Notes it; the owner's loop publishes."""
         self.arrived = True
-
-
-def _subscribed(source: SourceConfig) -> Newest[Seen]:
-    return newest_clouds(source.topic) if source.data_type == "PointCloud2" else newest_scans(source.topic)
 
 
 def _points(source: SourceConfig, scan: Seen) -> NDArray[np.float64]:

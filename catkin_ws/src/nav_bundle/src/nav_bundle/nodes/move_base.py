@@ -37,6 +37,7 @@ from nav_bundle.core.recovery import Recovery, Surroundings
 from nav_bundle.core.transform import TransformError
 from nav_bundle.nodes.costmap import CostmapNode
 from nav_bundle.nodes.move_base_action import GoalServer
+from nav_bundle.nodes.move_base_reconfigure import Reconfiguration
 from nav_bundle.nodes.sensor import newest_odometry, velocity_from_odometry
 from nav_bundle.nodes.transform import TransformListener
 from pioneer_node.nodes import entry
@@ -63,7 +64,7 @@ class MoveBaseNode:
 
     Services: ``~make_plan`` (nav_msgs/GetPlan), ``~clear_costmaps`` (std_srvs/Empty).
 
-    Parameters: ``core.move_base_config``, read once at start.
+    Parameters: ``core.move_base_config``, read at start; many may change later (``nodes.move_base_reconfigure``).
 
     Threads: rospy's threads store messages; one loop at ``controller_frequency`` of ROS time does all the
         work on them; services take turns with it.
@@ -73,7 +74,8 @@ class MoveBaseNode:
     """
 
     def __init__(self) -> None:
-        self._setup: Setup = setup_from_parameters(entry.parameters(), rospy.get_name())
+        self._parameters = entry.parameters()
+        self._setup: Setup = setup_from_parameters(self._parameters, rospy.get_name())
         self._listener = TransformListener()
         self._global = CostmapNode("global_costmap", self._setup.global_costmap, self._listener)
         self._local = CostmapNode("local_costmap", self._setup.local_costmap, self._listener)
@@ -84,23 +86,44 @@ class MoveBaseNode:
         self._goal: Pose | None = None
         self._search: Search | None = None
         self._path: Path | None = None
+        self._route: Path | None = None
         self._recovery: Recovery | None = None
         self._strangers = _NOBODY
         self._turn = threading.RLock()
-        self._advertise()
-
-    def _advertise(self) -> None:
+        self._rate = rospy.Rate(self._setup.base.controller_frequency, reset=True)
         self._velocity = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
+        self._advertise_plans()
+        self._recovery_status = rospy.Publisher("~recovery_status", RecoveryStatus, queue_size=1)
+
+    def _advertise_plans(self) -> None:
         name = self._setup.local_planner_name
         self._plan = rospy.Publisher(f"~{self._setup.global_planner_name}/plan", PathType, queue_size=1)
         self._followed = rospy.Publisher(f"~{name}/global_plan", PathType, queue_size=1)
         self._driven = rospy.Publisher(f"~{name}/local_plan", PathType, queue_size=1)
-        self._recovery_status = rospy.Publisher("~recovery_status", RecoveryStatus, queue_size=1)
+
+    def _adopt(self, setup: Setup) -> None:
+        """Goes on with other parameters: costmaps keep what they know, the plan under way is followed on."""
+        with self._turn:
+            before, self._setup = self._setup, setup
+            self._global.configure(setup.global_costmap)
+            self._local.configure(setup.local_costmap)
+            if (setup.global_planner_name, setup.global_planner) != (before.global_planner_name, before.global_planner):
+                self._planner = setup.make_global_planner()
+            if not setup.drives_as(before):
+                self._controller = setup.make_local_planner()
+                if self._route is not None:
+                    self._controller.set_plan(self._route)
+            if setup.base.controller_frequency != before.base.controller_frequency:
+                self._rate = rospy.Rate(setup.base.controller_frequency, reset=True)
+            names = ("local_planner_name", "global_planner_name")
+            if any(getattr(setup, name) != getattr(before, name) for name in names):
+                for publisher in (self._plan, self._followed, self._driven):
+                    publisher.unregister()
+                self._advertise_plans()
 
     def spin(self) -> None:
         """Waits for what navigation needs, then runs the loop until shutdown."""
-        rate = rospy.Rate(self._setup.base.controller_frequency, reset=True)
-        if not self._wait(rate):
+        if not self._wait():
             return
         self._goals = GoalServer("move_base", self._global.frame, self._listener)
         self._odometry = newest_odometry("odom")
@@ -108,6 +131,7 @@ class MoveBaseNode:
             rospy.Service("~make_plan", GetPlan, self._make_plan),
             rospy.Service("~clear_costmaps", Empty, self._clear_costmaps),
         ]
+        self._reconfiguration = Reconfiguration(self._parameters, self._setup, self._adopt)
         last, heard = 0.0, False
         while not rospy.is_shutdown():
             now = rospy.get_time()
@@ -119,10 +143,10 @@ class MoveBaseNode:
                 heard = True
                 rospy.loginfo("odom received!")
             last = now
-            rate.sleep()
+            self._rate.sleep()
         self._velocity.publish(Twist())
 
-    def _wait(self, rate: rospy.Rate) -> bool:
+    def _wait(self) -> bool:
         """Updates the costmaps until both are complete, and says what they wait for; False at shutdown."""
         while not rospy.is_shutdown():
             now = rospy.get_time()
@@ -134,7 +158,7 @@ class MoveBaseNode:
             if missing:
                 words = ", ".join(dict.fromkeys(missing))
                 rospy.loginfo_throttle(_COMPLAIN_EVERY, f"waiting for {words}")
-            rate.sleep()
+            self._rate.sleep()
         return False
 
     def _forget(self, now: float) -> None:
@@ -248,7 +272,7 @@ class MoveBaseNode:
                 case StartRecovery(index, trigger):
                     self._start_recovery(index, trigger.name)
                 case Finish(outcome, text):
-                    self._goal, self._recovery = None, None
+                    self._goal, self._route, self._recovery = None, None, None
                     self._goals.finish(outcome, text)
                 case Warn(text):
                     rospy.logwarn_throttle(_COMPLAIN_EVERY, f"[{rospy.get_name()}]:{text}")
@@ -268,8 +292,9 @@ class MoveBaseNode:
 
     def _follow(self) -> None:
         assert self._path is not None
-        self._controller.set_plan(self._path)
-        self._show(self._plan, self._path, self._global.frame, rospy.get_time())
+        self._route = self._path
+        self._controller.set_plan(self._route)
+        self._show(self._plan, self._route, self._global.frame, rospy.get_time())
 
     def _start_recovery(self, index: int, trigger: str) -> None:
         recovery = self._setup.recoveries[index]

@@ -1,11 +1,7 @@
 """The last pose on the parameter server, from which a restarted amcl goes on."""
 
-import xmlrpc.client
-
-import rosgraph
-import rospy
-
 from nav_bundle.core.particle import Estimate
+from pioneer_node.nodes.parameter_server import set_parameters
 
 
 class PoseStore:
@@ -26,16 +22,9 @@ class PoseStore:
             return
         self._next, self._saved = now + self._period, estimate
         pose, covariance = estimate.pose, estimate.covariance
-        # One request for all: six would cost more than localisation itself.
-        calls = xmlrpc.client.MultiCall(xmlrpc.client.ServerProxy(rosgraph.get_master_uri()))
-        for name, value in (("pose_x", pose.x), ("pose_y", pose.y), ("pose_a", pose.yaw)):
-            calls.setParam(rospy.get_name(), rospy.resolve_name(f"~initial_{name}"), value)
-        for index, name in enumerate(("cov_xx", "cov_yy", "cov_aa")):
-            calls.setParam(rospy.get_name(), rospy.resolve_name(f"~initial_{name}"), float(covariance[index, index]))
-        try:
-            calls()
-        except (OSError, xmlrpc.client.Error) as error:
-            rospy.logwarn_throttle(30, "cannot save the pose on the parameter server: %s", error)
+        names = ("pose_x", "pose_y", "pose_a", "cov_xx", "cov_yy", "cov_aa")
+        values = (pose.x, pose.y, pose.yaw, *(float(covariance[index, index]) for index in range(3)))
+        set_parameters({f"~initial_{name}": value for name, value in zip(names, values, strict=True)})
 
     def restart(self) -> None:
         """Forgets when it last wrote: time jumped back."""

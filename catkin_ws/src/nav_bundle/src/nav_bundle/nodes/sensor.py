@@ -73,6 +73,10 @@ class Newest(Generic[Message]):
         self._kept.clear()
         self.received = None
 
+    def close(self) -> None:
+        """Ends the subscription."""
+        self._subscriber.unregister()
+
     def messages(self) -> list[Message]:
         """Returns the kept messages, the newest first."""
         unpacked = []

@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import Annotated, Any
 
 from nav_bundle.core.costmap.footprint import Footprint, footprint_from_parameters
+from pioneer_node.core.live import Live
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 
 DATA_TYPES = ("LaserScan", "PointCloud2")
@@ -38,7 +39,7 @@ class SourceConfig:
 class StaticConfig:
     """The static layer: a map from ``map_topic``."""
 
-    enabled: bool = True
+    enabled: Annotated[bool, Live()] = True
     map_topic: str = "map"
     track_unknown_space: bool = True
     use_maximum: bool = False
@@ -51,13 +52,16 @@ class StaticConfig:
 
 @dataclass(frozen=True)
 class ObstacleConfig:
-    """An obstacle layer. ``combination_method`` 1 takes the higher cost, 0 overwrites what lies below."""
+    """An obstacle layer. ``combination_method`` 1 takes the higher cost, 0 overwrites what lies below.
 
-    enabled: bool = True
+    ``max_obstacle_height`` [m] bounds that of every source.
+    """
+
+    enabled: Annotated[bool, Live()] = True
     track_unknown_space: bool = False
-    footprint_clearing_enabled: bool = True
-    combination_method: int = 1
-    max_obstacle_height: float = 2.0
+    footprint_clearing_enabled: Annotated[bool, Live()] = True
+    combination_method: Annotated[int, Live(0, 1, (("Overwrite", 0), ("Maximum", 1)))] = 1
+    max_obstacle_height: Annotated[float, Live(0.0, 50.0)] = 2.0
     sources: tuple[SourceConfig, ...] = ()
 
 
@@ -65,43 +69,73 @@ class ObstacleConfig:
 class InflationConfig:
     """The inflation layer: how far [m] costs reach and how fast [1/m] they fall."""
 
-    enabled: bool = True
-    inflation_radius: float = 0.55
-    cost_scaling_factor: float = 10.0
-    inflate_unknown: bool = False
+    enabled: Annotated[bool, Live()] = True
+    inflation_radius: Annotated[float, Live(0.0, 50.0)] = 0.55
+    cost_scaling_factor: Annotated[float, Live(0.0, 100.0)] = 10.0
+    inflate_unknown: Annotated[bool, Live()] = False
 
 
-LayerConfig = StaticConfig | ObstacleConfig | InflationConfig
+@dataclass(frozen=True)
+class FleetConfig:
+    """The fleet layer: other robots, from where tf says they are.
+
+    ``robots`` are their names, a list or a text with blanks between; the robot that the costmap belongs to may be among
+    them. Each stands where tf has its frame ``<robot>/<base_frame>``, while that is at most ``timeout`` [s] old.
+    ``footprint`` is theirs, the costmap's own where it is empty.
+    """
+
+    enabled: Annotated[bool, Live()] = True
+    robots: Any = ""
+    base_frame: str = "base_link"
+    timeout: Annotated[float, Live(0.0, 60.0)] = 2.0
+    footprint: Any = ""
+    footprint_padding: float = 0.01
+
+    def frames(self) -> tuple[str, ...]:
+        """Returns the frames of the robots."""
+        names = self.robots.split() if isinstance(self.robots, str) else self.robots
+        return tuple(f"{str(name).strip('/')}/{self.base_frame}" for name in names)
+
+
+LayerConfig = StaticConfig | ObstacleConfig | FleetConfig | InflationConfig
 
 
 @dataclass(frozen=True)
 class CostmapConfig:
-    """A costmap: frames, rates [Hz], size [m] where no map gives it, and its layers, lowest first."""
+    """A costmap: frames, rates [Hz], size [m] where no map gives it, and its layers, lowest first, with their names."""
 
     global_frame: str = "map"
     robot_base_frame: str = "base_link"
-    update_frequency: float = 5.0
-    publish_frequency: float = 0.0
+    update_frequency: Annotated[float, Live(0.0, 100.0)] = 5.0
+    publish_frequency: Annotated[float, Live(0.0, 100.0)] = 0.0
     rolling_window: bool = False
     track_unknown_space: bool = False
     always_send_full_costmap: bool = False
-    width: float = 10.0
-    height: float = 10.0
-    resolution: float = 0.05
-    origin_x: float = 0.0
-    origin_y: float = 0.0
-    transform_tolerance: float = 0.3
-    footprint: Any = ""
-    robot_radius: float = 0.46
-    footprint_padding: float = 0.01
+    width: Annotated[float, Live(0.0)] = 10.0
+    height: Annotated[float, Live(0.0)] = 10.0
+    resolution: Annotated[float, Live(0.0, 50.0)] = 0.05
+    origin_x: Annotated[float, Live()] = 0.0
+    origin_y: Annotated[float, Live()] = 0.0
+    transform_tolerance: Annotated[float, Live(0.0, 10.0)] = 0.3
+    footprint: Annotated[Any, Live()] = ""
+    robot_radius: Annotated[float, Live(0.0, 10.0)] = 0.46
+    footprint_padding: Annotated[float, Live()] = 0.01
     layers: tuple[LayerConfig, ...] = field(default=())
+    layer_names: tuple[str, ...] = field(default=(), compare=False)
 
     def outline(self) -> Footprint:
         """Returns the footprint that the parameters describe, padded."""
         return footprint_from_parameters(self.footprint, self.robot_radius, self.footprint_padding)
 
 
-_LAYERS = {"StaticLayer": StaticConfig, "ObstacleLayer": ObstacleConfig, "InflationLayer": InflationConfig}
+_LAYERS = {
+    "costmap_2d::StaticLayer": StaticConfig,
+    "costmap_2d::ObstacleLayer": ObstacleConfig,
+    "nav_bundle::FleetLayer": FleetConfig,
+    "costmap_2d::InflationLayer": InflationConfig,
+}
+# What costmap_2d calls the layers where no list of plugins names them, and the fleet layer's name beside them.
+_STATIC, _OBSTACLE, _FLEET, _INFLATION = "static_layer", "obstacle_layer", "fleet_layer", "inflation_layer"
 # Names that costmap_2d has and that change nothing here: three-dimensional maps and retired switches.
 _WITHOUT_EFFECT = frozenset(
     {
@@ -135,40 +169,49 @@ def costmap_config_from_parameters(parameters: Mapping[str, Any], owner: str) ->
     """Returns the configuration in namespace ``owner``.
 
     A ``plugins`` list of {name, type} gives the layers, each with its own nested names; without one,
-    ``static_map``, ``observation_sources`` and ``inflation_radius`` stand in the costmap's namespace.
+    ``static_map``, ``observation_sources`` and ``inflation_radius`` stand in the costmap's namespace. What stands in
+    ``static_layer``, ``obstacle_layer`` and ``inflation_layer`` then goes before, as after a reconfiguration, and
+    ``fleet_layer`` adds that layer.
 
     Raises:
-        ParameterError: an unknown name or layer, a wrong type, a source of an unknown type, a rolling static map.
+        ParameterError: an unknown name or layer, a wrong type, a source of an unknown type.
     """
     nested = {name for name, value in parameters.items() if isinstance(value, Mapping)}
     config = config_from_mapping(CostmapConfig, parameters, owner, _WITHOUT_EFFECT | nested)
     if parameters.get("plugins"):
-        layers = tuple(_plugin(parameters, plugin, owner) for plugin in parameters["plugins"])
+        layers = dict(_plugin(parameters, plugin, owner) for plugin in parameters["plugins"])
     else:
         layers = _classic_layers(parameters, owner)
-    config = replace(config, layers=layers)
+    config = replace(config, layers=tuple(layers.values()), layer_names=tuple(layers))
     _check(config, owner)
     return config
 
 
 def _check(config: CostmapConfig, owner: str) -> None:
-    if config.rolling_window and any(isinstance(layer, StaticConfig) for layer in config.layers):
-        raise ParameterError(f"{owner}: a rolling window cannot have a static map; set static_map or rolling_window")
     for name in ("resolution", "width", "height", "update_frequency"):
         if getattr(config, name) <= 0.0:
             raise ParameterError(f"{owner}: ~{name} must be positive, not {getattr(config, name)}")
     footprint_from_parameters(config.footprint, config.robot_radius, config.footprint_padding)
 
 
-def _classic_layers(parameters: Mapping[str, Any], owner: str) -> tuple[LayerConfig, ...]:
+def _classic_layers(parameters: Mapping[str, Any], owner: str) -> dict[str, LayerConfig]:
     if parameters.get("map_type", "costmap") != "costmap":
         raise ParameterError(f"{owner}: map_type {parameters['map_type']!r} is not available, only 'costmap' is")
-    layers: list[LayerConfig] = []
+    own = {name: {**parameters, **_nested(parameters, name)} for name in (_STATIC, _OBSTACLE, _INFLATION)}
+    layers: dict[str, LayerConfig] = {}
     if parameters.get("static_map", False):
-        layers.append(_from_matching(StaticConfig, parameters, owner, {"track_unknown_space"}))
-    layers.append(_obstacles((parameters,), owner))
-    layers.append(_from_matching(InflationConfig, parameters, owner))
-    return tuple(layers)
+        layers[_STATIC] = _from_matching(StaticConfig, own[_STATIC], owner, {"track_unknown_space"})
+    layers[_OBSTACLE] = _obstacles((own[_OBSTACLE],), owner)
+    if _nested(parameters, _FLEET):
+        layers[_FLEET] = config_from_mapping(FleetConfig, parameters[_FLEET], f"{owner}/{_FLEET}")
+    layers[_INFLATION] = _from_matching(InflationConfig, own[_INFLATION], owner)
+    return layers
+
+
+def _nested(parameters: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """Returns the parameters in the namespace ``name``, none where there is no such namespace."""
+    found = parameters.get(name)
+    return found if isinstance(found, Mapping) else {}
 
 
 def _from_matching(kind: type[Any], parameters: Mapping[str, Any], owner: str, without: Any = ()) -> Any:
@@ -177,28 +220,35 @@ def _from_matching(kind: type[Any], parameters: Mapping[str, Any], owner: str, w
     return config_from_mapping(kind, {name: parameters[name] for name in names & set(parameters)}, owner)
 
 
-def _plugin(parameters: Mapping[str, Any], plugin: Any, owner: str) -> LayerConfig:
+def _plugin(parameters: Mapping[str, Any], plugin: Any, owner: str) -> tuple[str, LayerConfig]:
+    """Returns the layer's name and configuration; the package of its type may be left out."""
+    by_name = {full.split("::")[-1]: kind for full, kind in _LAYERS.items()}
     try:
-        name, kind = plugin["name"], _LAYERS[str(plugin["type"]).split("::")[-1]]
+        name, kind = str(plugin["name"]), by_name[str(plugin["type"]).split("::")[-1]]
     except (KeyError, TypeError):
-        known = ", ".join(f"costmap_2d::{layer}" for layer in _LAYERS)
-        raise ParameterError(f"{owner}: no such layer {plugin!r}; there are {known}") from None
+        raise ParameterError(f"{owner}: no such layer {plugin!r}; there are {', '.join(_LAYERS)}") from None
     own = parameters.get(name, {})
     layer_owner = f"{owner}/{name}"
     if kind is ObstacleConfig:
-        return _obstacles((own, parameters), layer_owner)
-    return config_from_mapping(kind, own, layer_owner)
+        return name, _obstacles((own, parameters), layer_owner)
+    return name, config_from_mapping(kind, own, layer_owner)
 
 
 def _obstacles(scopes: Sequence[Mapping[str, Any]], owner: str) -> ObstacleConfig:
     """Returns the layer described in ``scopes[0]``; what a source leaves out is looked up outwards."""
     own = scopes[0]
     names = own.get("observation_sources", "").split()
-    sources = tuple(_source(name, scopes, owner) for name in names)
     layer = _from_matching(ObstacleConfig, own, owner, {"sources"})
     if "track_unknown_space" not in own:
         layer = replace(layer, track_unknown_space=bool(scopes[-1].get("track_unknown_space", False)))
-    return replace(layer, sources=sources)
+    sources = (_source(name, scopes, owner) for name in names)
+    highest = layer.max_obstacle_height
+    return replace(
+        layer,
+        sources=tuple(
+            replace(source, max_obstacle_height=min(source.max_obstacle_height, highest)) for source in sources
+        ),
+    )
 
 
 def _source(name: str, scopes: Sequence[Mapping[str, Any]], owner: str) -> SourceConfig:

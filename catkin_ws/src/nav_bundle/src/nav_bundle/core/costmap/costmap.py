@@ -6,18 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nav_bundle.core import kernel
-from nav_bundle.core.costmap.config import CostmapConfig, InflationConfig, StaticConfig
+from nav_bundle.core.costmap.config import CostmapConfig, FleetConfig, InflationConfig, ObstacleConfig, StaticConfig
 from nav_bundle.core.costmap.cost import FREE, LETHAL, UNKNOWN, cells_of_distance
-from nav_bundle.core.costmap.layer import (
-    EMPTY,
-    Cells,
-    Geometry,
-    InflationLayer,
-    Observation,
-    ObstacleLayer,
-    StaticLayer,
-    Window,
-)
+from nav_bundle.core.costmap.fleet_layer import FleetLayer
+from nav_bundle.core.costmap.geometry import EMPTY, Cells, Geometry, Window
+from nav_bundle.core.costmap.layer import InflationLayer, Observation, ObstacleLayer, StaticLayer
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose
 
@@ -27,8 +20,7 @@ _KNOWN = 0.3
 class Costmap:
     """Costs around a robot, either fixed in a map's frame or rolling with the robot.
 
-    Not thread-safe: one owner updates and reads it. The yaw of a map's origin is not supported,
-    as in costmap_2d.
+    Not thread-safe: one owner updates and reads it.
 
     Attributes:
         config: what it was made from.
@@ -38,60 +30,119 @@ class Costmap:
     """
 
     def __init__(self, config: CostmapConfig) -> None:
-        self.config = config
-        self.footprint = config.outline()
-        self._static = [StaticLayer(layer) for layer in config.layers if isinstance(layer, StaticConfig)][:1]
+        self._static: list[StaticLayer] = []
         self._obstacles: list[ObstacleLayer] = []
-        self._layers: list[StaticLayer | ObstacleLayer | InflationLayer] = []
+        self._obstacle_at: dict[int, ObstacleLayer] = {}
+        self._fleet: list[FleetLayer] = []
+        self._layers: list[StaticLayer | ObstacleLayer | FleetLayer | InflationLayer] = []
+        self.configure(config)
+        self._resize(self._own_geometry())
+
+    def _own_geometry(self) -> Geometry:
+        """Returns where the cells lie when no map says it."""
+        config = self.config
         rows = cells_of_distance(config.height, config.resolution)
         cols = cells_of_distance(config.width, config.resolution)
-        self._resize(Geometry(config.origin_x, config.origin_y, config.resolution, rows, cols))
+        return Geometry(config.origin_x, config.origin_y, config.resolution, rows, cols)
+
+    def configure(self, config: CostmapConfig) -> None:
+        """Takes another configuration; map and obstacles stay, unless size or resolution change."""
+        before = getattr(self, "config", config)
+        self.config = config
+        self.footprint = config.outline()
+        static = [StaticLayer(layer) for layer in config.layers if isinstance(layer, StaticConfig)][:1]
+        if [layer.config for layer in static] != [layer.config for layer in self._static]:
+            self._static = static
+        if config is before:
+            return
+        shaped = ("width", "height", "resolution", "origin_x", "origin_y")
+        changed = any(getattr(config, name) != getattr(before, name) for name in shaped)
+        if changed and (config.rolling_window or not self._static):
+            self._resize(self._own_geometry())
+        else:
+            self._make_layers()
 
     @property
     def ready(self) -> bool:
         """True once a static layer has its map."""
-        return all(layer.cells is not None for layer in self._static)
+        return all(layer.place is not None for layer in self._static)
 
     def set_map(self, grid: Grid) -> None:
-        """Takes the static map, and its size and resolution with it; obstacles are forgotten."""
+        """Takes the static map; unless the costmap rolls, its size and resolution too, and obstacles are forgotten."""
         for layer in self._static:
             layer.set_map(grid)
-            self._resize(Geometry(grid.origin.x, grid.origin.y, grid.resolution, grid.rows, grid.cols))
+            if layer.place is not None and not self.config.rolling_window:
+                self._resize(Geometry(**vars(layer.place)))
 
     def _resize(self, geometry: Geometry) -> None:
         self.geometry = geometry
         self._default = UNKNOWN if self.config.track_unknown_space else FREE
         self.cells: Cells = np.full((geometry.rows, geometry.cols), self._default, np.uint8)
-        self._layers = [self._layer(layer) for layer in self.config.layers if layer.enabled]
-        self._obstacles = [layer for layer in self._layers if isinstance(layer, ObstacleLayer)]
+        self._obstacle_at = {}
+        self._make_layers()
+
+    def _make_layers(self) -> None:
+        """Makes the layers anew; each obstacle layer keeps what the one in its place knew."""
+        self._default = UNKNOWN if self.config.track_unknown_space else FREE
+        self._layers = []
+        known, self._obstacle_at = self._obstacle_at, {}
+        for index, config in enumerate(self.config.layers):
+            if not config.enabled:
+                continue
+            layer = self._layer(config)
+            if isinstance(layer, ObstacleLayer):
+                self._obstacle_at[index] = layer
+                if index in known:
+                    layer.cells = known[index].cells
+            self._layers.append(layer)
+        self._obstacles = list(self._obstacle_at.values())
+        self._fleet = [layer for layer in self._layers if isinstance(layer, FleetLayer)]
         self._margin = max([layer.radius for layer in self._layers if isinstance(layer, InflationLayer)], default=0)
         self._pending = self._everything()
 
-    def _layer(self, config: object) -> "StaticLayer | ObstacleLayer | InflationLayer":
-        if isinstance(config, StaticConfig):
-            return self._static[0]
-        if isinstance(config, InflationConfig):
-            return InflationLayer(config, self.footprint, self.geometry.resolution)
-        layer = ObstacleLayer(config)  # type: ignore[arg-type]
-        layer.resize(self.geometry.rows, self.geometry.cols)
-        return layer
+    def _layer(self, config: object) -> "StaticLayer | ObstacleLayer | FleetLayer | InflationLayer":
+        match config:
+            case StaticConfig():
+                return self._static[0]
+            case InflationConfig():
+                return InflationLayer(config, self.footprint, self.geometry.resolution)
+            case FleetConfig():
+                return FleetLayer(config, self.footprint)
+            case ObstacleConfig():
+                layer = ObstacleLayer(config)
+                layer.resize(self.geometry.rows, self.geometry.cols)
+                return layer
+        raise TypeError(f"no layer for {config!r}")
 
     def _everything(self) -> Window:
         return Window(0, self.geometry.rows, 0, self.geometry.cols)
 
-    def update(self, pose: Pose, observations: Sequence[Observation]) -> Window:
+    def update(
+        self,
+        pose: Pose,
+        observations: Sequence[Observation],
+        others: Sequence[Pose] = (),
+        here_from_map: Pose | None = None,
+    ) -> Window:
         """Brings the costs up to date; returns the window of cells that may differ from before.
 
         Args:
             pose: the robot's, in the costmap's frame; a rolling window is centred on it.
             observations: the newest of each source, in the costmap's frame.
+            others: other robots' poses in the costmap's frame, for the fleet layer.
+            here_from_map: pose of the map's frame in the costmap's, for a map in a rolling window; the same without.
         """
         changed, self._pending = self._pending, EMPTY
-        if self.config.rolling_window and self._centre(pose):
-            changed = self._everything()
+        if self.config.rolling_window:
+            moved = self._centre(pose)
+            laid = [layer.lie(self.geometry, here_from_map or Pose()) for layer in self._static if layer.place]
+            if moved or any(laid):
+                changed = self._everything()
         outline = self.footprint.outline(pose)
         for layer in self._obstacles:
             changed = changed.joined(layer.observe(self.geometry, observations, outline))
+        for fleet in self._fleet:
+            changed = changed.joined(fleet.place(self.geometry, others, outline))
         if changed:
             changed = changed.grown(self._margin, self.geometry.rows, self.geometry.cols)
             self.cells[changed.row_0 : changed.row_1, changed.col_0 : changed.col_1] = self._default

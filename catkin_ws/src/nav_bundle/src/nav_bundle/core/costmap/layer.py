@@ -18,67 +18,10 @@ from nav_bundle.core.costmap.cost import (
     cost_by_squared_distance,
 )
 from nav_bundle.core.costmap.footprint import Footprint
+from nav_bundle.core.costmap.geometry import EMPTY, Cells, Geometry, Window
+from nav_bundle.core.costmap.resample import sampled, upright
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose
-
-Cells = NDArray[np.uint8]
-
-
-@dataclass
-class Geometry:
-    """Where a costmap lies: corner of cell (0, 0) [m] in its frame, cell size [m], numbers of cells."""
-
-    origin_x: float
-    origin_y: float
-    resolution: float
-    rows: int
-    cols: int
-
-    def row_of(self, y: float) -> int:
-        """Returns the row that holds ``y`` [m], inside or not."""
-        return int(np.floor((y - self.origin_y) / self.resolution))
-
-    def col_of(self, x: float) -> int:
-        """Returns the column that holds ``x`` [m], inside or not."""
-        return int(np.floor((x - self.origin_x) / self.resolution))
-
-
-@dataclass(frozen=True)
-class Window:
-    """A part of a grid: rows ``[row_0, row_1)`` and columns ``[col_0, col_1)``."""
-
-    row_0: int
-    row_1: int
-    col_0: int
-    col_1: int
-
-    def __bool__(self) -> bool:
-        return self.row_0 < self.row_1 and self.col_0 < self.col_1
-
-    def grown(self, margin: int, rows: int, cols: int) -> "Window":
-        """Returns the window widened by ``margin`` cells on each side, within ``rows`` and ``cols``."""
-        return Window(
-            max(self.row_0 - margin, 0),
-            min(self.row_1 + margin, rows),
-            max(self.col_0 - margin, 0),
-            min(self.col_1 + margin, cols),
-        )
-
-    def joined(self, other: "Window") -> "Window":
-        """Returns the smallest window that holds both; an empty one adds nothing."""
-        if not other:
-            return self
-        if not self:
-            return other
-        return Window(
-            min(self.row_0, other.row_0),
-            max(self.row_1, other.row_1),
-            min(self.col_0, other.col_0),
-            max(self.col_1, other.col_1),
-        )
-
-
-EMPTY = Window(0, 0, 0, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +35,17 @@ class Observation:
 
 
 class StaticLayer:
-    """The map, as costs."""
+    """The map, as costs.
+
+    Attributes:
+        cells: the map's costs in the costmap's cells, unknown where the map does not reach; None without a map.
+    """
 
     def __init__(self, config: StaticConfig) -> None:
         self.config = config
         self.cells: Cells | None = None
+        self._map: Cells | None = None
+        self._place = Geometry(0.0, 0.0, 1.0, 0, 0)
         self._costs = cost_by_occupancy(
             config.lethal_cost_threshold,
             config.trinary_costmap,
@@ -104,9 +53,36 @@ class StaticLayer:
             config.unknown_cost_value,
         )
 
+    @property
+    def place(self) -> Geometry | None:
+        """Where the map lies in its frame; None without one."""
+        return None if self._map is None else self._place
+
     def set_map(self, grid: Grid) -> None:
-        """Takes the map's cells; its geometry is the costmap's business."""
-        self.cells = self._costs[grid.cells.view(np.uint8)]
+        """Takes the map's cells. A map whose origin is turned is laid into the smallest upright grid that holds it."""
+        costs = self._costs[grid.cells.view(np.uint8)]
+        self._place = Geometry(grid.origin.x, grid.origin.y, grid.resolution, grid.rows, grid.cols)
+        if grid.origin.yaw != 0.0:
+            self._place = upright(grid.origin, grid.resolution, grid.rows, grid.cols)
+            everything = Window(0, self._place.rows, 0, self._place.cols)
+            costs = sampled(costs, grid.origin, grid.resolution, self._place, everything, UNKNOWN)
+        self.cells = self._map = costs
+
+    def lie(self, geometry: Geometry, here_from_map: Pose) -> bool:
+        """Lays the map under a rolling costmap; tells whether a cell differs from before.
+
+        Args:
+            geometry: of the costmap.
+            here_from_map: pose of the map's frame in the costmap's.
+        """
+        assert self._map is not None
+        origin = here_from_map.compose(Pose(self._place.origin_x, self._place.origin_y))
+        everything = Window(0, geometry.rows, 0, geometry.cols)
+        before, self.cells = (
+            self.cells,
+            sampled(self._map, origin, self._place.resolution, geometry, everything, UNKNOWN),
+        )
+        return before is None or not np.array_equal(before, self.cells)
 
     def near(self, window: Window, radius: int) -> NDArray[np.bool_]:
         """Tells for each cell of the window whether the map is lethal within ``radius`` cells of it, in the window."""
@@ -117,14 +93,17 @@ class StaticLayer:
         return (part == INSCRIBED) | (part == LETHAL)
 
     def merge(self, master: Cells, window: Window) -> None:
-        """Writes the map into the window of ``master``."""
+        """Writes the map into the window of ``master``; a map laid under a rolling costmap, only what it knows."""
         if self.cells is None:
             return
-        part = np.s_[window.row_0 : window.row_1, window.col_0 : window.col_1]
+        part = (window.row_0, window.row_1, window.col_0, window.col_1)
         if self.config.use_maximum:
-            kernel.merge_highest(master, self.cells, window.row_0, window.row_1, window.col_0, window.col_1)
+            kernel.merge_highest(master, self.cells, *part)
+        elif self.cells is not self._map:
+            kernel.merge_known(master, self.cells, *part)
         else:
-            master[part] = self.cells[part]
+            inside = np.s_[window.row_0 : window.row_1, window.col_0 : window.col_1]
+            master[inside] = self.cells[inside]
 
 
 class ObstacleLayer:

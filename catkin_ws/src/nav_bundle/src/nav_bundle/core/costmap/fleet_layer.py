@@ -1,0 +1,82 @@
+"""The layer of other robots: an outline, lethal, wherever one stands."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle.core import kernel
+from nav_bundle.core.costmap.config import FleetConfig
+from nav_bundle.core.costmap.cost import LETHAL, UNKNOWN
+from nav_bundle.core.costmap.footprint import Footprint, footprint_from_parameters
+from nav_bundle.core.costmap.geometry import EMPTY, Geometry, Window
+from nav_bundle.core.pose import Pose
+
+
+@dataclass(frozen=True, eq=False)
+class _Stamp:
+    """One robot's cells, lethal or unknown, and where they lie."""
+
+    window: Window
+    cells: NDArray[np.uint8] = field(repr=False)
+
+    def is_like(self, other: "_Stamp") -> bool:
+        return self.window == other.window and np.array_equal(self.cells, other.cells)
+
+
+class FleetLayer:
+    """Other robots where they are known to stand; what the costmap's own robot covers stays free of them."""
+
+    def __init__(self, config: FleetConfig, own: Footprint) -> None:
+        self.config = config
+        self._footprint = (
+            footprint_from_parameters(config.footprint, 0.0, config.footprint_padding) if config.footprint else own
+        )
+        self._stamps: list[_Stamp] = []
+
+    def place(self, geometry: Geometry, others: Iterable[Pose], outline: NDArray[np.float64]) -> Window:
+        """Takes the other robots' poses in the costmap's frame; returns the window of cells that may differ.
+
+        Args:
+            geometry: of the costmap.
+            others: where the others are now; all that were there before are gone.
+            outline: of the costmap's own robot, shape (n, 2) [m].
+        """
+        before = self._stamps
+        stamps = (self._stamp(geometry, pose, outline) for pose in others)
+        self._stamps = [stamp for stamp in stamps if stamp.window]
+        changed = EMPTY
+        for one, rest in ((before, self._stamps), (self._stamps, before)):
+            for stamp in one:
+                if not any(stamp.is_like(other) for other in rest):
+                    changed = changed.joined(stamp.window)
+        return changed
+
+    def _stamp(self, geometry: Geometry, pose: Pose, own: NDArray[np.float64]) -> _Stamp:
+        outline = self._footprint.outline(pose)
+        (x_0, y_0), (x_1, y_1) = outline.min(axis=0), outline.max(axis=0)
+        window = Window(
+            max(geometry.row_of(y_0), 0),
+            min(geometry.row_of(y_1) + 1, geometry.rows),
+            max(geometry.col_of(x_0), 0),
+            min(geometry.col_of(x_1) + 1, geometry.cols),
+        )
+        if not window:
+            return _Stamp(EMPTY, np.empty((0, 0), np.uint8))
+        cells = np.full((window.row_1 - window.row_0, window.col_1 - window.col_0), UNKNOWN, np.uint8)
+        corner_x = geometry.origin_x + window.col_0 * geometry.resolution
+        corner_y = geometry.origin_y + window.row_0 * geometry.resolution
+        for polygon, value in ((outline, LETHAL), (own, UNKNOWN)):
+            kernel.fill_polygon(cells, corner_x, corner_y, geometry.resolution, polygon, value)
+        return _Stamp(window, cells)
+
+    def merge(self, master: NDArray[np.uint8], window: Window) -> None:
+        """Makes the others' cells in the window of ``master`` lethal."""
+        for stamp in self._stamps:
+            part = stamp.window.within(window)
+            if part:
+                top, left = part.row_0 - stamp.window.row_0, part.col_0 - stamp.window.col_0
+                stamped = stamp.cells[top : top + part.row_1 - part.row_0, left : left + part.col_1 - part.col_0]
+                target = master[part.row_0 : part.row_1, part.col_0 : part.col_1]
+                target[stamped == LETHAL] = LETHAL

@@ -1,0 +1,147 @@
+"""Other robots in a costmap, maps that roll or are turned, and parameters that change under way."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nav_bundle.core.costmap.config import (
+    CostmapConfig,
+    FleetConfig,
+    InflationConfig,
+    ObstacleConfig,
+    SourceConfig,
+    StaticConfig,
+    costmap_config_from_parameters,
+)
+from nav_bundle.core.costmap.cost import FREE, INSCRIBED, LETHAL, UNKNOWN
+from nav_bundle.core.costmap.costmap import Costmap
+from nav_bundle.core.costmap.layer import Observation
+from nav_bundle.core.grid import Grid, grid_from_text
+from nav_bundle.core.pose import Pose
+
+FOOTPRINT = ((0.2, 0.2), (0.2, -0.2), (-0.3, -0.2), (-0.3, 0.2))
+LASER = SourceConfig("base_scan", clearing=True)
+FLEET = FleetConfig(robots="pioneer1 pioneer2")
+WINDOW = CostmapConfig(rolling_window=True, width=6.0, height=6.0, resolution=0.1, footprint=FOOTPRINT)
+
+
+def cost_at(costmap: Costmap, x: float, y: float) -> int:
+    return int(costmap.cells[costmap.geometry.row_of(y), costmap.geometry.col_of(x)])
+
+
+@pytest.fixture
+def fleet() -> Costmap:
+    inflation = InflationConfig(inflation_radius=1.0)
+    return Costmap(replace(WINDOW, layers=(ObstacleConfig(sources=(LASER,)), FLEET, inflation)))
+
+
+def test_another_robot_is_lethal_where_it_stands_and_inflated_around(fleet: Costmap) -> None:
+    fleet.update(Pose(), (), [Pose(1.5, 0.0, math.pi / 2)])
+    assert cost_at(fleet, 1.5, 0.0) == LETHAL
+    assert cost_at(fleet, 1.5, -0.25) == LETHAL  # turned: its back is to the south
+    assert cost_at(fleet, 1.85, 0.0) == INSCRIBED
+    assert FREE < cost_at(fleet, 2.2, 0.0) < INSCRIBED
+
+
+def test_a_robot_that_drives_on_leaves_nothing_behind(fleet: Costmap) -> None:
+    anew = Costmap(fleet.config)
+    fleet.update(Pose(), (), [Pose(1.5, 0.0)])
+    changed = fleet.update(Pose(), (), [Pose(1.6, 0.5, 0.3)])
+    anew.update(Pose(), (), [Pose(1.6, 0.5, 0.3)])
+    np.testing.assert_array_equal(fleet.cells, anew.cells)
+    assert changed.row_1 - changed.row_0 < fleet.geometry.rows
+    assert not fleet.update(Pose(), (), [Pose(1.6, 0.5, 0.3)])
+
+
+def test_a_robot_that_is_no_longer_heard_of_vanishes(fleet: Costmap) -> None:
+    fleet.update(Pose(), (), [Pose(1.5, 0.0)])
+    fleet.update(Pose(), (), [])
+    assert not fleet.cells.any()
+
+
+def test_what_the_own_robot_covers_stays_free(fleet: Costmap) -> None:
+    fleet.update(Pose(), (), [Pose(0.4, 0.0)])
+    assert cost_at(fleet, 0.0, 0.0) != LETHAL
+    assert cost_at(fleet, 0.45, 0.0) == LETHAL
+
+
+def test_a_robot_outside_the_window_is_none(fleet: Costmap) -> None:
+    fleet.update(Pose(), (), [Pose(40.0, 0.0)])
+    assert not fleet.cells.any()
+
+
+def test_there_are_no_other_robots_unless_asked_for() -> None:
+    config = costmap_config_from_parameters({"static_map": True}, "global_costmap")
+    assert not any(isinstance(layer, FleetConfig) for layer in config.layers)
+    asked = costmap_config_from_parameters({"fleet_layer": {"robots": ["pioneer1", "/pioneer2"]}}, "global_costmap")
+    assert asked.layer_names == ("obstacle_layer", "fleet_layer", "inflation_layer")
+    assert asked.layers[1].frames() == ("pioneer1/base_link", "pioneer2/base_link")
+
+
+MAP = grid_from_text(["....", "..#.", "?..."], 1.0, Pose(10.0, 20.0))
+
+
+def test_a_map_lies_under_a_rolling_window_where_tf_says() -> None:
+    costmap = Costmap(replace(WINDOW, track_unknown_space=True, layers=(StaticConfig(),)))
+    assert not costmap.ready
+    costmap.set_map(MAP)
+    here_from_map = Pose(3.0, 1.0, math.pi / 2).compose(Pose(12.5, 21.5).inverse())
+    costmap.update(Pose(3.0, 1.0), (), (), here_from_map)
+    assert (costmap.geometry.rows, costmap.geometry.cols) == (60, 60)
+    assert cost_at(costmap, 3.0, 1.0) == LETHAL
+    assert cost_at(costmap, 3.0, 1.45) == LETHAL
+    assert cost_at(costmap, 3.0, 1.6) == FREE
+    assert cost_at(costmap, 3.0, 3.5) == UNKNOWN  # the map does not reach there
+    assert not costmap.update(Pose(3.0, 1.0), (), (), here_from_map)
+
+
+def test_what_lasers_see_stays_above_a_map_that_rolls() -> None:
+    costmap = Costmap(replace(WINDOW, layers=(StaticConfig(), ObstacleConfig(sources=(LASER,)))))
+    costmap.set_map(MAP)
+    costmap.update(Pose(11.0, 21.0), (Observation(LASER, 11.0, 21.0, np.array([[12.0, 20.5]])),))
+    costmap.update(Pose(11.2, 21.0), ())
+    assert cost_at(costmap, 12.0, 20.5) == LETHAL
+
+
+@pytest.mark.parametrize("yaw", [math.pi / 2, -0.4, 2.0])
+def test_a_map_whose_origin_is_turned_lies_turned(yaw: float) -> None:
+    cells = np.zeros((30, 40), np.int8)
+    cells[20:24, 30:34] = 100
+    grid = Grid(0.1, Pose(-3.0, 5.0, yaw), cells)
+    costmap = Costmap(CostmapConfig(footprint=FOOTPRINT, layers=(StaticConfig(),)))
+    costmap.set_map(grid)
+    costmap.update(Pose(-3.0, 5.0), ())
+    assert cost_at(costmap, *grid.point_at(21.5, 31.5)) == LETHAL
+    assert cost_at(costmap, *grid.point_at(15.0, 31.5)) == FREE
+    assert abs(int((costmap.cells == LETHAL).sum()) - 16) <= 4
+
+
+def test_another_inflation_keeps_what_was_seen() -> None:
+    layers = (ObstacleConfig(sources=(LASER,)), InflationConfig(inflation_radius=0.5))
+    costmap = Costmap(replace(WINDOW, layers=layers))
+    costmap.update(Pose(), (Observation(LASER, 0.0, 0.0, np.array([[1.5, 0.0]])),))
+    costmap.configure(
+        replace(costmap.config, layers=(layers[0], InflationConfig(inflation_radius=1.5, cost_scaling_factor=1.0)))
+    )
+    costmap.update(Pose(), ())
+    assert cost_at(costmap, 1.5, 0.0) == LETHAL
+    assert cost_at(costmap, 1.5, 1.0) > FREE
+
+
+def test_a_layer_that_is_switched_off_and_on_begins_anew() -> None:
+    layer = ObstacleConfig(sources=(LASER,))
+    costmap = Costmap(replace(WINDOW, layers=(layer,)))
+    costmap.update(Pose(), (Observation(LASER, 0.0, 0.0, np.array([[1.5, 0.0]])),))
+    for enabled in (False, True):
+        costmap.configure(replace(costmap.config, layers=(replace(layer, enabled=enabled),)))
+        costmap.update(Pose(), ())
+        assert not costmap.cells.any()
+
+
+def test_another_size_of_the_window_holds_at_once() -> None:
+    costmap = Costmap(replace(WINDOW, layers=(ObstacleConfig(),)))
+    costmap.configure(replace(costmap.config, width=4.0))
+    costmap.update(Pose(), ())
+    assert costmap.cells.shape == (60, 40)

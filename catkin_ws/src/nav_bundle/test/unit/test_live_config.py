@@ -1,0 +1,74 @@
+"""What dynamic_reconfigure changes leads through the same checks as the parameters of the start."""
+
+import pytest
+
+from nav_bundle.core.costmap.config import InflationConfig
+from nav_bundle.core.move_base_config import changed_parameters, setup_from_parameters
+from pioneer_node.core.live import live_parameters, live_values
+from pioneer_node.core.parameter import ParameterError
+
+PARAMETERS = {
+    "TrajectoryPlannerROS": {"acc_lim_th": 1.0, "sim_granularity": 0.1},
+    "global_costmap": {"static_map": True, "inflation_radius": 1.5},
+    "local_costmap": {
+        "rolling_window": True,
+        "plugins": [{"name": "around", "type": "costmap_2d::InflationLayer"}],
+        "around": {"inflation_radius": 2.0},
+    },
+}
+SETUP = setup_from_parameters(PARAMETERS, "/move_base")
+
+
+def changed(namespace, **changes):
+    return setup_from_parameters(changed_parameters(PARAMETERS, SETUP, namespace, changes), "/move_base")
+
+
+def test_every_part_of_move_base_has_noetics_namespace():
+    assert list(SETUP.live_configs()) == [
+        "",
+        "TrajectoryPlannerROS",
+        "global_costmap",
+        "global_costmap/static_layer",
+        "global_costmap/obstacle_layer",
+        "global_costmap/inflation_layer",
+        "local_costmap",
+        "local_costmap/around",
+    ]
+
+
+@pytest.mark.parametrize("namespace", SETUP.live_configs())
+def test_writing_out_what_holds_changes_nothing(namespace):
+    assert changed(namespace).live_configs() == SETUP.live_configs()
+
+
+@pytest.mark.parametrize("config", SETUP.live_configs().values(), ids=list(SETUP.live_configs()))
+def test_defaults_lie_within_their_bounds(config):
+    for parameter in live_parameters(type(config)):
+        assert parameter.clamped(parameter.default) == parameter.default
+
+
+@pytest.mark.parametrize("costmap", ["global_costmap/inflation_layer", "local_costmap/around"])
+def test_a_layer_is_changed_in_classic_and_in_layered_style(costmap):
+    layer = changed(costmap, inflation_radius=0.7).live_configs()[costmap]
+    assert isinstance(layer, InflationConfig)
+    assert layer.inflation_radius == 0.7
+
+
+def test_a_former_name_does_not_win_over_a_change():
+    assert SETUP.local_planner.acc_lim_theta == 1.0
+    assert changed("TrajectoryPlannerROS", acc_lim_theta=2.0).local_planner.acc_lim_theta == 2.0
+
+
+def test_a_default_that_follows_another_parameter_stays_where_it_is():
+    assert changed("TrajectoryPlannerROS", sim_granularity=0.2).local_planner.angular_sim_granularity == 0.1
+
+
+def test_the_other_local_planner_can_be_chosen():
+    setup = changed("", base_local_planner="dwa_local_planner/DWAPlannerROS")
+    assert (setup.local_planner_name, setup.drives_as(SETUP)) == ("DWAPlannerROS", False)
+    assert live_values(setup.local_planner)["vth_samples"] == 20
+
+
+def test_values_that_contradict_each_other_are_refused():
+    with pytest.raises(ParameterError, match="minimal velocity lies above"):
+        changed("TrajectoryPlannerROS", min_vel_x=2.0)

@@ -1,0 +1,115 @@
+"""Parameters that may change while a node runs: which fields of a configuration, and within which bounds."""
+
+import dataclasses
+import json
+import typing
+from collections.abc import Mapping
+from typing import Any
+
+Value = bool | int | float | str
+
+_KINDS = {bool: "bool", int: "int", float: "double", str: "str", Any: "str"}
+_UNBOUNDED: dict[str, tuple[Value, Value]] = {
+    "bool": (False, True),
+    "int": (-(2**31), 2**31 - 1),
+    "double": (float("-inf"), float("inf")),
+    "str": ("", ""),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Live:
+    """Marks a field of a configuration as one that may change: ``speed: Annotated[float, Live(0.0, 20.0)] = 0.55``.
+
+    Attributes:
+        low: least value, None for none.
+        high: greatest value, None for none.
+        choices: the only values, by name; empty for any.
+    """
+
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[tuple[str, Value], ...] = ()
+
+
+def one_of(*values: str) -> Live:
+    """Marks a field that takes one of ``values``, under the names that dynamic_reconfigure's enumerations give them."""
+    return Live(choices=tuple((f"{value.replace('-', '_')}_const", value) for value in values))
+
+
+@dataclasses.dataclass(frozen=True)
+class LiveParameter:
+    """One parameter that may change.
+
+    Attributes:
+        name: as in the configuration.
+        kind: ``bool``, ``int``, ``double`` or ``str``.
+        default: what the configuration's class says.
+        low: least value; for texts an empty one.
+        high: greatest value; for texts an empty one.
+        choices: the only values, by name; empty for any.
+    """
+
+    name: str
+    kind: str
+    default: Value
+    low: Value
+    high: Value
+    choices: tuple[tuple[str, Value], ...] = ()
+
+    def clamped(self, value: Value) -> Value:
+        """Returns ``value`` within the bounds."""
+        if self.kind not in ("int", "double"):
+            return value
+        return min(max(value, self.low), self.high)
+
+
+def live_parameters(config_class: type[Any]) -> tuple[LiveParameter, ...]:
+    """Returns the fields of a configuration dataclass that are marked ``Live``, in its order."""
+    hints = typing.get_type_hints(config_class, include_extras=True)
+    found = []
+    for field in dataclasses.fields(config_class):
+        hint = hints[field.name]
+        marks = [mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, Live)]
+        if marks:
+            found.append(_parameter(field.name, _KINDS[hint.__origin__], field.default, marks[0]))
+    return tuple(found)
+
+
+def _parameter(name: str, kind: str, default: Any, mark: Live) -> LiveParameter:
+    low, high = _UNBOUNDED[kind]
+    number = int if kind == "int" else float
+    low = low if mark.low is None else number(mark.low)
+    high = high if mark.high is None else number(mark.high)
+    return LiveParameter(name, kind, _plain(kind, default), low, high, mark.choices)
+
+
+def _plain(kind: str, value: Any) -> Value:
+    """Returns ``value`` as what messages and the parameter server hold; lists become their text."""
+    if kind == "str" and not isinstance(value, str):
+        return json.dumps(value)
+    return value  # type: ignore[no-any-return]
+
+
+def live_values(config: Any) -> dict[str, Value]:
+    """Returns the values of a configuration's parameters that may change."""
+    return {each.name: _plain(each.kind, getattr(config, each.name)) for each in live_parameters(type(config))}
+
+
+def accepted(parameters: tuple[LiveParameter, ...], wanted: Mapping[str, Value]) -> tuple[dict[str, Value], list[str]]:
+    """Returns what of ``wanted`` can be set, within bounds, and one line for each that cannot.
+
+    A name that does not exist and a value of another kind are left out, as dynamic_reconfigure does.
+    """
+    known = {each.name: each for each in parameters}
+    values: dict[str, Value] = {}
+    complaints = []
+    for name, value in wanted.items():
+        kind = _KINDS[type(value)]
+        if name not in known:
+            complaints.append(f"no parameter {name} can be changed here")
+        elif kind != known[name].kind:
+            complaints.append(f"{name} is of kind {known[name].kind}, not {kind}")
+        else:
+            values[name] = known[name].clamped(value)
+    return values, complaints

@@ -1,0 +1,22 @@
+"""Many parameters written in one request."""
+
+import xmlrpc.client
+from collections.abc import Mapping
+from typing import Any
+
+import rosgraph
+import rospy
+
+
+def set_parameters(values: Mapping[str, Any]) -> None:
+    """Writes parameters by their names; one request for all: one for each would cost a node more than its work.
+
+    A ROS master that does not answer is told of in a warning.
+    """
+    calls = xmlrpc.client.MultiCall(xmlrpc.client.ServerProxy(rosgraph.get_master_uri()))
+    for name, value in values.items():
+        calls.setParam(rospy.get_name(), rospy.resolve_name(name), value)
+    try:
+        calls()
+    except (OSError, xmlrpc.client.Error) as error:
+        rospy.logwarn_throttle(30, "cannot write to the parameter server: %s", error)
