@@ -1,114 +1,15 @@
 """Gateways that exchange records and letters agree on what flows; here without hub, relay or master."""
 
 import dataclasses
-from dataclasses import dataclass, field
 
 import pytest
+from gateway_model import FakeGateway, Fleet, fleet_of, gateway, publisher, service, subscriber, to
 
-from rocon_gateway.core.connection import Import, LinkState, LinkStatus
+from rocon_gateway.core.connection import LinkState
 from rocon_gateway.core.reconcile import reconcile
-from rocon_gateway.core.record import Letter, Record, letter_from_text, text_from_letter
-from rocon_gateway.core.rule import ALL, Connection, Kind, RemoteRule, Rule
+from rocon_gateway.core.rule import ALL, Kind, RemoteRule, Rule
 from rocon_gateway.core.rulebook import RuleBook
-from rocon_gateway.core.situation import Outcome, Remote, Situation, State
-
-STRING = "std_msgs/String"
-
-
-def publisher(topic: str, node: str = "/talker", kind: str = STRING) -> Connection:
-    return Connection(Kind.PUBLISHER, topic, kind, node)
-
-
-def subscriber(topic: str, node: str = "/listener", kind: str = STRING) -> Connection:
-    return Connection(Kind.SUBSCRIBER, topic, kind, node)
-
-
-def to(gateway: str, kind: Kind, name: str, node: str = "") -> RemoteRule:
-    return RemoteRule(gateway, Rule(kind, name, node))
-
-
-@dataclass
-class FakeGateway:
-    book: RuleBook
-    local: set[Connection] = field(default_factory=set)
-    firewall: bool = False
-    outcome: Outcome = field(default_factory=Outcome)
-    links: dict[Import, LinkStatus] = field(default_factory=dict)
-
-    @property
-    def name(self) -> str:
-        return self.book.name
-
-    @property
-    def record(self) -> Record:
-        return Record(self.name, "i", self.name, 4000, self.firewall, self.outcome.advertised)
-
-    def states(self) -> dict[str, str]:
-        return {f"{one.action} {one.rule.name}": one.verdict.state for one in self.outcome.states}
-
-    def reason(self, name: str) -> str:
-        return next(one.verdict.reason for one in self.outcome.states if one.rule.name == name)
-
-    def imported(self) -> set[tuple[str, str, str]]:
-        return {(one.topic, one.source_gateway, one.source_node) for one in self.outcome.imports}
-
-
-class Fleet:
-    """Gateways on one hub whose links always work; `settle` goes on until nothing changes."""
-
-    def __init__(self, *gateways: FakeGateway) -> None:
-        self.gateways = {gateway.name: gateway for gateway in gateways}
-
-    def settle(self) -> "Fleet":
-        for _ in range(10):
-            before = {name: gateway.outcome for name, gateway in self.gateways.items()}
-            for gateway in self.gateways.values():
-                gateway.outcome = reconcile(self.situation(gateway))
-                gateway.links = {one: LinkStatus(LinkState.ACTIVE) for one in gateway.outcome.imports}
-            if before == {name: gateway.outcome for name, gateway in self.gateways.items()}:
-                self.check()
-                return self
-        raise AssertionError("the gateways never agree")
-
-    def situation(self, gateway: FakeGateway) -> Situation:
-        others = {name: other for name, other in self.gateways.items() if name != gateway.name}
-        letters = {name: other.outcome.letters.get(gateway.name, Letter()) for name, other in others.items()}
-        return Situation(
-            book=gateway.book,
-            firewall=gateway.firewall,
-            local=frozenset(gateway.local),
-            connected=True,
-            names=frozenset(others),
-            remotes={
-                name: Remote(other.record, letter_from_text(text_from_letter(letters[name])))
-                for name, other in others.items()
-            },
-            links=gateway.links,
-        )
-
-    def check(self) -> None:
-        """What one imports the other exports to it, and nothing else; and it is the other's own publisher."""
-        imports = {
-            (one.source_gateway, one.source_node, one.topic, name)
-            for name, gateway in self.gateways.items()
-            for one in gateway.outcome.imports
-        }
-        exports = {
-            (name, one.source_node, one.topic, one.to_gateway)
-            for name, gateway in self.gateways.items()
-            for one in gateway.outcome.exports
-        }
-        assert imports <= exports
-        for name, node, topic, _ in exports:
-            assert any((one.name, one.node) == (topic, node) for one in self.gateways[name].local)
-
-
-def fleet_of(hub: FakeGateway, robot: FakeGateway) -> Fleet:
-    return Fleet(hub, robot).settle()
-
-
-def gateway(name: str, *local: Connection, firewall: bool = False) -> FakeGateway:
-    return FakeGateway(RuleBook(name), set(local), firewall)
+from rocon_gateway.core.situation import Outcome, Situation, State
 
 
 def test_a_pull_brings_what_is_advertised() -> None:
@@ -266,11 +167,13 @@ def test_types_that_differ_are_told_and_not_connected() -> None:
         (to("robot", Kind.SUBSCRIBER, "/heard"), State.NO_PUBLISHER, "subscribed there, but not published"),
         (to("robot", Kind.PUBLISHER, "/chater"), State.NO_TOPIC, "nearest here: /chatter"),
         (to("robot", Kind.PUBLISHER, "/chatter", "/tacker"), State.NO_PUBLISHER, "published by /talker, not /tacker"),
-        (to("robot", Kind.SERVICE, "/a"), State.NOT_CARRIED, "not carried"),
+        (to("robot", Kind.SERVICE, "/ad"), State.NO_SERVICE, "nearest here: /add"),
+        (to("robot", Kind.SERVICE, "/add", "/talker"), State.NO_SERVER, "here it is served by /adder, not /talker"),
+        (to("robot", Kind.ACTION_SERVER, "/fib"), State.NO_ACTION, "there is no action here"),
     ],
 )
 def test_a_typo_is_answered_with_what_exists(rule: RemoteRule, state: State, reason: str) -> None:
-    hub = gateway("hub", publisher("/chatter"))
+    hub = gateway("hub", publisher("/chatter"), service("/add", "/adder"))
     robot = gateway("robot", publisher("/p1/base_scan"), subscriber("/heard"))
     hub.book = hub.book.flipped([rule])
     fleet_of(hub, robot)

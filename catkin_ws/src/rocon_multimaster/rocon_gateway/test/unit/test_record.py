@@ -53,7 +53,7 @@ def test_a_letter_survives_the_hub() -> None:
         "[" * 100000,
         text_from_record(RECORD).replace("40000", "true"),
         text_from_record(RECORD).replace("40000", '"40000"'),
-        text_from_record(RECORD).replace('"publisher"', '"parameter"'),
+        text_from_record(RECORD).replace('"publisher"', '"topic"'),
         text_from_record(RECORD).replace('"/clock"', "1"),
         text_from_record(RECORD).replace('"/clock",', ""),
     ],

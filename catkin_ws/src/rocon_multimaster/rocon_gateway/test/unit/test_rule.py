@@ -6,6 +6,7 @@ from gateway_msgs.msg import ConnectionType, ErrorCodes
 from rocon_gateway.core.code import Code, RequestError
 from rocon_gateway.core.rule import (
     ALL,
+    CONNECTIONS,
     Connection,
     Kind,
     Rule,
@@ -27,7 +28,7 @@ def test_the_core_knows_the_codes_and_kinds_of_the_messages() -> None:
     assert {code.name: int(code) for code in Code} == {
         name: value for name, value in vars(ErrorCodes).items() if name.isupper()
     }
-    assert {str(kind) for kind in Kind} == {
+    assert {str(kind) for kind in CONNECTIONS} == {
         value for name, value in vars(ConnectionType).items() if name.isupper() and name != "INVALID"
     }
 

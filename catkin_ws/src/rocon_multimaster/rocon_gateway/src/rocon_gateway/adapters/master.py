@@ -1,4 +1,4 @@
-"""What our ROS master knows: who publishes and subscribes what, without ourselves and without proxies."""
+"""What our ROS master knows: who publishes, subscribes and serves what, without ourselves and without proxies."""
 
 import http.client
 import urllib.parse
@@ -44,29 +44,31 @@ class MasterWatch:
         state = self._post(self._state_request)
         if state == self._seen:
             return False
-        publishers, subscribers, _ = _value(state)
-        self._local = self._connections(publishers, subscribers, dict(_value(self._post(self._types_request))))
+        publishers, subscribers, services = _value(state)
+        rows = [
+            (kind, *row)
+            for kind, part in ((Kind.PUBLISHER, publishers), (Kind.SUBSCRIBER, subscribers), (Kind.SERVICE, services))
+            for row in part
+        ]
+        self._local = self._connections(rows, dict(_value(self._post(self._types_request))))
         self._seen = state
         return True
 
     @property
     def local(self) -> frozenset[Connection]:
-        """Publishers and subscribers at the last look."""
+        """Publishers, subscribers and services at the last look; of what type a service is, no master knows."""
         return self._local
 
     def close(self) -> None:
         """Closes the connection."""
         self._http.close()
 
-    def _connections(
-        self, publishers: list[Any], subscribers: list[Any], types: dict[str, str]
-    ) -> frozenset[Connection]:
-        rows = [(Kind.PUBLISHER, *row) for row in publishers] + [(Kind.SUBSCRIBER, *row) for row in subscribers]
+    def _connections(self, rows: list[Any], types: dict[str, str]) -> frozenset[Connection]:
         nodes = {node for _, _, names in rows for node in names}
         self._proxies = {node: proxy for node, proxy in self._proxies.items() if node in nodes}
         return frozenset(
-            Connection(kind, topic, types.get(topic, ANY), node)
-            for kind, topic, names in rows
+            Connection(kind, name, ANY if kind == Kind.SERVICE else types.get(name, ANY), node)
+            for kind, name, names in rows
             for node in names
             if node != self._node and not self._is_proxy(node)
         )

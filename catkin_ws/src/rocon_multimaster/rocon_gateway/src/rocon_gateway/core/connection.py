@@ -8,9 +8,12 @@ and a flipped subscriber an import, at the subscriber's gateway, of every publis
 
 import enum
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from rocon_gateway.core.service import AnyExport, AnyImport
 
 ANY = "*"
 """Stands for any type or any MD5 sum, as in TCPROS."""
@@ -36,6 +39,10 @@ class LinkState(enum.StrEnum):
     """The link is up and, for an import, the proxy is registered. Data flows while somebody subscribes."""
     NO_PUBLISHER = "no publisher"
     """The link is up, and its source node does not answer or does not publish the topic."""
+    NO_SERVER = "no server"
+    """The link is up, and the last call did not reach the server."""
+    NO_PARAMETER = "no such parameter"
+    """The far master does not have it. Asked again, at most `RelayConfig.retry_longest` later."""
     TYPE_MISMATCH = "type mismatch"
     """Type or MD5 sum differ between the two ends, or between import and publisher."""
     UNREACHABLE = "unreachable"
@@ -80,6 +87,8 @@ class Export:
         source_node: resolved name of a node on our master. Never one of our proxies.
         to_gateway: unique name of the gateway that may fetch.
         options: bounds of the queue towards that gateway.
+        subscriber: the node as which we subscribe to the publisher; "" is our own node. Clients of actions want to
+            see the server among their subscribers.
     """
 
     topic: str
@@ -87,6 +96,7 @@ class Export:
     source_node: str
     to_gateway: str
     options: LinkOptions = LinkOptions()
+    subscriber: str = ""
 
     @property
     def key(self) -> Key:
@@ -137,9 +147,11 @@ class LinkStatus:
     Attributes:
         state: the state.
         reason: one sentence for people, "" when there is nothing to add.
-        subscribers: import: local subscribers now connected; export: 1 while the far side asks for data.
-        messages: whole messages that came from the source (import) or went towards the gateway (export).
-        bytes: their bytes, the four of each length included.
+        subscribers: import: local subscribers, or clients, now connected; export: 1 while the far side asks for
+            data, or the clients that it has connected.
+        messages: whole messages that came from the source (import) or went towards the gateway (export); of a
+            service, calls.
+        bytes: their bytes, the four of each length included; of a service, of requests and responses.
         drops: messages dropped for receivers that were too slow.
     """
 
@@ -155,8 +167,8 @@ class LinkStatus:
 class RelayStatus:
     """How everything that was asked for by the last `Relay.apply` does."""
 
-    exports: Mapping[Export, LinkStatus] = field(default_factory=dict)
-    imports: Mapping[Import, LinkStatus] = field(default_factory=dict)
+    exports: Mapping["AnyExport", LinkStatus] = field(default_factory=dict)
+    imports: Mapping["AnyImport", LinkStatus] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +224,7 @@ class Relay(Protocol):
     def port(self) -> int:
         """The TCP port where links arrive, known as soon as the relay exists."""
 
-    def apply(self, exports: set[Export], imports: set[Import]) -> None:
+    def apply(self, exports: "Collection[AnyExport]", imports: "Collection[AnyImport]") -> None:
         """Makes these, and no others, the connections that shall exist.
 
         What is in both the old and the new sets goes on undisturbed. An import whose address alone changed

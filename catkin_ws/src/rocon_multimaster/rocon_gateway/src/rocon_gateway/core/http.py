@@ -34,15 +34,18 @@ class HttpMessage:
         return self.start + self.length
 
 
-def http_message(data: bytes | memoryview, default_length: int) -> HttpMessage | None:
+def http_message(
+    data: bytes | bytearray | memoryview, default_length: int, max_body: int = MAX_BODY
+) -> HttpMessage | None:
     """Reads a message's head; None while it is not whole.
 
     Args:
         data: what has arrived.
         default_length: the body's length where the head does not tell.
+        max_body: the longest body that is allowed [bytes].
 
     Raises:
-        HttpError: it is no HTTP, or longer than `MAX_HEAD` and `MAX_BODY` allow, or chunked.
+        HttpError: it is no HTTP, or longer than `MAX_HEAD` and `max_body` allow, or chunked.
     """
     text = bytes(data[: MAX_HEAD + 4])
     end = text.find(b"\r\n\r\n")
@@ -57,15 +60,15 @@ def http_message(data: bytes | memoryview, default_length: int) -> HttpMessage |
     if "transfer-encoding" in fields:
         raise HttpError("chunked HTTP is not supported")
     connection = fields.get("connection", "close" if "HTTP/1.0" in first else "keep-alive").lower()
-    return HttpMessage(first, _length(fields, default_length), end + 4, connection != "close")
+    return HttpMessage(first, _length(fields, default_length, max_body), end + 4, connection != "close")
 
 
-def _length(fields: dict[str, str], default: int) -> int:
+def _length(fields: dict[str, str], default: int, most: int) -> int:
     text = fields.get("content-length")
     if text is None:
         return default
-    if not (text.isascii() and text.isdigit()) or len(text) > 9 or int(text) > MAX_BODY:
-        raise HttpError(f"an HTTP body of {text[:20]} bytes; {MAX_BODY} are allowed")
+    if not (text.isascii() and text.isdigit()) or len(text) > 9 or int(text) > most:
+        raise HttpError(f"an HTTP body of {text[:20]} bytes; {most} are allowed")
     return int(text)
 
 

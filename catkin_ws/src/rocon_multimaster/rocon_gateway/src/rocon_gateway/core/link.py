@@ -1,5 +1,7 @@
 """The link protocol: what two relays say to each other before and between the frames. See `docs/gateway.md`."""
 
+import dataclasses
+import enum
 import hashlib
 import hmac
 from collections.abc import Mapping
@@ -15,9 +17,29 @@ class LinkError(RelayError):
     """What a peer says is not the link protocol, or not a version of it that we speak."""
 
 
+CLIENT = "client."
+"""Before the names of the fields that a call hands on from its client."""
+
+
+class Subject(enum.StrEnum):
+    """What a link is for: the field of the hello that holds the name."""
+
+    TOPIC = "topic"
+    SERVICE = "service"
+    """Stands as long as the service is shown, and carries nothing."""
+    CALL = "call"
+    """One client's connection to a service."""
+    PARAMETER = "parameter"
+
+
 @dataclass(frozen=True, slots=True)
 class Hello:
-    """What the importing side says first. The attributes are the header's fields."""
+    """What the importing side says first. The attributes are the header's fields.
+
+    Attributes:
+        topic: the name of the subject, whatever that is.
+        client: of a call, the fields of its client's connection header, sorted.
+    """
 
     topic: str
     type: str
@@ -27,12 +49,18 @@ class Hello:
     sink_gateway: str
     gateways_passed: tuple[str, ...]
     nonce: str
+    subject: Subject = Subject.TOPIC
+    client: tuple[tuple[str, str], ...] = ()
+
+    def of_client(self, fields: Mapping[str, str]) -> "Hello":
+        """Returns the hello of a call for a client with this connection header."""
+        return dataclasses.replace(self, client=tuple(sorted(fields.items())))
 
     def fields(self) -> dict[str, str]:
         """The connection header."""
         return {
             "relay": VERSION,
-            "topic": self.topic,
+            self.subject: self.topic,
             "type": self.type,
             "md5sum": self.md5sum,
             "source_node": self.source_node,
@@ -40,6 +68,7 @@ class Hello:
             "sink_gateway": self.sink_gateway,
             "gateways_passed": ",".join(self.gateways_passed),
             "nonce": self.nonce,
+            **{CLIENT + key: value for key, value in self.client},
         }
 
     @classmethod
@@ -51,9 +80,11 @@ class Hello:
         """
         if fields.get("relay") != VERSION:
             raise LinkError(f"it does not speak version {VERSION} of the link protocol")
+        subject = next((one for one in Subject if one in fields), Subject.TOPIC)
+        client = ((key.removeprefix(CLIENT), value) for key, value in fields.items() if key.startswith(CLIENT))
         try:
             return cls(
-                fields["topic"],
+                fields[subject],
                 fields["type"],
                 fields["md5sum"],
                 fields["source_node"],
@@ -61,6 +92,8 @@ class Hello:
                 fields["sink_gateway"],
                 tuple(filter(None, fields["gateways_passed"].split(","))),
                 fields["nonce"],
+                subject,
+                tuple(sorted(client)),
             )
         except KeyError as error:
             raise LinkError(f"its hello lacks the field {error.args[0]}") from None

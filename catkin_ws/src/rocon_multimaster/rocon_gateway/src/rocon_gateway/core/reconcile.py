@@ -9,21 +9,24 @@ flip of a publisher       offers and exports it                      imports it,
 flip of a subscriber      wants the topic, imports what is offered   offers and exports, unless firewalled
 pull of a publisher       wants and imports what is advertised       exports what it advertises
 pull of a subscriber      offers and exports its own publishers      imports for the subscriber it advertises
+flip, pull of a service   as of a publisher                          as of a publisher
+flip, pull of an action   as of each of its topics                   as of each of its topics
+pull of a parameter       wants and copies what is advertised        lets it be read
 ========================  =========================================  ======================================
 
 Offers, wants and the replies to them travel as letters through the hub.
 """
 
-import dataclasses
 import re
 from collections.abc import Callable, Iterable, Iterator
 
 from rocon_gateway.core import verdict
-from rocon_gateway.core.connection import ANY, Address, Export, Import, Key
-from rocon_gateway.core.record import EMPTY, Letter, Offer, Purpose, Reply, Want
+from rocon_gateway.core.action import ACTION_KINDS, actions, parts
+from rocon_gateway.core.connection import ANY
+from rocon_gateway.core.plan import Judge, Plan, always
+from rocon_gateway.core.record import Offer, Purpose, Reply, Want
 from rocon_gateway.core.rule import (
     ALL,
-    CARRIED,
     Connection,
     Kind,
     RemoteRule,
@@ -35,9 +38,6 @@ from rocon_gateway.core.rule import (
     rule_matches,
 )
 from rocon_gateway.core.situation import Flipped, Outcome, Remote, RuleState, Situation, State, Verdict
-
-Judge = Callable[[], Verdict]
-"""Tells how a connection does, once the whole set of imports is known."""
 
 _REFUSALS = (State.FIREWALLED, State.BLACKLISTED, State.REFUSED)
 
@@ -57,15 +57,11 @@ class _Reconciler:
         self.situation = situation
         self.book = situation.book
         self.name = situation.book.name
-        self.publishers = sorted(one for one in situation.local if one.kind == Kind.PUBLISHER)
-        self.types = {one.name: one.type for one in situation.local if one.type != ANY}
-        self.exports: dict[Key, Export] = {}
-        self.imports: dict[Key, Import] = {}
-        self.nodes: dict[Key, set[str]] = {}
-        self.proxies: dict[tuple[str, str], Key] = {}
-        self.offers: dict[str, dict[Offer, None]] = {}
-        self.wants: dict[str, dict[Want, None]] = {}
-        self.replies: dict[str, dict[Reply, None]] = {}
+        found = actions(situation.local)
+        self.local = sorted(situation.local | found)
+        self.action_topics = {part for action in found for part in map(_key, parts(action))}
+        self.publishers = [one for one in self.local if one.kind == Kind.PUBLISHER]
+        self.plan = Plan(situation)
         self.flipped: dict[Flipped, None] = {}
         self.flipped_in: dict[Flipped, None] = {}
         self.pulled: dict[Flipped, None] = {}
@@ -79,31 +75,21 @@ class _Reconciler:
             self._towards("flip", remote, self._flip)
         for remote in self.book.pulls.rules:
             self._towards("pull", remote, self._pull)
+        interface = {_key(part): part for one in advertised for part in (one, *parts(one))}
         for gateway, other in self.situation.remotes.items():
-            self._take_letter(gateway, other, advertised)
+            self._take_letter(gateway, other, interface)
         for gateway, reply in self.pending_replies:
-            self.replies.setdefault(gateway, {})[reply()] = None
+            self.plan.reply(gateway, reply())
         return Outcome(
             advertised=tuple(advertised),
-            letters=self._letters(),
-            exports=frozenset(self.exports.values()),
-            imports=frozenset(self._import_for(key) for key in self.imports),
+            letters=self.plan.letters(),
+            exports=self.plan.exports(),
+            imports=self.plan.imports(),
             states=tuple(RuleState(action, gateway, rule, judge()) for action, gateway, rule, judge in self.pending),
             flipped=tuple(self.flipped),
             flipped_in=tuple(self.flipped_in),
             pulled=tuple(self.pulled),
         )
-
-    def _letters(self) -> dict[str, Letter]:
-        letters = {
-            gateway: Letter(
-                tuple(sorted(self.offers.get(gateway, ()))),
-                tuple(sorted(self.wants.get(gateway, ()))),
-                tuple(sorted(self.replies.get(gateway, ()))),
-            )
-            for gateway in {*self.offers, *self.wants, *self.replies}
-        }
-        return {gateway: letter for gateway, letter in letters.items() if letter != EMPTY}
 
     # Advertisements
 
@@ -111,37 +97,41 @@ class _Reconciler:
         found: dict[Connection, None] = {}
         for rule in self.book.advertisements.rules:
             allowed, barred = self._sorted_out(rule, self.book.advertisements.blacklist)
+            if rule.kind == Kind.PARAMETER:  # whether it exists is seen when somebody reads it
+                allowed.append(Connection(rule.kind, absolute_name(rule.name), ANY, ""))
             found.update(dict.fromkeys(allowed))
-            self._judge("advertise", "", rule, self._advertised_verdict(rule, allowed, barred))
+            said = Verdict(State.ACTIVE) if allowed else verdict.best(barred, self._no_local(rule))
+            self.pending.append(("advertise", "", rule, always(said)))
         return list(found)
 
-    def _advertised_verdict(self, rule: Rule, allowed: list[Connection], barred: list[Verdict]) -> Verdict:
-        if rule.kind not in CARRIED:
-            return verdict.NOT_CARRIED
-        if allowed:
-            return Verdict(State.ACTIVE)
-        return verdict.best(barred, verdict.no_local(rule, self.name, self.situation.local))
+    def _no_local(self, rule: Rule) -> Verdict:
+        return verdict.no_local(rule, self.name, self.local)
 
     def _sorted_out(self, rule: Rule, excluded: Iterable[Rule]) -> tuple[list[Connection], list[Verdict]]:
-        """Returns the local connections that `rule` means, and a verdict on each that a blacklist keeps here."""
-        if rule.kind not in CARRIED:
-            return [], []
+        """Returns the local connections that `rule` means, and a verdict on each that a blacklist keeps here.
+
+        Everything of a kind leaves out the topics of actions, which are actions then.
+        """
         allowed, barred = [], []
-        for connection in sorted(one for one in self.situation.local if rule_matches(rule, one, self.name)):
-            barrier = blacklisting((*self.book.blacklist, *excluded), connection)
+        for connection in self.local:
+            if not rule_matches(rule, connection, self.name):
+                continue
+            if rule.name == ALL and _key(connection) in self.action_topics:
+                continue
+            barrier = self._barred(connection, *excluded)
             if barrier:
                 barred.append(verdict.blacklisted(barrier, connection))
             else:
                 allowed.append(connection)
         return allowed, barred
 
+    def _barred(self, connection: Connection, *excluded: Rule) -> Rule | None:
+        return _barrier((*self.book.blacklist, *excluded), connection)
+
     # Our flips and pulls
 
     def _towards(self, action: str, remote: RemoteRule, act: Callable[..., Iterator[Judge]]) -> None:
         """Does one rule towards every gateway that it matches, and keeps how to judge it."""
-        if remote.rule.kind not in CARRIED:
-            self._judge(action, remote.gateway, remote.rule, verdict.NOT_CARRIED)
-            return
         judges: list[Judge] = []
         for gateway in self._targets(remote.gateway):
             other = self.situation.remotes.get(gateway)
@@ -165,23 +155,21 @@ class _Reconciler:
     def _flip(self, remote: RemoteRule, gateway: str, other: Remote) -> Iterator[Judge]:
         rule = remote.rule
         allowed, barred = self._sorted_out(rule, self.book.flips.excluded(remote))
-        for one in barred:
-            yield _always(one)
+        yield from map(always, barred)
         if barred and not allowed:
             return
-        if rule.kind == Kind.PUBLISHER:
-            yield from self._flip_publishers(rule, gateway, other, allowed)
-        else:
+        if rule.kind == Kind.SUBSCRIBER:
             yield from self._flip_subscribers(rule, gateway, other, allowed)
-
-    def _flip_publishers(self, rule: Rule, gateway: str, other: Remote, allowed: list[Connection]) -> Iterator[Judge]:
-        if not allowed:
-            yield _always(verdict.no_local(rule, self.name, self.situation.local))
-        for connection in allowed:
-            self._offer(gateway, connection, Purpose.FLIP)
-            answer = _reply(other, Kind.PUBLISHER, connection.name, connection.node)
-            self._flipped_to(gateway, other, connection, answer)
-            yield _always(_judged(answer, other, gateway))
+        elif not allowed:
+            yield always(self._no_local(rule))
+        elif rule.kind in ACTION_KINDS:
+            for action in allowed:
+                yield self._flip_action(gateway, other, action)
+        else:
+            for connection in allowed:
+                answer = self._offered(gateway, other, connection)
+                self._flipped_to(gateway, other, connection, answer)
+                yield always(_judged(answer, other, gateway))
 
     def _flip_subscribers(self, rule: Rule, gateway: str, other: Remote, allowed: list[Connection]) -> Iterator[Judge]:
         topics = {connection.name for connection in allowed}
@@ -189,31 +177,51 @@ class _Reconciler:
             # Known without any subscriber: the topic is there when one comes.
             topics |= {absolute_name(rule.name)} if rule.name.startswith("/") or not topics else set()
         if not topics:
-            yield _always(verdict.no_local(rule, self.name, self.situation.local))
+            yield always(self._no_local(rule))
         for topic in sorted(topics):
-            self._letter_part(self.wants, gateway, Want(topic, rule.node, Purpose.FLIP))
-            answer = _reply(other, Kind.SUBSCRIBER, topic, rule.node)
+            answer, judge = self._wanted(gateway, other, topic, rule.node)
             for connection in (one for one in allowed if one.name == topic):
                 self._flipped_to(gateway, other, connection, answer)
-            yield from self._import_answers(gateway, other, topic, rule.node, answer)
+            yield judge
+
+    def _flip_action(self, gateway: str, other: Remote, action: Connection) -> Judge:
+        answers, judges = [], []
+        for part in parts(action):
+            if part.kind == Kind.PUBLISHER:
+                answer = self._offered(gateway, other, part)
+                judge = always(_judged(answer, other, gateway))
+            else:
+                answer, judge = self._wanted(gateway, other, part.name, re.escape(part.node))
+            answers.append(answer)
+            judges.append((part.kind, judge))
+        self._flipped_to(gateway, other, action, *answers)
+        return _of_action(action, f"at {gateway}", judges)
+
+    def _offered(self, gateway: str, other: Remote, connection: Connection) -> Reply | None:
+        """Flips a publisher or server, and returns what is answered."""
+        purpose = Purpose.SERVICE if connection.kind == Kind.SERVICE else Purpose.FLIP
+        self.plan.offer(gateway, connection, purpose)
+        return _reply(other, connection.kind, connection.name, connection.node)
+
+    def _wanted(self, gateway: str, other: Remote, topic: str, nodes: str) -> tuple[Reply | None, Judge]:
+        """Flips a topic's subscribers, and returns what is answered and how to judge it."""
+        self.plan.want(gateway, Want(topic, nodes, Purpose.FLIP))
+        answer = _reply(other, Kind.SUBSCRIBER, topic, nodes)
+        judges = [
+            self.plan.import_publisher(gateway, other, Connection(Kind.PUBLISHER, topic, one.type, one.node), nodes)
+            for one in other.letter.offers
+            if one.purpose == Purpose.ANSWER and one.topic == topic
+        ]
+        return answer, lambda: verdict.best([one() for one in judges], _judged(answer, other, gateway))
 
     def _own_barrier(self, rule: Rule) -> Rule | None:
         return blacklisting(self.book.blacklist, Connection(rule.kind, absolute_name(rule.name), ANY, rule.node))
 
-    def _import_answers(
-        self, gateway: str, other: Remote, topic: str, nodes: str, answer: Reply | None
-    ) -> Iterator[Judge]:
-        offers = [one for one in other.letter.offers if one.purpose == Purpose.ANSWER and one.topic == topic]
-        for offer in offers:
-            yield self._import(gateway, other, Connection(Kind.PUBLISHER, topic, offer.type, offer.node), nodes)
-        if not offers:
-            yield _always(_judged(answer, other, gateway))
-
-    def _flipped_to(self, gateway: str, other: Remote, connection: Connection, answer: Reply | None) -> None:
-        if other.record.firewall or (answer and answer.state.startswith(_REFUSALS)):
+    def _flipped_to(self, gateway: str, other: Remote, connection: Connection, *answers: Reply | None) -> None:
+        if other.record.firewall or any(one and one.state.startswith(_REFUSALS) for one in answers):
             status = "blocked"
         else:
-            status = "accepted" if answer else "pending"
+            status = "accepted" if all(answers) else "pending"
         self.flipped[Flipped(gateway, connection, status)] = None
 
     def _pull(self, remote: RemoteRule, gateway: str, other: Remote) -> Iterator[Judge]:
@@ -222,70 +230,88 @@ class _Reconciler:
         # Pulling one topic by name is consent enough; pulling everything leaves out what we blacklist.
         excluded = (*self.book.blacklist, *self.book.pulls.excluded(remote)) if rule.name == ALL else ()
         for connection in offered:
-            barrier = blacklisting(excluded, connection)
+            barrier = _barrier(excluded, connection)
             if barrier:
-                said = verdict.blacklisted(barrier, connection)
-                yield _always(said)
+                yield always(verdict.blacklisted(barrier, connection))
             else:
                 self.pulled[Flipped(gateway, connection)] = None
-                yield from self._pull_connection(gateway, other, connection)
+                yield self._pull_connection(gateway, other, connection)
         if not offered:
             names = {one.name for one in other.record.advertisements if one.kind == rule.kind}
-            yield _always(verdict.no_topic(rule.name, names, f"advertised by {gateway}"))
+            yield always(verdict.nothing(rule.kind, rule.name, names, f"advertised by {gateway}"))
 
-    def _pull_connection(self, gateway: str, other: Remote, connection: Connection) -> Iterator[Judge]:
+    def _pull_connection(self, gateway: str, other: Remote, connection: Connection) -> Judge:
+        name, node = connection.name, connection.node
+        if connection.kind in ACTION_KINDS:
+            judges = [(part.kind, self._pull_connection(gateway, other, part)) for part in parts(connection)]
+            return _of_action(connection, "here", judges)
         if connection.kind == Kind.PUBLISHER:
-            self._letter_part(self.wants, gateway, Want(connection.name, connection.node, Purpose.PULL))
-            yield self._import(gateway, other, connection, "")
-            return
-        own = [one for one in self.publishers if one.name == connection.name and not self._barred(one)]
-        for publisher in own:
-            self._offer(gateway, publisher, Purpose.PULL, connection.node)
-            answer = _reply(other, Kind.PUBLISHER, publisher.name, publisher.node)
-            yield _always(_judged(answer, None, gateway))
-        if not own:
-            yield _always(Verdict(State.NO_PUBLISHER, f"nobody here publishes {connection.name}"))
+            self.plan.want(gateway, Want(name, node, Purpose.PULL))
+            return self.plan.import_publisher(gateway, other, connection, "")
+        if connection.kind == Kind.SERVICE:
+            self.plan.want(gateway, Want(name, node, Purpose.SERVICE))
+            return self.plan.import_service(gateway, other, connection)
+        if connection.kind == Kind.PARAMETER:
+            self.plan.want(gateway, Want(name, node, Purpose.PARAMETER))
+            return self.plan.import_parameter(gateway, other, connection)
+        return self._feed(gateway, other, connection)
+
+    def _feed(self, gateway: str, other: Remote, subscriber: Connection) -> Judge:
+        """Offers our own publishers to a pulled subscriber."""
+        said = []
+        for publisher in self.publishers:
+            if publisher.name == subscriber.name and not self._barred(publisher):
+                self.plan.offer(gateway, publisher, Purpose.PULL, subscriber.node)
+                said.append(_judged(_reply(other, publisher.kind, publisher.name, publisher.node), None, gateway))
+        return always(verdict.best(said, Verdict(State.NO_PUBLISHER, f"nobody here publishes {subscriber.name}")))
 
     # What the other gateways ask of us
 
-    def _take_letter(self, gateway: str, other: Remote, advertised: list[Connection]) -> None:
-        interface = {(one.kind, one.name, one.node): one for one in advertised}
+    def _take_letter(self, gateway: str, other: Remote, interface: dict[tuple[Kind, str, str], Connection]) -> None:
         for offer in other.letter.offers:
             if offer.purpose == Purpose.FLIP:
-                self._take_flipped_publisher(gateway, other, offer)
+                self._take_flipped(gateway, other, offer, Kind.PUBLISHER)
+            elif offer.purpose == Purpose.SERVICE:
+                self._take_flipped(gateway, other, offer, Kind.SERVICE)
             elif offer.purpose == Purpose.PULL and (Kind.SUBSCRIBER, offer.topic, offer.to_node) in interface:
-                self._take_offer(gateway, other, offer, re.escape(offer.to_node))
+                self._take_offer(gateway, other, _offered_connection(offer, Kind.PUBLISHER), re.escape(offer.to_node))
         for want in other.letter.wants:
             if want.purpose == Purpose.FLIP:
                 self._take_flipped_subscriber(gateway, want)
-            elif (Kind.PUBLISHER, want.topic, want.node) in interface:
-                self._export(gateway, interface[Kind.PUBLISHER, want.topic, want.node])
+                continue
+            kind = _PULLED.get(want.purpose)
+            if kind and (kind, want.topic, want.node) in interface:
+                self.plan.export(gateway, interface[kind, want.topic, want.node])
 
-    def _take_flipped_publisher(self, gateway: str, other: Remote, offer: Offer) -> None:
+    def _take_flipped(self, gateway: str, other: Remote, offer: Offer, kind: Kind) -> None:
         if self.situation.firewall:
-            self._reply(gateway, Reply(Kind.PUBLISHER, offer.topic, offer.node, State.FIREWALLED))
+            self.plan.reply(gateway, Reply(kind, offer.topic, offer.node, State.FIREWALLED))
             return
-        self.flipped_in[Flipped(gateway, Connection(Kind.PUBLISHER, offer.topic, offer.type, offer.node))] = None
-        self._take_offer(gateway, other, offer, "")
+        connection = _offered_connection(offer, kind)
+        self.flipped_in[Flipped(gateway, connection)] = None
+        self._take_offer(gateway, other, connection, "")
 
-    def _take_offer(self, gateway: str, other: Remote, offer: Offer, nodes: str) -> None:
-        judge = self._import(gateway, other, Connection(Kind.PUBLISHER, offer.topic, offer.type, offer.node), nodes)
+    def _take_offer(self, gateway: str, other: Remote, offered: Connection, nodes: str) -> None:
+        if offered.kind == Kind.SERVICE:
+            judge = self.plan.import_service(gateway, other, offered)
+        else:
+            judge = self.plan.import_publisher(gateway, other, offered, nodes)
 
         def reply() -> Reply:
             said = judge()
-            return Reply(Kind.PUBLISHER, offer.topic, offer.node, said.state, said.reason)
+            return Reply(offered.kind, offered.name, offered.node, said.state, said.reason)
 
         self.pending_replies.append((gateway, reply))
 
     def _take_flipped_subscriber(self, gateway: str, want: Want) -> None:
         if self.situation.firewall:
-            self._reply(gateway, Reply(Kind.SUBSCRIBER, want.topic, want.node, State.FIREWALLED))
+            self.plan.reply(gateway, Reply(Kind.SUBSCRIBER, want.topic, want.node, State.FIREWALLED))
             return
         self.flipped_in[Flipped(gateway, Connection(Kind.SUBSCRIBER, want.topic, ANY, want.node))] = None
         mine = [one for one in self.publishers if one.name == want.topic]
         allowed = [one for one in mine if not self._barred(one)]
         for connection in allowed:
-            self._offer(gateway, connection, Purpose.ANSWER)
+            self.plan.offer(gateway, connection, Purpose.ANSWER)
         if allowed:
             said = Verdict(State.ACTIVE)
         elif mine:
@@ -294,65 +320,31 @@ class _Reconciler:
             said = verdict.blacklisted(barrier, mine[0])
         else:
             said = verdict.no_publisher(want.topic, self.situation.local)
-        self._reply(gateway, Reply(Kind.SUBSCRIBER, want.topic, want.node, said.state, said.reason))
-
-    # The parts of the outcome
-
-    def _barred(self, connection: Connection) -> Rule | None:
-        return blacklisting(self.book.blacklist, connection)
-
-    def _offer(self, gateway: str, connection: Connection, purpose: Purpose, to_node: str = "") -> None:
-        offer = Offer(connection.name, connection.type, connection.node, purpose, to_node)
-        self._letter_part(self.offers, gateway, offer)
-        self._export(gateway, connection)
-
-    def _export(self, gateway: str, connection: Connection) -> None:
-        export = Export(connection.name, connection.type, connection.node, gateway)
-        self.exports.setdefault(export.key, export)
-
-    def _import(self, gateway: str, other: Remote, connection: Connection, nodes: str) -> Judge:
-        """Imports a remote publisher for the nodes that match (empty: any), and returns how to judge that."""
-        here = self.types.get(connection.name, ANY)
-        if ANY not in (here, connection.type) and here != connection.type:
-            at = {self.name: here, gateway: connection.type}
-            return _always(verdict.mismatch(connection.name, at))
-        address = Address(other.record.host, other.record.port)
-        wanted = Import(connection.name, connection.type, ANY, gateway, connection.node, address)
-        clash = self._clash(wanted)
-        if clash:
-            return _always(Verdict(State.REFUSED, clash))
-        self.imports[wanted.key] = wanted
-        self.nodes.setdefault(wanted.key, set()).add(nodes)
-        return lambda: verdict.from_link(self._import_for(wanted.key), self.situation.links)
-
-    def _clash(self, wanted: Import) -> str:
-        """Returns why the proxy's name cannot be had; a node that registers under another's name would end that one."""
-        if any(one.node == wanted.proxy for one in self.situation.local):
-            return f"a node {wanted.proxy} is here already"
-        key = self.proxies.setdefault((wanted.topic, wanted.proxy), wanted.key)
-        return "" if key == wanted.key else f"{wanted.proxy} stands for a node of gateway {key.gateway} already"
-
-    def _import_for(self, key: Key) -> Import:
-        """Returns one import for the nodes of all rules that ask for it."""
-        nodes = self.nodes[key]
-        if "" in nodes:
-            return self.imports[key]
-        # Sorted, so that the order of the rules does not change what the relay is asked for.
-        pattern = nodes.copy().pop() if len(nodes) == 1 else "|".join(f"(?:{one})" for one in sorted(nodes))
-        return dataclasses.replace(self.imports[key], allowed_nodes=pattern)
-
-    def _reply(self, gateway: str, reply: Reply) -> None:
-        self._letter_part(self.replies, gateway, reply)
-
-    def _letter_part(self, parts: dict, gateway: str, part: Offer | Want | Reply) -> None:  # type: ignore[type-arg]
-        parts.setdefault(gateway, {})[part] = None
-
-    def _judge(self, action: str, gateway: str, rule: Rule, said: Verdict) -> None:
-        self.pending.append((action, gateway, rule, _always(said)))
+        self.plan.reply(gateway, Reply(Kind.SUBSCRIBER, want.topic, want.node, said.state, said.reason))
 
 
-def _always(said: Verdict) -> Judge:
-    return lambda: said
+_PULLED = {Purpose.PULL: Kind.PUBLISHER, Purpose.SERVICE: Kind.SERVICE, Purpose.PARAMETER: Kind.PARAMETER}
+"""What a want means, by its purpose."""
+
+
+def _key(connection: Connection) -> tuple[Kind, str, str]:
+    """What a connection is, whatever its type."""
+    return connection.kind, connection.name, connection.node
+
+
+def _barrier(blacklist: Iterable[Rule], connection: Connection) -> Rule | None:
+    """Returns the first rule that names a connection, or one of an action's topics."""
+    blacklist = tuple(blacklist)
+    found = (blacklisting(blacklist, one) for one in dict.fromkeys((connection, *parts(connection))))
+    return next(filter(None, found), None)
+
+
+def _of_action(action: Connection, at: str, judges: list[tuple[Kind, Judge]]) -> Judge:
+    return lambda: verdict.of_action(action, at, [(kind, judge()) for kind, judge in judges])
+
+
+def _offered_connection(offer: Offer, kind: Kind) -> Connection:
+    return Connection(kind, offer.topic, offer.type, offer.node)
 
 
 def _reply(other: Remote, kind: Kind, topic: str, node: str) -> Reply | None:

@@ -57,16 +57,20 @@ class Purpose(enum.StrEnum):
     """Offer: the receiver's flipped subscriber asked for it."""
     PULL = "pull"
     """Want: pulls an advertised publisher. Offer: feeds an advertised subscriber that the sender pulls."""
+    SERVICE = "service"
+    """Offer: the sender flips its service. Want: the sender pulls an advertised one."""
+    PARAMETER = "parameter"
+    """Want: the sender reads an advertised parameter."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class Offer:
-    """The sender's publisher, for the receiver to import.
+    """The sender's publisher or server, for the receiver to import.
 
     Attributes:
-        topic: its topic.
-        type: its message type.
-        node: the publishing node.
+        topic: its topic; the name of a service.
+        type: its message type; of a service, any.
+        node: the publishing or serving node.
         purpose: why it is offered.
         to_node: for a pulled subscriber, that subscriber's node; empty otherwise.
     """
@@ -83,9 +87,9 @@ class Want:
     """What the sender asks the receiver to offer or export.
 
     Attributes:
-        topic: the topic.
-        node: for a pull the publishing node; for a flip the subscribing one, a pattern, for information.
-        purpose: FLIP or PULL.
+        topic: the topic, or the name of a service or parameter.
+        node: for a pull the publishing or serving node; for a flip the subscribing one, a pattern, for information.
+        purpose: any of them.
     """
 
     topic: str
@@ -98,7 +102,7 @@ class Reply:
     """How the receiver of an offer or a want took it.
 
     Attributes:
-        kind: PUBLISHER for an offer, SUBSCRIBER for a want.
+        kind: PUBLISHER for an offer, SUBSCRIBER for a want, SERVICE for the offer of one.
         topic: as in what it replies to.
         node: as in what it replies to.
         state: one of the words of rule states.

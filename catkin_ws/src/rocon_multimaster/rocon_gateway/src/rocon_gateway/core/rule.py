@@ -20,17 +20,18 @@ SUFFIX_LENGTH = 32
 
 
 class Kind(enum.StrEnum):
-    """What a rule is about, in the words of `gateway_msgs/ConnectionType`."""
+    """What a rule is about, in the words of `gateway_msgs/ConnectionType`; parameters are ours."""
 
     PUBLISHER = "publisher"
     SUBSCRIBER = "subscriber"
     SERVICE = "service"
     ACTION_CLIENT = "action_client"
     ACTION_SERVER = "action_server"
+    PARAMETER = "parameter"
 
 
-CARRIED = frozenset({Kind.PUBLISHER, Kind.SUBSCRIBER})
-"""The kinds that links exist for. Rules of the others are kept, and their state says that they are not carried."""
+CONNECTIONS = tuple(kind for kind in Kind if kind != Kind.PARAMETER)
+"""What the `*_all` services mean by all: a parameter is copied only if it is asked for by its name."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -58,7 +59,7 @@ class RemoteRule:
 
 @dataclass(frozen=True, slots=True, order=True)
 class Connection:
-    """One node's publication of, or subscription to, one topic; names as resolved, type `*` where unknown."""
+    """What one node has to do with one topic, service or action; names as resolved, type `*` where unknown."""
 
     kind: Kind
     name: str

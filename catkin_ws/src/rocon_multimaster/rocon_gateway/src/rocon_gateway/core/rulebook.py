@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from rocon_gateway.core.code import Code, RequestError
 from rocon_gateway.core.rule import (
     ALL,
+    CONNECTIONS,
     Connection,
     Kind,
     RemoteRule,
@@ -24,7 +25,7 @@ class Advertisements:
     """What other gateways may pull.
 
     Attributes:
-        rules: explicit rules, in order of arrival; the five `.*` rules in advertise-all mode.
+        rules: explicit rules, in order of arrival; a `.*` rule of each kind in advertise-all mode.
         everything: whether that mode is on.
         blacklist: what the mode's caller excluded; the gateway's own blacklist comes on top.
     """
@@ -67,11 +68,12 @@ class RuleBook:
     pulls: Targets = field(default_factory=Targets)
 
     def advertised(self, rules: Iterable[Rule]) -> "RuleBook":
-        """Raises RequestError: 31 for a rule that exists, 39 for one that the blacklist names."""
+        """Raises RequestError: 31 for a rule that exists, 39 for a blacklisted one or a parameter that is a pattern."""
         known = list(self.advertisements.rules)
         for rule in rules:
             if rule in known:
                 raise RequestError(Code.ADVERTISEMENT_EXISTS, f"this advertisement exists already: {rule}")
+            _check_parameter(rule, Code.UNKNOWN_ADVERTISEMENT_ERROR)
             self._refuse_blacklisted(rule, Code.UNKNOWN_ADVERTISEMENT_ERROR)
             known.append(rule)
         return self._with_advertisements(dataclasses.replace(self.advertisements, rules=tuple(known)))
@@ -90,7 +92,7 @@ class RuleBook:
         """Replaces all advertisements. Raises RequestError 31 if that mode is on."""
         if self.advertisements.everything:
             raise RequestError(Code.ADVERTISEMENT_EXISTS, "everything is advertised already")
-        rules = tuple(Rule(kind, ALL) for kind in Kind)
+        rules = tuple(Rule(kind, ALL) for kind in CONNECTIONS)
         return self._with_advertisements(Advertisements(rules, True, _unique(blacklist)))
 
     def advertising_nothing(self) -> "RuleBook":
@@ -98,9 +100,11 @@ class RuleBook:
         return self._with_advertisements(Advertisements())
 
     def flipped(self, remotes: Iterable[RemoteRule]) -> "RuleBook":
-        """Raises RequestError: 22 for a rule that exists, 52 for ourselves, 19 for one that the blacklist names."""
+        """Raises RequestError: 22 for a rule that exists, 52 for ourselves, 19 for a blacklisted one or a parameter."""
         remotes = tuple(remotes)
         for remote in remotes:
+            if remote.rule.kind == Kind.PARAMETER:
+                raise RequestError(Code.HUB_UNKNOWN_ERROR, f"a parameter is pulled, not flipped: {remote.rule.name}")
             self._refuse_blacklisted(remote.rule, Code.HUB_UNKNOWN_ERROR)
         added = self._added(self.flips, remotes, Code.FLIP_RULE_ALREADY_EXISTS, "flip")
         return dataclasses.replace(self, flips=added)
@@ -118,8 +122,11 @@ class RuleBook:
         return dataclasses.replace(self, flips=_none(self.flips, gateway))
 
     def pulled(self, remotes: Iterable[RemoteRule]) -> "RuleBook":
-        """Raises RequestError: 41 for a rule that exists, 52 for ourselves."""
-        added = self._added(self.pulls, tuple(remotes), Code.PULL_RULE_ALREADY_EXISTS, "pull")
+        """Raises RequestError: 41 for a rule that exists, 52 for ourselves, 19 for a parameter that is a pattern."""
+        remotes = tuple(remotes)
+        for remote in remotes:
+            _check_parameter(remote.rule, Code.HUB_UNKNOWN_ERROR)
+        added = self._added(self.pulls, remotes, Code.PULL_RULE_ALREADY_EXISTS, "pull")
         return dataclasses.replace(self, pulls=added)
 
     def unpulled(self, remotes: Iterable[RemoteRule]) -> "RuleBook":
@@ -165,7 +172,7 @@ class RuleBook:
             raise RequestError(Code.FLIP_RULE_ALREADY_EXISTS, f"everything is {what} '{gateway}' already")
         emptied = _none(targets, gateway)
         return Targets(
-            (*emptied.rules, *(RemoteRule(gateway, Rule(kind, ALL)) for kind in Kind)),
+            (*emptied.rules, *(RemoteRule(gateway, Rule(kind, ALL)) for kind in CONNECTIONS)),
             (*emptied.everything, (gateway, _unique(blacklist))),
         )
 
@@ -176,6 +183,12 @@ def remote_rule(gateway: str, rule: Rule, code: Code) -> RemoteRule:
         raise RequestError(code, f"the rule '{rule}' names no gateway")
     check_pattern("gateway", gateway, code)
     return RemoteRule(gateway, rule)
+
+
+def _check_parameter(rule: Rule, code: Code) -> None:
+    """Raises RequestError for a parameter that is not given by its whole name and nothing else."""
+    if rule.kind == Kind.PARAMETER and (rule.node or not is_literal(rule.name)):
+        raise RequestError(code, f"a parameter is given by its plain name, without node, not as '{rule}'")
 
 
 def _means(asked: Rule, rule: Rule) -> bool:

@@ -4,10 +4,11 @@ import enum
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from rocon_gateway.core.connection import Export, Import, LinkStatus
+from rocon_gateway.core.connection import LinkStatus
 from rocon_gateway.core.record import EMPTY, Letter, Record
 from rocon_gateway.core.rule import Connection, Rule
 from rocon_gateway.core.rulebook import RuleBook
+from rocon_gateway.core.service import AnyExport, AnyImport
 
 
 class State(enum.StrEnum):
@@ -17,13 +18,16 @@ class State(enum.StrEnum):
     PENDING = "pending"
     NO_GATEWAY = "no such gateway"
     NO_TOPIC = "no such topic"
+    NO_SERVICE = "no such service"
+    NO_ACTION = "no such action"
+    NO_PARAMETER = "no such parameter"
     NO_PUBLISHER = "no publisher"
+    NO_SERVER = "no server"
     TYPE_MISMATCH = "type mismatch"
     BLACKLISTED = "blacklisted"
     FIREWALLED = "firewalled"
     UNREACHABLE = "unreachable"
     REFUSED = "refused"
-    NOT_CARRIED = "not carried"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +70,7 @@ class Situation:
     Attributes:
         book: our rules.
         firewall: whether we refuse flips to us.
-        local: our master's publishers and subscribers, without our own and without any gateway's proxies.
+        local: our master's publishers, subscribers and services, without our own and without any gateway's proxies.
         connected: whether we are on a hub. Without one the remotes are those last seen.
         names: unique names of all other gateways that are alive.
         remotes: those of them that our rules or their letters concern, by unique name.
@@ -79,7 +83,7 @@ class Situation:
     connected: bool
     names: frozenset[str] = frozenset()
     remotes: Mapping[str, Remote] = field(default_factory=dict)
-    links: Mapping[Import, LinkStatus] = field(default_factory=dict)
+    links: Mapping[AnyImport, LinkStatus] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,8 +118,8 @@ class Outcome:
 
     advertised: tuple[Connection, ...] = ()
     letters: Mapping[str, Letter] = field(default_factory=dict)
-    exports: frozenset[Export] = frozenset()
-    imports: frozenset[Import] = frozenset()
+    exports: frozenset[AnyExport] = frozenset()
+    imports: frozenset[AnyImport] = frozenset()
     states: tuple[RuleState, ...] = ()
     flipped: tuple[Flipped, ...] = ()
     flipped_in: tuple[Flipped, ...] = ()

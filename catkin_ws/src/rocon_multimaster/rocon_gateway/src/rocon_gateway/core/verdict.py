@@ -3,7 +3,7 @@
 import difflib
 from collections.abc import Collection, Iterable, Mapping
 
-from rocon_gateway.core.connection import Import, LinkState, LinkStatus
+from rocon_gateway.core.connection import LinkState, LinkStatus
 from rocon_gateway.core.rule import (
     Connection,
     Kind,
@@ -13,6 +13,7 @@ from rocon_gateway.core.rule import (
     is_literal,
     name_matches,
 )
+from rocon_gateway.core.service import AnyImport
 from rocon_gateway.core.situation import State, Verdict
 
 _ORDER = (
@@ -23,14 +24,32 @@ _ORDER = (
     State.FIREWALLED,
     State.PENDING,
     State.NO_PUBLISHER,
+    State.NO_SERVER,
     State.BLACKLISTED,
     State.NO_TOPIC,
+    State.NO_SERVICE,
+    State.NO_ACTION,
+    State.NO_PARAMETER,
     State.NO_GATEWAY,
-    State.NOT_CARRIED,
 )
 _RANKS = {str(state): rank for rank, state in enumerate(_ORDER)}
 
-NOT_CARRIED = Verdict(State.NOT_CARRIED, "links carry topics; services and actions are kept as rules and not carried")
+_MISSING = {
+    Kind.PUBLISHER: (State.NO_TOPIC, "topic"),
+    Kind.SUBSCRIBER: (State.NO_TOPIC, "topic"),
+    Kind.SERVICE: (State.NO_SERVICE, "service"),
+    Kind.ACTION_CLIENT: (State.NO_ACTION, "action"),
+    Kind.ACTION_SERVER: (State.NO_ACTION, "action"),
+    Kind.PARAMETER: (State.NO_PARAMETER, "parameter"),
+}
+_VERBS = {
+    Kind.PUBLISHER: "published by",
+    Kind.SUBSCRIBER: "subscribed by",
+    Kind.SERVICE: "served by",
+    Kind.ACTION_CLIENT: "used by",
+    Kind.ACTION_SERVER: "served by",
+}
+
 NO_HUB = Verdict(State.PENDING, "waiting for a hub")
 NO_ANSWER = Verdict(State.PENDING, "waiting for the other gateway's answer")
 
@@ -52,10 +71,28 @@ def blacklisted(barrier: Rule, connection: Connection) -> Verdict:
     return Verdict(f"{State.BLACKLISTED} by {barrier}", f"{connection.name} of {connection.node or 'any node'}")
 
 
-def from_link(wanted: Import, links: Mapping[Import, LinkStatus]) -> Verdict:
+def from_link(wanted: AnyImport, links: Mapping[AnyImport, LinkStatus]) -> Verdict:
     """Returns the state of an import, pending while the relay has not heard of it."""
     status = links.get(wanted, LinkStatus(LinkState.PENDING))
     return Verdict(str(status.state), status.reason)
+
+
+def of_action(action: Connection, at: str, said: Iterable[tuple[Kind, Verdict]]) -> Verdict:
+    """Returns the state of an action from those of its topics: active if all are, else the one that says most.
+
+    Args:
+        action: the action.
+        at: who is to have its other half.
+        said: of each topic, whether the action's node publishes or subscribes to it, and its state.
+    """
+    wrong = []
+    for kind, one in said:
+        nobody = kind == Kind.SUBSCRIBER and one.state in (State.NO_TOPIC, State.NO_PUBLISHER)
+        if nobody and action.kind == Kind.ACTION_CLIENT:
+            wrong.append(Verdict(State.NO_ACTION, f"no server of {action.name} {at}"))
+        elif not nobody and one.state != State.ACTIVE:  # a server without clients lacks nothing
+            wrong.append(one)
+    return best(wrong, Verdict(State.ACTIVE))
 
 
 def no_gateway(pattern: str, names: Collection[str]) -> Verdict:
@@ -64,18 +101,20 @@ def no_gateway(pattern: str, names: Collection[str]) -> Verdict:
 
 
 def no_local(rule: Rule, own_gateway: str, local: Iterable[Connection]) -> Verdict:
-    """Returns the state of a rule that no local connection matches: whether it is the topic or the node that fails."""
+    """Returns the state of a rule that no local connection matches: whether it is the name or the node that fails."""
     same_kind = [one for one in local if one.kind == rule.kind]
     nodes = sorted({one.node for one in same_kind if name_matches(rule.name, one.name, own_gateway)})
-    if nodes:
-        return Verdict(State.NO_PUBLISHER, f"here it is {_verb(rule.kind)} {', '.join(nodes)}, not {rule.node}")
-    return no_topic(rule.name, {one.name for one in same_kind}, "here")
+    if nodes and rule.node:
+        here = f"here it is {_VERBS[rule.kind]} {', '.join(nodes)}, not {rule.node}"
+        return Verdict(State.NO_SERVER if rule.kind == Kind.SERVICE else State.NO_PUBLISHER, here)
+    return nothing(rule.kind, rule.name, {one.name for one in same_kind}, "here")
 
 
-def no_topic(pattern: str, names: Collection[str], where: str) -> Verdict:
-    """Returns the state of a rule whose topic nobody has, with topics that are spelt alike."""
+def nothing(kind: Kind, pattern: str, names: Collection[str], where: str) -> Verdict:
+    """Returns the state of a rule whose topic, service or action nobody has, with those that are spelt alike."""
     name = absolute_name(pattern) if is_literal(pattern) else pattern
-    return Verdict(State.NO_TOPIC, _nearest(name, names, where, "topic"))
+    state, what = _MISSING[kind]
+    return Verdict(state, _nearest(name, names, where, what))
 
 
 def no_publisher(topic: str, local: Iterable[Connection]) -> Verdict:
@@ -83,16 +122,12 @@ def no_publisher(topic: str, local: Iterable[Connection]) -> Verdict:
     local = list(local)
     if any(one.name == topic for one in local):
         return Verdict(State.NO_PUBLISHER, f"{topic} is subscribed there, but not published")
-    return no_topic(topic, {one.name for one in local if one.kind == Kind.PUBLISHER}, "there")
+    return nothing(Kind.PUBLISHER, topic, {one.name for one in local if one.kind == Kind.PUBLISHER}, "there")
 
 
 def mismatch(topic: str, types: Mapping[str, str]) -> Verdict:
     """Returns the state of a topic whose type is not the same at two gateways."""
     return Verdict(State.TYPE_MISMATCH, f"{topic} is " + " and ".join(f"{t} at {at}" for at, t in types.items()))
-
-
-def _verb(kind: Kind) -> str:
-    return "published by" if kind == Kind.PUBLISHER else "subscribed by"
 
 
 def _nearest(name: str, known: Collection[str], where: str, what: str) -> str:

@@ -27,6 +27,7 @@ from rocon_gateway.core.connection import LinkState, RelayConfig
 from rocon_gateway.core.hub import HubView, address_from_uri
 from rocon_gateway.core.reconcile import reconcile
 from rocon_gateway.core.record import Record
+from rocon_gateway.core.service import ParameterExport, ParameterImport
 from rocon_gateway.core.setting import GatewaySetting, SettingError, book_from_setting, with_custom_rules
 from rocon_gateway.core.situation import Outcome, Situation
 from rocon_gateway.nodes.desk import Desk
@@ -39,7 +40,7 @@ DIAGNOSTIC_PERIOD = 1.0
 
 
 class GatewayNode:
-    """Connects this master's topics with other masters', by rules.
+    """Connects this master's topics, services and actions with other masters', by rules.
 
     Subscribes: nothing by itself; the relay subscribes what is exported while somebody fetches it.
 
@@ -157,7 +158,7 @@ class GatewayNode:
             links=self._relay.status().imports,
         )
         self._outcome = outcome = reconcile(situation)
-        self._relay.apply(set(outcome.exports), set(outcome.imports))
+        self._relay.apply(outcome.exports, outcome.imports)
         interest = frozenset(remote.gateway for remote in (*book.flips.rules, *book.pulls.rules))
         self._hub.publish(self._record(view, outcome), outcome.letters, interest)
         self._tell(view)
@@ -182,11 +183,13 @@ class GatewayNode:
         return self._host_for[1]
 
     def _linked(self) -> set[str]:
-        """Gateways that a link now stands to."""
+        """Gateways that a link now stands to; none stands for a parameter."""
         status = self._relay.status()
-        up = {LinkState.ACTIVE, LinkState.NO_PUBLISHER}
-        return {one.source_gateway for one, link in status.imports.items() if link.state in up} | {
-            one.to_gateway for one, link in status.exports.items() if link.state in up
+        up = {LinkState.ACTIVE, LinkState.NO_PUBLISHER, LinkState.NO_SERVER}
+        imports = {one for one, link in status.imports.items() if link.state in up}
+        exports = {one for one, link in status.exports.items() if link.state in up}
+        return {one.source_gateway for one in imports if not isinstance(one, ParameterImport)} | {
+            one.to_gateway for one in exports if not isinstance(one, ParameterExport)
         }
 
     def _tell(self, view: HubView) -> None:

@@ -10,10 +10,14 @@ from xml.parsers.expat import ExpatError
 from rocon_gateway.adapters.relay.reactor import Reactor
 from rocon_gateway.adapters.relay.resolver import Resolver
 from rocon_gateway.adapters.relay.stream import Stream, dialled_socket
+from rocon_gateway.core.connection import RelayError
 from rocon_gateway.core.http import http_message, http_request
 
 MAX_PARALLEL = 4
 """Calls to one server at a time: a Python XML-RPC server lets five connections wait, and drops more."""
+
+MAX_ANSWER = 4 * 2**20
+"""The longest answer to a call [bytes]: of getParam, where a parameter is copied; all others are short."""
 
 Done = Callable[[Any], None]
 Failed = Callable[[str], None]
@@ -27,6 +31,7 @@ class _Call(Stream):
         self.parse = self._response
         self._answered = answered
         self._body: bytes | None = None
+        self._received = bytearray()
         parts = urlsplit(uri)
         self._request = http_request(parts.netloc, parts.path, body)
 
@@ -35,18 +40,20 @@ class _Call(Stream):
 
     def closed(self, reason: str) -> None:
         if self._body is None and not reason:
-            message = http_message(self.rest, -1)
+            message = http_message(self._received, -1, MAX_ANSWER)
             if message is not None and message.length < 0:
-                self._body = self.rest[message.start :]
+                self._body = bytes(self._received[message.start :])
         self._answered(self._body or b"", reason or "it closed the connection")
 
     def _response(self, data: memoryview) -> int:
-        message = http_message(data, -1)
-        if message is None or message.length < 0 or len(data) < message.end:
-            return 0
-        self._body = bytes(data[message.start : message.end])
-        self.close("")
-        return message.end
+        self._received += data
+        message = http_message(self._received, -1, MAX_ANSWER)
+        if message is not None and 0 <= message.length <= len(self._received) - message.start:
+            self._body = bytes(self._received[message.start : message.end])
+            self.close("")
+        elif len(self._received) > MAX_ANSWER:
+            raise RelayError(f"its answer is longer than {MAX_ANSWER} bytes")
+        return len(data)
 
 
 class Server:

@@ -5,17 +5,15 @@ from typing import Protocol
 
 from rocon_gateway.adapters.relay.context import Context
 from rocon_gateway.adapters.relay.stream import Stream, dialled_socket, watch_liveness
-from rocon_gateway.core.connection import Import, LinkState
+from rocon_gateway.core.connection import ANY, Address, LinkState
 from rocon_gateway.core.fanout import Fanout
 from rocon_gateway.core.frame import is_control
 from rocon_gateway.core.header import header_bytes, header_end, header_fields
-from rocon_gateway.core.link import VERSION, Hello, LinkError, is_proof, proof, state_from_field
+from rocon_gateway.core.link import VERSION, Hello, LinkError, Subject, is_proof, proof, state_from_field
 
 
 class LinkOwner(Protocol):
     """Whom a link tells what becomes of it."""
-
-    fanout: Fanout
 
     def link_up(self) -> None:
         """The far relay has accepted."""
@@ -23,34 +21,35 @@ class LinkOwner(Protocol):
     def link_lost(self, state: LinkState, reason: str) -> None:
         """The link is closed; called once."""
 
+
+class TopicOwner(LinkOwner, Protocol):
+    """Whom a topic's link tells what comes on it, too."""
+
+    fanout: Fanout
+
     def told(self, fields: dict[str, str]) -> None:
         """A control frame has come."""
+
+
+def hello_to(
+    context: Context, gateway: str, subject: Subject, name: str, node: str, type_: str = ANY, md5sum: str = ANY
+) -> Hello:
+    """Returns what to say first to the relay of `gateway`."""
+    own = context.config.gateway
+    return Hello(name, type_, md5sum, node, gateway, own, (own,), secrets.token_hex(16), subject)
 
 
 class DialledLink(Stream):
     """One attempt at a link, and the link if it succeeds."""
 
-    def __init__(self, context: Context, owner: LinkOwner, wanted: Import) -> None:
+    def __init__(self, context: Context, owner: LinkOwner, address: Address, hello: Hello) -> None:
         sock = dialled_socket()
-        super().__init__(
-            context.reactor, sock, f"{wanted.source_gateway} at {wanted.address.host}:{wanted.address.port}"
-        )
+        super().__init__(context.reactor, sock, f"{hello.source_gateway} at {address.host}:{address.port}")
         watch_liveness(sock)
         self._context = context
         self._owner = owner
-        own = context.config.gateway
-        self._hello = Hello(
-            wanted.topic,
-            wanted.type,
-            wanted.md5sum,
-            wanted.source_node,
-            wanted.source_gateway,
-            own,
-            (own,),
-            secrets.token_hex(16),
-        )
+        self._hello = hello
         self._proven = False
-        self._is_up = False
         self._state = LinkState.UNREACHABLE
         self._timer = context.reactor.call_later(context.config.handshake_timeout, self._too_late)
         self.parse = self._parse_answer
@@ -58,6 +57,11 @@ class DialledLink(Stream):
     def connected(self) -> None:
         """See `stream.Stream`."""
         self.send(header_bytes(self._hello.fields()))
+
+    def accepted(self, _fields: dict[str, str]) -> None:
+        """Called with the far relay's welcome; sets how to parse what follows it."""
+        self.parse = self._parse_nothing
+        self._owner.link_up()
 
     def closed(self, reason: str) -> None:
         """See `stream.Stream`."""
@@ -86,10 +90,7 @@ class DialledLink(Stream):
             self.close("it has no credential, and ours asks for one")
         else:
             self._timer.cancel()
-            self._is_up = True
-            self.fanout = self._owner.fanout
-            self.parse = self._parse_frames
-            self._owner.link_up()
+            self.accepted(fields)
         return end
 
     def _answer_challenge(self, challenge: str, given: str) -> None:
@@ -105,8 +106,25 @@ class DialledLink(Stream):
             self.send(header_bytes({"relay": VERSION, "proof": answer}))
             self._state = LinkState.UNREACHABLE
 
+    def _parse_nothing(self, data: memoryview) -> int:
+        raise LinkError("it sends what was not asked for")
+
+
+class TopicLink(DialledLink):
+    """A link that messages come on."""
+
+    def __init__(self, context: Context, owner: TopicOwner, address: Address, hello: Hello) -> None:
+        super().__init__(context, owner, address, hello)
+        self._topic_owner = owner
+
+    def accepted(self, _fields: dict[str, str]) -> None:
+        """See `DialledLink`."""
+        self.fanout = self._topic_owner.fanout
+        self.parse = self._parse_frames
+        self._topic_owner.link_up()
+
     def _parse_frames(self, data: memoryview) -> int:
-        return self._owner.fanout.feed(data) or self._parse_control(data)
+        return self._topic_owner.fanout.feed(data) or self._parse_control(data)
 
     def _parse_control(self, data: memoryview) -> int:
         if not is_control(data):
@@ -114,5 +132,5 @@ class DialledLink(Stream):
         end = header_end(data, 4)
         if not end or len(data) < end:
             return 0
-        self._owner.told(header_fields(data[8:end]))
+        self._topic_owner.told(header_fields(data[8:end]))
         return end

@@ -17,13 +17,20 @@ from rocon_gateway.core.link import VERSION, Hello, LinkError, Refusal, is_proof
 _PASSED_ON = ("type", "md5sum", "message_definition", "latching", "topic")
 
 
+class Tenant(Protocol):
+    """Who has taken over a link that is not a topic's."""
+
+    def ended(self, reason: str) -> None:
+        """The link is closed; called once."""
+
+
 class Exporter(Protocol):
     """What the ends of links need from the relay."""
 
     def admit(self, end: "ExportEnd", hello: Hello) -> None:
         """Decides, now or within the configured patience, by `accept` or `refuse`."""
 
-    def subscription(self, topic: str, node: str) -> Subscription:
+    def subscription(self, export: Export) -> Subscription:
         """Returns the one subscription to a publisher, new or running."""
 
     def ended(self, end: "ExportEnd") -> None:
@@ -50,6 +57,7 @@ class ExportEnd(Stream):
         self._demand = ""
         self._leaving = False
         self._subscription: Subscription | None = None
+        self._tenant: Tenant | None = None
         self._messages = 0
         self._bytes = 0
         self._state = LinkState.ACTIVE
@@ -80,8 +88,17 @@ class ExportEnd(Stream):
         self.export = export
         self._context.bound(self.backlog, export.options)
         self.parse = self._parse_control
-        self.send(header_bytes({"relay": VERSION, "source_gateway": self._context.config.gateway}))
+        self.welcome({})
         self._context.changed()
+
+    def serve(self, tenant: Tenant) -> None:
+        """The relay has given the link, which is not a topic's, to `tenant`."""
+        self.timer.cancel()
+        self._tenant = tenant
+
+    def welcome(self, fields: Mapping[str, str]) -> None:
+        """Says yes."""
+        self.send(header_bytes({"relay": VERSION, "source_gateway": self._context.config.gateway, **fields}))
 
     def refuse(self, state: LinkState, reason: str) -> None:
         """Says no and closes."""
@@ -120,13 +137,15 @@ class ExportEnd(Stream):
             self._context.logger.warning("link from %s: %s", self.peer, reason)
         if self._subscription is not None:
             self._subscription.remove(self)
+        if self._tenant is not None:
+            self._tenant.ended(reason)
         self._exporter.ended(self)
         if self.export is not None:
             self._context.changed()
 
     def _join(self) -> None:
         assert self.export is not None
-        self._subscription = self._exporter.subscription(self.export.topic, self.export.source_node)
+        self._subscription = self._exporter.subscription(self.export)
         self._subscription.join(self)
 
     def _tell(self, state: LinkState, reason: str) -> None:

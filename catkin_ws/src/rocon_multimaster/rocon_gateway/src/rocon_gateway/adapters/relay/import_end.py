@@ -1,55 +1,50 @@
-"""The importing end of a link: dials, shows the proxy, fetches while somebody subscribes."""
+"""The importing end of a topic's link: dials, shows the proxy, fetches while somebody subscribes."""
 
 from collections.abc import Callable, Mapping
 
-from rocon_gateway.adapters.relay.context import Context, Pause
-from rocon_gateway.adapters.relay.dialled_link import DialledLink
-from rocon_gateway.adapters.relay.proxy_topic import Nodes, ProxyTopic
-from rocon_gateway.adapters.relay.reactor import Timer
+from rocon_gateway.adapters.relay.context import Context
+from rocon_gateway.adapters.relay.dialled_link import TopicLink, hello_to
+from rocon_gateway.adapters.relay.proxy_topic import ProxyTopic
+from rocon_gateway.adapters.relay.registration import Nodes
+from rocon_gateway.adapters.relay.standing_import import StandingImport
 from rocon_gateway.adapters.relay.stream import Stream
-from rocon_gateway.core.connection import ANY, Import, LinkState, LinkStatus
+from rocon_gateway.core.connection import ANY, Address, Import, LinkState, LinkStatus
 from rocon_gateway.core.fanout import Fanout
 from rocon_gateway.core.frame import control_frame
 from rocon_gateway.core.header import header_bytes
-from rocon_gateway.core.link import mismatch, state_from_field
+from rocon_gateway.core.link import Subject, mismatch, state_from_field
 
 
-class ImportEnd:
+class ImportEnd(StandingImport):
     """One import, from the first dialling to the last unregistration.
 
-    The link is dialled at once and kept; the proxy is registered while the link stands; messages are fetched
-    while the proxy has a subscriber. A subscriber's handshake is answered when the publisher's own connection
-    header is known, so that it sees the true type, definition and latching.
+    Messages are fetched while the proxy has a subscriber. A subscriber's handshake is answered when the publisher's
+    own connection header is known, so that it sees the true type, definition and latching.
     """
 
     def __init__(self, context: Context, nodes: Nodes, wanted: Import, ended: Callable[[], None]) -> None:
+        super().__init__(context, ended)
         self.wanted = wanted
         self.fanout = Fanout(context.config.max_message_size)
-        self.topic = ProxyTopic(context, nodes, self, wanted)
-        self._context = context
-        self._ended = ended
-        self._link: DialledLink | None = None
-        self._timer: Timer | None = None
-        self._pause = Pause(context.config)
+        self.registration = self.topic = ProxyTopic(context, nodes, self, wanted)
         self._source: dict[str, str] | None = None
         self._told_source: tuple[str, str] | None = None
         self._pending: dict[Stream, Mapping[str, str]] = {}
         self._demand = 0
         self._wants = False
-        self._is_ending = False
         self._drops = 0
-        self._state = LinkState.PENDING
-        self._reason = "dialling"
 
-    def start(self) -> None:
-        """Dials; repeated after each failure until `end`."""
-        self._timer = None
-        if self._is_ending:
-            return
-        address = self.wanted.address
-        self._context.resolver.resolve(
-            address.host, self._dial, lambda reason: self.link_lost(LinkState.UNREACHABLE, reason)
-        )
+    @property
+    def address(self) -> Address:
+        """See `standing_import.StandingImport`."""
+        return self.wanted.address
+
+    def link(self) -> TopicLink:
+        """See `standing_import.StandingImport`."""
+        wanted = self.wanted
+        types = wanted.type, wanted.md5sum
+        hello = hello_to(self._context, wanted.source_gateway, Subject.TOPIC, wanted.topic, wanted.source_node, *types)
+        return TopicLink(self._context, self, wanted.address, hello)
 
     def replace(self, wanted: Import) -> None:
         """Takes an import of the same key with another address, other nodes or other options."""
@@ -67,19 +62,7 @@ class ImportEnd:
             # Registering once more has the master name us to all subscribers: those refused until now come back.
             self.topic.refresh()
         if moved:
-            self._pause.reset()
-            if self._link is not None:
-                self._link.close("its address or type has changed")
-            elif self._timer is not None:
-                self._timer.cancel()
-                self.start()
-
-    def end(self) -> None:
-        """Unregisters, closes; `ended` is called when that is done."""
-        self._is_ending = True
-        if self._timer is not None:
-            self._timer.cancel()
-        self.topic.hide()
+            self.redial("its address or type has changed")
 
     def status(self) -> LinkStatus:
         """How it does."""
@@ -87,28 +70,12 @@ class ImportEnd:
         counted = self.fanout.messages, self.fanout.bytes
         return LinkStatus(self._state, self._reason, len(self.topic.subscribers), *counted, drops)
 
-    def _dial(self, address: str) -> None:
-        if not self._is_ending:
-            self._link = DialledLink(self._context, self, self.wanted)
-            self._link.connect(address, self.wanted.address.port)
-
-    def link_up(self) -> None:
-        """See `dialled_link.LinkOwner`."""
-        self._pause.reset()
-        if not self._is_ending:
-            self._set(LinkState.PENDING, "being registered with the master")
-            self.topic.show()
-
     def link_lost(self, state: LinkState, reason: str) -> None:
         """See `dialled_link.LinkOwner`."""
-        self._link = self._source = None
+        self._source = None
         self._wants = False
         self.fanout.restart()
-        if self._is_ending:
-            return
-        self._set(state, reason)
-        self._timer = self._context.reactor.call_later(self._pause.take(), self.start)
-        self.topic.hide()
+        super().link_lost(state, reason)
 
     def told(self, fields: dict[str, str]) -> None:
         """See `dialled_link.LinkOwner`."""
@@ -165,22 +132,10 @@ class ImportEnd:
             self._want(False)
 
     def shown(self) -> None:
-        """See `proxy_topic.TopicOwner`."""
-        self._set(LinkState.ACTIVE, "")
+        """See `registration.Owner`."""
+        super().shown()
         if not self.topic.subscribers:
             self._want(False)
-
-    def not_shown(self, reason: str) -> None:
-        """See `proxy_topic.TopicOwner`."""
-        self._set(LinkState.PENDING, f"our master does not register it: {reason}")
-
-    def hidden(self) -> None:
-        """See `proxy_topic.TopicOwner`."""
-        if not self._is_ending:
-            return
-        if self._link is not None:
-            self._link.close("")
-        self._ended()
 
     def _serve(self, subscriber: Stream, fields: Mapping[str, str]) -> str:
         source = self._source or {}
@@ -203,8 +158,3 @@ class ImportEnd:
         self._demand += wants
         op = "subscribe" if wants else "unsubscribe"
         self._link.send(control_frame(op=op, demand=str(self._demand)))
-
-    def _set(self, state: LinkState, reason: str) -> None:
-        if (state, reason) != (self._state, self._reason):
-            self._state, self._reason = state, reason
-            self._context.changed()

@@ -7,8 +7,10 @@ protocols of a node: XML-RPC begins with `POST`, which as the length of a TCPROS
 import socket
 
 from rocon_gateway.adapters.relay.context import Context
+from rocon_gateway.adapters.relay.proxy_service import ProxyService, Tenant
 from rocon_gateway.adapters.relay.proxy_topic import ProxyTopic
 from rocon_gateway.adapters.relay.reactor import Timer
+from rocon_gateway.adapters.relay.registration import Registration
 from rocon_gateway.adapters.relay.slave_api import SlaveApi
 from rocon_gateway.adapters.relay.stream import Listener, Stream
 from rocon_gateway.core.connection import RelayError, proxy_uri
@@ -21,29 +23,35 @@ class SubscriberError(RelayError):
 
 
 class ProxyNodes:
-    """The proxy nodes of one relay, by name; a node lives while it has a topic."""
+    """The proxy nodes of one relay, by name; a node lives while it shows a topic or service."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
         self._nodes: dict[str, ProxyNode] = {}
 
-    def open(self, topic: ProxyTopic) -> "ProxyNode":
-        """See `proxy_topic.Nodes`."""
-        name = topic.wanted.proxy
-        node = self._nodes.get(name)
+    def open(self, shown: Registration) -> "ProxyNode":
+        """See `registration.Nodes`."""
+        node = self._nodes.get(shown.proxy)
         if node is None:
-            node = self._nodes[name] = ProxyNode(self._context, name)
-        node.topics[topic.wanted.topic] = topic
+            node = self._nodes[shown.proxy] = ProxyNode(self._context, shown.proxy)
+        if isinstance(shown, ProxyTopic):
+            node.topics[shown.wanted.topic] = shown
+        elif isinstance(shown, ProxyService):
+            node.services[shown.wanted.service] = shown
         return node
 
-    def release(self, topic: ProxyTopic) -> None:
-        """See `proxy_topic.Nodes`."""
-        node = self._nodes.get(topic.wanted.proxy)
-        if node is not None and node.topics.get(topic.wanted.topic) is topic:
-            del node.topics[topic.wanted.topic]
-            if not node.topics:
-                del self._nodes[node.name]
-                node.close()
+    def release(self, shown: Registration) -> None:
+        """See `registration.Nodes`."""
+        node = self._nodes.get(shown.proxy)
+        if node is None:
+            return
+        if isinstance(shown, ProxyTopic) and node.topics.get(shown.wanted.topic) is shown:
+            del node.topics[shown.wanted.topic]
+        elif isinstance(shown, ProxyService) and node.services.get(shown.wanted.service) is shown:
+            del node.services[shown.wanted.service]
+        if not node.topics and not node.services:
+            del self._nodes[node.name]
+            node.close()
 
 
 class ProxyNode:
@@ -52,18 +60,22 @@ class ProxyNode:
     Attributes:
         name: its name.
         uri: its XML-RPC URI.
+        port: its port, for both protocols.
         topics: its topics by name.
+        services: its services by name.
     """
 
     def __init__(self, context: Context, name: str) -> None:
         self.name = name
         self.topics: dict[str, ProxyTopic] = {}
+        self.services: dict[str, ProxyService] = {}
         self._context = context
         config = context.config
         self._listener = Listener(context.reactor, config.bind, 0, self._accepted)
         self._connections: set[ProxyConnection] = set()
-        self.uri = proxy_uri(config.host, self._listener.port, config.gateway)
-        self.api = SlaveApi(self.name, self.uri, config.master_uri, config.host, self._listener.port, self.topics)
+        self.port = self._listener.port
+        self.uri = proxy_uri(config.host, self.port, config.gateway)
+        self.api = SlaveApi(self.name, self.uri, config.master_uri, config.host, self.port, self.topics)
         self._listener.start()
 
     def close(self) -> None:
@@ -89,6 +101,7 @@ class ProxyConnection(Stream):
         self._context = context
         self._node = node
         self._topic: ProxyTopic | None = None
+        self._call: Tenant | None = None
         self._timer: Timer = context.reactor.call_later(context.config.handshake_timeout, self._too_late)
         self.parse = self._parse_first
 
@@ -99,6 +112,8 @@ class ProxyConnection(Stream):
             self._context.logger.warning("%s from %s: %s", self._node.name, self.peer, reason)
         if self._topic is not None:
             self._topic.unsubscribe(self)
+        if self._call is not None:
+            self._call.ended(reason)
         self._node.forget(self)
 
     def _too_late(self) -> None:
@@ -116,8 +131,19 @@ class ProxyConnection(Stream):
             return 0
         self._timer.cancel()
         self.parse = self._parse_nothing
-        self._subscribe(header_fields(data[4:end]))
+        fields = header_fields(data[4:end])
+        if "service" in fields:
+            self._serve(fields)
+        else:
+            self._subscribe(fields)
         return end
+
+    def _serve(self, fields: dict[str, str]) -> None:
+        service = self._node.services.get(fields["service"])
+        if service is None:
+            self.finish(header_bytes({"error": f"{self._node.name} is not a provider of {fields['service']}"}))
+        else:
+            self._call = service.call(self, fields)
 
     def _subscribe(self, fields: dict[str, str]) -> None:
         topic = self._node.topics.get(fields.get("topic", ""))

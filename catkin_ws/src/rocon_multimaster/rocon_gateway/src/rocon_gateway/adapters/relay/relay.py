@@ -4,13 +4,17 @@ import logging
 import re
 import socket
 import threading
-from collections.abc import Hashable, Iterable
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
+from typing import TypeVar
 
 from rocon_gateway.adapters.relay.context import Context
 from rocon_gateway.adapters.relay.export_end import ExportEnd
 from rocon_gateway.adapters.relay.import_end import ImportEnd
+from rocon_gateway.adapters.relay.parameter_copy import ParameterExportEnd, ParameterImportEnd
 from rocon_gateway.adapters.relay.proxy_node import ProxyNodes
 from rocon_gateway.adapters.relay.reactor import Reactor
+from rocon_gateway.adapters.relay.service_export import ServiceExportEnd
+from rocon_gateway.adapters.relay.service_import import ServiceImportEnd
 from rocon_gateway.adapters.relay.stream import Listener
 from rocon_gateway.adapters.relay.subscription import Subscription
 from rocon_gateway.core.connection import (
@@ -24,10 +28,37 @@ from rocon_gateway.core.connection import (
     RelayConfig,
     RelayStatus,
 )
-from rocon_gateway.core.link import Hello, mismatch
+from rocon_gateway.core.link import Hello, Subject, mismatch
+from rocon_gateway.core.service import (
+    AnyExport,
+    AnyImport,
+    ParameterExport,
+    ParameterImport,
+    ServiceExport,
+    ServiceImport,
+)
 
 MAX_STRANGERS = 256
 """Connections to the relay's port that have not been accepted as links yet; one more closes the oldest."""
+
+_SUBJECTS = {
+    Export: Subject.TOPIC,
+    Import: Subject.TOPIC,
+    ServiceExport: Subject.SERVICE,
+    ServiceImport: Subject.SERVICE,
+    ParameterExport: Subject.PARAMETER,
+    ParameterImport: Subject.PARAMETER,
+}
+_WHAT = {
+    Subject.TOPIC: "publisher",
+    Subject.SERVICE: "server",
+    Subject.CALL: "server",
+    Subject.PARAMETER: "parameter",
+}
+_ImportEnd = ImportEnd | ServiceImportEnd | ParameterImportEnd
+Connected = TypeVar("Connected", AnyExport, AnyImport)
+_Name = tuple[Subject, Key]
+"""What tells all exports, and all imports, of a relay apart."""
 
 SHUTDOWN_TIME = 1.5
 """How long the end waits for unregistrations [s]."""
@@ -45,13 +76,14 @@ class TcpRelay:
         self._context = Context(config, self._reactor, logger, self._changed)
         self._on_change = on_change
         self._nodes = ProxyNodes(self._context)
-        self._exports: dict[Key, Export] = {}
-        self._imports: dict[Key, ImportEnd] = {}
-        self._retiring: dict[Key, ImportEnd] = {}
-        self._links: dict[Key, ExportEnd] = {}
+        self._exports: Mapping[_Name, AnyExport] = {}
+        self._others: dict[_Name, ServiceExportEnd | ParameterExportEnd] = {}
+        self._imports: dict[_Name, _ImportEnd] = {}
+        self._retiring: dict[_Name, _ImportEnd] = {}
+        self._links: dict[_Name, ExportEnd] = {}
         self._strangers: dict[ExportEnd, None] = {}
         self._parked: dict[ExportEnd, Hello] = {}
-        self._subscriptions: dict[tuple[str, str], Subscription] = {}
+        self._subscriptions: dict[tuple[str, str, str], Subscription] = {}
         self._change_is_told = False
         self._is_down = threading.Event()
         self._stopping = False
@@ -64,20 +96,20 @@ class TcpRelay:
         """The TCP port where links arrive."""
         return self._listener.port
 
-    def apply(self, exports: set[Export], imports: set[Import]) -> None:
+    def apply(self, exports: Collection[AnyExport], imports: Collection[AnyImport]) -> None:
         """See `core.connection.Relay`."""
-        _check_unique((export.key for export in exports), "exports")
-        _check_unique((import_.key for import_ in imports), "imports")
-        _check_unique(((import_.topic, import_.proxy) for import_ in imports), "imports")
-        for import_ in imports:
-            re.compile(import_.allowed_nodes)
-        wanted_exports = {export.key: export for export in exports}
-        wanted_imports = {import_.key: import_ for import_ in imports}
+        wanted_exports = _by_name(exports, "exports")
+        wanted_imports = _by_name(imports, "imports")
+        topics = [one for one in imports if isinstance(one, Import)]
+        _check_unique(((one.topic, one.proxy) for one in topics), "imports")
+        _check_unique((one.service for one in imports if isinstance(one, ServiceImport)), "imports")
+        for one in topics:
+            re.compile(one.allowed_nodes)
         self._reactor.call(lambda: self._apply(wanted_exports, wanted_imports))
 
     def refresh(self) -> None:
         """See `core.connection.Relay`."""
-        self._reactor.call(lambda: [end.topic.refresh() for end in self._imports.values()] and None)
+        self._reactor.call(lambda: [end.refresh() for end in self._imports.values()] and None)
 
     def status(self) -> RelayStatus:
         """See `core.connection.Relay`."""
@@ -98,40 +130,53 @@ class TcpRelay:
         self._is_down.wait(SHUTDOWN_TIME + 0.5)
         self._reactor.join(0.5)
 
-    def _apply(self, exports: dict[Key, Export], imports: dict[Key, Import]) -> None:
+    def _apply(self, exports: Mapping[_Name, AnyExport], imports: Mapping[_Name, AnyImport]) -> None:
         if self._stopping:
             return
         self._exports = exports
-        for key, link in tuple(self._links.items()):
-            if link.export != exports.get(key):
+        for name, link in tuple(self._links.items()):
+            if link.export != exports.get(name):
                 link.close("")
+        for name in self._others.keys() - exports.keys():
+            self._others.pop(name).close()
+        for name, export in exports.items():
+            if name not in self._others and not isinstance(export, Export):
+                end = ServiceExportEnd if isinstance(export, ServiceExport) else ParameterExportEnd
+                self._others[name] = end(self._context, export)
         for end, hello in tuple(self._parked.items()):
             self._admit_if_exported(end, hello)
-        for key in self._imports.keys() - imports.keys():
-            self._retire(key)
-        for key, import_ in imports.items():
-            self._want(key, import_)
+        for name in self._imports.keys() - imports.keys():
+            self._retire(name)
+        for name, import_ in imports.items():
+            self._want(name, import_)
 
-    def _want(self, key: Key, wanted: Import) -> None:
-        end = self._imports.get(key)
+    def _want(self, name: _Name, wanted: AnyImport) -> None:
+        end = self._imports.get(name)
         if end is not None:
             if end.wanted != wanted:
                 end.replace(wanted)
             return
-        self._imports[key] = end = ImportEnd(self._context, self._nodes, wanted, lambda: self._retired(key))
-        if key not in self._retiring:
+        self._imports[name] = end = self._import_end(wanted, lambda: self._retired(name))
+        if name not in self._retiring:
             end.start()
 
-    def _retire(self, key: Key) -> None:
-        end = self._imports.pop(key)
-        if key not in self._retiring:  # otherwise it was waiting for its forerunner and has nothing to undo
-            self._retiring[key] = end
+    def _import_end(self, wanted: AnyImport, ended: Callable[[], None]) -> _ImportEnd:
+        if isinstance(wanted, Import):
+            return ImportEnd(self._context, self._nodes, wanted, ended)
+        if isinstance(wanted, ServiceImport):
+            return ServiceImportEnd(self._context, self._nodes, wanted, ended)
+        return ParameterImportEnd(self._context, wanted, ended)
+
+    def _retire(self, name: _Name) -> None:
+        end = self._imports.pop(name)
+        if name not in self._retiring:  # otherwise it was waiting for its forerunner and has nothing to undo
+            self._retiring[name] = end
             end.end()
 
-    def _retired(self, key: Key) -> None:
-        self._retiring.pop(key, None)
-        if key in self._imports:
-            self._imports[key].start()
+    def _retired(self, name: _Name) -> None:
+        self._retiring.pop(name, None)
+        if name in self._imports:
+            self._imports[name].start()
         # An import that is not shown retires at once, while those after it still wait to be retired.
         if self._stopping and not self._imports and not self._retiring:
             self._stop()
@@ -146,7 +191,7 @@ class TcpRelay:
         if not self._admit_if_exported(end, hello):
             end.timer.cancel()
             self._parked[end] = hello
-            what = f"publisher {hello.source_node} of {hello.topic}"
+            what = " of ".join(filter(None, (f"{_WHAT[hello.subject]} {hello.source_node}".strip(), hello.topic)))
             reason = f"{hello.source_gateway} exports no {what} to {hello.sink_gateway}"
             end.timer = self._reactor.call_later(self._context.config.patience, lambda: self._give_up(end, reason))
 
@@ -155,29 +200,35 @@ class TcpRelay:
         end.refuse(LinkState.REFUSED, reason)
 
     def _admit_if_exported(self, end: ExportEnd, hello: Hello) -> bool:
-        key = Key(hello.topic, hello.sink_gateway, hello.source_node)
-        export = self._exports.get(key)
+        name = _subject(hello), Key(hello.topic, hello.sink_gateway, hello.source_node)
+        export = self._exports.get(name)
         if export is None or end.is_closed:
             return False
         self._strangers.pop(end, None)
         self._parked.pop(end, None)
+        if isinstance(export, Export):
+            self._admit_topic(name, end, hello, export)
+        else:
+            self._others[name].admit(end, hello)
+        return True
+
+    def _admit_topic(self, name: _Name, end: ExportEnd, hello: Hello, export: Export) -> None:
         wrong = mismatch(hello.type, "*", export.type, "*")
         if wrong:
             end.refuse(LinkState.TYPE_MISMATCH, wrong)
-            return True
-        former = self._links.pop(key, None)
-        self._links[key] = end
+            return
+        former = self._links.pop(name, None)
+        self._links[name] = end
         if former is not None:
             former.close("its peer dialled anew")
         end.accept(export)
-        return True
 
-    def subscription(self, topic: str, node: str) -> Subscription:
+    def subscription(self, export: Export) -> Subscription:
         """See `export_end.Exporter`."""
-        key = topic, node
+        key = export.topic, export.source_node, export.subscriber
         if key not in self._subscriptions:
             self._subscriptions[key] = Subscription(
-                self._context, topic, node, lambda: self._subscriptions.pop(key, None) and None
+                self._context, export, lambda: self._subscriptions.pop(key, None) and None
             )
         return self._subscriptions[key]
 
@@ -185,16 +236,16 @@ class TcpRelay:
         """See `export_end.Exporter`."""
         self._strangers.pop(end, None)
         self._parked.pop(end, None)
-        if end.export is not None and self._links.get(end.export.key) is end:
-            del self._links[end.export.key]
+        if end.export is not None and self._links.get((Subject.TOPIC, end.export.key)) is end:
+            del self._links[Subject.TOPIC, end.export.key]
 
     def _status(self) -> RelayStatus:
-        not_fetched = LinkStatus(LinkState.PENDING, "not dialled by the far gateway")
-        exports = {
-            export: self._links[key].status() if key in self._links else not_fetched
-            for key, export in self._exports.items()
-        }
+        exports = {export: self._export_status(name) for name, export in self._exports.items()}
         return RelayStatus(exports, {end.wanted: end.status() for end in self._imports.values()})
+
+    def _export_status(self, name: _Name) -> LinkStatus:
+        end = self._links.get(name) or self._others.get(name)
+        return end.status() if end else LinkStatus(LinkState.PENDING, "not dialled by the far gateway")
 
     def _changed(self) -> None:
         if not self._change_is_told:
@@ -210,7 +261,7 @@ class TcpRelay:
             return
         self._stopping = True
         self._listener.close("")
-        for link in (*self._links.values(), *self._strangers):
+        for link in (*self._links.values(), *self._others.values(), *self._strangers):
             link.close("")
         self._reactor.call_later(SHUTDOWN_TIME, self._stop)
         for key in tuple(self._imports):
@@ -221,6 +272,15 @@ class TcpRelay:
     def _stop(self) -> None:
         self._is_down.set()
         self._reactor.stop()
+
+
+def _subject(hello: Hello) -> Subject:
+    return Subject.SERVICE if hello.subject is Subject.CALL else hello.subject
+
+
+def _by_name(wanted: Collection[Connected], what: str) -> dict[_Name, Connected]:
+    _check_unique(((_SUBJECTS[type(one)], one.key) for one in wanted), what)
+    return {(_SUBJECTS[type(one)], one.key): one for one in wanted}
 
 
 def _check_unique(keys: Iterable[Hashable], what: str) -> None:

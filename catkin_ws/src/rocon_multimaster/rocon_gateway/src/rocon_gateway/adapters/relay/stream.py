@@ -34,7 +34,7 @@ class Stream:
         parse: gets what has arrived, again and again while it takes something and there is more.
         fanout: what `parse` gives frames to, once it does; those that it need not see go round `parse`. Nothing is
             read while it is full: so pressure passes from the slowest part of the way to its beginning.
-        relieved: see `core.fanout.Outlet`.
+        relieved: see `core.fanout.Outlet`; called when all that waited has been sent.
         is_closed: whether `close` was called.
     """
 
@@ -50,6 +50,7 @@ class Stream:
         self._kept = b""
         self._connecting = False
         self._finishing = False
+        self._held = False
         self._events = _IN
         self._brake: Brake | None = None
         sock.setblocking(False)
@@ -122,8 +123,35 @@ class Stream:
 
     def send(self, data: bytes) -> None:
         """Sends bytes that are never dropped, after everything that waits."""
-        self.backlog.insert(data)
+        if data:
+            self.backlog.insert(data)
         self.flush()
+
+    def pass_on(self, data: memoryview) -> None:
+        """Sends bytes that are never dropped and may change after this call, after everything that waits."""
+        sent = 0
+        if self.backlog.is_empty:
+            try:
+                sent = self._socket.send(data)
+            except BlockingIOError:
+                pass
+            except OSError as error:
+                self.close(error.strerror)
+                return
+        if sent < len(data):
+            self.backlog.insert(bytes(data[sent:]))
+            self._watch_output()
+
+    def hold(self) -> None:
+        """Reads nothing until `release`."""
+        self._held = True
+        self._watch_output()
+
+    def release(self) -> None:
+        """Reads on."""
+        if self._held:
+            self._held = False
+            self._watch_output()
 
     def finish(self, data: bytes) -> None:
         """Sends the last bytes and closes once they are out; what arrives from now on is ignored."""
@@ -158,11 +186,6 @@ class Stream:
         self._reactor.remove(self._socket.fileno())
         self._socket.close()
         self.closed(reason)
-
-    @property
-    def rest(self) -> bytes:
-        """What arrived last and was not taken by `parse`."""
-        return self._kept
 
     def _finish_connecting(self) -> None:
         error = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
@@ -246,9 +269,9 @@ class Stream:
         self._watch_output()
 
     def _watch_output(self) -> None:
-        if self.is_closed:
+        if self.is_closed or self._connecting:
             return
-        reading = 0 if self._brake is not None and self._brake.is_on else _IN
+        reading = 0 if self._held or (self._brake is not None and self._brake.is_on) else _IN
         if self.backlog.is_empty:
             was_behind = self._events & _OUT
             self._watch(reading)

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from rocon_gateway.adapters.relay.context import Context, Pause
 from rocon_gateway.adapters.relay.reactor import Timer
 from rocon_gateway.adapters.relay.stream import Stream, dialled_socket
-from rocon_gateway.core.connection import ANY
+from rocon_gateway.core.connection import ANY, Export
 from rocon_gateway.core.fanout import Fanout, Outlet
 from rocon_gateway.core.header import header_bytes, header_end, header_fields
 
@@ -29,11 +29,12 @@ class Subscription:
     time, so a restarted publisher is found again. The subscription is not registered with the master.
     """
 
-    def __init__(self, context: Context, topic: str, node: str, emptied: Callable[[], None]) -> None:
-        self.topic = topic
+    def __init__(self, context: Context, export: Export, emptied: Callable[[], None]) -> None:
+        self.topic = export.topic
+        self.name = export.subscriber or context.config.node
         self.fanout = Fanout(context.config.max_message_size)
         self._context = context
-        self._node = node
+        self._node = export.source_node
         self._emptied = emptied
         self._customers: list[Customer] = []
         self._header: Mapping[str, str] | None = None
@@ -91,7 +92,7 @@ class Subscription:
             )
 
     def _located(self, uri: Any) -> None:
-        arguments = (self._context.config.node, self.topic, [["TCPROS"]])
+        arguments = (self.name, self.topic, [["TCPROS"]])
         self._context.server(str(uri)).call("requestTopic", arguments, self._offered, self._failed)
 
     def _offered(self, answer: Any) -> None:
@@ -153,7 +154,7 @@ class _Publisher(Stream):
 
     def connected(self) -> None:
         fields = {
-            "callerid": self._context.config.node,
+            "callerid": self._subscription.name,
             "topic": self._subscription.topic,
             "type": ANY,
             "md5sum": ANY,

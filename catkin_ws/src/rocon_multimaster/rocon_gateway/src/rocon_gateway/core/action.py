@@ -1,0 +1,58 @@
+"""Actions: five topics of one node that belong together, and what they are as one connection.
+
+A node is the server of action `/fibonacci` if it subscribes to `/fibonacci/goal` and `cancel` and publishes
+`status`, `feedback` and `result`; a client does the reverse. (https://wiki.ros.org/actionlib)
+"""
+
+from collections.abc import Collection, Iterator
+
+from rocon_gateway.core.connection import ANY
+from rocon_gateway.core.rule import Connection, Kind
+
+ACTION_KINDS = frozenset({Kind.ACTION_CLIENT, Kind.ACTION_SERVER})
+
+_FROM_CLIENT = (("goal", "ActionGoal"), ("cancel", "actionlib_msgs/GoalID"))
+_FROM_SERVER = (
+    ("status", "actionlib_msgs/GoalStatusArray"),
+    ("feedback", "ActionFeedback"),
+    ("result", "ActionResult"),
+)
+_GOAL = "/goal"
+_GOAL_TYPE = "ActionGoal"
+
+
+def actions(local: Collection[Connection]) -> frozenset[Connection]:
+    """Returns the action servers and clients among publishers and subscribers; type `*` where that is unknown."""
+    known = {(one.kind, one.name, one.node): one for one in local}
+    found = set()
+    for goal in local:
+        name = goal.name.removesuffix(_GOAL)
+        if not name or name == goal.name or not (goal.type == ANY or goal.type.endswith(_GOAL_TYPE)):
+            continue
+        kind = Kind.ACTION_SERVER if goal.kind == Kind.SUBSCRIBER else Kind.ACTION_CLIENT
+        action = Connection(kind, name, goal.type.removesuffix(_GOAL_TYPE), goal.node)
+        if all((part.kind, part.name, part.node) in known for part in parts(action)):
+            found.add(action)
+    return frozenset(found)
+
+
+def parts(connection: Connection) -> Iterator[Connection]:
+    """Yields the publishers and subscribers that make up a connection: five of an action, else itself."""
+    if connection.kind not in ACTION_KINDS:
+        yield connection
+        return
+    is_client = connection.kind == Kind.ACTION_CLIENT
+    for rows, published in ((_FROM_CLIENT, is_client), (_FROM_SERVER, not is_client)):
+        for suffix, type_ in rows:
+            kind = Kind.PUBLISHER if published else Kind.SUBSCRIBER
+            full = type_ if "/" in type_ else ANY if connection.type == ANY else connection.type + type_
+            yield Connection(kind, f"{connection.name}/{suffix}", full, connection.node)
+
+
+def status_topic(topic: str) -> str:
+    """Returns the topic on which an action's server speaks to those who publish `topic`, "" if it is no action's.
+
+    A client holds its server to be there once the node that publishes the status subscribes to its goals.
+    """
+    name, _, suffix = topic.rpartition("/")
+    return f"{name}/status" if name and suffix in ("goal", "cancel") else ""

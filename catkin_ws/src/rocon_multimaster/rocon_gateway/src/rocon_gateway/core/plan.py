@@ -1,0 +1,196 @@
+"""What one `reconcile` has decided so far: exports, imports and letters, and how each import does."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import TypeVar
+
+from rocon_gateway.core import verdict
+from rocon_gateway.core.action import status_topic
+from rocon_gateway.core.connection import ANY, Address, Export, Import, Key
+from rocon_gateway.core.record import EMPTY, Letter, Offer, Purpose, Reply, Want
+from rocon_gateway.core.rule import Connection, Kind
+from rocon_gateway.core.service import (
+    AnyExport,
+    AnyImport,
+    ParameterExport,
+    ParameterImport,
+    ServiceExport,
+    ServiceImport,
+)
+from rocon_gateway.core.situation import Remote, Situation, State, Verdict
+
+Judge = Callable[[], Verdict]
+"""Tells how a connection does, once the whole set of imports is known."""
+
+Part = TypeVar("Part", Offer, Want, Reply)
+
+
+class Plan:
+    """Grows as rules and letters are gone through; complete once all have been.
+
+    Args:
+        situation: what is decided from.
+    """
+
+    def __init__(self, situation: Situation) -> None:
+        self._situation = situation
+        self._name = situation.book.name
+        self._types = {one.name: one.type for one in situation.local if one.type != ANY}
+        self._nodes_here = {one.node for one in situation.local}
+        self._servers_here = {one.name: one.node for one in situation.local if one.kind == Kind.SERVICE}
+        self._exports: dict[tuple[Kind, Key], AnyExport] = {}
+        self._imports: dict[Key, Import] = {}
+        self._nodes: dict[Key, set[str]] = {}
+        self._proxies: dict[tuple[str, str], Key] = {}
+        self._services: dict[str, dict[Key, ServiceImport]] = {}
+        self._parameters: dict[str, ParameterImport] = {}
+        self._offers: dict[str, dict[Offer, None]] = {}
+        self._wants: dict[str, dict[Want, None]] = {}
+        self._replies: dict[str, dict[Reply, None]] = {}
+
+    # Letters
+
+    def offer(self, gateway: str, connection: Connection, purpose: Purpose, to_node: str = "") -> None:
+        """Offers `gateway` a publisher or server of ours, and exports it there."""
+        _add(self._offers, gateway, Offer(connection.name, connection.type, connection.node, purpose, to_node))
+        self.export(gateway, connection)
+
+    def want(self, gateway: str, want: Want) -> None:
+        """Asks `gateway` for something."""
+        _add(self._wants, gateway, want)
+
+    def reply(self, gateway: str, reply: Reply) -> None:
+        """Answers what a letter of `gateway` asks."""
+        _add(self._replies, gateway, reply)
+
+    def letters(self) -> dict[str, Letter]:
+        """Returns what to write to whom."""
+        letters = {
+            gateway: Letter(
+                tuple(sorted(self._offers.get(gateway, ()))),
+                tuple(sorted(self._wants.get(gateway, ()))),
+                tuple(sorted(self._replies.get(gateway, ()))),
+            )
+            for gateway in {*self._offers, *self._wants, *self._replies}
+        }
+        return {gateway: letter for gateway, letter in letters.items() if letter != EMPTY}
+
+    # Exports
+
+    def export(self, gateway: str, connection: Connection) -> None:
+        """Exports a publisher, server or parameter of ours to `gateway`."""
+        export: AnyExport
+        if connection.kind == Kind.SERVICE:
+            export = ServiceExport(connection.name, connection.node, gateway)
+        elif connection.kind == Kind.PARAMETER:
+            export = ParameterExport(connection.name, gateway)
+        else:
+            export = Export(connection.name, connection.type, connection.node, gateway)
+        self._exports.setdefault((connection.kind, export.key), export)
+
+    def exports(self) -> frozenset[AnyExport]:
+        """Returns what shall be exported; to be called when all imports are known."""
+        servers: dict[tuple[str, str], str] = {}
+        for key in sorted(self._imports, reverse=True):
+            servers[key.gateway, key.topic] = self._imports[key].proxy
+        return frozenset(
+            dataclasses.replace(one, subscriber=servers.get((one.to_gateway, status_topic(one.topic)), ""))
+            if isinstance(one, Export)
+            else one
+            for one in self._exports.values()
+        )
+
+    # Imports
+
+    def import_publisher(self, gateway: str, other: Remote, connection: Connection, nodes: str) -> Judge:
+        """Imports a remote publisher for the nodes that match (empty: any), and returns how to judge that."""
+        here = self._types.get(connection.name, ANY)
+        if ANY not in (here, connection.type) and here != connection.type:
+            return always(verdict.mismatch(connection.name, {self._name: here, gateway: connection.type}))
+        wanted = Import(connection.name, connection.type, ANY, gateway, connection.node, _address(other))
+        clash = self._clash(wanted)
+        if clash:
+            return always(Verdict(State.REFUSED, clash))
+        self._imports[wanted.key] = wanted
+        self._nodes.setdefault(wanted.key, set()).add(nodes)
+        return lambda: verdict.from_link(self._import_for(wanted.key), self._situation.links)
+
+    def import_service(self, gateway: str, other: Remote, connection: Connection) -> Judge:
+        """Imports a remote server, unless its name is taken, and returns how to judge that.
+
+        A name has one server. A local one keeps it, and of several remote ones that which has it now.
+        """
+        wanted = ServiceImport(connection.name, gateway, connection.node, _address(other))
+        clash = self._service_clash(wanted)
+        if clash:
+            return always(Verdict(State.REFUSED, clash))
+        self._services.setdefault(wanted.service, {})[wanted.key] = wanted
+
+        def judge() -> Verdict:
+            chosen = self._chosen(wanted.service)
+            if chosen.key == wanted.key:
+                return verdict.from_link(chosen, self._situation.links)
+            return Verdict(State.REFUSED, f"{wanted.service} is served by {chosen.proxy} here already")
+
+        return judge
+
+    def import_parameter(self, gateway: str, other: Remote, connection: Connection) -> Judge:
+        """Copies a remote parameter once, and returns how to judge that; of one name, the first one asked for."""
+        wanted = ParameterImport(connection.name, gateway, _address(other))
+        chosen = self._parameters.setdefault(wanted.name, wanted)
+        if chosen.source_gateway != gateway:
+            said = Verdict(State.REFUSED, f"{wanted.name} is copied from {chosen.source_gateway}")
+            return always(said)
+        return lambda: verdict.from_link(wanted, self._situation.links)
+
+    def imports(self) -> frozenset[AnyImport]:
+        """Returns what shall be imported."""
+        return frozenset(
+            (
+                *(self._import_for(key) for key in self._imports),
+                *(self._chosen(service) for service in self._services),
+                *self._parameters.values(),
+            )
+        )
+
+    def _chosen(self, service: str) -> ServiceImport:
+        candidates = self._services[service]
+        running = {one.key for one in self._situation.links if isinstance(one, ServiceImport)}
+        return candidates[min(running & candidates.keys() or candidates)]
+
+    def _service_clash(self, wanted: ServiceImport) -> str:
+        server = self._servers_here.get(wanted.service)
+        return f"{wanted.service} is served by {server} here already" if server else self._node_clash(wanted.proxy)
+
+    def _node_clash(self, proxy: str) -> str:
+        """Says if the proxy's name is taken; a node that registers under another's name would end that one."""
+        return f"a node {proxy} is here already" if proxy in self._nodes_here else ""
+
+    def _clash(self, wanted: Import) -> str:
+        taken = self._node_clash(wanted.proxy)
+        if taken:
+            return taken
+        key = self._proxies.setdefault((wanted.topic, wanted.proxy), wanted.key)
+        return "" if key == wanted.key else f"{wanted.proxy} stands for a node of gateway {key.gateway} already"
+
+    def _import_for(self, key: Key) -> Import:
+        """Returns one import for the nodes of all rules that ask for it."""
+        nodes = self._nodes[key]
+        if "" in nodes:
+            return self._imports[key]
+        # Sorted, so that the order of the rules does not change what the relay is asked for.
+        pattern = nodes.copy().pop() if len(nodes) == 1 else "|".join(f"(?:{one})" for one in sorted(nodes))
+        return dataclasses.replace(self._imports[key], allowed_nodes=pattern)
+
+
+def always(said: Verdict) -> Judge:
+    """Returns how to judge what is known already."""
+    return lambda: said
+
+
+def _address(other: Remote) -> Address:
+    return Address(other.record.host, other.record.port)
+
+
+def _add(parts: dict[str, dict[Part, None]], gateway: str, part: Part) -> None:
+    parts.setdefault(gateway, {})[part] = None

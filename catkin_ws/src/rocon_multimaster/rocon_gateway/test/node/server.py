@@ -1,0 +1,30 @@
+"""Serves /echo: answers with the text that it gets; some texts make it fail, wait, die or tell who calls."""
+
+import os
+import sys
+
+import rospy
+from gateway_msgs.srv import ConnectHub, ConnectHubRequest, ConnectHubResponse
+
+
+def echo(request: ConnectHubRequest) -> ConnectHubResponse:
+    what, _, number = request.uri[:40].partition(" ")
+    if what == "fail":
+        raise rospy.ServiceException("as you wish")
+    if what == "die":
+        os._exit(1)
+    if what == "wait":
+        rospy.rostime.wallsleep(float(number))
+    if what == "who":
+        return ConnectHubResponse(0, request._connection_header["callerid"])
+    return ConnectHubResponse(len(request.uri) % 100, request.uri)
+
+
+def main() -> None:
+    rospy.init_node("server")
+    rospy.Service("/echo", ConnectHub, echo)
+    rospy.spin()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

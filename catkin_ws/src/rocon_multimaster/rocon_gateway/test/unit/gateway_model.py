@@ -1,0 +1,113 @@
+"""Gateways on one hub, without hub, relay or master: each reconciles what the others wrote."""
+
+from dataclasses import dataclass, field
+
+from rocon_gateway.core.connection import LinkState, LinkStatus
+from rocon_gateway.core.reconcile import reconcile
+from rocon_gateway.core.record import Letter, Record, letter_from_text, text_from_letter
+from rocon_gateway.core.rule import Connection, Kind, RemoteRule, Rule
+from rocon_gateway.core.rulebook import RuleBook
+from rocon_gateway.core.service import AnyImport
+from rocon_gateway.core.situation import Outcome, Remote, Situation
+
+STRING = "std_msgs/String"
+
+
+def publisher(topic: str, node: str = "/talker", kind: str = STRING) -> Connection:
+    return Connection(Kind.PUBLISHER, topic, kind, node)
+
+
+def subscriber(topic: str, node: str = "/listener", kind: str = STRING) -> Connection:
+    return Connection(Kind.SUBSCRIBER, topic, kind, node)
+
+
+def service(name: str, node: str = "/server") -> Connection:
+    return Connection(Kind.SERVICE, name, "*", node)
+
+
+def to(gateway: str, kind: Kind, name: str, node: str = "") -> RemoteRule:
+    return RemoteRule(gateway, Rule(kind, name, node))
+
+
+@dataclass
+class FakeGateway:
+    book: RuleBook
+    local: set[Connection] = field(default_factory=set)
+    firewall: bool = False
+    outcome: Outcome = field(default_factory=Outcome)
+    links: dict[AnyImport, LinkStatus] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        return self.book.name
+
+    @property
+    def record(self) -> Record:
+        return Record(self.name, "i", self.name, 4000, self.firewall, self.outcome.advertised)
+
+    def states(self) -> dict[str, str]:
+        return {f"{one.action} {one.rule.name}": one.verdict.state for one in self.outcome.states}
+
+    def reason(self, name: str) -> str:
+        return next(one.verdict.reason for one in self.outcome.states if one.rule.name == name)
+
+    def imported(self) -> set[tuple[str, str, str]]:
+        return {(one.key.topic, one.source_gateway, one.key.source_node) for one in self.outcome.imports}
+
+
+class Fleet:
+    """Gateways on one hub whose links always work; `settle` goes on until nothing changes."""
+
+    def __init__(self, *gateways: FakeGateway) -> None:
+        self.gateways = {gateway.name: gateway for gateway in gateways}
+
+    def settle(self) -> "Fleet":
+        for _ in range(10):
+            before = {name: gateway.outcome for name, gateway in self.gateways.items()}
+            for gateway in self.gateways.values():
+                gateway.outcome = reconcile(self.situation(gateway))
+                gateway.links = {one: LinkStatus(LinkState.ACTIVE) for one in gateway.outcome.imports}
+            if before == {name: gateway.outcome for name, gateway in self.gateways.items()}:
+                self.check()
+                return self
+        raise AssertionError("the gateways never agree")
+
+    def situation(self, gateway: FakeGateway) -> Situation:
+        others = {name: other for name, other in self.gateways.items() if name != gateway.name}
+        letters = {name: other.outcome.letters.get(gateway.name, Letter()) for name, other in others.items()}
+        return Situation(
+            book=gateway.book,
+            firewall=gateway.firewall,
+            local=frozenset(gateway.local),
+            connected=True,
+            names=frozenset(others),
+            remotes={
+                name: Remote(other.record, letter_from_text(text_from_letter(letters[name])))
+                for name, other in others.items()
+            },
+            links=gateway.links,
+        )
+
+    def check(self) -> None:
+        """What one imports the other exports to it, and nothing else; and it is the other's own publisher."""
+        imports = {
+            (type(one).__name__, one.source_gateway, name, one.key.topic, one.key.source_node)
+            for name, gateway in self.gateways.items()
+            for one in gateway.outcome.imports
+        }
+        exports = {
+            (type(one).__name__.replace("Export", "Import"), name, one.to_gateway, one.key.topic, one.key.source_node)
+            for name, gateway in self.gateways.items()
+            for one in gateway.outcome.exports
+        }
+        assert imports <= exports
+        for _, name, _, topic, node in exports:
+            assert not node or any((one.name, one.node) == (topic, node) for one in self.gateways[name].local)
+
+
+def fleet_of(hub: FakeGateway, robot: FakeGateway) -> Fleet:
+    return Fleet(hub, robot).settle()
+
+
+def gateway(name: str, *local: Connection, firewall: bool = False) -> FakeGateway:
+    return FakeGateway(RuleBook(name), set(local), firewall)
