@@ -6,6 +6,7 @@ from rocon_flip.core.plan import (
     PlanError,
     Wish,
     advertised_by_hub,
+    flipped_by_tools,
     flipped_from_hub,
     flipped_from_robot,
     handshake,
@@ -48,6 +49,13 @@ def test_the_hub_flips_six_topics_a_robot_to_rviz() -> None:
     assert {(wish.kind, wish.node) for wish in wishes} == {("subscriber", "/rviz")}
     assert Wish("subscriber", "/pioneer2/move_base/NavfnROS/plan", "/rviz", "aadi2_gateway") in wishes
     assert Wish("subscriber", "/tf", "/rviz", "aadi1_gateway") in wishes
+
+
+def test_rvizs_tools_reach_the_robots() -> None:
+    assert flipped_by_tools(1) == [
+        Wish("publisher", "/pioneer1/map_goal_pose", "/rviz", "aadi1_gateway"),
+        Wish("publisher", "/pioneer1/initialpose", "/rviz", "aadi1_gateway"),
+    ]
 
 
 def test_the_number_of_robots_is_an_argument_or_a_variable_or_fifteen() -> None:

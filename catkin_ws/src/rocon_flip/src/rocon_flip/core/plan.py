@@ -20,6 +20,7 @@ VIEWED_TOPICS = (
     "move_base/TrajectoryPlannerROS/local_plan",
 )
 VIEWER = "/rviz"
+TOOL_TOPICS = ("map_goal_pose", "initialpose")
 PING, PONG = "/handshake/ping", "/handshake/pong"
 DEFAULT_ROBOTS = 15
 
@@ -72,6 +73,15 @@ def flipped_from_hub(robots: int) -> list[Wish]:
         Wish("subscriber", topic, VIEWER, f"aadi{number}_gateway")
         for number in range(1, robots + 1)
         for topic in ("/tf", *(topic_in(f"pioneer{number}", topic) for topic in VIEWED_TOPICS))
+    ]
+
+
+def flipped_by_tools(robots: int) -> list[Wish]:
+    """Returns what the hub's gateway flips so that RViz's goal and initial-pose tools reach `robots` robots."""
+    return [
+        Wish("publisher", topic_in(f"pioneer{number}", topic), VIEWER, f"aadi{number}_gateway")
+        for number in range(1, robots + 1)
+        for topic in TOOL_TOPICS
     ]
 
 

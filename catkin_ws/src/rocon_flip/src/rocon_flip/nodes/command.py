@@ -63,6 +63,16 @@ def flip_from_hub() -> int:
     return _run(name, f"{name} [ROBOTS]", Action.FLIP, wishes, most=1)
 
 
+def flip_tools_from_hub() -> int:
+    """`flip-tools-from-hub [ROBOTS]`: goals and initial poses that are set in RViz on the hub."""
+    name = "flip-tools-from-hub"
+
+    def wishes(arguments: list[str]) -> list[Wish]:
+        return plan.flipped_by_tools(plan.robot_count(arguments, os.environ))
+
+    return _run(name, f"{name} [ROBOTS]", Action.FLIP, wishes, most=1)
+
+
 def flip_from_remote() -> int:
     """`flip-from-remote [ROBOT_NAME]`, also called `pioneer-nav-flip`: a robot's sensors and commands."""
     name = "flip-from-remote"

@@ -1,0 +1,1 @@
+"""The robot, and pictures of what RViz shows of a fleet."""

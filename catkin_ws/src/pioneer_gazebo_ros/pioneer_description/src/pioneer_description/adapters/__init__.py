@@ -1,0 +1,1 @@
+"""RViz and a screen that nobody sees."""

@@ -1,0 +1,1 @@
+"""What an RViz configuration shows, and where it must be seen."""

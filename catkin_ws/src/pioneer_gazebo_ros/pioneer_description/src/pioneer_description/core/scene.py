@@ -1,0 +1,166 @@
+"""Which marks an RViz configuration leaves in its picture, and which of them a picture lacks.
+
+A configuration shows each robot in a group of its name; every display of a group that has a colour has one that no
+other display has, so that exact colours tell them apart. RViz draws points, lines and maps unlit.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Image = NDArray[np.uint8]
+"""Shape (height, width, 3), red, green, blue."""
+Point = tuple[float, float]
+
+TOLERANCE = 6
+"""Of each channel; llvmpipe rounds, and blends lines with their background at the edges."""
+FREE = (253, 253, 253)
+"""What RViz makes of free cells of a map."""
+TOP_PLATE = (13, 13, 15)
+"""The robot seen from above."""
+
+
+class SceneError(ValueError):
+    """A configuration that is no picture of a fleet from above; the text says what is missing."""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """An orthographic view from above, x to the right, y up.
+
+    Attributes:
+        centre: of the picture, in the fixed frame [m].
+        scale: [pixels/m].
+    """
+
+    centre: Point
+    scale: float
+
+    def around(self, image: Image, point: Point, radius: float) -> Image:
+        """Returns the square of half-width `radius` [m] around a point; empty where it is outside."""
+        height, width = image.shape[:2]
+        column = width / 2 + (point[0] - self.centre[0]) * self.scale
+        row = height / 2 - (point[1] - self.centre[1]) * self.scale
+        size = radius * self.scale
+        rows = slice(max(0, round(row - size)), max(0, round(row + size) + 1))
+        columns = slice(max(0, round(column - size)), max(0, round(column + size) + 1))
+        return image[rows, columns]
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """Something that must be seen.
+
+    Attributes:
+        robot: whose; "" for what belongs to all.
+        what: in words, "scan".
+        colour: red, green, blue; None for the many colours of a costmap.
+        radius: it must be seen this near to the robot [m]; 0 for anywhere.
+        least: pixels.
+    """
+
+    robot: str
+    what: str
+    colour: tuple[int, int, int] | None
+    radius: float = 0.0
+    least: int = 8
+
+    def __str__(self) -> str:
+        return f"{self.robot}'s {self.what}" if self.robot else f"the {self.what}"
+
+
+def view_of(config: Mapping[str, Any]) -> View:
+    """Returns the view that a configuration opens with.
+
+    Raises:
+        SceneError: it is not from above.
+    """
+    view = config.get("Visualization Manager", {}).get("Views", {}).get("Current", {})
+    if view.get("Class") != "rviz/TopDownOrtho" or view.get("Angle", 0) != 0:
+        raise SceneError("the current view must be TopDownOrtho with Angle 0")
+    return View((float(view.get("X", 0)), float(view.get("Y", 0))), float(view.get("Scale", 10)))
+
+
+def marks_of(config: Mapping[str, Any]) -> list[Mark]:
+    """Returns what a configuration shows while its robots drive; displays that are switched off are left out.
+
+    Goals are not among them: they are gone when a robot has arrived.
+
+    Raises:
+        SceneError: it shows no robot, or two displays share a colour.
+    """
+    displays = [one for one in config.get("Visualization Manager", {}).get("Displays", ()) if one.get("Enabled", True)]
+    marks = [Mark("", "map", FREE, least=1000) for one in displays if one.get("Class") == "rviz/Map"]
+    for group in displays:
+        if group.get("Class") == "rviz/Group":
+            marks += _marks_of_robot(group)
+    colours = [mark.colour for mark in marks if mark.colour not in (None, TOP_PLATE)]
+    if len(marks) < 2 or len(set(colours)) != len(colours):
+        raise SceneError("each robot needs a group of displays, and each scan and plan a colour of its own")
+    return marks
+
+
+def _marks_of_robot(group: Mapping[str, Any]) -> Iterator[Mark]:
+    robot = str(group.get("Name", ""))
+    for display in group.get("Displays", ()):
+        if not display.get("Enabled", True):
+            continue
+        name = str(display.get("Name", "")).lower()
+        match display.get("Class"):
+            case "rviz/RobotModel":
+                yield Mark(robot, name, TOP_PLATE, 0.6)
+            case "rviz/Map":
+                yield Mark(robot, name, None, 1.6, 40)
+            case "rviz/LaserScan" | "rviz/Path":
+                red, green, blue = (int(part) for part in str(display.get("Color", "0; 0; 0")).split(";"))
+                yield Mark(robot, name, (red, green, blue))
+
+
+def size_of(config: Mapping[str, Any]) -> tuple[int, int]:
+    """Returns width and height of the configuration's window [pixels]."""
+    window = config.get("Window Geometry", {})
+    return int(window.get("Width", 1500)), int(window.get("Height", 1000))
+
+
+def alone(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the configuration without panels: all of the window is the scene."""
+    # Without a window manager nobody else gives the window its size, in full screen neither.
+    width, height = size_of(config)
+    window = {"Width": width, "Height": height, "X": 0, "Y": 0, "Hide Left Dock": True, "Hide Right Dock": True}
+    return {**config, "Panels": [], "Window Geometry": window}
+
+
+def missing(image: Image, view: View, marks: list[Mark], positions: Mapping[str, Point]) -> list[Mark]:
+    """Returns what of `marks` the picture lacks.
+
+    Args:
+        image: the picture.
+        view: from where.
+        marks: what must be seen.
+        positions: where the robots are in the fixed frame [m]; of a robot that is not here, nothing near it is seen.
+    """
+    return [mark for mark in marks if not _is_seen(image, view, mark, positions.get(mark.robot))]
+
+
+def _is_seen(image: Image, view: View, mark: Mark, position: Point | None) -> bool:
+    if mark.radius:
+        if position is None:
+            return False
+        image = view.around(image, position, mark.radius)
+    seen = _costs(image) if mark.colour is None else _near(image, mark.colour)
+    return int(seen.sum()) >= mark.least
+
+
+def _near(image: Image, colour: tuple[int, int, int]) -> NDArray[np.bool_]:
+    return (np.abs(image.astype(np.int16) - np.array(colour, np.int16)) <= TOLERANCE).all(axis=-1)
+
+
+def _costs(image: Image) -> NDArray[np.bool_]:
+    """Returns where free space is tinted from blue to red, or cyan: RViz's costmap colours at an alpha of 0.35."""
+    red, green, blue = (image[..., channel].astype(np.int16) for channel in range(3))
+    tinted = (np.abs(green - 165) <= TOLERANCE) & (np.abs(red + blue - 419) <= TOLERANCE)
+    cyan = (np.abs(red - 165) <= TOLERANCE) & (np.minimum(green, blue) >= 254 - TOLERANCE)
+    return tinted | cyan
