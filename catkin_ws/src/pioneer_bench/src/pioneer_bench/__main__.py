@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from pioneer_bench import gateway, sim
+from pioneer_bench import accuracy, gateway, sim
 
 
 def main() -> int:
@@ -13,6 +13,9 @@ def main() -> int:
     one = benches.add_parser("sim", help="the simulator: CPU, memory and scans by number of robots")
     sim.add_arguments(one)
     one.set_defaults(run=sim.run)
+    one = benches.add_parser("accuracy", help="the simulator: motion, contacts and laser against what they should be")
+    accuracy.add_arguments(one)
+    one.set_defaults(run=accuracy.run)
     one = benches.add_parser("gateway", help="the gateway: how fast rules act, what relaying costs beside peers")
     gateway.add_arguments(one)
     one.set_defaults(run=gateway.run)

@@ -8,22 +8,20 @@ import contextlib
 import json
 import os
 import struct
-import subprocess
 import sys
 import threading
 import time
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import rospkg
 import rospy
 from gazebo_msgs.srv import SpawnModel
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool
 
+from pioneer_bench.adapters.description import pioneer_urdf
 from pioneer_bench.core import hall
 from pioneer_bench.core.simulator import Run
 from pioneer_harness.masters import Master
@@ -114,17 +112,14 @@ class Driver:
 
 def robot_description(setting: Setting) -> str:
     """Returns the Pioneer's URDF with the setting's sensors."""
-    xacro = Path(rospkg.RosPack().get_path("pioneer_description")) / "urdf" / "pioneer3dx.xacro"
-    arguments = {
-        "laser_samples": setting.beams,
-        "laser_rate": setting.scan_rate,
-        "laser_max_range": 8.0,
-        "odom_rate": setting.odometry_rate,
-        "joint_rate": setting.other_rate,
-        "ground_truth_rate": setting.other_rate,
-    }
-    command = ["xacro", str(xacro), *(f"{name}:={value}" for name, value in arguments.items())]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    return pioneer_urdf(
+        laser_samples=setting.beams,
+        laser_rate=setting.scan_rate,
+        laser_max_range=8.0,
+        odom_rate=setting.odometry_rate,
+        joint_rate=setting.other_rate,
+        ground_truth_rate=setting.other_rate,
+    )
 
 
 def cpu_and_rss(pid: int) -> tuple[float, float]:

@@ -1,4 +1,7 @@
-"""Robots on the real engine: they go where they are told, stop at walls, and stand still."""
+"""Robots on the real engine among walls, boxes and each other.
+
+How exactly they go where they are told and stand still is held by ``pioneer_bench``'s test_accuracy.
+"""
 
 import math
 from collections.abc import Callable
@@ -32,54 +35,6 @@ def settled(simulation: Simulation, robot: Robot, name: str = "r", pose: Pose | 
     return entity
 
 
-@pytest.mark.parametrize(("speed", "turn"), [(1.0, 0.0), (-0.5, 0.0), (0.0, 2.0), (0.5, 0.5), (0.3, -1.0)])
-def test_the_true_motion_is_the_commanded_one(
-    simulate: MakeSimulation, robot: Robot, speed: float, turn: float
-) -> None:
-    simulation = simulate()
-    entity = settled(simulation, robot)
-    drive(entity, speed, turn)
-    run(simulation, 2.0)
-    before = simulation.pose(entity)
-    run(simulation, 4.0)
-    after = before.inverse().compose(simulation.pose(entity))
-    angle = turn * 4.0
-    x, y = (speed * 4.0, 0.0) if turn == 0 else (speed / turn * math.sin(angle), speed / turn * (1 - math.cos(angle)))
-    assert math.hypot(after.position[0] - x, after.position[1] - y) < 0.02
-    assert abs(math.remainder(after.yaw - angle, math.tau)) < 0.02
-
-
-@pytest.mark.parametrize(("speed", "turn"), [(1.2, 0.0), (0.5, 0.5), (0.0, 2.0)])
-def test_encoder_odometry_follows_the_truth(simulate: MakeSimulation, robot: Robot, speed: float, turn: float) -> None:
-    simulation = simulate()
-    entity = settled(simulation, robot)
-    start, driven = simulation.pose(entity), entity.drives[0]
-    begin = simulation.odometry(driven)
-    drive(entity, speed, turn)
-    run(simulation, 5.0)
-    true = start.inverse().compose(simulation.pose(entity))
-    now = simulation.odometry(driven)
-    believed = (
-        Pose.from_rpy(begin.x, begin.y, yaw=begin.yaw).inverse().compose(Pose.from_rpy(now.x, now.y, yaw=now.yaw))
-    )
-    assert math.dist(true.position[:2], believed.position[:2]) < 0.02
-    assert abs(math.remainder(true.yaw - believed.yaw, math.tau)) < 0.03
-
-
-def test_a_robot_that_was_told_to_stop_stands_still_for_thirty_seconds(simulate: MakeSimulation, robot: Robot) -> None:
-    simulation = simulate()
-    entity = settled(simulation, robot)
-    drive(entity, 0.5, 0.5)
-    run(simulation, 5.0)
-    drive(entity, 0.0, 0.0)
-    run(simulation, 3.0)
-    before = simulation.pose(entity)
-    run(simulation, 30.0)
-    after = simulation.pose(entity)
-    assert math.dist(before.position, after.position) < 0.001
-    assert abs(after.yaw - before.yaw) < 0.001
-
-
 def test_a_sleeping_robot_wakes_at_the_next_command(simulate: MakeSimulation, robot: Robot) -> None:
     simulation = simulate()
     entity = settled(simulation, robot)
@@ -89,19 +44,13 @@ def test_a_sleeping_robot_wakes_at_the_next_command(simulate: MakeSimulation, ro
     assert simulation.pose(entity).position[0] > 0.8
 
 
-def test_a_wall_stops_a_robot_at_full_speed_without_tunnelling_or_climbing(
+def test_a_wall_that_stops_a_robot_is_touched_once_and_named(
     simulate: MakeSimulation, robot: Robot, box: MakeBox
 ) -> None:
     simulation = simulate(box("wall", Pose((2.0, 0.0, 0.5)), (0.1, 6.0, 1.0)))
     entity = settled(simulation, robot)
     drive(entity, 1.2, 0.0)
-    furthest, highest = -math.inf, -math.inf
-    for _ in range(300):
-        run(simulation, 0.02)
-        pose = simulation.pose(entity)
-        furthest, highest = max(furthest, pose.position[0]), max(highest, pose.position[2])
-    assert furthest + 0.175 < 1.95 + 0.02
-    assert highest < 0.01
+    run(simulation, 6.0)
     assert entity.collisions.count == 1
     assert simulation.touched_name(simulation.contacts(entity)[0]) == "wall::link::collision"
 

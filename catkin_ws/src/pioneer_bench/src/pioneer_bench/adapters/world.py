@@ -1,0 +1,36 @@
+"""Worlds on the real engine, without ROS."""
+
+from types import TracebackType
+
+from pioneer_bench.core.accuracy import floor
+from pioneer_gazebo.adapters.bullet import BulletEngine
+from pioneer_gazebo.adapters.mesh import triangles_of_mesh
+from pioneer_gazebo.core.engine import Physics
+from pioneer_gazebo.core.simulation import Simulation
+from pioneer_gazebo.core.world import Model, World
+
+
+class Worlds:
+    """Makes simulations, with the settings of the node; as a context it closes their engines."""
+
+    def __init__(self) -> None:
+        self._engines: list[BulletEngine] = []
+
+    def make(self, models: list[Model]) -> Simulation:
+        """Returns a world of the ground and ``models``."""
+        engine = BulletEngine(triangles_of_mesh)
+        self._engines.append(engine)
+        simulation = Simulation(engine, triangles_of_mesh, Physics())
+        simulation.load(World("trial", (floor(), *models)))
+        return simulation
+
+    def __enter__(self) -> "Worlds":
+        """Returns itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Closes the engines."""
+        for engine in self._engines:
+            engine.close()
