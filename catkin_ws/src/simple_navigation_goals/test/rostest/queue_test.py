@@ -15,7 +15,7 @@ from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import PoseStamped, TransformStamped, Twist, Vector3
 from move_base_msgs.msg import MoveBaseActionGoal
 from simple_navigation_goals.msg import WaypointQueue
-from std_srvs.srv import Empty
+from std_srvs.srv import Empty, Trigger
 from tf2_msgs.msg import TFMessage
 
 from pioneer_harness.process import ProcessGroup
@@ -141,6 +141,22 @@ class QueueTest(unittest.TestCase):
         self.map_client.clear()
         status = self.map_client.wait("idle", state=WaypointQueue.IDLE)
         assert (status.waiting, status.reached) == ([], self.before.reached)
+
+    def test_a_patrol_is_driven_and_a_bad_one_is_refused_in_one_line(self) -> None:
+        self.start_move_base()
+        start = rospy.ServiceProxy("map_goal_client/patrol", Trigger)
+        assert "names a file" in start().message
+        path = self.logs / "patrol.yaml"
+        rospy.set_param("map_goal_client/patrol", str(path))
+        path.write_text("waypoints: [{x: 1.0}]")
+        answer = start()
+        assert (answer.success, answer.message) == (False, f"the patrol {path}: waypoint 1 has no y")
+        path.write_text("{loop: 2, waypoints: [{x: 1.0, y: 0.0, wait: 0.5}, {x: 2.0, y: 0.0}]}")
+        assert start().success
+        status = self.map_client.wait("two rounds", **self.counted(received=4, reached=4))
+        assert [goal.goal.target_pose.pose.position.x for goal in self.goals] == [1.0, 2.0, 1.0, 2.0]
+        assert any("staying 0.5 s" in text for text in self.map_client.texts)
+        assert "2 rounds" in status.text
 
     def test_a_goal_that_somebody_else_cancels_holds_the_rest(self) -> None:
         self.start_move_base()

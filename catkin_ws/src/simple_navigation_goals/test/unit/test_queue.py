@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pioneer_node.core.parameter import ParameterError
+from simple_navigation_goals.core.patrol import Patrol
 from simple_navigation_goals.core.queue import ABORT_POLICIES, Outcome, Phase, QueueConfig, WaypointQueue
 from simple_navigation_goals.core.waypoint import Waypoint
 
@@ -191,3 +192,74 @@ def test_no_waypoint_is_counted_twice_and_none_is_sent_without_move_base(steps: 
         held = len(queue.waiting) + (queue.current is not None)
         assert queue.reached + queue.aborted + held <= queue.received
         assert (queue.phase is Phase.DRIVING) <= (queue.current is not None and server)
+
+
+def patrolling(rounds: int, **config: object) -> WaypointQueue:
+    """Returns a queue on a patrol: to 0, under way, then to 1, where the robot stands 5 s."""
+    queue = WaypointQueue(QueueConfig(**config))  # type: ignore[arg-type]
+    queue.server_found()
+    queue.patrol(Patrol((waypoint(0.0), Waypoint(1.0, 0.0, 0.0, "map", 5.0)), rounds))
+    send(queue)
+    return queue
+
+
+def test_a_patrol_goes_round_as_often_as_it_says_and_rests_where_it_says() -> None:
+    queue = patrolling(2)
+    for _ in range(2):
+        queue.finished(Outcome.REACHED)
+        assert send(queue) == 1.0
+        queue.finished(Outcome.REACHED)
+        assert (queue.phase, queue.rest, queue.due()) == (Phase.RESTING, 5.0, None)
+        queue.rested()
+        send(queue)
+    assert (queue.phase, queue.reached, queue.received) == (Phase.IDLE, 4, 4)
+    assert queue.text == "the patrol is done: 2 rounds of 2 waypoints"
+
+
+def test_an_endless_patrol_ends_by_clear() -> None:
+    queue = patrolling(0)
+    for _ in range(50):
+        queue.finished(Outcome.REACHED)
+        queue.rested()
+        assert send(queue) is not None
+    assert queue.clear()
+    assert (queue.phase, queue.due()) == (Phase.IDLE, None)
+
+
+def test_a_patrol_that_reaches_nothing_in_a_round_ends() -> None:
+    queue = patrolling(0)
+    for _ in range(2):
+        queue.finished(Outcome.ABORTED)
+        send(queue)
+    assert queue.phase is Phase.IDLE
+    assert queue.text == "the patrol ends: no waypoint of round 1 was reached"
+
+
+def test_a_patrol_goes_on_past_a_waypoint_that_cannot_be_reached() -> None:
+    queue = patrolling(0)
+    queue.finished(Outcome.ABORTED)
+    assert send(queue) == 1.0
+    queue.finished(Outcome.REACHED)
+    queue.rested()
+    assert send(queue) == 0.0
+
+
+@pytest.mark.parametrize(("policy", "phase"), [("stop", Phase.IDLE), ("clear", Phase.IDLE)])
+def test_what_is_to_follow_an_abort_holds_for_patrols(policy: str, phase: Phase) -> None:
+    queue = patrolling(0, on_abort=policy)
+    queue.finished(Outcome.ABORTED)
+    assert (queue.phase, send(queue)) == (phase, None)
+    queue.add(waypoint(9.0))
+    assert send(queue) == (1.0 if policy == "stop" else 9.0)
+
+
+def test_who_cancels_the_last_goal_of_a_round_is_not_driven_against() -> None:
+    queue = patrolling(0)
+    queue.finished(Outcome.REACHED)
+    send(queue)
+    queue.finished(Outcome.CANCELLED)
+    assert send(queue) is None
+    queue.add(waypoint(9.0))
+    assert send(queue) == 9.0
+    queue.finished(Outcome.REACHED)
+    assert send(queue) == 0.0

@@ -3,3 +3,7 @@
 
 class WaypointError(ValueError):
     """A waypoint that no robot can drive to: a number that is not finite, or an orientation that is none."""
+
+
+class PatrolError(ValueError):
+    """A patrol that cannot be read."""

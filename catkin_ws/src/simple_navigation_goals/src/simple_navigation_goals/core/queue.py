@@ -1,8 +1,8 @@
 """The queue of waypoints as a state machine: what to send to move_base, and what to do when that fails.
 
 It knows neither clock nor ROS. Whoever owns it tells it what happened (``add``, ``clear``, ``finished``,
-``server_found``, ``server_lost``), asks what is ``due``, and says when that was ``sent``. Every change leaves one line
-of text in ``take_events``.
+``server_found``, ``server_lost``, ``rested``), asks what is ``due``, and says when that was ``sent``. Every change
+leaves one line of text in ``take_events``.
 """
 
 from collections import deque
@@ -11,6 +11,7 @@ from enum import Enum, IntEnum
 from typing import NamedTuple
 
 from pioneer_node.core.parameter import ParameterError
+from simple_navigation_goals.core.patrol import Patrol
 from simple_navigation_goals.core.waypoint import Waypoint
 
 
@@ -20,6 +21,7 @@ class Phase(IntEnum):
     IDLE = 0
     WAITING_FOR_MOVE_BASE = 1
     DRIVING = 2
+    RESTING = 3
 
 
 class Outcome(Enum):
@@ -77,6 +79,7 @@ class WaypointQueue:
         aborted: how many were given up after all retries; those cleared or cancelled by others are not among them.
         current: the waypoint that is under way or about to be; None when there is none.
         waiting: those after it.
+        rest: how long the robot is to stand where it is before it goes on [s]; 0 while it need not.
         text: the latest event.
     """
 
@@ -89,6 +92,9 @@ class WaypointQueue:
         self._number = 0  # of the current waypoint, counted as they were received
         self._numbers: deque[int] = deque()
         self._retries_left = 0
+        self.rest = 0.0
+        self._patrol: Patrol | None = None
+        self._round = self._reached_before = 0
         self._held = self._under_way = self._server = False
         self._events: list[Event] = []
 
@@ -97,6 +103,8 @@ class WaypointQueue:
         """What the queue is doing."""
         if self._under_way:
             return Phase.DRIVING
+        if self.rest > 0.0:
+            return Phase.RESTING
         if self._wants_to_send():
             return Phase.WAITING_FOR_MOVE_BASE
         return Phase.IDLE
@@ -110,12 +118,25 @@ class WaypointQueue:
         self._say(f"waypoint {self.received} {waypoint} received, {len(self.waiting)} waiting")
         self._say_if_waiting()
 
+    def patrol(self, patrol: Patrol) -> bool:
+        """Drops everything and begins a patrol; tells what ``clear`` tells."""
+        was_under_way = self.clear()
+        self._patrol, self._round = patrol, 0
+        self._go_round()
+        return was_under_way
+
+    def rested(self) -> None:
+        """Notes that the robot has stood for as long as ``rest`` said."""
+        self.rest = 0.0
+        self._go_round()
+
     def clear(self) -> bool:
         """Drops everything; tells whether a goal is under way, which the owner must then cancel at move_base."""
         count = len(self.waiting) + (self.current is not None)
         was_under_way = self._under_way
         self._drop_current()
         self._drop_waiting()
+        self._patrol, self.rest = None, 0.0
         if count:
             self._say(f"{count} waypoints cleared")
         return was_under_way
@@ -153,16 +174,19 @@ class WaypointQueue:
         match outcome:
             case Outcome.REACHED:
                 self.reached += 1
-                self._say(f"reached {self._named()}, {len(self.waiting)} waiting")
+                self.rest = self.current.wait if self.current else 0.0
+                stay = f", staying {self.rest:g} s" if self.rest > 0.0 else ""
+                self._say(f"reached {self._named()}{stay}, {len(self.waiting)} waiting")
                 self._drop_current()
             case Outcome.ABORTED:
                 self._give_up(f": {reason}" if reason else "")
             case Outcome.CANCELLED:
-                self._held = bool(self.waiting)
-                self._say(f"{self._named()} was cancelled by somebody else{self._rest()}", trouble=True)
+                self._held = bool(self.waiting or self._patrol)
+                self._say(f"{self._named()} was cancelled by somebody else{self._remainder()}", trouble=True)
                 self._drop_current()
             case Outcome.LOST:
                 self._say(f"move_base no longer knows {self._named()}; it is sent again", trouble=True)
+        self._go_round()
 
     def take_events(self) -> list[Event]:
         """Returns what was said since the last call, oldest first."""
@@ -179,19 +203,41 @@ class WaypointQueue:
             return
         self.aborted += 1
         if self.config.on_abort == "stop":
-            self._held = bool(self.waiting)
+            self._held = bool(self.waiting or self._patrol)
         if self.config.on_abort == "clear":
             self._drop_waiting()
-        self._say(f"gave up {self._named()}{reason}{self._rest()}", trouble=True)
+            self._patrol = None
+        self._say(f"gave up {self._named()}{reason}{self._remainder()}", trouble=True)
         self._drop_current()
 
-    def _rest(self) -> str:
+    def _go_round(self) -> None:
+        """Begins the next round of a patrol once the last one is over; one in which nothing was reached ends it."""
+        patrol = self._patrol
+        if patrol is None or self.current is not None or self.waiting or self._held or self.rest > 0.0:
+            return
+        if self._round > 0 and self.reached == self._reached_before:
+            self._patrol = None
+            self._say(f"the patrol ends: no waypoint of round {self._round} was reached", trouble=True)
+        elif self._round == patrol.rounds > 0:
+            self._patrol = None
+            self._say(f"the patrol is done: {self._round} rounds of {len(patrol.waypoints)} waypoints")
+        else:
+            self._round += 1
+            self._reached_before = self.reached
+            self._say(f"round {self._round} of the patrol: {len(patrol.waypoints)} waypoints")
+            for waypoint in patrol.waypoints:
+                self.received += 1
+                self.waiting.append(waypoint)
+                self._numbers.append(self.received)
+
+    def _remainder(self) -> str:
         if self._held:
             return f"; {len(self.waiting)} held until a new waypoint comes"
         return f"; {len(self.waiting)} waiting"
 
     def _wants_to_send(self) -> bool:
-        return not self._under_way and not self._held and (self.current is not None or bool(self.waiting))
+        stays = self._under_way or self._held or self.rest > 0.0
+        return not stays and (self.current is not None or bool(self.waiting))
 
     def _named(self) -> str:
         return f"waypoint {self._number} {self.current}"

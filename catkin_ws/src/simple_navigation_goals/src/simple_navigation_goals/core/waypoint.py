@@ -15,20 +15,24 @@ class Waypoint:
         y: position [m].
         yaw: heading [rad], counter-clockwise from the frame's x axis.
         frame: name of the frame, without leading slash.
+        wait: how long to stand there once it is reached [s].
 
     Raises:
-        WaypointError: a number that is not finite.
+        WaypointError: a number that is not finite, or a negative wait.
     """
 
     x: float
     y: float
     yaw: float
     frame: str
+    wait: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("x", "y", "yaw"):
+        for name in ("x", "y", "yaw", "wait"):
             if not math.isfinite(getattr(self, name)):
                 raise WaypointError(f"{name} is {getattr(self, name)}, it must be finite")
+        if self.wait < 0.0:
+            raise WaypointError(f"wait is {self.wait}, it must not be negative")
 
     def __str__(self) -> str:
         return f"({self.x:.2f}, {self.y:.2f}, {math.degrees(self.yaw):.0f} deg) in {self.frame}"

@@ -36,7 +36,7 @@ class RobotLocator:
         self._listener.close()
         self._listener = None
         pose = robot.compose(Pose(waypoint.x, waypoint.y, waypoint.yaw))
-        return Waypoint(pose.x, pose.y, pose.yaw, _MAP)
+        return Waypoint(pose.x, pose.y, pose.yaw, _MAP, waypoint.wait)
 
 
 def build() -> GoalClientNode:

@@ -4,29 +4,40 @@ import contextlib
 import queue
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import rospy
 from geometry_msgs.msg import PoseStamped, Twist
-from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
+from std_srvs.srv import Empty, EmptyRequest, EmptyResponse, Trigger, TriggerRequest, TriggerResponse
 
-from pioneer_node.core.parameter import config_from_mapping
+from pioneer_node.core.parameter import ParameterError, config_from_mapping
 from pioneer_node.nodes.entry import parameters
 from simple_navigation_goals.adapters.move_base import MoveBase
+from simple_navigation_goals.adapters.patrol_file import read_patrol
 from simple_navigation_goals.conversions import (
     goal_from_waypoint,
     message_from_queue,
     waypoint_from_pose,
     waypoint_from_twist,
 )
-from simple_navigation_goals.core.error import WaypointError
+from simple_navigation_goals.core.error import PatrolError, WaypointError
+from simple_navigation_goals.core.patrol import Patrol
 from simple_navigation_goals.core.queue import Outcome, QueueConfig, WaypointQueue
 from simple_navigation_goals.core.waypoint import Waypoint
 from simple_navigation_goals.msg import WaypointQueue as WaypointQueueMessage
 
 _TICK = 0.25  # [s of wall time] how often it looks whether move_base is there
 _PATIENCE = 2.0  # [s of wall time] before it says that it waits for a transform
+
+
+@dataclass(frozen=True)
+class GoalClientConfig(QueueConfig):
+    """``patrol``: YAML file of a patrol to begin with; see ``core.patrol``. Empty for none."""
+
+    patrol: str = ""
 
 
 class GoalClientNode:
@@ -40,15 +51,17 @@ class GoalClientNode:
         ~queue (WaypointQueue, latched): on every change.
 
     Services:
-        ~clear (std_srvs/Empty): drops all waypoints and cancels the one under way.
+        ~clear (std_srvs/Empty): drops all waypoints, a patrol too, and cancels the one under way.
+        ~patrol (std_srvs/Trigger): reads the file ~patrol (again) and begins its patrol.
 
     Actions called: move_base (move_base_msgs/MoveBaseAction).
 
-    Parameters: ``QueueConfig``.
+    Parameters: ``GoalClientConfig``; ~patrol is read again by the service of that name.
 
     Threads: rospy's callbacks put what arrived into a queue of events; ``spin`` alone handles them.
 
-    On error: a waypoint that is not finite is refused with one line. A move_base that is absent is waited for, one
+    On error: a waypoint that is not finite is refused with one line. A patrol that cannot be read ends the node at its
+    start, and is the service's answer later. A move_base that is absent is waited for, one
     that ends or starts anew gets the waypoint again.
 
     Args:
@@ -60,20 +73,25 @@ class GoalClientNode:
     def __init__(
         self, topic: str, frame: str, locate: Callable[[Waypoint], Waypoint | None] = lambda waypoint: waypoint
     ) -> None:
-        self._queue = WaypointQueue(config_from_mapping(QueueConfig, parameters(), rospy.get_name()))
+        config = config_from_mapping(GoalClientConfig, parameters(), rospy.get_name())
+        self._queue = WaypointQueue(config)
         self._frame = frame
         self._locate = locate
         self._events: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._present = False
         self._serial = 0
         self._due_since: float | None = None
+        self._resting_since: float | None = None
         self._publisher = rospy.Publisher("~queue", WaypointQueueMessage, queue_size=10, latch=True)
         self._move_base = MoveBase("move_base", self._on_done)
         self._inputs = [
             rospy.Subscriber(topic, Twist, partial(self._on_waypoint, waypoint_from_twist)),
             rospy.Subscriber(f"{topic}_pose", PoseStamped, partial(self._on_waypoint, waypoint_from_pose)),
             rospy.Service("~clear", Empty, self._on_clear),
+            rospy.Service("~patrol", Trigger, self._on_patrol),
         ]
+        if config.patrol:
+            self._queue.patrol(self._read_patrol(config.patrol))
         # CPython 3.11 waits for ever in SimpleQueue.get where a signal handler outlasts the timeout: feed it.
         rospy.on_shutdown(lambda: self._events.put(lambda: None))
         self._publish()
@@ -87,6 +105,7 @@ class GoalClientNode:
             if rospy.is_shutdown():
                 return
             self._tell()
+            self._rest()
             self._look_for_server()
             self._send_due()
             self._tell()
@@ -103,6 +122,23 @@ class GoalClientNode:
         self._events.put(self._clear)
         return EmptyResponse()
 
+    def _read_patrol(self, path: str) -> Patrol:
+        try:
+            return read_patrol(Path(path), self._frame)
+        except PatrolError as error:
+            raise ParameterError(str(error)) from None
+
+    def _on_patrol(self, _request: TriggerRequest) -> TriggerResponse:
+        path = rospy.get_param("~patrol", "")
+        if not path:
+            return TriggerResponse(False, f"no parameter {rospy.resolve_name('~patrol')} names a file")
+        try:
+            patrol = self._read_patrol(str(path))
+        except ParameterError as error:
+            return TriggerResponse(False, str(error))
+        self._events.put(partial(self._patrol, patrol))
+        return TriggerResponse(True, f"{len(patrol.waypoints)} waypoints, {patrol.rounds or 'endless'} rounds")
+
     def _on_done(self, serial: int, outcome: Outcome, text: str) -> None:
         self._events.put(partial(self._finish, serial, outcome, text))
 
@@ -110,6 +146,22 @@ class GoalClientNode:
         if self._queue.clear():
             self._move_base.cancel()
         self._serial = 0
+
+    def _patrol(self, patrol: Patrol) -> None:
+        if self._queue.patrol(patrol):
+            self._move_base.cancel()
+        self._serial = 0
+
+    def _rest(self) -> None:
+        """Lets the robot stand as long as the waypoint that it reached says, by ROS time."""
+        now = rospy.get_time()
+        if self._queue.rest == 0.0:
+            self._resting_since = None
+        elif self._resting_since is None:
+            self._resting_since = now
+        elif not 0.0 <= now - self._resting_since < self._queue.rest:
+            self._resting_since = None
+            self._queue.rested()
 
     def _finish(self, serial: int, outcome: Outcome, text: str) -> None:
         if serial != self._serial:
