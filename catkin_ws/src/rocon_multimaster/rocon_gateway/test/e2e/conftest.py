@@ -197,10 +197,20 @@ class Fleet:
 
 @pytest.fixture
 def fleet(tmp_path: Path) -> Iterator[Fleet]:
-    made = Fleet(tmp_path)
+    yield from _fleet(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def shared_fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
+    """A fleet that all tests of a file share."""
+    yield from _fleet(tmp_path_factory.mktemp("fleet"))
+
+
+def _fleet(folder: Path) -> Iterator[Fleet]:
+    made = Fleet(folder)
     yield made
     made.close()
-    for log in tmp_path.glob("*.log"):
+    for log in folder.glob("*.log"):
         assert "Traceback" not in log.read_text(), log.read_text()
 
 
