@@ -29,7 +29,7 @@ def test_every_kind_of_geometry_is_read():
     }
     for text, shape in shapes.items():
         link = f"<link name='l'><collision name='c'><geometry>{text}</geometry></collision></link>"
-        (found,) = world(model(link)).collisions()
+        (found,) = world(model(f"<static>1</static>{link}")).collisions()
         assert found.collision.shape == shape
 
 

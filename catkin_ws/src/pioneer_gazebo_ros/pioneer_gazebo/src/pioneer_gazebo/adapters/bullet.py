@@ -2,24 +2,27 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import pybullet
 
-from pioneer_gazebo.adapters.bullet_shape import FRICTION_AT_MOST, Triangles, batches, compound, standing_body
+from pioneer_gazebo.adapters.bullet_shape import FRICTION_AT_MOST, Triangles, batches, compound, packs, standing_body
 from pioneer_gazebo.adapters.bullet_window import client_with_window
-from pioneer_gazebo.core import robot as kinds
-from pioneer_gazebo.core.body import Body, Part
+from pioneer_gazebo.core import joint as kinds
+from pioneer_gazebo.core.body import LEAST_MASS, Body, Part
 from pioneer_gazebo.core.engine import Contact, EngineError, Physics, Velocity
 from pioneer_gazebo.core.pose import Pose, Vector, rotated
-from pioneer_gazebo.core.world import PlacedCollision
+from pioneer_gazebo.core.world import Inertia, PlacedCollision
 
 # Bits that Bullet does not give out by itself: 2 is its own for everything that stands, walls too.
 _STANDING, _GROUND, _ROLLING, _ALL = 2, 64, 128, -1
+_SLIGHT = Inertia(1e-6, 1e-6, 1e-6)
 _BOTH_WANT = 0
 """Two bodies meet where each one's mask holds the other's group; pybullet starts with one of the two sufficing."""
 
 _KINDS = {
+    kinds.FIXED: pybullet.JOINT_FIXED,
     kinds.CONTINUOUS: pybullet.JOINT_REVOLUTE,
     kinds.REVOLUTE: pybullet.JOINT_REVOLUTE,
     kinds.PRISMATIC: pybullet.JOINT_PRISMATIC,
@@ -48,6 +51,7 @@ class BulletEngine:
         self._bodies: dict[int, Body] = {}
         self._centres: dict[int, list[Pose]] = {}
         self._solid_links: dict[int, list[int]] = {}
+        self._hosts: dict[int, list[int]] = {}
         self._resting: set[int] = set()
         self._ground: list[int] = []
         self._obstacles: list[int] = []
@@ -94,8 +98,9 @@ class BulletEngine:
 
     def add(self, body: Body, pose: Pose) -> int:
         """See `Engine`."""
-        shapes = [self._shape(part) for part in body.parts]
-        base, links = body.parts[0], body.parts[1:]
+        parts, hosts = spread(body.parts)
+        shapes = [self._shape(part) for part in parts]
+        base, links = parts[0], parts[1:]
         start = pose.compose(base.inertia.pose)
         handle = pybullet.createMultiBody(
             baseMass=base.mass,
@@ -120,9 +125,10 @@ class BulletEngine:
             raise EngineError(f"the physics engine refuses body {body.name}")
         self._bodies[handle] = body
         self._centres[handle] = [part.inertia.pose.inverse() for part in body.parts]
-        solid = [] if body.led else [index - 1 for index, part in enumerate(body.parts) if not _rolls(part)]
+        self._hosts[handle] = hosts
+        solid = [] if body.led else [index - 1 for index, part in enumerate(parts) if not _rolls(part)]
         self._solid_links[handle] = solid
-        for index, part in enumerate(body.parts):
+        for index, part in enumerate(parts):
             self._finish(handle, index - 1, part)
         if body.led:
             pybullet.setCollisionFilterGroupMask(
@@ -139,19 +145,20 @@ class BulletEngine:
         """Sets what `createMultiBody` has no argument for."""
         frictions = [touch.collision.friction for touch in part.touches]
         options: dict[str, Any] = {
-            "localInertiaDiagonal": (part.inertia.ixx, part.inertia.iyy, part.inertia.izz),
             "lateralFriction": min([FRICTION_AT_MOST, *frictions]),
             "restitution": max([0.0, *(touch.collision.restitution for touch in part.touches)]),
             "linearDamping": 0.0,
             "angularDamping": 0.0,
         }
+        if part.mass > 0:
+            options["localInertiaDiagonal"] = (part.inertia.ixx, part.inertia.iyy, part.inertia.izz)
         joint = part.joint
-        if joint is not None:
+        if joint is not None and joint.kind != kinds.FIXED:
             options["jointDamping"] = joint.damping
             if joint.kind != kinds.CONTINUOUS and math.isfinite(joint.lower) and math.isfinite(joint.upper):
                 options |= {"jointLowerLimit": joint.lower, "jointUpperLimit": joint.upper}
         pybullet.changeDynamics(handle, link, physicsClientId=self._client, **options)
-        if joint is not None:
+        if joint is not None and joint.kind != kinds.FIXED:
             # pybullet starts with a motor in every joint; what is left of it is the joint's friction.
             pybullet.setJointMotorControl2(
                 handle, link, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=joint.friction,
@@ -162,7 +169,7 @@ class BulletEngine:
 
     def remove(self, handle: int) -> None:
         """See `Engine`."""
-        del self._bodies[handle], self._centres[handle], self._solid_links[handle]
+        del self._bodies[handle], self._centres[handle], self._solid_links[handle], self._hosts[handle]
         self._resting.discard(handle)
         pybullet.removeBody(handle, physicsClientId=self._client)
 
@@ -259,8 +266,8 @@ class BulletEngine:
 
     def _contact(self, point: tuple[Any, ...]) -> Contact:
         other = point[2] if point[2] in self._bodies else None
-        part = point[4] + 1 if other is not None else 0
-        return Contact(point[3] + 1, other, part, point[6], point[7], -point[8], point[9])
+        part = self._hosts[other][point[4] + 1] if other is not None else 0
+        return Contact(self._hosts[point[1]][point[3] + 1], other, part, point[6], point[7], -point[8], point[9])
 
     def touching(self) -> set[int]:
         """See `Engine`.
@@ -283,6 +290,24 @@ class BulletEngine:
     def close(self) -> None:
         """See `Engine`."""
         pybullet.disconnect(self._client)
+
+
+def spread(parts: Sequence[Part]) -> tuple[list[Part], list[int]]:
+    """Returns parts whose shapes pybullet takes, and of each the index of the part it belongs to.
+
+    What one link cannot hold is put into further parts, held to theirs by fixed joints and as good as without mass.
+    """
+    first: list[Part] = []
+    more: list[Part] = []
+    hosts: list[int] = []
+    for index, part in enumerate(parts):
+        groups = packs(part.touches)
+        first.append(replace(part, touches=tuple(groups[0]) if groups else ()))
+        for group in groups[1:]:
+            joint = kinds.Joint("", kinds.FIXED, part.name, part.name)
+            more.append(Part(part.name, index, joint, LEAST_MASS, _SLIGHT, tuple(group), ()))
+            hosts.append(index)
+    return first + more, [*range(len(first)), *hosts]
 
 
 def _rolls(part: Part) -> bool:

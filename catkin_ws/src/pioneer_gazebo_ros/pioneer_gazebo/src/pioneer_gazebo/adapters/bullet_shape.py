@@ -7,6 +7,7 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from pioneer_gazebo.core.body import Touch
 from pioneer_gazebo.core.engine import EngineError
 from pioneer_gazebo.core.pose import IDENTITY, Pose
 from pioneer_gazebo.core.world import Box, Collision, Cylinder, Mesh, PlacedCollision, Plane, Sphere
@@ -41,6 +42,13 @@ def _region(one: PlacedCollision) -> tuple[int, int]:
     row = int(y // _REGION)
     column = int(x // _REGION)
     return row, column if row % 2 == 0 else -column
+
+
+def packs(touches: Sequence[Touch]) -> list[list[Touch]]:
+    """Returns shapes in groups that one link of pybullet can hold: a mesh alone, others up to `SHAPES_AT_MOST`."""
+    alone = [[one] for one in touches if isinstance(one.collision.shape, Mesh | Plane)]
+    others = [one for one in touches if not isinstance(one.collision.shape, Mesh | Plane)]
+    return [others[start : start + SHAPES_AT_MOST] for start in range(0, len(others), SHAPES_AT_MOST)] + alone
 
 
 def compound(shapes: Sequence[tuple[Collision, Pose]], triangles: Triangles, moving: bool, client: int) -> int:

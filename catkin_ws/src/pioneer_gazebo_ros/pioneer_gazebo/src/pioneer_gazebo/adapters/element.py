@@ -73,6 +73,10 @@ class Element:
         """The text inside, without the blanks around it."""
         return (self._node.text or "").strip()
 
+    def version(self) -> str:
+        """Returns the ``version`` of the document's root, empty where it names none."""
+        return str(self._node.getroottree().getroot().get("version", ""))
+
     def children(self, *tags: str) -> Iterator["Element"]:
         """Yields the child elements with one of ``tags``, all of them when none is given, in the file's order."""
         for node in self._node.iterchildren(tag=etree.Element):

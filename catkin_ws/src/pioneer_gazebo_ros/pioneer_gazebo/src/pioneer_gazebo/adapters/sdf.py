@@ -8,8 +8,10 @@ from pioneer_gazebo.adapters.element import Element, Notes
 from pioneer_gazebo.adapters.resource import file_of_uri
 from pioneer_gazebo.adapters.sdf_actor import actor_from_sdf
 from pioneer_gazebo.adapters.sdf_frame import Frames
+from pioneer_gazebo.adapters.sdf_joint import joint_from_sdf
 from pioneer_gazebo.adapters.sdf_link import Scope, link_from_sdf, pose_in
 from pioneer_gazebo.core.error import DescriptionError
+from pioneer_gazebo.core.joint import WORLD, Joint, tree_of
 from pioneer_gazebo.core.pose import IDENTITY, Pose
 from pioneer_gazebo.core.world import Collision, Link, Model, Plane, Visual, World
 
@@ -66,6 +68,7 @@ def world_from_sdf_text(
     found = _lone_model(root, scope, 0)
     if found is None:
         raise root.error("holds neither <world> nor <model>")
+    found = _without_planes(found, scope)
     return World(found.name, (found,), warnings=scope.notes.lines())
 
 
@@ -100,7 +103,7 @@ def _world(element: Element, scope: Scope) -> World:
             scope.notes.add(f"<{child.tag}> in <world> is not supported and left out")
         if model is not None:
             name = _unused(model.name, models, scope)
-            models[name] = dataclasses.replace(model, name=name)
+            models[name] = _without_planes(dataclasses.replace(model, name=name), scope)
     frames = Frames(element)
     placed = [_posed_by_frames(model, element, frames) for model in models.values()]
     states = {
@@ -108,6 +111,19 @@ def _world(element: Element, scope: Scope) -> World:
     }
     moved = tuple(_moved_by_state(model, states.get(model.name)) for model in placed)
     return World(element.attribute("name", "default"), moved, _gravity(element), scope.notes.lines())
+
+
+def _without_planes(model: Model, scope: Scope) -> Model:
+    """Returns a model that moves without planes, which no engine can move."""
+    if model.static:
+        return model
+    links = []
+    for link in model.links:
+        kept = tuple(one for one in link.collisions if not isinstance(one.shape, Plane))
+        if len(kept) < len(link.collisions):
+            scope.notes.add(f"a plane in model {model.name}, which is not static, is not supported and left out")
+        links.append(dataclasses.replace(link, collisions=kept))
+    return dataclasses.replace(model, links=tuple(links))
 
 
 def _unused(name: str, models: dict[str, Model], scope: Scope) -> str:
@@ -143,6 +159,8 @@ def _moved_by_state(model: Model, state: Element | None) -> Model:
     for element in state.children("link"):
         if element.child("pose") is not None:
             poses[element.attribute("name")] = pose.inverse().compose(pose_in(element))
+    if model.joints:
+        return dataclasses.replace(model, pose=pose)
     links = tuple(dataclasses.replace(link, pose=poses.get(link.name, link.pose)) for link in model.links)
     return dataclasses.replace(model, pose=pose, links=links)
 
@@ -159,25 +177,49 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
     name = element.attribute("name")
     frames = Frames(element)
     links: list[Link] = []
+    joints: list[Joint] = []
     for child in element.children():
         if child.tag == "link":
             links.append(link_from_sdf(child, frames.pose(child), scope))
+        elif child.tag == "joint":
+            continue
         elif child.tag in ("model", "include"):
             nested = _model(child, scope, depth) if child.tag == "model" else _include(child, scope, depth)
             if nested is not None:
                 nested = dataclasses.replace(nested, pose=frames.pose(child)) if child.tag == "model" else nested
-                links += _flattened(nested)
+                inner_links, inner_joints = _flattened(nested)
+                links += inner_links
+                joints += inner_joints
         elif child.tag not in MODEL_QUIET:
             scope.notes.add(f"<{child.tag}> in <model> is not supported and left out")
-    return Model(name, pose_in(element), element.flag("static"), tuple(links))
+    poses = {link.name: link.pose for link in links}
+    joints += [joint_from_sdf(child, poses, frames, scope) for child in element.children("joint")]
+    tree, closing = tree_of(poses, joints) if joints else ((), ())
+    for joint in closing:
+        scope.notes.add(f"joint {joint} of model {name} closes a ring, which is not supported, and is left out")
+    return Model(name, pose_in(element), element.flag("static"), tuple(links), joints=tree)
 
 
-def _flattened(nested: Model) -> list[Link]:
-    """Returns the links of a nested model as links of the model around it, named ``nested::link`` as Gazebo does."""
-    return [
-        dataclasses.replace(link, name=f"{nested.name}::{link.name}", pose=nested.pose.compose(link.pose))
-        for link in nested.links
+def _flattened(nested: Model) -> tuple[list[Link], list[Joint]]:
+    """Returns a nested model's links and joints as the outer model's, named ``nested::link`` as Gazebo does."""
+
+    def outer(name: str) -> str:
+        return name if name == WORLD else f"{nested.name}::{name}"
+
+    links = [
+        dataclasses.replace(link, name=outer(link.name), pose=nested.pose.compose(link.pose)) for link in nested.links
     ]
+    joints = [
+        dataclasses.replace(
+            joint,
+            name=outer(joint.name) if joint.name else "",
+            parent=outer(joint.parent),
+            child=outer(joint.child),
+            pose=nested.pose.compose(joint.pose) if joint.parent == WORLD else joint.pose,
+        )
+        for joint in nested.joints
+    ]
+    return links, joints
 
 
 def _include(element: Element, scope: Scope, depth: int) -> Model | None:

@@ -24,6 +24,16 @@ class Frames:
         """
         return self._pose(element, ())
 
+    def named(self, name: str, asker: Element) -> Pose:
+        """Returns the pose of the frame, link, joint or model of that name.
+
+        Raises:
+            DescriptionError: there is none; the error names ``asker``.
+        """
+        if name not in self._named:
+            raise asker.error(f"there is no frame {name!r}")
+        return self.pose(self._named[name])
+
     def _pose(self, element: Element, seen: tuple[str, ...]) -> Pose:
         pose = element.child("pose")
         own = IDENTITY if pose is None or not pose.text else pose.pose()

@@ -7,9 +7,10 @@ from pioneer_gazebo.adapters.element import Element, Notes
 from pioneer_gazebo.adapters.material import GREY, colour_of_material
 from pioneer_gazebo.adapters.resource import file_of_uri
 from pioneer_gazebo.adapters.urdf_gazebo import Extensions, read_extensions
-from pioneer_gazebo.core import robot as kinds
+from pioneer_gazebo.core import joint as kinds
+from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
-from pioneer_gazebo.core.robot import Joint, Robot
+from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.world import Box, Collision, Colour, Cylinder, Inertia, Link, Mesh, Shape, Sphere, Visual
 
 KINDS = (kinds.FIXED, kinds.CONTINUOUS, kinds.REVOLUTE, kinds.PRISMATIC, kinds.FLOATING)

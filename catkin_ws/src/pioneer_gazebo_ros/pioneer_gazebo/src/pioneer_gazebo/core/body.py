@@ -4,16 +4,17 @@ As in Gazebo, a link behind a fixed joint becomes part of the link before it: it
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pioneer_gazebo.core import robot as kinds
+from pioneer_gazebo.core import joint as kinds
 from pioneer_gazebo.core.error import DescriptionError
+from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
-from pioneer_gazebo.core.robot import Joint, Robot
+from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.world import Box, Collision, Cylinder, Inertia, Link, Model, Shape, Sphere
 
 LEAST_MASS = 1e-3
@@ -52,7 +53,7 @@ class Part:
         name: of its first link.
         parent: index of the part that carries it; -1 for the base.
         joint: what connects it to its parent; None for the base. Its pose is in the parent part's frame.
-        mass: [kg].
+        mass: [kg]; 0 for a base that is held where it stands.
         inertia: principal moments; its pose is that of the centre of mass and the principal axes in the part.
         touches: the shapes.
         frames: (link name, pose in the part) of every link that is lumped here.
@@ -106,7 +107,13 @@ class Body:
 
 
 def body_from_model(model: Model) -> Body:
-    """Returns a dynamic model as one rigid body whose frame is the model's: its links are held together."""
+    """Returns a dynamic model as one body whose frame is the model's: what no joint moves is held together."""
+    if model.joints and model.script is None:
+        links = {link.name: link for link in model.links}
+        held = Link(kinds.WORLD)
+        root = held if any(one.parent == kinds.WORLD for one in model.joints) else model.links[0]
+        groups = _groups(model.name, root, root.pose, links.__getitem__, model.joints)
+        return Body(model.name, _parts(groups, model.joints, set()))
     group = [(link, link.pose) for link in model.links]
     mass, inertia = (LED_MASS, LED_INERTIA) if model.script is not None else _lumped(group)
     touches = tuple(Touch(k.name, _moved(c, k.pose)) for k in model.links for c in k.collisions)
@@ -121,10 +128,19 @@ def body_from_robot(robot: Robot) -> Body:
         DescriptionError: a floating joint, which a tree of parts has no room for.
     """
     wheels = {joint for drive in robot.drives for joint in (drive.leftJoint, drive.rightJoint)}
-    groups = _groups(robot)
+    groups = _groups(robot.name, robot.root, IDENTITY, robot.link, robot.joints)
+    return Body(robot.name, _parts(groups, robot.joints, wheels))
+
+
+_Group = list[tuple[Link, Pose]]
+"""Links that are held together, each with its pose in the part."""
+
+
+def _parts(groups: list[_Group], joints: Sequence[Joint], wheels: set[str]) -> tuple[Part, ...]:
+    """Returns a part for each group; the joints named in ``wheels`` turn balls that roll."""
     index = {group[0][0].name: number for number, group in enumerate(groups)}
     home = {link.name: (index[group[0][0].name], pose) for group in groups for link, pose in group}
-    movable = {joint.child: joint for joint in robot.joints if joint.kind != kinds.FIXED}
+    movable = {joint.child: joint for joint in joints if joint.kind != kinds.FIXED}
     touches: list[list[Touch]] = [[Touch(k.name, _moved(c, p)) for k, p in g for c in k.collisions] for g in groups]
     parts = []
     for number, group in enumerate(groups):
@@ -137,33 +153,37 @@ def body_from_robot(robot: Robot) -> Body:
                 rolling, drums = _as_balls(touches[number], joint)
                 touches[number] = rolling
                 touches[parent] += drums
-        mass, inertia = _lumped(group)
-        frames = tuple((link.name, pose) for link, pose in group)
+        held = group[0][0].name == kinds.WORLD
+        mass, inertia = (0.0, Inertia()) if held else _lumped(group)
+        frames = tuple((link.name, pose) for link, pose in group if link.name != kinds.WORLD)
         parts.append(Part(group[0][0].name, parent, joint, mass, inertia, (), frames))
-    return Body(robot.name, tuple(replace(p, touches=tuple(t)) for p, t in zip(parts, touches, strict=True)))
+    return tuple(replace(p, touches=tuple(t)) for p, t in zip(parts, touches, strict=True))
 
 
-def _groups(robot: Robot) -> list[list[tuple[Link, Pose]]]:
-    """Returns, base first and depth first, the links that fixed joints hold together, with poses in their first."""
+def _groups(name: str, root: Link, at: Pose, link_of: Callable[[str], Link], joints: Iterable[Joint]) -> list[_Group]:
+    """Returns, base first and depth first, the links that fixed joints hold together, with poses in their part.
+
+    A part's frame is that of the joint which moves it; the base's is the one that ``root`` stands ``at``.
+    """
     children: dict[str, list[Joint]] = {}
-    for joint in robot.joints:
+    for joint in joints:
         if joint.kind == kinds.FLOATING:
-            raise DescriptionError(f"robot {robot.name}: joint {joint.name} is floating, which is not supported")
+            raise DescriptionError(f"robot {name}: joint {joint.name} is floating, which is not supported")
         children.setdefault(joint.parent, []).append(joint)
-    groups: list[list[tuple[Link, Pose]]] = []
-    starts = [robot.root]
+    groups: list[_Group] = []
+    starts = [(root, at)]
     while starts:
-        group: list[tuple[Link, Pose]] = []
-        behind: list[Link] = []
-        pending = [(starts.pop(0), IDENTITY)]
+        group: _Group = []
+        behind: list[tuple[Link, Pose]] = []
+        pending = [starts.pop(0)]
         while pending:
             link, pose = pending.pop(0)
             group.append((link, pose))
             for joint in children.get(link.name, ()):
                 if joint.kind == kinds.FIXED:
-                    pending.append((robot.link(joint.child), pose.compose(joint.pose)))
+                    pending.append((link_of(joint.child), pose.compose(joint.pose).compose(joint.offset)))
                 else:
-                    behind.append(robot.link(joint.child))
+                    behind.append((link_of(joint.child), joint.offset))
         groups.append(group)
         starts = behind + starts
     return groups

@@ -2,15 +2,15 @@
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from pioneer_gazebo.core.body import Body
 from pioneer_gazebo.core.collision import CollisionCounter
 from pioneer_gazebo.core.drive import Drive, Odometry, check_motion
 from pioneer_gazebo.core.engine import STILL, Velocity
-from pioneer_gazebo.core.laser import Laser
+from pioneer_gazebo.core.laser import Laser, generator_for
 from pioneer_gazebo.core.pose import IDENTITY, Pose
-from pioneer_gazebo.core.robot import Robot
+from pioneer_gazebo.core.robot import LaserSensor, Robot
 from pioneer_gazebo.core.script import Script
 
 COMMANDS_KEPT = 100
@@ -63,6 +63,12 @@ class Mounted:
     pose: Pose
 
 
+def mounted_on(body: Body, name: str, config: LaserSensor, seed: int) -> Mounted:
+    """Returns a laser on the robot ``name``, with noise of its own."""
+    part, at = body.part_of(config.link)
+    return Mounted(Laser(config, generator_for(seed, name, config.name)), part, at.compose(config.pose))
+
+
 @dataclass(slots=True, eq=False)
 class Entity:
     """A body in the engine and what the simulator keeps of it.
@@ -71,6 +77,7 @@ class Entity:
         name: of the model.
         namespace: of its topics, without slashes at the ends; empty for none.
         body: as the engine knows it.
+        outline: what lasers see where its base is; the parts that swing apart from it are `Swinging`.
         handle: the engine's number.
         initial: where it was spawned, and returns to on a reset.
         robot: what it was read from; None for a model without sensors and plugins.
@@ -102,6 +109,31 @@ class Entity:
     script: Script | None = None
     began: int = 0
     motion: Velocity = STILL
+    outline: Body = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Robots look as if their joints stood at 0, models of a world do not."""
+        self.outline = self.body if self.robot is not None else Body(self.body.name, self.body.parts[:1])
+
+
+@dataclass(frozen=True, slots=True)
+class Swinging:
+    """A part of a world's model that a joint moves, with what lasers see of it in the part's frame."""
+
+    entity: Entity
+    part: int
+    outline: Body
+
+
+def swinging_parts(entity: Entity) -> list[Swinging]:
+    """Returns the parts of an entity that lasers see apart from its base: a robot has none."""
+    if entity.robot is not None:
+        return []
+    return [
+        Swinging(entity, number, Body(part.name, (replace(part, parent=-1, joint=None),)))
+        for number, part in enumerate(entity.body.parts)
+        if number and part.touches
+    ]
 
 
 def heading(pose: Pose) -> float:

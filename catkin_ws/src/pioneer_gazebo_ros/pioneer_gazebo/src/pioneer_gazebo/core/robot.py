@@ -8,43 +8,9 @@ finds each setting again. Lengths [m], angles [rad], masses [kg], rates [Hz].
 
 from dataclasses import dataclass
 
+from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
 from pioneer_gazebo.core.world import Link
-
-FIXED, CONTINUOUS, REVOLUTE, PRISMATIC, FLOATING = "fixed", "continuous", "revolute", "prismatic", "floating"
-
-
-@dataclass(frozen=True, slots=True)
-class Joint:
-    """A joint between two links.
-
-    Attributes:
-        name: unique in the robot.
-        kind: fixed, continuous, revolute, prismatic or floating.
-        parent: name of the link towards the root.
-        child: name of the link that this joint moves.
-        pose: of the child's frame in the parent's frame, at position 0.
-        axis: unit vector in the child's frame.
-        lower: smallest position [rad or m]; -inf where there is no limit.
-        upper: largest position.
-        effort: largest force or torque [N or N m]; inf where there is none.
-        velocity: largest speed [rad/s or m/s].
-        damping: [N m s/rad or N s/m].
-        friction: static friction [N m or N].
-    """
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    pose: Pose = IDENTITY
-    axis: Vector = (1.0, 0.0, 0.0)
-    lower: float = float("-inf")
-    upper: float = float("inf")
-    effort: float = float("inf")
-    velocity: float = float("inf")
-    damping: float = 0.0
-    friction: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,11 +15,11 @@ from pioneer_gazebo.core.actor import Actors
 from pioneer_gazebo.core.body import Body, body_from_model, body_from_robot, lowest_point
 from pioneer_gazebo.core.drive import Drive, Odometry
 from pioneer_gazebo.core.engine import STILL, Contact, Engine, Physics, Velocity
-from pioneer_gazebo.core.entity import Driven, Entity, Mounted, heading
+from pioneer_gazebo.core.entity import Driven, Entity, Mounted, Swinging, heading, mounted_on, swinging_parts
 from pioneer_gazebo.core.error import SimulatorError
-from pioneer_gazebo.core.laser import Laser, generator_for, laser_of_sonar
+from pioneer_gazebo.core.laser import generator_for, laser_of_sonar
 from pioneer_gazebo.core.pose import Pose, between
-from pioneer_gazebo.core.robot import DiffDrive, LaserSensor, Robot
+from pioneer_gazebo.core.robot import DiffDrive, Robot
 from pioneer_gazebo.core.scene import Scene
 from pioneer_gazebo.core.schedule import TICK_RATE, period_of
 from pioneer_gazebo.core.section import Triangles
@@ -61,6 +61,7 @@ class Simulation:
         self._by_handle: dict[int, Entity] = {}
         self._standing = Standing(engine, self._scene)
         self._actors = Actors(engine)
+        self._swinging: list[Swinging] = []
         self._wrenches = Wrenches(engine)
         self._poses: tuple[int, NDArray[np.float64]] = (-1, np.empty((0, 3)))
         self._collided: list[Entity] = []
@@ -88,7 +89,7 @@ class Simulation:
         self._standing.add(*(model for model in world.models if model.static))
         for model in world.models:
             if not model.static:
-                self.add_model(model)
+                self.add_model(model, anywhere=True)
 
     # Models.
 
@@ -122,8 +123,8 @@ class Simulation:
         if name in self._entities or name in self._standing.models:
             raise ModelError(f"model {name} already exists")
 
-    def add_model(self, model: Model, namespace: str = "") -> None:
-        """Adds a model without sensors and plugins.
+    def add_model(self, model: Model, namespace: str = "", anywhere: bool = False) -> None:
+        """Adds a model without sensors and plugins; ``anywhere``: also inside something else, as a world may have it.
 
         Raises:
             ModelError: its name is taken, or it would stand inside something.
@@ -137,7 +138,7 @@ class Simulation:
             raise ModelError(f"model {model.name} has no links")
         body = body_from_model(model)
         if model.script is None:
-            self._add(model.name, namespace, body, model.pose, None)
+            self._add(model.name, namespace, body, model.pose, None, anywhere)
             return
         pose = model.script.pose(0.0)
         entity = Entity(model.name, namespace, body, self._engine.add(body, pose), pose, after=pose)
@@ -155,15 +156,11 @@ class Simulation:
         drives = [self._driven(name, body, config) for config in robot.drives]
         entity = self._add(name, namespace, body, pose, robot)
         entity.drives = drives
-        entity.lasers = [self._mounted(name, body, config) for config in robot.lasers]
-        entity.sonars = [self._mounted(name, body, laser_of_sonar(config)) for config in robot.sonars]
+        entity.lasers = [mounted_on(body, name, config, self._seed) for config in robot.lasers]
+        entity.sonars = [mounted_on(body, name, laser_of_sonar(config), self._seed) for config in robot.sonars]
         for driven in drives:
             self._engine.turn(entity.handle, driven.parts, (0.0, 0.0), (driven.torque, driven.torque))
         return entity
-
-    def _mounted(self, name: str, body: Body, config: LaserSensor) -> Mounted:
-        part, at = body.part_of(config.link)
-        return Mounted(Laser(config, generator_for(self._seed, name, config.name)), part, at.compose(config.pose))
 
     def _driven(self, name: str, body: Body, config: DiffDrive) -> Driven:
         errors = generator_for(self._seed, name, config.name, "odometry").standard_normal(2) * self._odometry_error
@@ -172,13 +169,16 @@ class Simulation:
             drive, (body.joint_index(config.leftJoint), body.joint_index(config.rightJoint)), config.wheelTorque
         )
 
-    def _add(self, name: str, namespace: str, body: Body, pose: Pose, robot: Robot | None) -> Entity:
+    def _add(
+        self, name: str, namespace: str, body: Body, pose: Pose, robot: Robot | None, anywhere: bool = False
+    ) -> Entity:
         lowest = lowest_point(body, pose)
-        if -1.0 < lowest < GROUND_GAP:
+        if -1.0 < lowest < GROUND_GAP and body.parts[0].mass > 0:
             x, y, z = pose.position
             pose = replace(pose, position=(x, y, z + GROUND_GAP - lowest))
         handle = self._engine.add(body, pose)
-        deepest = max(self._engine.overlap(handle), key=lambda contact: contact.depth, default=None)
+        overlap = [] if anywhere else self._engine.overlap(handle)
+        deepest = max(overlap, key=lambda contact: contact.depth, default=None)
         if deepest is not None and deepest.depth > DEEPEST_START:
             inside = self.touched_name(deepest)
             self._engine.remove(handle)
@@ -189,6 +189,7 @@ class Simulation:
     def _keep(self, entity: Entity) -> Entity:
         entity.number, entity.before, entity.seen = len(self._entities), entity.after, self._stepped
         self._entities[entity.name] = self._by_handle[entity.handle] = entity
+        self._swinging += swinging_parts(entity)
         self._poses = (-1, self._poses[1])
         return entity
 
@@ -203,9 +204,11 @@ class Simulation:
             return
         entity = self.entity(name)
         self._engine.remove(entity.handle)
-        self._scene.forget(entity.body)
+        for outline in (entity.outline, *(one.outline for one in self._swinging if one.entity is entity)):
+            self._scene.forget(outline)
         del self._entities[name], self._by_handle[entity.handle]
         self._actors.remove(entity)
+        self._swinging = [one for one in self._swinging if one.entity is not entity]
         self._wrenches.clear(entity)
         self._collided = [one for one in self._collided if one is not entity]
         for number, other in enumerate(self._entities.values()):
@@ -316,19 +319,18 @@ class Simulation:
         base = self.pose(entity) if mounted.part == 0 else self._engine.pose(entity.handle, mounted.part)
         sensor = base.compose(mounted.pose)
         x, y, height = sensor.position
-        seen = [(other.body, self._settled(other).position[2]) for other in self._entities.values()]
+        seen = [(other.outline, self._settled(other).position[2]) for other in self._entities.values()]
+        seen += [(one.outline, self._engine.pose(one.entity.handle, one.part).position[2]) for one in self._swinging]
         return mounted.laser.ranges(
             self._scene.walls(height), self._scene.movers(height, seen), self._mover_poses(), entity.number,
             (x, y, heading(sensor)),
         )  # fmt: skip
 
     def _mover_poses(self) -> NDArray[np.float64]:
-        if self._poses[0] != self.tick or len(self._poses[1]) != len(self._entities):
-            rows = np.empty((len(self._entities), 3))
-            for row, entity in enumerate(self._entities.values()):
-                pose = self.pose(entity)
-                rows[row] = (*pose.position[:2], heading(pose))
-            self._poses = self.tick, rows
+        if self._poses[0] != self.tick:
+            poses = [self.pose(entity) for entity in self._entities.values()]
+            poses += [self._engine.pose(one.entity.handle, one.part) for one in self._swinging]
+            self._poses = self.tick, np.array([(*pose.position[:2], heading(pose)) for pose in poses])
         return self._poses[1]
 
     # What is done to it.

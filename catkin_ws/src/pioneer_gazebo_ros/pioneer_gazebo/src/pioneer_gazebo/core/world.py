@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
+from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
 from pioneer_gazebo.core.script import Script
 
@@ -119,13 +120,23 @@ class Link:
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """A named group of links; its pose is in the world. A static model never moves; one with a script moves by that."""
+    """A named group of links.
+
+    Attributes:
+        name: unique in the world.
+        pose: in the world.
+        static: whether it never moves.
+        links: poses are in the model's frame, all joints at 0.
+        script: what moves it in place of physics.
+        joints: one tree of all links (see `joint.tree_of`); none where all links are held together.
+    """
 
     name: str
     pose: Pose = IDENTITY
     static: bool = False
     links: tuple[Link, ...] = ()
     script: Script | None = None
+    joints: tuple[Joint, ...] = ()
 
     def moved(self, base: Pose) -> "Model":
         """Returns the model with its pose and script, given in ``base``'s frame, in the frame of ``base``'s parent."""

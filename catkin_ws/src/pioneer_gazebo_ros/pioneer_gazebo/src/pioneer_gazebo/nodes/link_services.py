@@ -7,10 +7,10 @@ from gazebo_msgs import srv
 from gazebo_msgs.msg import LinkState
 
 from pioneer_gazebo import conversions
-from pioneer_gazebo.core import robot as kinds
+from pioneer_gazebo.core import joint as kinds
 from pioneer_gazebo.core.entity import Entity
+from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import Pose, rotated
-from pioneer_gazebo.core.robot import Joint
 from pioneer_gazebo.core.schedule import TICK_RATE
 from pioneer_gazebo.core.simulation import ModelError
 from pioneer_gazebo.core.wrench import Wrench

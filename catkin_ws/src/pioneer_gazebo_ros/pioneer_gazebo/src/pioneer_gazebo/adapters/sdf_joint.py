@@ -1,0 +1,93 @@
+"""SDF joints between the links of a world's model."""
+
+import math
+from collections.abc import Mapping
+
+from pioneer_gazebo.adapters.element import Element
+from pioneer_gazebo.adapters.sdf_frame import Frames
+from pioneer_gazebo.adapters.sdf_link import Scope, pose_in
+from pioneer_gazebo.core.joint import CONTINUOUS, FIXED, PRISMATIC, REVOLUTE, WORLD, Joint
+from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector, rotated
+
+KINDS = (FIXED, REVOLUTE, PRISMATIC, CONTINUOUS)
+UNLIMITED = 1e15
+"""SDF writes no limit as ±1e16."""
+
+
+def joint_from_sdf(element: Element, links: Mapping[str, Pose], frames: Frames, scope: Scope) -> Joint:
+    """Returns the joint of a ``<joint>`` element; one of a kind that is not supported is fixed, with a note.
+
+    Args:
+        element: the ``<joint>``.
+        links: each link's pose in the model.
+        frames: the model's.
+        scope: of the file.
+
+    Raises:
+        DescriptionError: a value that makes no sense, a link that is not there.
+    """
+    name, kind = element.attribute("name"), element.attribute("type")
+    ends = [element.needed(tag).text.removeprefix("__model__::") for tag in ("parent", "child")]
+    poses = {WORLD: IDENTITY, **links}
+    for end in ends:
+        if end not in poses:
+            raise element.error(f"there is no link {end!r}")
+    if kind not in KINDS:
+        scope.notes.add(f"joint type {kind!r} is not supported: the links it connects are held together")
+        kind = FIXED
+    parent, child = ends
+    own = element.child("pose")
+    of_frame = own is not None and own.attribute("relative_to", own.attribute("frame", ""))
+    at = frames.pose(element) if of_frame else poses[child].compose(pose_in(element))
+    if kind == FIXED:
+        return Joint(name, FIXED, parent, child, poses[parent].inverse().compose(at), offset=_offset(at, poses[child]))
+    axis = element.needed("axis")
+    lower, upper = _limits(axis, kind)
+    dynamics = axis.child("dynamics")
+    if dynamics is not None and dynamics.number("spring_stiffness", 0.0) != 0.0:
+        scope.notes.add("<spring_stiffness> of a joint is not supported and left out")
+    return Joint(
+        name,
+        CONTINUOUS if kind == REVOLUTE and math.isinf(lower) and math.isinf(upper) else kind,
+        parent,
+        child,
+        poses[parent].inverse().compose(at),
+        _axis(axis, at, frames, element),
+        lower,
+        upper,
+        damping=0.0 if dynamics is None else dynamics.number("damping", 0.0),
+        friction=0.0 if dynamics is None else dynamics.number("friction", 0.0),
+        offset=_offset(at, poses[child]),
+    )
+
+
+def _offset(joint: Pose, child: Pose) -> Pose:
+    return joint.inverse().compose(child)
+
+
+def _limits(axis: Element, kind: str) -> tuple[float, float]:
+    limit = axis.child("limit")
+    if limit is None or kind == CONTINUOUS:
+        return -math.inf, math.inf
+    lower, upper = limit.number("lower", -math.inf), limit.number("upper", math.inf)
+    if lower > upper:
+        raise limit.error(f"lower {lower:g} is above upper {upper:g}")
+    return (lower if lower > -UNLIMITED else -math.inf), (upper if upper < UNLIMITED else math.inf)
+
+
+def _axis(element: Element, joint: Pose, frames: Frames, owner: Element) -> Vector:
+    """Returns the axis in the joint's frame. SDF 1.4 gave it in the model's, 1.5 and 1.6 did so on request."""
+    xyz = element.child("xyz")
+    x, y, z = (0.0, 0.0, 1.0) if xyz is None else xyz.vector()
+    length = math.hypot(x, y, z)
+    if length < 1e-9:
+        raise element.error("<xyz> must not be 0 0 0")
+    vector = (x / length, y / length, z / length)
+    named = "" if xyz is None else xyz.attribute("expressed_in", "")
+    of_model = element.flag("use_parent_model_frame") or owner.version() == "1.4" or named == "__model__"
+    if named and not of_model:
+        vector = rotated(frames.named(named, owner).rotation, vector)
+    if named or of_model:
+        vx, vy, vz, w = joint.rotation
+        return rotated((-vx, -vy, -vz, w), vector)
+    return vector
