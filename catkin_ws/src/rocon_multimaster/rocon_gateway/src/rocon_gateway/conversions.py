@@ -12,7 +12,7 @@ from rocon_gateway.core.network import Member
 from rocon_gateway.core.record import Record
 from rocon_gateway.core.rule import Connection, Kind, RemoteRule, Rule, rule_from_text
 from rocon_gateway.core.rulebook import remote_rule
-from rocon_gateway.core.situation import Flipped, RuleState, State
+from rocon_gateway.core.situation import WORKING, Flipped, RuleState, State
 
 
 def rules_from_messages(messages: Iterable[RuleMessage], code: Code) -> list[Rule]:
@@ -71,7 +71,7 @@ def message_from_record(record: Record, silence: float) -> RemoteGateway:
 def diagnostic_from_state(state: RuleState, gateway: str) -> DiagnosticStatus:
     """Returns how a rule of our gateway `gateway` does, for `/diagnostics`."""
     word = state.verdict.state
-    if word == State.ACTIVE:
+    if word in WORKING:
         level = DiagnosticStatus.OK
     elif word == State.PENDING:
         level = DiagnosticStatus.STALE

@@ -157,3 +157,18 @@ def _is_hub(pid: int) -> bool:
             return b"rocon_hub/hub" in file.read()
     except OSError:
         return False
+
+
+def test_a_rule_with_a_rate_says_so_and_keeps_to_it(fleet) -> None:
+    fleet.start_hub()
+    options = [{"name": "/p1/scan", "gateway": "base", "rate": 5}]
+    robot = fleet.site("robot").start(rule_options=options).connected()
+    base = fleet.site("base").start().connected()
+    robot.talk("/p1/scan")
+    scan = base.hear("/p1/scan")
+    begin = time.monotonic()
+    assert base.flip("robot", "subscriber", "/p1/scan") == 0
+    said = "rate-limited: at most 5 messages a second"
+    wait_until(lambda: base.states() == {"flip /p1/scan": said}, "the state", 5)
+    wait_until(lambda: len(scan.times()) > 8, "messages", 10)
+    assert len(scan.times()) <= 5 * (time.monotonic() - begin) + 1

@@ -1,6 +1,6 @@
 """Publishes numbered texts on /chatter, long ones on /big, and its arguments once, latched, on /latched.
 
-On /flood it publishes as fast as its only subscriber takes it, without a queue.
+On /flood it publishes as fast as its only subscriber takes it, without a queue; on /tf_static two frames, latched.
 """
 
 import hashlib
@@ -8,7 +8,9 @@ import sys
 import threading
 
 import rospy
+from geometry_msgs.msg import TransformStamped
 from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
 
 MIXED_SIZES = (1_500_000, 1_000_000, 100, 2_000_000, 70_000, 900_000, 8)
 """What follows one another on /mixed [bytes]."""
@@ -56,6 +58,8 @@ def main() -> None:
     mixed = rospy.Publisher("/mixed", String, queue_size=5)
     latched = rospy.Publisher("/latched", String, queue_size=5, latch=True)
     latched.publish(" ".join(rospy.myargv()[1:]))
+    frames = rospy.Publisher("/tf_static", TFMessage, queue_size=5, latch=True)
+    frames.publish([TransformStamped(child_frame_id=f"pioneer{number}/laser") for number in (1, 2)])
     number = 0
     while not rospy.is_shutdown():
         chatter.publish(text(number, 80))

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass, field
 
-from rocon_gateway.core.connection import LinkState, LinkStatus
+from rocon_gateway.core.connection import Import, LinkState, LinkStatus
+from rocon_gateway.core.option import OptionRule
 from rocon_gateway.core.reconcile import reconcile
 from rocon_gateway.core.record import Letter, Record, letter_from_text, text_from_letter
 from rocon_gateway.core.rule import Connection, Kind, RemoteRule, Rule
@@ -36,6 +37,7 @@ class FakeGateway:
     firewall: bool = False
     outcome: Outcome = field(default_factory=Outcome)
     links: dict[AnyImport, LinkStatus] = field(default_factory=dict)
+    options: tuple[OptionRule, ...] = ()
 
     @property
     def name(self) -> str:
@@ -66,7 +68,7 @@ class Fleet:
             before = {name: gateway.outcome for name, gateway in self.gateways.items()}
             for gateway in self.gateways.values():
                 gateway.outcome = reconcile(self.situation(gateway))
-                gateway.links = {one: LinkStatus(LinkState.ACTIVE) for one in gateway.outcome.imports}
+                gateway.links = {one: LinkStatus(_state_of_working(one)) for one in gateway.outcome.imports}
             if before == {name: gateway.outcome for name, gateway in self.gateways.items()}:
                 self.check()
                 return self
@@ -86,6 +88,7 @@ class Fleet:
                 for name, other in others.items()
             },
             links=gateway.links,
+            options=gateway.options,
         )
 
     def check(self) -> None:
@@ -103,6 +106,10 @@ class Fleet:
         assert imports <= exports
         for _, name, _, topic, node in exports:
             assert not node or any((one.name, one.node) == (topic, node) for one in self.gateways[name].local)
+
+
+def _state_of_working(wanted: AnyImport) -> LinkState:
+    return LinkState.RATE_LIMITED if isinstance(wanted, Import) and wanted.options.rate else LinkState.ACTIVE
 
 
 def fleet_of(hub: FakeGateway, robot: FakeGateway) -> Fleet:

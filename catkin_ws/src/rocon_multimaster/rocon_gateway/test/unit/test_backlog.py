@@ -13,6 +13,8 @@ from rocon_gateway.core.frame import FrameSplitter
 class FakeReceiver:
     """Takes as many bytes at each attempt as it is told."""
 
+    takes_unseen = True
+
     def __init__(self, appetite, max_messages=5, max_bytes=10_000):
         self.backlog = Backlog(max_messages, max_bytes)
         self.received = b""
@@ -22,6 +24,10 @@ class FakeReceiver:
         self.unseen = 0
         self.relieved = lambda: None
         self._appetite = iter(appetite)
+
+    @property
+    def is_full(self):
+        return self.backlog.is_full
 
     def take(self, data):
         count = min(next(self._appetite, 0), len(data))

@@ -6,6 +6,7 @@ import pytest
 from gateway_model import FakeGateway, Fleet, fleet_of, gateway, publisher, service, subscriber, to
 
 from rocon_gateway.core.connection import LinkState
+from rocon_gateway.core.option import NO_OPTIONS, LinkOptions, option_rule
 from rocon_gateway.core.reconcile import reconcile
 from rocon_gateway.core.rule import ALL, Kind, RemoteRule, Rule
 from rocon_gateway.core.rulebook import RuleBook
@@ -251,3 +252,22 @@ def test_two_gateways_whose_names_look_alike_to_ros_do_not_share_a_proxy() -> No
     robot.book = robot.book.flipped([to("a.b", Kind.SUBSCRIBER, "/t")])
     Fleet(robot, one, two).settle()
     assert len(robot.outcome.imports) == 1
+
+
+def test_options_go_to_the_links_that_they_mean_at_either_end() -> None:
+    hub = gateway("hub", publisher("/image"), publisher("/map"))
+    robot = gateway("robot", subscriber("/image"))
+    hub.options = (option_rule({"name": "/map", "gateway": "robot", "compress": True}),)
+    robot.options = (option_rule({"name": "/image", "node": "/talker", "rate": 2}),)
+    hub.book = hub.book.flipped([to("robot", Kind.PUBLISHER, "/map")])
+    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/image")])
+    fleet_of(hub, robot)
+    assert {one.topic: one.options for one in hub.outcome.exports} == {
+        "/map": LinkOptions(compress=True),
+        "/image": NO_OPTIONS,
+    }
+    assert {one.topic: one.options for one in robot.outcome.imports} == {
+        "/map": NO_OPTIONS,
+        "/image": LinkOptions(rate=2),
+    }
+    assert robot.states() == {"flip /image": "rate-limited"}

@@ -5,13 +5,18 @@ goes out whole, so the receiver never loses its place in the stream.
 """
 
 import enum
+import sys
 from collections import deque
+from collections.abc import Iterator
 from itertools import islice
 
 from rocon_gateway.core.frame import Chunk
 
 BATCH = 64 * 1024
 """So many bytes, and the rest of one message, leave the reach of dropping before they are sent."""
+
+UNBOUNDED = sys.maxsize
+"""Stands for a bound that nothing reaches."""
 
 MAX_BUFFERS = 512
 """So many buffers at most go into one system call (Linux allows 1024)."""
@@ -41,10 +46,17 @@ class Backlog:
         self._waiting_bytes = 0
         self._rest = _Rest.NONE
 
-    def bound(self, max_messages: int, max_bytes: int) -> None:
-        """Sets how many messages, and of how many bytes, may wait at most; one message always may."""
+    def bound(self, max_messages: int, max_bytes: int, drops_first: bool = False) -> None:
+        """Sets how many messages, and of how many bytes, may wait at most; one message always may.
+
+        Args:
+            max_messages: so many.
+            max_bytes: their bytes.
+            drops_first: drop the oldest beyond that instead of having their source wait, as `is_full` does.
+        """
         self._max_messages = max(1, max_messages)
         self._max_bytes = max_bytes
+        self._drops_first = drops_first
 
     @property
     def is_empty(self) -> bool:
@@ -54,7 +66,7 @@ class Backlog:
     @property
     def is_full(self) -> bool:
         """Whether its receiver is behind, so that it is better to wait than to bring more."""
-        return bool(self._sending or self._waiting)
+        return bool(self._sending or self._waiting) and not self._drops_first
 
     @property
     def is_direct(self) -> bool:
@@ -74,8 +86,9 @@ class Backlog:
             in_frame: whether the stream is within a frame; without `partial` this one is left out.
         """
         if partial is not None and in_frame:
-            self._sending.append(partial)
-            self._rest = _Rest.SEND
+            self._waiting.append([partial])
+            self._waiting_bytes += len(partial)
+            self._rest = _Rest.HOLD
         else:
             self._rest = _Rest.SKIP if in_frame else _Rest.NONE
 
@@ -152,6 +165,15 @@ class Backlog:
                 return
             count -= size
             sending.popleft()
+
+    def frames(self) -> Iterator[memoryview]:
+        """Takes out all whole frames, for a receiver of messages. Nothing of it went out otherwise."""
+        while self._sending:
+            yield self._sending.popleft()
+        while len(self._waiting) > (self._rest is _Rest.HOLD):
+            parts = self._waiting.popleft()
+            self._waiting_bytes -= sum(map(len, parts))
+            yield parts[0] if len(parts) == 1 else memoryview(b"".join(parts))
 
     def _commit(self, size: int) -> None:
         while self._waiting and size > 0:

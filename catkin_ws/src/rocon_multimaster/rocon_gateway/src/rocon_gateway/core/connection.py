@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 if TYPE_CHECKING:
     from rocon_gateway.core.service import AnyExport, AnyImport
 
+from rocon_gateway.core.option import NO_OPTIONS, LinkOptions
+
 ANY = "*"
 """Stands for any type or any MD5 sum, as in TCPROS."""
 
@@ -37,6 +39,8 @@ class LinkState(enum.StrEnum):
     """Not there yet: being set up (import), or not yet fetched by anybody (export)."""
     ACTIVE = "active"
     """The link is up and, for an import, the proxy is registered. Data flows while somebody subscribes."""
+    RATE_LIMITED = "rate-limited"
+    """Active, and by a rule's option not every message crosses."""
     NO_PUBLISHER = "no publisher"
     """The link is up, and its source node does not answer or does not publish the topic."""
     NO_SERVER = "no server"
@@ -49,17 +53,6 @@ class LinkState(enum.StrEnum):
     """The far relay does not answer. It is dialled again, at most `RelayConfig.retry_longest` later."""
     REFUSED = "refused"
     """The far relay answers no: nothing exported to us, wrong credential, a loop. Asked again likewise."""
-
-
-@dataclass(frozen=True, slots=True)
-class LinkOptions:
-    """What a rule may ask of its links.
-
-    Attributes:
-        queue_size: messages that wait for one slow receiver at most; 0 is the relay's own default.
-    """
-
-    queue_size: int = 0
 
 
 class Address(NamedTuple):
@@ -86,7 +79,7 @@ class Export:
         type: message type as our master knows it, or `ANY`.
         source_node: resolved name of a node on our master. Never one of our proxies.
         to_gateway: unique name of the gateway that may fetch.
-        options: bounds of the queue towards that gateway.
+        options: what our rules ask of the link.
         subscriber: the node as which we subscribe to the publisher; "" is our own node. Clients of actions want to
             see the server among their subscribers.
     """
@@ -95,7 +88,7 @@ class Export:
     type: str
     source_node: str
     to_gateway: str
-    options: LinkOptions = LinkOptions()
+    options: LinkOptions = NO_OPTIONS
     subscriber: str = ""
 
     @property
@@ -117,7 +110,7 @@ class Import:
         address: where that gateway's relay listens.
         allowed_nodes: regular expression that the whole name of a subscribing node must match; "" is any.
             Several rules for one key are the control plane's to join: `(?:a)|(?:b)`.
-        options: bounds of the queue towards each subscriber.
+        options: what our rules ask of the link; the source does it.
     """
 
     topic: str
@@ -127,7 +120,7 @@ class Import:
     source_node: str
     address: Address
     allowed_nodes: str = ""
-    options: LinkOptions = LinkOptions()
+    options: LinkOptions = NO_OPTIONS
 
     @property
     def key(self) -> Key:
@@ -153,6 +146,8 @@ class LinkStatus:
             service, calls.
         bytes: their bytes, the four of each length included; of a service, of requests and responses.
         drops: messages dropped for receivers that were too slow.
+        left_out: export: messages that did not cross because of the link's options.
+        saved: bytes of the messages that compression kept off the link.
     """
 
     state: LinkState
@@ -161,6 +156,8 @@ class LinkStatus:
     messages: int = 0
     bytes: int = 0
     drops: int = 0
+    left_out: int = 0
+    saved: int = 0
 
 
 @dataclass(frozen=True, slots=True)

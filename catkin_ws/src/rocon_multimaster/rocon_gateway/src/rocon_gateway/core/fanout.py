@@ -12,11 +12,18 @@ class Outlet(Protocol):
 
     Attributes:
         backlog: what waits for it.
+        takes_unseen: whether bytes may go in at `fileno` otherwise than by `push`, as `Fanout.passage` allows.
+        is_full: whether it is behind, and its source had better wait.
         relieved: to be called when it takes more again after it was full; `Fanout.join` sets it.
     """
 
     backlog: Backlog
+    takes_unseen: bool
     relieved: Callable[[], None]
+
+    @property
+    def is_full(self) -> bool:
+        """See there."""
 
     def push(self, chunk: Chunk) -> None:
         """Sends or queues a chunk."""
@@ -28,7 +35,7 @@ class Outlet(Protocol):
         """Called when the frame that was under way at `Fanout.leave` has gone out whole."""
 
     def fileno(self) -> int:
-        """Returns the descriptor where bytes may go in otherwise than by `push`, as `Fanout.passage` allows."""
+        """Returns the descriptor of its connection."""
 
     def passed(self, count: int, ended: bool) -> None:
         """Bytes of the frame that is arriving, and maybe its end, went in at `fileno`."""
@@ -81,7 +88,7 @@ class Fanout:
     def is_full(self) -> bool:
         """Whether there are receivers and all of them are behind: the quickest decides."""
         for outlet in self._outlets:
-            if not outlet.backlog.is_full:
+            if not outlet.is_full:
                 return False
         return bool(self._outlets) and not self._leaving
 
@@ -115,7 +122,8 @@ class Fanout:
         if not self._splitter.is_large or self.latching or self._leaving or len(self._outlets) != 1:
             return None
         outlet = self._outlets[0]
-        return Passage(outlet, self._splitter.remaining) if outlet.backlog.is_direct else None
+        is_open = outlet.takes_unseen and outlet.backlog.is_direct
+        return Passage(outlet, self._splitter.remaining) if is_open else None
 
     def passed(self, count: int) -> None:
         """Takes note of bytes of one message that went where `passage` said."""

@@ -7,14 +7,20 @@ import hmac
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from rocon_gateway.core.code import GatewayError
 from rocon_gateway.core.connection import ANY, LinkState, RelayError
 from rocon_gateway.core.header import header_bytes
+from rocon_gateway.core.option import NO_OPTIONS, LinkOptions, options_from_fields
 
 VERSION = "1"
 
 
 class LinkError(RelayError):
     """What a peer says is not the link protocol, or not a version of it that we speak."""
+
+
+class AskError(LinkError):
+    """A peer asks of a link what cannot be had; it is told so."""
 
 
 CLIENT = "client."
@@ -39,6 +45,7 @@ class Hello:
     Attributes:
         topic: the name of the subject, whatever that is.
         client: of a call, the fields of its client's connection header, sorted.
+        options: of a topic, what the sink asks for; a field for each that is not off.
     """
 
     topic: str
@@ -51,6 +58,7 @@ class Hello:
     nonce: str
     subject: Subject = Subject.TOPIC
     client: tuple[tuple[str, str], ...] = ()
+    options: LinkOptions = NO_OPTIONS
 
     def of_client(self, fields: Mapping[str, str]) -> "Hello":
         """Returns the hello of a call for a client with this connection header."""
@@ -68,6 +76,7 @@ class Hello:
             "sink_gateway": self.sink_gateway,
             "gateways_passed": ",".join(self.gateways_passed),
             "nonce": self.nonce,
+            **self.options.fields(),
             **{CLIENT + key: value for key, value in self.client},
         }
 
@@ -76,6 +85,7 @@ class Hello:
         """Reads a connection header.
 
         Raises:
+            AskError: its options are not sound.
             LinkError: another version, or a field is missing.
         """
         if fields.get("relay") != VERSION:
@@ -94,9 +104,12 @@ class Hello:
                 fields["nonce"],
                 subject,
                 tuple(sorted(client)),
+                options_from_fields(fields),
             )
         except KeyError as error:
             raise LinkError(f"its hello lacks the field {error.args[0]}") from None
+        except GatewayError as error:
+            raise AskError(f"options that cannot be had: {error}") from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +127,12 @@ class Refusal:
 def state_from_field(word: str) -> LinkState:
     """Returns the state of that name; a word that we do not know is `REFUSED`."""
     return LinkState(word) if word in set(LinkState) else LinkState.REFUSED
+
+
+def limit_from_fields(fields: Mapping[str, str]) -> str:
+    """Returns how a welcome limits the rate, for people; "" where it does not."""
+    rate = fields.get("rate", "")[:24]
+    return f"at most {rate.removesuffix('.0')} messages a second" if rate else ""
 
 
 def mismatch(wanted_type: str, wanted_md5sum: str, type_: str, md5sum: str) -> str:

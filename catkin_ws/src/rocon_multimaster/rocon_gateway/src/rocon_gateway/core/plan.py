@@ -7,6 +7,7 @@ from typing import TypeVar
 from rocon_gateway.core import verdict
 from rocon_gateway.core.action import status_topic
 from rocon_gateway.core.connection import ANY, Address, Export, Import, Key
+from rocon_gateway.core.option import LinkOptions, options_for
 from rocon_gateway.core.record import EMPTY, Letter, Offer, Purpose, Reply, Want
 from rocon_gateway.core.rule import Connection, Kind
 from rocon_gateway.core.service import (
@@ -85,8 +86,12 @@ class Plan:
         elif connection.kind == Kind.PARAMETER:
             export = ParameterExport(connection.name, gateway)
         else:
-            export = Export(connection.name, connection.type, connection.node, gateway)
+            options = self._options(connection, gateway)
+            export = Export(connection.name, connection.type, connection.node, gateway, options)
         self._exports.setdefault((connection.kind, export.key), export)
+
+    def _options(self, connection: Connection, gateway: str) -> LinkOptions:
+        return options_for(self._situation.options, connection.name, connection.node, gateway, self._name)
 
     def exports(self) -> frozenset[AnyExport]:
         """Returns what shall be exported; to be called when all imports are known."""
@@ -107,7 +112,10 @@ class Plan:
         here = self._types.get(connection.name, ANY)
         if ANY not in (here, connection.type) and here != connection.type:
             return always(verdict.mismatch(connection.name, {self._name: here, gateway: connection.type}))
-        wanted = Import(connection.name, connection.type, ANY, gateway, connection.node, _address(other))
+        options = self._options(connection, gateway)
+        wanted = Import(
+            connection.name, connection.type, ANY, gateway, connection.node, _address(other), options=options
+        )
         clash = self._clash(wanted)
         if clash:
             return always(Verdict(State.REFUSED, clash))

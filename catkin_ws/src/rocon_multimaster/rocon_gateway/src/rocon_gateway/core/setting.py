@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from rocon_gateway.core.code import Code, GatewayError
+from rocon_gateway.core.option import OptionRule, option_rule
 from rocon_gateway.core.rule import ALL, Kind, RemoteRule, Rule, rule_from_text
 from rocon_gateway.core.rulebook import RuleBook, remote_rule
 
-APPENDED = ("default_flips", "default_advertisements", "default_pulls")
+APPENDED = ("default_flips", "default_advertisements", "default_pulls", "rule_options")
 """Keys of a custom rules file that add to a parameter; all others replace it."""
 
 
@@ -35,6 +36,9 @@ class GatewaySetting:
         default_advertisements: `{name, node, type}`.
         default_flips: `{gateway, rule: {name, node, type}}`; without `rule`, everything is flipped there.
         default_pulls: likewise.
+        rule_options: `{name, node, gateway, rate, queue_size, compress, tf_frames}`: what is asked of the links that
+            rules bring for a topic (name), publishing node and other gateway, patterns as in rules, all by default;
+            the first row that matches counts. See `core.option.LinkOptions`.
         advertise_all: start with everything advertised.
         custom_rules_file: YAML with more of these; empty for none.
         network_interface: accepted and not used: no interface has to be chosen.
@@ -55,6 +59,7 @@ class GatewaySetting:
     default_advertisements: Any = ()
     default_flips: Any = ()
     default_pulls: Any = ()
+    rule_options: Any = ()
     advertise_all: Any = ()
     custom_rules_file: str = ""
     network_interface: str = ""
@@ -69,6 +74,14 @@ class GatewaySetting:
             raise SettingError("gateway: ~watch_loop_period must be greater than 0")
         if not 0 <= self.relay_port < 65536:
             raise SettingError(f"gateway: ~relay_port must be 0 to 65535, not {self.relay_port}")
+        self.options()
+
+    def options(self) -> tuple[OptionRule, ...]:
+        """Returns what is asked of links. Raises SettingError for what cannot be meant."""
+        try:
+            return tuple(option_rule(row) for row in _rows(self.rule_options))
+        except GatewayError as error:
+            raise SettingError(f"gateway: ~rule_options: {error}") from None
 
     def unique_name(self) -> str:
         """Returns a unique name; a new one with each call unless `disable_uuids`."""

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from rocon_gateway.core.connection import LinkStatus
+from rocon_gateway.core.option import OptionRule
 from rocon_gateway.core.record import EMPTY, Letter, Record
 from rocon_gateway.core.rule import Connection, Rule
 from rocon_gateway.core.rulebook import RuleBook
@@ -15,6 +16,7 @@ class State(enum.StrEnum):
     """How a rule does. Where several connections belong to a rule, the best state among them is the rule's."""
 
     ACTIVE = "active"
+    RATE_LIMITED = "rate-limited"
     PENDING = "pending"
     NO_GATEWAY = "no such gateway"
     NO_TOPIC = "no such topic"
@@ -28,6 +30,10 @@ class State(enum.StrEnum):
     FIREWALLED = "firewalled"
     UNREACHABLE = "unreachable"
     REFUSED = "refused"
+
+
+WORKING = frozenset({str(State.ACTIVE), str(State.RATE_LIMITED)})
+"""The states of a rule that does what it is to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +81,7 @@ class Situation:
         names: unique names of all other gateways that are alive.
         remotes: those of them that our rules or their letters concern, by unique name.
         links: how our imports do.
+        options: what is asked of links; the first that means a connection counts.
     """
 
     book: RuleBook
@@ -84,6 +91,7 @@ class Situation:
     names: frozenset[str] = frozenset()
     remotes: Mapping[str, Remote] = field(default_factory=dict)
     links: Mapping[AnyImport, LinkStatus] = field(default_factory=dict)
+    options: tuple[OptionRule, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

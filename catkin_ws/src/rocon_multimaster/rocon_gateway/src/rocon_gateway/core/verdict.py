@@ -18,6 +18,7 @@ from rocon_gateway.core.situation import State, Verdict
 
 _ORDER = (
     State.ACTIVE,
+    State.RATE_LIMITED,
     State.TYPE_MISMATCH,
     State.UNREACHABLE,
     State.REFUSED,

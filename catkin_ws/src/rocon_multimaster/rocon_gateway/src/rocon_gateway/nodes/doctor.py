@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import redis
 import rosgraph
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from gateway_msgs.msg import GatewayInfo
 
 from rocon_gateway.adapters import examination
@@ -117,9 +117,9 @@ def _relays(described: list[Description]) -> Iterator[Finding]:
 
 def _rules(client: GatewayClient) -> Finding:
     try:
-        states = [status.message for status in client.latched("rules", DiagnosticArray).status]
+        states = client.latched("rules", DiagnosticArray).status
     except ClientError as error:
         return Finding(Level.FAULT, str(error), "look into the gateway's log")
-    idle = sum(state != "active" for state in states)
+    idle = sum(state.level != DiagnosticStatus.OK for state in states)
     what = f"{len(states) - idle} of {len(states)} rules are active"
     return Finding(Level.WARNING, what, "rosrun rocon_gateway rules says why") if idle else Finding(Level.OK, what)

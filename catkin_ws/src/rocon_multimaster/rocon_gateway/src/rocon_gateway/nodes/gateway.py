@@ -61,6 +61,7 @@ class GatewayNode:
         self._logger = logging.getLogger("rosout")
         self._setting = config_from_mapping(GatewaySetting, _parameters(), rospy.get_name())
         self._period = self._setting.watch_loop_period
+        self._options = self._setting.options()
         self._name, self._instance = self._setting.unique_name(), uuid.uuid4().hex
         book, complaints = book_from_setting(self._setting, self._name)
         for complaint in complaints:
@@ -156,6 +157,7 @@ class GatewayNode:
             names=view.names,
             remotes=view.remotes,
             links=self._relay.status().imports,
+            options=self._options,
         )
         self._outcome = outcome = reconcile(situation)
         self._relay.apply(outcome.exports, outcome.imports)
@@ -185,7 +187,7 @@ class GatewayNode:
     def _linked(self) -> set[str]:
         """Gateways that a link now stands to; none stands for a parameter."""
         status = self._relay.status()
-        up = {LinkState.ACTIVE, LinkState.NO_PUBLISHER, LinkState.NO_SERVER}
+        up = {LinkState.ACTIVE, LinkState.RATE_LIMITED, LinkState.NO_PUBLISHER, LinkState.NO_SERVER}
         imports = {one for one, link in status.imports.items() if link.state in up}
         exports = {one for one, link in status.exports.items() if link.state in up}
         return {one.source_gateway for one in imports if not isinstance(one, ParameterImport)} | {

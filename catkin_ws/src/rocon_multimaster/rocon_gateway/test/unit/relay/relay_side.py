@@ -19,11 +19,11 @@ from rocon_gateway.core.connection import (
     Address,
     Export,
     Import,
-    LinkOptions,
     LinkState,
     RelayConfig,
 )
 from rocon_gateway.core.header import header_bytes, header_fields
+from rocon_gateway.core.option import NO_OPTIONS
 
 NODES = Path(__file__).parent.parent.parent / "node"
 STRING = "std_msgs/String"
@@ -128,19 +128,19 @@ def node_at(uri):
         yield slave
 
 
-def export(topic="/chatter", node="/talker1", type_=STRING):
-    return Export(topic, type_, node, "sink")
+def export(topic="/chatter", node="/talker1", type_=STRING, options=NO_OPTIONS):
+    return Export(topic, type_, node, "sink", options)
 
 
 def imported(source, topic="/chatter", node="/talker1", type_=STRING, md5sum=ANY, allowed="", options=None):
-    return Import(topic, type_, md5sum, "source", node, source.address, allowed, options or LinkOptions())
+    return Import(topic, type_, md5sum, "source", node, source.address, allowed, options or NO_OPTIONS)
 
 
-def connect(source, sink, topics=("/chatter",), nodes=("/talker1",), **more):
+def connect(source, sink, topics=("/chatter",), nodes=("/talker1",), state=LinkState.ACTIVE, at_source=None, **more):
     pairs = list(itertools.product(topics, nodes))
-    source.relay.apply({export(*pair) for pair in pairs}, set())
+    source.relay.apply({export(*pair, **(at_source or {})) for pair in pairs}, set())
     sink.relay.apply(set(), {imported(source, *pair, **more) for pair in pairs})
-    wait_for(sink, LinkState.ACTIVE)
+    wait_for(sink, state)
 
 
 def wait_for(side, state, timeout=5):

@@ -34,9 +34,9 @@ class Context:
         """Returns a client of a node's or master's XML-RPC server."""
         return Server(self.reactor, self.resolver, uri, self.config.call_timeout)
 
-    def bound(self, backlog: Backlog, options: LinkOptions) -> None:
-        """Sets the bounds of the queue towards one receiver."""
-        backlog.bound(options.queue_size or self.config.queue_size, self.config.queue_bytes)
+    def bound(self, backlog: Backlog, options: LinkOptions, drops_first: bool = False) -> None:
+        """Sets the bounds of the queue towards one receiver; see `Backlog.bound`."""
+        backlog.bound(options.queue_size or self.config.queue_size, self.config.queue_bytes, drops_first)
 
 
 class Pause:

@@ -25,7 +25,8 @@ class LinkOwner(Protocol):
 class TopicOwner(LinkOwner, Protocol):
     """Whom a topic's link tells what comes on it, too."""
 
-    fanout: Fanout
+    def inlet(self, fields: dict[str, str]) -> Fanout:
+        """Returns where the messages go of a link whose welcome has these fields."""
 
     def told(self, fields: dict[str, str]) -> None:
         """A control frame has come."""
@@ -117,14 +118,15 @@ class TopicLink(DialledLink):
         super().__init__(context, owner, address, hello)
         self._topic_owner = owner
 
-    def accepted(self, _fields: dict[str, str]) -> None:
+    def accepted(self, fields: dict[str, str]) -> None:
         """See `DialledLink`."""
-        self.fanout = self._topic_owner.fanout
+        self.fanout = self._topic_owner.inlet(fields)
         self.parse = self._parse_frames
         self._topic_owner.link_up()
 
     def _parse_frames(self, data: memoryview) -> int:
-        return self._topic_owner.fanout.feed(data) or self._parse_control(data)
+        assert self.fanout is not None
+        return self.fanout.feed(data) or self._parse_control(data)
 
     def _parse_control(self, data: memoryview) -> int:
         if not is_control(data):

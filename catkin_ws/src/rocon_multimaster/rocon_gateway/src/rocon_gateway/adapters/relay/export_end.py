@@ -7,12 +7,18 @@ from typing import Protocol
 
 from rocon_gateway.adapters.relay.context import Context
 from rocon_gateway.adapters.relay.reactor import Timer
+from rocon_gateway.adapters.relay.sieve import Sieve
 from rocon_gateway.adapters.relay.stream import Stream, watch_liveness
 from rocon_gateway.adapters.relay.subscription import Subscription
 from rocon_gateway.core.connection import ANY, Export, LinkState, LinkStatus
+from rocon_gateway.core.fanout import Outlet
 from rocon_gateway.core.frame import CONTROL_MARK, Chunk, control_frame
 from rocon_gateway.core.header import header_bytes, header_end, header_fields
-from rocon_gateway.core.link import VERSION, Hello, LinkError, Refusal, is_proof, mismatch, proof
+from rocon_gateway.core.link import VERSION, AskError, Hello, LinkError, Refusal, is_proof, mismatch, proof
+from rocon_gateway.core.option import NO_OPTIONS
+
+UNSENT = 64 * 1024
+"""So many bytes at most wait in the kernel of a link with a queue of its own, beyond those under way [bytes]."""
 
 _PASSED_ON = ("type", "md5sum", "message_definition", "latching", "topic")
 
@@ -43,6 +49,7 @@ class ExportEnd(Stream):
     Attributes:
         hello: what it wants, once it has said so.
         export: what it was given, once it was accepted.
+        outlet: where its messages go in: itself, or what looks at them first.
     """
 
     def __init__(self, context: Context, exporter: Exporter, sock: socket.socket, peer: str) -> None:
@@ -50,6 +57,10 @@ class ExportEnd(Stream):
         watch_liveness(sock)
         self.hello: Hello | None = None
         self.export: Export | None = None
+        self.outlet: Outlet = self
+        self._options = NO_OPTIONS
+        self._sieve: Sieve | None = None
+        self._left_out = self._saved = 0
         self._context = context
         self._exporter = exporter
         self._challenge = ""
@@ -68,7 +79,11 @@ class ExportEnd(Stream):
     def status(self) -> LinkStatus:
         """How the link does."""
         drops = self.backlog.drops
-        return LinkStatus(self._state, self._reason, int(self._wanted), self._messages - drops, self._bytes, drops)
+        left_out, saved = self._left_out, self._saved
+        if self._sieve is not None:
+            left_out, saved = left_out + self._sieve.left_out, saved + self._sieve.saved
+        went = self._messages - drops, self._bytes + saved
+        return LinkStatus(self._state, self._reason, int(self._wanted), *went, drops, left_out, saved)
 
     def push(self, chunk: Chunk) -> None:
         """See `core.fanout.Outlet`."""
@@ -86,9 +101,14 @@ class ExportEnd(Stream):
         """The relay exports it: the link stands."""
         self.timer.cancel()
         self.export = export
-        self._context.bound(self.backlog, export.options)
+        self._options = export.options.joined(self.hello.options) if self.hello else export.options
+        self._context.bound(self.backlog, self._options, drops_first=self._options.queue_size > 0)
+        if self._options.queue_size:
+            # What waits in the kernel cannot be dropped any more.
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT)
+        self._set_active()
         self.parse = self._parse_control
-        self.welcome({})
+        self.welcome({key: value for key, value in self._options.fields().items() if key in ("rate", "compress")})
         self._context.changed()
 
     def serve(self, tenant: Tenant) -> None:
@@ -112,7 +132,10 @@ class ExportEnd(Stream):
         if wrong:
             self._tell(LinkState.TYPE_MISMATCH, wrong)
             return False
-        self._set(LinkState.ACTIVE, "")
+        if self._options.needs_messages:
+            self._end_sieve()
+            self.outlet = self._sieve = Sieve(self._reactor, self, self._options, header.get("type", ANY))
+        self._set_active()
         fields = {key: header[key] for key in _PASSED_ON if key in header}
         self.send(control_frame(op="connected", demand=self._demand, **fields))
         return True
@@ -133,6 +156,7 @@ class ExportEnd(Stream):
     def closed(self, reason: str) -> None:
         """See `stream.Stream`."""
         self.timer.cancel()
+        self._end_sieve()
         if reason.startswith("malformed"):
             self._context.logger.warning("link from %s: %s", self.peer, reason)
         if self._subscription is not None:
@@ -153,6 +177,17 @@ class ExportEnd(Stream):
             self.send(control_frame(op="state", state=state, reason=reason))
             self._set(state, reason)
 
+    def _end_sieve(self) -> None:
+        if self._sieve is not None:
+            sieve, self._sieve = self._sieve, None
+            sieve.end()
+            self._left_out += sieve.left_out
+            self._saved += sieve.saved
+
+    def _set_active(self) -> None:
+        limit = self._options.limit
+        self._set(LinkState.RATE_LIMITED if limit else LinkState.ACTIVE, limit)
+
     def _set(self, state: LinkState, reason: str) -> None:
         if (state, reason) != (self._state, self._reason):
             self._state, self._reason = state, reason
@@ -162,7 +197,11 @@ class ExportEnd(Stream):
         self.close("malformed: it did not introduce itself in time")
 
     def _parse_hello(self, fields: dict[str, str]) -> None:
-        self.hello = Hello.from_fields(fields)
+        try:
+            self.hello = Hello.from_fields(fields)
+        except AskError as error:
+            self.refuse(LinkState.REFUSED, str(error))
+            return
         credential = self._context.config.credential
         if credential is None:
             self._admit(self.hello)

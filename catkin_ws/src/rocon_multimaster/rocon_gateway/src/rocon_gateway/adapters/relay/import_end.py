@@ -1,18 +1,20 @@
 """The importing end of a topic's link: dials, shows the proxy, fetches while somebody subscribes."""
 
+import dataclasses
 from collections.abc import Callable, Mapping
 
 from rocon_gateway.adapters.relay.context import Context
 from rocon_gateway.adapters.relay.dialled_link import TopicLink, hello_to
 from rocon_gateway.adapters.relay.proxy_topic import ProxyTopic
 from rocon_gateway.adapters.relay.registration import Nodes
+from rocon_gateway.adapters.relay.sieve import Inflater
 from rocon_gateway.adapters.relay.standing_import import StandingImport
 from rocon_gateway.adapters.relay.stream import Stream
 from rocon_gateway.core.connection import ANY, Address, Import, LinkState, LinkStatus
 from rocon_gateway.core.fanout import Fanout
 from rocon_gateway.core.frame import control_frame
 from rocon_gateway.core.header import header_bytes
-from rocon_gateway.core.link import Subject, mismatch, state_from_field
+from rocon_gateway.core.link import Subject, limit_from_fields, mismatch, state_from_field
 
 
 class ImportEnd(StandingImport):
@@ -33,6 +35,9 @@ class ImportEnd(StandingImport):
         self._demand = 0
         self._wants = False
         self._drops = 0
+        self._inflater: Inflater | None = None
+        self._saved = 0
+        self._limit = ""
 
     @property
     def address(self) -> Address:
@@ -44,36 +49,50 @@ class ImportEnd(StandingImport):
         wanted = self.wanted
         types = wanted.type, wanted.md5sum
         hello = hello_to(self._context, wanted.source_gateway, Subject.TOPIC, wanted.topic, wanted.source_node, *types)
+        hello = dataclasses.replace(hello, options=wanted.options)
         return TopicLink(self._context, self, wanted.address, hello)
 
     def replace(self, wanted: Import) -> None:
         """Takes an import of the same key with another address, other nodes or other options."""
-        moved = (wanted.address, wanted.type, wanted.md5sum) != (
+        moved = (wanted.address, wanted.type, wanted.md5sum, wanted.options) != (
             self.wanted.address,
             self.wanted.type,
             self.wanted.md5sum,
+            self.wanted.options,
         )
         nodes_changed = wanted.allowed_nodes != self.wanted.allowed_nodes
         self.wanted = self.topic.wanted = wanted
-        for subscriber in self.topic.subscribers:
-            self._context.bound(subscriber.backlog, wanted.options)
         self.topic.close_disallowed()
         if nodes_changed:
             # Registering once more has the master name us to all subscribers: those refused until now come back.
             self.topic.refresh()
         if moved:
-            self.redial("its address or type has changed")
+            self.redial("its address, type or options have changed")
 
     def status(self) -> LinkStatus:
         """How it does."""
         drops = self._drops + sum(subscriber.backlog.drops for subscriber in self.topic.subscribers)
         counted = self.fanout.messages, self.fanout.bytes
-        return LinkStatus(self._state, self._reason, len(self.topic.subscribers), *counted, drops)
+        saved = self._saved + (self._inflater.saved if self._inflater else 0)
+        return LinkStatus(self._state, self._reason, len(self.topic.subscribers), *counted, drops, saved=saved)
+
+    def inlet(self, fields: dict[str, str]) -> Fanout:
+        """See `dialled_link.TopicOwner`."""
+        self._limit = limit_from_fields(fields)
+        if "compress" not in fields:
+            return self.fanout
+        self._inflater = Inflater(self.fanout, self._context.config.max_message_size)
+        compressed = Fanout(self._context.config.max_message_size)
+        compressed.join(self._inflater)
+        return compressed
 
     def link_lost(self, state: LinkState, reason: str) -> None:
         """See `dialled_link.LinkOwner`."""
         self._source = None
         self._wants = False
+        if self._inflater is not None:
+            self._saved += self._inflater.saved
+            self._inflater = None
         self.fanout.restart()
         super().link_lost(state, reason)
 
@@ -104,7 +123,7 @@ class ImportEnd(StandingImport):
         if self._state is LinkState.TYPE_MISMATCH:
             self.topic.show()
         elif self._state is LinkState.NO_PUBLISHER:
-            self._set(LinkState.ACTIVE, "")
+            self._set_active()
         pending, self._pending = self._pending, {}
         for subscriber, asked in pending.items():
             refusal = self._serve(subscriber, asked)
@@ -133,7 +152,7 @@ class ImportEnd(StandingImport):
 
     def shown(self) -> None:
         """See `registration.Owner`."""
-        super().shown()
+        self._set_active()
         if not self.topic.subscribers:
             self._want(False)
 
@@ -158,3 +177,6 @@ class ImportEnd(StandingImport):
         self._demand += wants
         op = "subscribe" if wants else "unsubscribe"
         self._link.send(control_frame(op=op, demand=str(self._demand)))
+
+    def _set_active(self) -> None:
+        self._set(LinkState.RATE_LIMITED if self._limit else LinkState.ACTIVE, self._limit)

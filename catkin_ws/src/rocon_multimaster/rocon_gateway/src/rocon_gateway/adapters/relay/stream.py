@@ -34,9 +34,12 @@ class Stream:
         parse: gets what has arrived, again and again while it takes something and there is more.
         fanout: what `parse` gives frames to, once it does; those that it need not see go round `parse`. Nothing is
             read while it is full: so pressure passes from the slowest part of the way to its beginning.
-        relieved: see `core.fanout.Outlet`; called when all that waited has been sent.
+        takes_unseen: see `core.fanout.Outlet`.
+        relieved: likewise; called when all that waited has been sent.
         is_closed: whether `close` was called.
     """
+
+    takes_unseen = True
 
     def __init__(self, reactor: Reactor, sock: socket.socket, peer: str) -> None:
         self.backlog = Backlog(1, 0)
@@ -89,6 +92,11 @@ class Stream:
             self._receive()
             if self.fanout is not None and self.fanout.is_full:
                 self._hold_back(self.fanout)
+
+    @property
+    def is_full(self) -> bool:
+        """See `core.fanout.Outlet`."""
+        return self.backlog.is_full
 
     def push(self, chunk: Chunk) -> None:
         """See `core.fanout.Outlet`."""

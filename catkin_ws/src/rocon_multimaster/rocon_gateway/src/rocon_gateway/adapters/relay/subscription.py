@@ -12,8 +12,14 @@ from rocon_gateway.core.fanout import Fanout, Outlet
 from rocon_gateway.core.header import header_bytes, header_end, header_fields
 
 
-class Customer(Outlet, Protocol):
-    """Who wants the messages: a link."""
+class Customer(Protocol):
+    """Who wants the messages: a link.
+
+    Attributes:
+        outlet: where they go, from the moment that `source_found` has accepted them.
+    """
+
+    outlet: Outlet
 
     def source_found(self, header: Mapping[str, str]) -> bool:
         """The publisher's connection header is there; False refuses its messages."""
@@ -57,14 +63,14 @@ class Subscription:
         if customer not in self._customers:
             return
         self._customers.remove(customer)
-        self.fanout.leave(customer)
+        self.fanout.leave(customer.outlet)
         self.stop_if_unused()
 
     def remove(self, customer: Customer) -> None:
         """Removes a customer whose connection has ended."""
         if customer in self._customers:
             self._customers.remove(customer)
-        self.fanout.remove(customer)
+        self.fanout.remove(customer.outlet)
         self.stop_if_unused()
 
     def stop_if_unused(self) -> None:
@@ -81,7 +87,7 @@ class Subscription:
 
     def _serve(self, customer: Customer) -> None:
         if self._header is not None and customer.source_found(self._header):
-            self.fanout.join(customer)
+            self.fanout.join(customer.outlet)
 
     def _ask(self) -> None:
         self._timer = None
@@ -127,7 +133,7 @@ class Subscription:
         self._publisher = self._header = None
         self.fanout.restart()
         for customer in tuple(self._customers):
-            self.fanout.remove(customer)
+            self.fanout.remove(customer.outlet)
         self._failed(reason or f"{self._node} closed the connection")
 
     def _failed(self, reason: str) -> None:
