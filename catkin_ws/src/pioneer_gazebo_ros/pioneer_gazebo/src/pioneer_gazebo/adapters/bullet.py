@@ -223,6 +223,11 @@ class BulletEngine:
         states = pybullet.getJointStates(handle, [part - 1 for part in parts], physicsClientId=self._client)
         return [(state[0], state[1]) for state in states]
 
+    def efforts(self, handle: int, parts: Sequence[int]) -> list[float]:
+        """See `Engine`."""
+        states = pybullet.getJointStates(handle, [part - 1 for part in parts], physicsClientId=self._client)
+        return [state[3] for state in states]
+
     def set_joint(self, handle: int, part: int, position: float) -> None:
         """See `Engine`."""
         self._wake(handle)

@@ -59,6 +59,7 @@ def robot_from_urdf(text: str | bytes, source: str = "robot_description") -> Rob
         tuple(extensions.ground_truths),
         tuple(extensions.bumpers),
         tuple(extensions.joint_state_publishers),
+        tuple(extensions.base_drivers),
         extensions.static,
         notes.lines(),
     )

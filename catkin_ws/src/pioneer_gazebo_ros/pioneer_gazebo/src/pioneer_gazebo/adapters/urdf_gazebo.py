@@ -11,6 +11,7 @@ from pioneer_gazebo.adapters.element import Element, Notes
 from pioneer_gazebo.adapters.material import colour_of_material
 from pioneer_gazebo.core.pose import IDENTITY, Pose
 from pioneer_gazebo.core.robot import (
+    BaseDriver,
     Bumper,
     Camera,
     DiffDrive,
@@ -30,6 +31,7 @@ PLUGIN_QUIET = {"alwaysOn", "always_on", "rosDebugLevel", "legacyMode", "robotNa
 ALIASES = {"torque": "wheelTorque", "jointNames": "jointName"}
 DRIVE_PLUGIN = "gazebo_ros_diff_drive"
 GROUND_TRUTH_PLUGIN = "gazebo_ros_p3d"
+BASE_DRIVER_PLUGIN = "pioneer_base_driver"
 JOINT_STATE_PLUGIN = "gazebo_ros_joint_state_publisher"
 LASER_PLUGINS = ("gazebo_ros_laser", "gazebo_ros_gpu_laser")
 RANGE_PLUGIN = "gazebo_ros_range"
@@ -57,6 +59,7 @@ class Extensions:
     ground_truths: list[GroundTruth] = field(default_factory=list)
     bumpers: list[Bumper] = field(default_factory=list)
     joint_state_publishers: list[JointStatePublisher] = field(default_factory=list)
+    base_drivers: list[BaseDriver] = field(default_factory=list)
     static: bool = False
 
     def surface(self, link: str) -> Surface:
@@ -141,6 +144,8 @@ def _read_plugin(element: Element, extensions: Extensions, notes: Notes) -> None
         extensions.ground_truths.append(_filled(GroundTruth, element, notes, name=name))
     elif library == JOINT_STATE_PLUGIN:
         extensions.joint_state_publishers.append(_filled(JointStatePublisher, element, notes, name=name))
+    elif library == BASE_DRIVER_PLUGIN:
+        extensions.base_drivers.append(_checked_base(element, _filled(BaseDriver, element, notes, name=name)))
     else:
         notes.add(f"plugin lib{library}.so is not supported and left out")
 
@@ -153,6 +158,18 @@ def _checked_drive(element: Element, drive: DiffDrive) -> DiffDrive:
     if source not in ("encoder", "world"):
         raise element.error(f"odometrySource must be encoder or world, not {source!r}")
     return dataclasses.replace(drive, odometrySource=source)
+
+
+def _checked_base(element: Element, base: BaseDriver) -> BaseDriver:
+    for name in ("updateRate", "capacity", "emptyVoltage", "resistance", "driveEfficiency"):
+        if getattr(base, name) <= 0:
+            raise element.error(f"{name} must be above 0, not {getattr(base, name):g}")
+    for name in ("idlePower", "rollingResistance", "windingLoss", "initialCharge"):
+        if getattr(base, name) < 0:
+            raise element.error(f"{name} must not be below 0, not {getattr(base, name):g}")
+    if base.fullVoltage < base.emptyVoltage or base.initialCharge > 1 or base.driveEfficiency > 1:
+        raise element.error("fullVoltage must be emptyVoltage or more, initialCharge and driveEfficiency at most 1")
+    return base
 
 
 def _filled(config: type[Config], element: Element, notes: Notes, **given: Any) -> Config:

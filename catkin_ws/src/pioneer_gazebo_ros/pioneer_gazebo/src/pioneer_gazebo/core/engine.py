@@ -107,6 +107,9 @@ class Engine(Protocol):
     def joints(self, handle: int, parts: Sequence[int]) -> list[tuple[float, float]]:
         """Returns position and speed of the joints that move ``parts`` [rad or m, and a second]."""
 
+    def efforts(self, handle: int, parts: Sequence[int]) -> list[float]:
+        """Returns what the motors of the joints that move ``parts`` applied in the last step [N m or N]."""
+
     def set_joint(self, handle: int, part: int, position: float) -> None:
         """Puts a joint to a position, at rest."""
 

@@ -117,6 +117,11 @@ class FakeEngine:
         body = self._bodies[handle]
         return [(body.angles.get(part, 0.0), body.speeds.get(part, 0.0)) for part in parts]
 
+    def efforts(self, handle: int, parts: Sequence[int]) -> list[float]:
+        """See `Engine`; nothing resists."""
+        del handle
+        return [0.0] * len(parts)
+
     def set_joint(self, handle: int, part: int, position: float) -> None:
         """See `Engine`."""
         self._bodies[handle].angles[part] = position

@@ -215,6 +215,38 @@ class JointStatePublisher:
 
 
 @dataclass(frozen=True, slots=True)
+class BaseDriver:
+    """``libpioneer_base_driver.so``, ours: what the maker's driver (rosaria) tells of the robot's base.
+
+    Attributes:
+        updateRate: of the topics [Hz].
+        frameName: ``frame_id`` of bumpers and sonar points, before the prefix.
+        capacity: of the battery [A h].
+        fullVoltage: of a full battery without load [V].
+        emptyVoltage: of an empty one [V].
+        resistance: inside the battery [Ω].
+        initialCharge: 0 … 1.
+        idlePower: what electronics and sensors draw [W].
+        rollingResistance: force that rolling takes [N].
+        driveEfficiency: of motors and gears, above 0, at most 1.
+        windingLoss: what torque costs a motor [W/(N m)²].
+    """
+
+    name: str = "base_driver"
+    updateRate: float = 2.0
+    frameName: str = "base_link"
+    capacity: float = 21.6
+    fullVoltage: float = 12.9
+    emptyVoltage: float = 11.4
+    resistance: float = 0.05
+    initialCharge: float = 1.0
+    idlePower: float = 15.0
+    rollingResistance: float = 3.0
+    driveEfficiency: float = 0.5
+    windingLoss: float = 3.0
+
+
+@dataclass(frozen=True, slots=True)
 class Robot:
     """A whole robot.
 
@@ -236,6 +268,7 @@ class Robot:
     ground_truths: tuple[GroundTruth, ...] = ()
     bumpers: tuple[Bumper, ...] = ()
     joint_state_publishers: tuple[JointStatePublisher, ...] = ()
+    base_drivers: tuple[BaseDriver, ...] = ()
     static: bool = False
     warnings: tuple[str, ...] = ()
 

@@ -154,7 +154,7 @@ class Simulation:
         self._check_name(name)
         body = body_from_robot(robot)
         drives = [self._driven(name, body, config) for config in robot.drives]
-        entity = self._add(name, namespace, body, pose, robot)
+        entity = self._add(name, namespace, body, pose, robot, anywhere=False)
         entity.drives = drives
         entity.lasers = [mounted_on(body, name, config, self._seed) for config in robot.lasers]
         entity.sonars = [mounted_on(body, name, laser_of_sonar(config), self._seed) for config in robot.sonars]
@@ -169,9 +169,7 @@ class Simulation:
             drive, (body.joint_index(config.leftJoint), body.joint_index(config.rightJoint)), config.wheelTorque
         )
 
-    def _add(
-        self, name: str, namespace: str, body: Body, pose: Pose, robot: Robot | None, anywhere: bool = False
-    ) -> Entity:
+    def _add(self, name: str, namespace: str, body: Body, pose: Pose, robot: Robot | None, anywhere: bool) -> Entity:
         lowest = lowest_point(body, pose)
         if -1.0 < lowest < GROUND_GAP and body.parts[0].mass > 0:
             x, y, z = pose.position
@@ -300,6 +298,10 @@ class Simulation:
     def joints(self, entity: Entity, parts: Sequence[int]) -> list[tuple[float, float]]:
         """Returns position and speed of the joints that move ``parts``, after the last step."""
         return self._engine.joints(entity.handle, parts)
+
+    def efforts(self, entity: Entity, parts: Sequence[int]) -> list[float]:
+        """Returns what the motors of the joints that move ``parts`` applied in the last step [N m or N]."""
+        return self._engine.efforts(entity.handle, parts)
 
     def contacts(self, entity: Entity) -> list[Contact]:
         """Returns what the entity touches but the ground."""

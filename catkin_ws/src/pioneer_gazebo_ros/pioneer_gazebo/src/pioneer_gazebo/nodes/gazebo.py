@@ -216,7 +216,7 @@ class GazeboNode:
             self.tick = self._target = 0
             self.pacer.restart()
             for topics in self._robots.values():
-                topics.publish_collisions()
+                topics.reset()
         else:
             self.simulation.reset_poses()
         self.publish_now()

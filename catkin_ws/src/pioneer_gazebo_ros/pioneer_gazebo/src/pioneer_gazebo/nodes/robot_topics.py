@@ -19,6 +19,7 @@ from pioneer_gazebo.core.laser import generator_for
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector, rotated
 from pioneer_gazebo.core.schedule import Schedule, nanoseconds
 from pioneer_gazebo.core.simulation import Simulation
+from pioneer_gazebo.nodes.driver_topics import DriverTopics
 from pioneer_gazebo.nodes.topic import Topic, publish_while_alive
 from pioneer_gazebo.nodes.transform_topic import TransformTopic
 from pioneer_node.core.frame import resolved, stripped
@@ -30,7 +31,7 @@ class RobotTopics:
     Subscribes: the drive's ``commandTopic`` (geometry_msgs/Twist).
     Publishes: the drive's ``odometryTopic`` (nav_msgs/Odometry) and transform, ``sensor_msgs/LaserScan`` a laser,
         ``sensor_msgs/Range`` a sonar, ``sensor_msgs/JointState``, ground truth (nav_msgs/Odometry), bumpers
-        (gazebo_msgs/ContactsState, while in contact) and ``collisions`` (std_msgs/UInt32, latched).
+        (gazebo_msgs/ContactsState, while in contact), `DriverTopics`, and ``collisions`` (std_msgs/UInt32, latched).
     Parameters: ``tf_prefix`` in the robot's namespace or above, read once.
     Threads: all but the subscribers' callbacks, which only store a command, run in the simulation's thread.
     On error: a command that is not finite is named once a second and the one before holds.
@@ -56,6 +57,7 @@ class RobotTopics:
         self._tasks: list[Any] = []
         self._topics: list[Topic] = []
         self._subscribers: list[rospy.Subscriber] = []
+        self._drivers: list[DriverTopics] = []
         self._collisions: rospy.Publisher | None = None
         try:
             self._start()
@@ -78,6 +80,11 @@ class RobotTopics:
             self._bumper(bumper)
         for states in robot.joint_state_publishers:
             self._joint_states(states)
+        for base in robot.base_drivers:
+            frame = self._frame(base.frameName)
+            self._drivers.append(
+                DriverTopics(self._simulation, self._schedule, self._entity, base, self._base, frame, self._topic)
+            )
         self._collisions = rospy.Publisher(f"{self._base}/collisions", UInt32, latch=True, queue_size=1)
         self.publish_collisions()
 
@@ -85,12 +92,20 @@ class RobotTopics:
         """Takes everything back."""
         for task in self._tasks:
             self._schedule.remove(task)
+        for driver in self._drivers:
+            driver.close()
         for topic in self._topics:
             topic.close()
         for subscriber in self._subscribers:
             subscriber.unregister()
         if self._collisions is not None:
             self._collisions.unregister()
+
+    def reset(self) -> None:
+        """Tells that time has begun anew."""
+        for driver in self._drivers:
+            driver.reset()
+        self.publish_collisions()
 
     def publish_collisions(self) -> None:
         """Publishes how often the robot has collided since it was spawned."""

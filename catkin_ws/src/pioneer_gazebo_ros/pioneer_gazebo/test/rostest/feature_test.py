@@ -1,0 +1,94 @@
+#!/usr/bin/env python3
+"""What a user of rosaria asks a robot of the simulator, and people who walk, met by a robot."""
+
+import sys
+import threading
+import unittest
+from collections.abc import Callable
+from typing import Any
+
+import rospy
+import rostest
+from gazebo_msgs import srv
+from geometry_msgs.msg import Point, Pose, Quaternion, Twist
+from pioneer_msgs.msg import BumperState
+from sensor_msgs.msg import BatteryState, PointCloud
+from std_msgs.msg import Bool, Float32, Float64, Int8, UInt32
+
+PATIENCE = 20.0
+START = Pose(Point(-3.5, 0.0, 0.0), Quaternion(0.0, 0.0, -0.7071, 0.7071))
+"""In the way of person_1, with the back to it."""
+
+
+def first(topic: str, kind: Any, wanted: Callable[[Any], bool] = lambda message: True) -> Any:
+    """Returns the first message that is wanted."""
+    found: list[Any] = []
+    came = threading.Event()
+
+    def store(message: Any) -> None:
+        if not found and wanted(message):
+            found.append(message)
+            came.set()
+
+    subscriber = rospy.Subscriber(topic, kind, store)
+    assert came.wait(PATIENCE), f"{topic}: what is wanted did not come"
+    subscriber.unregister()
+    return found[0]
+
+
+class FeatureTest(unittest.TestCase):
+    """One robot, spawned once."""
+
+    @classmethod
+    def setUpClass(cls) -> None:
+        rospy.init_node("feature_test", disable_rostime=True)
+        rospy.wait_for_message("/gazebo/ready", Bool, PATIENCE)
+        rospy.wait_for_service("/gazebo/spawn_urdf_model", PATIENCE)
+        spawn = rospy.ServiceProxy("/gazebo/spawn_urdf_model", srv.SpawnModel)
+        description = rospy.get_param("/robot_description")
+        answer = spawn("pioneer1", description, "pioneer1", Pose(Point(0, -3.5, 0), Quaternion(0, 0, 0, 1)), "")
+        assert answer.success, answer.status_message
+        answer = spawn("pioneer2", description, "pioneer2", START, "")
+        assert answer.success, answer.status_message
+
+    def test_the_battery_is_told_under_rosarias_names_and_falls(self) -> None:
+        state = first("/pioneer1/battery_state", BatteryState)
+        assert 0.99 < state.percentage <= 1.0
+        assert 11.4 < state.voltage < 12.9
+        assert state.current < 0
+        assert state.header.frame_id == "pioneer1/base_link"
+        later = first("/pioneer1/battery_state", BatteryState, lambda message: message.percentage < state.percentage)
+        assert later.header.stamp > state.header.stamp
+        assert 11.4 < first("/pioneer1/battery_voltage", Float64).data < 12.9
+        assert first("/pioneer1/battery_state_of_charge", Float32).data <= state.percentage
+        assert first("/pioneer1/battery_recharge_state", Int8).data == 0
+        assert first("/pioneer1/motors_state", Bool).data
+
+    def test_the_sonar_ring_is_one_cloud_of_sixteen_points(self) -> None:
+        cloud = first("/pioneer1/sonar", PointCloud)
+        assert cloud.header.frame_id == "pioneer1/base_link"
+        assert len(cloud.points) == 16
+        right = min(cloud.points, key=lambda point: point.y)
+        assert abs(right.y + 0.5) < 0.1, "the southern wall is half a metre to the right"
+
+    def test_a_bumper_tells_where_a_robot_drives_into_a_wall(self) -> None:
+        state = first("/pioneer1/bumper_state", BumperState)
+        assert (len(state.front_bumpers), len(state.rear_bumpers)) == (5, 5)
+        assert not any([*state.front_bumpers, *state.rear_bumpers])
+        command = rospy.Publisher("/pioneer1/pioneer/cmd_vel", Twist, queue_size=1, latch=True)
+        driving = Twist()
+        driving.linear.x = 0.8
+        command.publish(driving)
+        hit = first("/pioneer1/bumper_state", BumperState, lambda message: any(message.front_bumpers))
+        assert not any(hit.rear_bumpers)
+        idle = first("/pioneer2/battery_state", BatteryState)
+        held = first("/pioneer1/battery_state", BatteryState, lambda message: message.current < 2 * idle.current)
+        assert held.voltage < idle.voltage
+        command.publish(Twist())
+
+    def test_a_person_walks_into_a_robot_that_stands_in_the_way(self) -> None:
+        first("/pioneer2/collisions", UInt32, lambda message: message.data > 0)
+
+
+if __name__ == "__main__":
+    rostest.rosrun("pioneer_gazebo", "feature", FeatureTest, sys.argv)
