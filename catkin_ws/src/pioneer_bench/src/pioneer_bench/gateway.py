@@ -11,6 +11,7 @@ from pathlib import Path
 from pioneer_bench.adapters.fleet import Fleet
 from pioneer_bench.adapters.flow_trial import flow_rows, idle_rows
 from pioneer_bench.adapters.rule_trial import call_rows, fault_rows, publisher_rows
+from pioneer_bench.adapters.service_trial import service_rows
 from pioneer_bench.core.gateway import Row, table
 from pioneer_harness.error import HarnessError
 
@@ -39,6 +40,7 @@ def run(options: argparse.Namespace) -> int:
             "rules": lambda: call_rows(fleet, 2 * repetitions),
             "new publishers": lambda: publisher_rows(fleet, repetitions),
             "idling": lambda: idle_rows(fleet, 4 * seconds),
+            "services": lambda: service_rows(fleet, repetitions),
             "messages": lambda: flow_rows(fleet, repetitions, seconds),
             "faults": lambda: fault_rows(fleet, repetitions),
         }

@@ -86,6 +86,10 @@ class Site:
         """Returns the nodes that publish, as the master says."""
         return self.master.system_state()[0].get(topic, [])
 
+    def serves(self, service: str) -> bool:
+        """Tells whether the master knows a service."""
+        return service in self.master.system_state()[2]
+
     def is_connected(self) -> bool:
         """Tells whether the gateway is on a hub; one that does not answer is not."""
         try:
@@ -104,13 +108,17 @@ class Site:
         rules = [msg.Rule("publisher", topic, "")]
         _check(client.call(self._client, "/gateway/advertise", srv.Advertise, rules=rules))
 
+    def caller(self, service: str, kind: Any, persistent: bool) -> client.Caller:
+        """Returns a connection to a service that this master knows."""
+        return client.Caller(self._client, service, kind, persistent)
+
     def ask(self, action: str, gateway: str, kind: str, topic: str, cancel: bool = False) -> None:
         """Calls `flip` or `pull`."""
         remotes = [msg.RemoteRule(gateway, msg.Rule(kind, topic, ""))]
         _check(client.call(self._client, f"/gateway/{action}", srv.Remote, remotes=remotes, cancel=cancel))
 
     def _has_services(self) -> bool:
-        return "/gateway/set_watcher_period" in self.master.system_state()[2]
+        return self.serves("/gateway/set_watcher_period")
 
 
 class Fleet:

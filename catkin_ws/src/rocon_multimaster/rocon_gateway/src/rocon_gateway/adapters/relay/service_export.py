@@ -6,11 +6,11 @@ from urllib.parse import urlsplit
 
 from rocon_gateway.adapters.relay.context import Context
 from rocon_gateway.adapters.relay.export_end import ExportEnd, Tenant
-from rocon_gateway.adapters.relay.service_import import PASSED_ON
+from rocon_gateway.adapters.relay.service_import import MAX_REASON, PASSED_ON
 from rocon_gateway.adapters.relay.service_pipe import ServicePipe
 from rocon_gateway.adapters.relay.stream import Stream, dialled_socket, watch_liveness
 from rocon_gateway.core.connection import LinkState, LinkStatus, proxy_name
-from rocon_gateway.core.header import header_bytes, header_end, header_fields
+from rocon_gateway.core.header import HeaderError, header_bytes, header_end, header_fields
 from rocon_gateway.core.link import Hello, Subject
 from rocon_gateway.core.service import ServiceExport
 
@@ -21,10 +21,14 @@ class ServiceExportEnd:
     Args:
         context: what all parts share.
         export: what is exported.
+
+    Attributes:
+        server: host and port where the last call found the server; None if it has to be looked up.
     """
 
     def __init__(self, context: Context, export: ServiceExport) -> None:
         self.export = export
+        self.server: tuple[str, int] | None = None
         self._context = context
         self._standing: ExportEnd | None = None
         self._calls: set[ExportedCall] = set()
@@ -100,13 +104,23 @@ class ExportedCall(Tenant):
         self._link = link
         self._hello = hello
         self._server: _Server | None = None
+        self._remembered = False
+        self._is_over = False
         self._timer = context.reactor.call_later(context.config.call_timeout, self._too_late)
 
     def start(self) -> None:
-        """Looks the server up: each time, as it may have been restarted."""
-        config = self._context.config
+        """Connects to where the server was last, which spares the master a call, or looks it up."""
         self._link.hold()
-        self._context.master.call("lookupService", (config.node, self._hello.topic), self._located, self._failed)
+        if self._owner.server is None:
+            self._look_up()
+        else:
+            self._remembered = True
+            self._dial(*self._owner.server)
+
+    def _look_up(self) -> None:
+        self._remembered = False
+        arguments = (self._context.config.node, self._hello.topic)
+        self._context.master.call("lookupService", arguments, self._located, self._failed)
 
     def _located(self, uri: Any) -> None:
         try:
@@ -117,12 +131,22 @@ class ExportedCall(Tenant):
         if not host or not port:
             self._failed(f"{uri!r} is no address of a server")
             return
-        self._context.resolver.resolve(host, lambda address: self._dial(address, port), self._failed)
+        self._dial(host, port)
 
-    def _dial(self, address: str, port: int) -> None:
-        if not self._link.is_closed:
-            self._server = _Server(self._context, self, self._hello.source_node, self._header())
+    def _dial(self, host: str, port: int) -> None:
+        def found(address: str) -> None:
+            if self._is_over:
+                return
+            try:
+                header = header_bytes(self._header())
+            except HeaderError as error:
+                self._refuse(LinkState.REFUSED, str(error))
+                return
+            self._server = _Server(self._context, self, self._hello.source_node, header)
             self._server.connect(address, port)
+            self._owner.server = host, port
+
+        self._context.resolver.resolve(host, found, self._failed)
 
     def _header(self) -> Mapping[str, str]:
         """What the client said, by the name that it would have here."""
@@ -133,6 +157,9 @@ class ExportedCall(Tenant):
     def found(self, header: Mapping[str, str]) -> None:
         """The server has answered the handshake."""
         assert self._server is not None
+        if "error" in header and self._remembered:
+            self._server.close(header["error"])  # it may be somebody else by now
+            return
         self._timer.cancel()
         if "error" in header:
             self._refuse(LinkState.REFUSED, header["error"])
@@ -143,9 +170,11 @@ class ExportedCall(Tenant):
     def lost(self, reason: str) -> None:
         """The server has closed the connection, or could not be reached."""
         self._server = None
-        if self._link.is_closed:
+        if self._is_over:
             return
-        if self.pipe is None:
+        if self._remembered and self.pipe is None:
+            self._look_up()
+        elif self.pipe is None:
             self._failed(f"{self._hello.source_node}: {reason or 'it closed the connection'}")
         else:
             why = reason or "it closed the connection"
@@ -157,21 +186,24 @@ class ExportedCall(Tenant):
 
     def ended(self, _reason: str) -> None:
         """See `export_end.Tenant`."""
-        self._timer.cancel()
+        self._end()
         self._owner.finished(self)
-        if self._server is not None:
-            self._server.close("")
 
     def _too_late(self) -> None:
         self._failed(f"{self._hello.source_node} did not answer in time")
 
     def _failed(self, reason: str) -> None:
+        self._owner.server = None
         self._refuse(LinkState.NO_SERVER, reason)
 
     def _refuse(self, state: LinkState, reason: str) -> None:
+        if not self._is_over:
+            self._end()
+            self._link.refuse(state, reason[:MAX_REASON])
+
+    def _end(self) -> None:
+        self._is_over = True
         self._timer.cancel()
-        if not self._link.is_closed:
-            self._link.refuse(state, reason)
         if self._server is not None:
             self._server.close("")
 
@@ -179,7 +211,7 @@ class ExportedCall(Tenant):
 class _Server(Stream):
     """The connection to the server."""
 
-    def __init__(self, context: Context, call: ExportedCall, node: str, header: Mapping[str, str]) -> None:
+    def __init__(self, context: Context, call: ExportedCall, node: str, header: bytes) -> None:
         sock = dialled_socket()
         super().__init__(context.reactor, sock, node)
         watch_liveness(sock)
@@ -189,7 +221,7 @@ class _Server(Stream):
         self.parse = self._parse_header
 
     def connected(self) -> None:
-        self.send(header_bytes(self._header))
+        self.send(self._header)
 
     def closed(self, reason: str) -> None:
         if reason.startswith("malformed"):

@@ -17,6 +17,9 @@ from rocon_gateway.core.service import ServiceImport
 MAX_CALLS = 256
 """Clients that one service has connected at a time; one more is refused."""
 
+MAX_REASON = 1000
+"""Characters of an error that are told on: a header must hold them."""
+
 PASSED_ON = ("type", "md5sum", "request_type", "response_type")
 """What a client is told of the server's connection header."""
 
@@ -153,7 +156,7 @@ class ImportedCall(LinkOwner):
         if self._client.is_closed:
             return
         if self.pipe is None:
-            self._client.finish(header_bytes({"error": reason}))
+            self._client.finish(header_bytes({"error": reason[:MAX_REASON]}))
         else:
             self._client.finish(self.pipe.conversation.error(reason))
         if self._link is not None:
