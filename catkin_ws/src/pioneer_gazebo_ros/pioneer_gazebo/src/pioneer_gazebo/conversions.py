@@ -15,11 +15,12 @@ from geometry_msgs.msg import Point, Quaternion, Twist, Vector3
 from geometry_msgs.msg import Pose as PoseMessage
 from nav_msgs.msg import Odometry as OdometryMessage
 from numpy.typing import NDArray
-from sensor_msgs.msg import JointState, LaserScan, Range
+from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan, Range
 
+from pioneer_gazebo.core.camera import Picture, intrinsics_of
 from pioneer_gazebo.core.engine import Velocity
 from pioneer_gazebo.core.pose import Pose, Vector
-from pioneer_gazebo.core.robot import LaserSensor, SonarSensor
+from pioneer_gazebo.core.robot import Camera, LaserSensor, SonarSensor
 
 POSE_COVARIANCE = (1e-5, 1e-5, 1e12, 1e12, 1e12, 1e-3)
 """Diagonal that gazebo_ros' diff drive gives its odometry."""
@@ -166,6 +167,38 @@ class RangeTemplate(_Stamped):
 def planar_pose(x: float, y: float, yaw: float) -> Pose:
     """Returns the pose at x, y [m] in the plane, turned by yaw [rad]."""
     return Pose((x, y, 0.0), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
+
+
+ENCODINGS = {
+    "R8G8B8": "rgb8", "RGB_INT8": "rgb8", "B8G8R8": "bgr8", "BGR_INT8": "bgr8", "L8": "mono8", "L_INT8": "mono8",
+}  # fmt: skip
+"""Encodings of sensor_msgs/Image by SDF's names of pixel formats."""
+
+
+def image_of(picture: Picture, config: Camera) -> Image:
+    """Returns the message of a picture (height, width, 3) in the camera's format, without a header."""
+    encoding = ENCODINGS[config.format]
+    if encoding == "mono8":
+        picture = (picture @ (0.299, 0.587, 0.114)).astype("u1")
+    elif encoding == "bgr8":
+        picture = picture[:, :, ::-1]
+    step = config.width * (1 if encoding == "mono8" else 3)
+    return Image(height=config.height, width=config.width, encoding=encoding, step=step, data=picture.tobytes())
+
+
+def info_of(config: Camera) -> CameraInfo:
+    """Returns the intrinsics of a camera without distortion, without a header."""
+    lens = intrinsics_of(config)
+    matrix = [lens.focal, 0.0, lens.x, 0.0, lens.focal, lens.y, 0.0, 0.0, 1.0]
+    return CameraInfo(
+        height=config.height,
+        width=config.width,
+        distortion_model="plumb_bob",
+        D=[0.0] * 5,
+        K=matrix,
+        R=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        P=[*matrix[:3], 0.0, *matrix[3:6], 0.0, *matrix[6:], 0.0],
+    )
 
 
 def message_from_pose(pose: Pose) -> PoseMessage:

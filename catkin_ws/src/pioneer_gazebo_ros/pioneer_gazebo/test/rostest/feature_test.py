@@ -12,7 +12,7 @@ import rostest
 from gazebo_msgs import srv
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist
 from pioneer_msgs.msg import BumperState
-from sensor_msgs.msg import BatteryState, PointCloud
+from sensor_msgs.msg import BatteryState, CameraInfo, Image, PointCloud
 from std_msgs.msg import Bool, Float32, Float64, Int8, UInt32
 
 PATIENCE = 20.0
@@ -63,6 +63,15 @@ class FeatureTest(unittest.TestCase):
         assert first("/pioneer1/battery_state_of_charge", Float32).data <= state.percentage
         assert first("/pioneer1/battery_recharge_state", Int8).data == 0
         assert first("/pioneer1/motors_state", Bool).data
+
+    def test_the_camera_shows_the_world_while_somebody_looks(self) -> None:
+        image = first("/pioneer1/camera/image_raw", Image)
+        info = first("/pioneer1/camera/camera_info", CameraInfo)
+        assert (image.width, image.height, image.encoding, image.step) == (320, 240, "rgb8", 960)
+        assert len(image.data) == 240 * 960
+        assert image.header.frame_id == info.header.frame_id == "pioneer1/camera_optical_frame"
+        assert (info.width, info.height, info.P[2]) == (320, 240, 159.5)
+        assert len(set(image.data[::97])) > 10, "one colour only"
 
     def test_the_sonar_ring_is_one_cloud_of_sixteen_points(self) -> None:
         cloud = first("/pioneer1/sonar", PointCloud)

@@ -36,6 +36,7 @@ JOINT_STATE_PLUGIN = "gazebo_ros_joint_state_publisher"
 LASER_PLUGINS = ("gazebo_ros_laser", "gazebo_ros_gpu_laser")
 RANGE_PLUGIN = "gazebo_ros_range"
 CAMERA_PLUGIN = "gazebo_ros_camera"
+PIXEL_FORMATS = ("R8G8B8", "B8G8R8", "L8", "RGB_INT8", "BGR_INT8", "L_INT8")
 BUMPER_PLUGIN = "gazebo_ros_bumper"
 
 
@@ -292,6 +293,9 @@ def _camera(element: Element, plugin: Element, link: str) -> Camera:
     if min(width, height) < 1:
         raise image.error(f"width and height must be 1 or more, not {width} and {height}")
     clip, noise = camera.child("clip"), camera.child("noise")
+    pixels = image.word("format", "R8G8B8")
+    if pixels not in PIXEL_FORMATS:
+        raise image.needed("format").error(f"must be one of {', '.join(PIXEL_FORMATS)}, not {pixels!r}")
     return Camera(
         name=plugin.word("cameraName", common["name"]),
         link=link,
@@ -302,7 +306,7 @@ def _camera(element: Element, plugin: Element, link: str) -> Camera:
         height=height,
         near=0.1 if clip is None else clip.positive("near", 0.1),
         far=100.0 if clip is None else clip.positive("far", 100.0),
-        format=image.word("format", "R8G8B8"),
+        format=pixels,
         noise_stddev=0.0 if noise is None else noise.number("stddev", 0.0),
         image_topic=plugin.word("imageTopicName", "image_raw"),
         info_topic=plugin.word("cameraInfoTopicName", "camera_info"),

@@ -15,7 +15,7 @@ from pioneer_gazebo.core.error import DescriptionError
 from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
 from pioneer_gazebo.core.robot import Robot
-from pioneer_gazebo.core.world import Box, Collision, Cylinder, Inertia, Link, Model, Shape, Sphere
+from pioneer_gazebo.core.world import Box, Collision, Cylinder, Inertia, Link, Model, Shape, Sphere, Visual
 
 LEAST_MASS = 1e-3
 """A part lighter than this [kg] gets this mass: no solver works with none."""
@@ -56,6 +56,7 @@ class Part:
         mass: [kg]; 0 for a base that is held where it stands.
         inertia: principal moments; its pose is that of the centre of mass and the principal axes in the part.
         touches: the shapes.
+        visuals: what cameras see; poses are in the part's frame.
         frames: (link name, pose in the part) of every link that is lumped here.
     """
 
@@ -66,6 +67,7 @@ class Part:
     inertia: Inertia
     touches: tuple[Touch, ...]
     frames: tuple[tuple[str, Pose], ...]
+    visuals: tuple[Visual, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +120,8 @@ def body_from_model(model: Model) -> Body:
     mass, inertia = (LED_MASS, LED_INERTIA) if model.script is not None else _lumped(group)
     touches = tuple(Touch(k.name, _moved(c, k.pose)) for k in model.links for c in k.collisions)
     frames = tuple((link.name, link.pose) for link in model.links)
-    return Body(model.name, (Part(model.name, -1, None, mass, inertia, touches, frames),), model.script is not None)
+    part = Part(model.name, -1, None, mass, inertia, touches, frames, _looks(group))
+    return Body(model.name, (part,), model.script is not None)
 
 
 def body_from_robot(robot: Robot) -> Body:
@@ -156,7 +159,7 @@ def _parts(groups: list[_Group], joints: Sequence[Joint], wheels: set[str]) -> t
         held = group[0][0].name == kinds.WORLD
         mass, inertia = (0.0, Inertia()) if held else _lumped(group)
         frames = tuple((link.name, pose) for link, pose in group if link.name != kinds.WORLD)
-        parts.append(Part(group[0][0].name, parent, joint, mass, inertia, (), frames))
+        parts.append(Part(group[0][0].name, parent, joint, mass, inertia, (), frames, _looks(group)))
     return tuple(replace(p, touches=tuple(t)) for p, t in zip(parts, touches, strict=True))
 
 
@@ -187,6 +190,10 @@ def _groups(name: str, root: Link, at: Pose, link_of: Callable[[str], Link], joi
         groups.append(group)
         starts = behind + starts
     return groups
+
+
+def _looks(group: _Group) -> tuple[Visual, ...]:
+    return tuple(replace(one, pose=pose.compose(one.pose)) for link, pose in group for one in link.visuals)
 
 
 def _moved(collision: Collision, pose: Pose) -> Collision:

@@ -11,6 +11,7 @@ from pioneer_gazebo.adapters.bullet import BulletEngine
 from pioneer_gazebo.adapters.mesh import triangles_of_mesh
 from pioneer_gazebo.adapters.resource import model_path, world_path
 from pioneer_gazebo.adapters.sdf import world_from_sdf
+from pioneer_gazebo.adapters.tiny_renderer import TinyRenderer
 from pioneer_gazebo.core.engine import Physics
 from pioneer_gazebo.core.error import SimulatorError
 from pioneer_gazebo.core.pose import Pose
@@ -91,6 +92,7 @@ class GazeboNode:
         for line in world.warnings:
             rospy.logwarn("%s: %s", path, line)
         physics = Physics(1.0 / config.physics_rate, config.solver_iterations, world.gravity)
+        self._renderer: TinyRenderer | None = None
         self._engine = BulletEngine(triangles_of_mesh, physics, config.gui)
         self.simulation = Simulation(self._engine, triangles_of_mesh, physics, config.seed, config.odometry_error)
         self.simulation.load(world)
@@ -124,6 +126,8 @@ class GazeboNode:
                 if self.mailbox.pending or self.pacer.wait_for(tick / TICK_RATE) > 0 or rospy.is_shutdown():
                     continue
             self.run_to(tick)
+        if self._renderer is not None:
+            self._renderer.close()
         self._engine.close()
 
     def _serve(self) -> None:
@@ -179,10 +183,18 @@ class GazeboNode:
             rospy.logwarn("%s: %s", name, line)
         entity = self.simulation.add_robot(name, namespace, robot, pose)
         try:
-            self._robots[name] = RobotTopics(self.simulation, self.schedule, entity, self._transforms, self.present)
+            self._robots[name] = RobotTopics(
+                self.simulation, self.schedule, entity, self._transforms, self.present, self._drawn_by
+            )
         except SimulatorError:
             self.simulation.remove(name)
             raise
+
+    def _drawn_by(self) -> TinyRenderer:
+        """Returns what draws cameras' pictures, made when the first is asked for."""
+        if self._renderer is None:
+            self._renderer = TinyRenderer(triangles_of_mesh)
+        return self._renderer
 
     def delete(self, name: str) -> None:
         """Removes a model and its topics.

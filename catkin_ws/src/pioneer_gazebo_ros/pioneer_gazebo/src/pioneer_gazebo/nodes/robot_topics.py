@@ -12,6 +12,7 @@ from std_msgs.msg import UInt32
 
 from pioneer_gazebo import conversions
 from pioneer_gazebo.core import robot as kinds
+from pioneer_gazebo.core.camera import Renderer
 from pioneer_gazebo.core.drive import CommandError
 from pioneer_gazebo.core.engine import Contact
 from pioneer_gazebo.core.entity import Driven, Entity, Mounted
@@ -19,6 +20,7 @@ from pioneer_gazebo.core.laser import generator_for
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector, rotated
 from pioneer_gazebo.core.schedule import Schedule, nanoseconds
 from pioneer_gazebo.core.simulation import Simulation
+from pioneer_gazebo.nodes.camera_topics import CameraTopics
 from pioneer_gazebo.nodes.driver_topics import DriverTopics
 from pioneer_gazebo.nodes.topic import Topic, publish_while_alive
 from pioneer_gazebo.nodes.transform_topic import TransformTopic
@@ -31,7 +33,8 @@ class RobotTopics:
     Subscribes: the drive's ``commandTopic`` (geometry_msgs/Twist).
     Publishes: the drive's ``odometryTopic`` (nav_msgs/Odometry) and transform, ``sensor_msgs/LaserScan`` a laser,
         ``sensor_msgs/Range`` a sonar, ``sensor_msgs/JointState``, ground truth (nav_msgs/Odometry), bumpers
-        (gazebo_msgs/ContactsState, while in contact), `DriverTopics`, and ``collisions`` (std_msgs/UInt32, latched).
+        (gazebo_msgs/ContactsState, while in contact), `DriverTopics`, `CameraTopics`, and ``collisions``
+        (std_msgs/UInt32, latched).
     Parameters: ``tf_prefix`` in the robot's namespace or above, read once.
     Threads: all but the subscribers' callbacks, which only store a command, run in the simulation's thread.
     On error: a command that is not finite is named once a second and the one before holds.
@@ -44,6 +47,7 @@ class RobotTopics:
         entity: Entity,
         transforms: TransformTopic,
         now: Callable[[], int],
+        renderer: Callable[[], Renderer],
     ) -> None:
         """Advertises and schedules all that the robot's description asks for; ``now`` is the tick a command comes at.
 
@@ -51,7 +55,7 @@ class RobotTopics:
             RateError: a rate does not divide the simulator's; nothing is left behind.
         """
         self._simulation, self._schedule, self._entity = simulation, schedule, entity
-        self._transforms, self._now = transforms, now
+        self._transforms, self._now, self._renderer = transforms, now, renderer
         self._base = f"/{entity.namespace}" if entity.namespace else ""
         self._prefix = _tf_prefix(self._base)
         self._tasks: list[Any] = []
@@ -76,6 +80,9 @@ class RobotTopics:
             self._sonar(config, mounted)
         for truth in robot.ground_truths:
             self._ground_truth(truth)
+        for camera in robot.cameras:
+            topics = CameraTopics(self._simulation, self._entity, camera, self._renderer)
+            topics.start(self._topic, self._every, self._frame(camera.frame))
         for bumper in robot.bumpers:
             self._bumper(bumper)
         for states in robot.joint_state_publishers:

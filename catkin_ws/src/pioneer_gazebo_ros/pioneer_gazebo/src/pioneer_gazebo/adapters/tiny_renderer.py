@@ -1,0 +1,116 @@
+"""Pictures by pybullet's TinyRenderer: on the processor, without a display, in a world of its own that only looks.
+
+The engine's world has no looks, and keeps none for those who never ask: this one is made at the first picture.
+"""
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+import pybullet
+
+from pioneer_gazebo.core.camera import Picture, vertical_fov
+from pioneer_gazebo.core.entity import Entity
+from pioneer_gazebo.core.pose import Pose, rotated
+from pioneer_gazebo.core.robot import Camera
+from pioneer_gazebo.core.section import Triangles
+from pioneer_gazebo.core.world import Box, Cylinder, Mesh, Model, Plane, Shape, Sphere, Visual
+
+LIGHT = (0.5, -0.3, 1.0)
+"""Where the light comes from."""
+
+PLANE_THICKNESS = 0.02
+SKY = (178, 178, 178)
+"""Gazebo's default background."""
+
+
+class TinyRenderer:
+    """See `Renderer`."""
+
+    def __init__(self, triangles: Triangles) -> None:
+        """Opens an empty world; ``triangles`` reads meshes."""
+        self._triangles = triangles
+        self._client = pybullet.connect(pybullet.DIRECT)
+        self._standing: tuple[Model, ...] = ()
+        self._walls: list[int] = []
+        self._movers: dict[Entity, list[tuple[int, int, Pose]]] = {}
+
+    def close(self) -> None:
+        """See `Renderer`."""
+        pybullet.disconnect(self._client)
+
+    def picture(
+        self, camera: Camera, eye: Pose, standing: Iterable[Model], moving: Iterable[tuple[Entity, list[Pose]]]
+    ) -> Picture:
+        """See `Renderer`."""
+        self._show_standing(tuple(standing))
+        self._show_moving(dict(moving))
+        ahead = eye.transform((1.0, 0.0, 0.0))
+        view = pybullet.computeViewMatrix(eye.position, ahead, rotated(eye.rotation, (0.0, 0.0, 1.0)))
+        opening = math.degrees(vertical_fov(camera))
+        lens = pybullet.computeProjectionMatrixFOV(opening, camera.width / camera.height, camera.near, camera.far)
+        _, _, colours, depths, _ = pybullet.getCameraImage(
+            camera.width, camera.height, view, lens, lightDirection=LIGHT, shadow=0,
+            renderer=pybullet.ER_TINY_RENDERER, flags=pybullet.ER_NO_SEGMENTATION_MASK, physicsClientId=self._client,
+        )  # fmt: skip
+        size = camera.height, camera.width
+        picture = np.array(colours, dtype=np.uint8).reshape(*size, 4)[:, :, :3].copy()
+        picture[np.array(depths, dtype=np.float32).reshape(size) >= 1.0] = SKY
+        return picture
+
+    def _show_standing(self, models: tuple[Model, ...]) -> None:
+        if models == self._standing:
+            return
+        for body in self._walls:
+            pybullet.removeBody(body, physicsClientId=self._client)
+        self._walls = [
+            self._made(visual, model.pose.compose(link.pose).compose(visual.pose))
+            for model in models
+            for link in model.links
+            for visual in link.visuals
+        ]
+        self._standing = models
+
+    def _show_moving(self, poses: dict[Entity, list[Pose]]) -> None:
+        for entity in [one for one in self._movers if one not in poses]:
+            for body, _, _ in self._movers.pop(entity):
+                pybullet.removeBody(body, physicsClientId=self._client)
+        for entity, parts in poses.items():
+            if entity not in self._movers:
+                self._movers[entity] = [
+                    (self._made(visual, visual.pose), number, visual.pose)
+                    for number, part in enumerate(entity.body.parts)
+                    for visual in part.visuals
+                ]
+            for body, number, at in self._movers[entity]:
+                placed = parts[number].compose(at)
+                pybullet.resetBasePositionAndOrientation(
+                    body, placed.position, placed.rotation, physicsClientId=self._client
+                )
+
+    def _made(self, visual: Visual, pose: Pose) -> int:
+        shape = self._shape(visual.shape, visual.colour)
+        return pybullet.createMultiBody(
+            baseMass=0.0, baseVisualShapeIndex=shape, basePosition=pose.position, baseOrientation=pose.rotation,
+            physicsClientId=self._client,
+        )  # fmt: skip
+
+    def _shape(self, shape: Shape, colour: tuple[float, float, float, float]) -> int:
+        look = {"rgbaColor": colour, "specularColor": (0.0, 0.0, 0.0), "physicsClientId": self._client}
+        match shape:
+            case Box(size=(x, y, z)):
+                return pybullet.createVisualShape(pybullet.GEOM_BOX, halfExtents=(x / 2, y / 2, z / 2), **look)
+            case Sphere(radius=radius):
+                return pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=radius, **look)
+            case Cylinder(radius=radius, length=length):
+                return pybullet.createVisualShape(pybullet.GEOM_CYLINDER, radius=radius, length=length, **look)
+            case Plane(size=(x, y)):
+                return pybullet.createVisualShape(
+                    pybullet.GEOM_BOX, halfExtents=(x / 2, y / 2, PLANE_THICKNESS / 2),
+                    visualFramePosition=(0.0, 0.0, -PLANE_THICKNESS / 2), **look,
+                )  # fmt: skip
+            case Mesh():
+                corners, index = np.unique(self._triangles(shape).reshape(-1, 3), axis=0, return_inverse=True)
+                return pybullet.createVisualShape(
+                    pybullet.GEOM_MESH, vertices=corners.tolist(), indices=index.ravel().tolist(), **look
+                )

@@ -1,0 +1,64 @@
+"""What a camera's numbers mean, and what draws its pictures."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pioneer_gazebo.core.entity import Entity
+from pioneer_gazebo.core.pose import Pose
+from pioneer_gazebo.core.robot import Camera
+from pioneer_gazebo.core.world import Model
+
+Picture = NDArray[np.uint8]
+"""Shape (height, width, 3): red, green, blue; row 0 is the top."""
+
+
+class Renderer(Protocol):
+    """Draws the world. Used from one thread."""
+
+    def picture(
+        self, camera: Camera, eye: Pose, standing: Iterable[Model], moving: Iterable[tuple[Entity, list[Pose]]]
+    ) -> Picture:
+        """Returns what ``camera`` sees from ``eye``, looking along x.
+
+        Args:
+            camera: opening, size and depths.
+            eye: pose in the world.
+            standing: all static models.
+            moving: all others, with the pose of each part.
+        """
+
+    def close(self) -> None:
+        """Frees what it holds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Intrinsics:
+    """A pinhole camera with square pixels: focal length and principal point [pixel], pixels' centres whole numbers."""
+
+    focal: float
+    x: float
+    y: float
+
+
+def intrinsics_of(camera: Camera) -> Intrinsics:
+    """Returns the projection: the horizontal opening spans the whole width, from edge to edge."""
+    focal = camera.width / (2.0 * math.tan(camera.horizontal_fov / 2.0))
+    return Intrinsics(focal, (camera.width - 1) / 2.0, (camera.height - 1) / 2.0)
+
+
+def vertical_fov(camera: Camera) -> float:
+    """Returns the vertical opening [rad]."""
+    return 2.0 * math.atan(math.tan(camera.horizontal_fov / 2.0) * camera.height / camera.width)
+
+
+def noisy(picture: Picture, stddev: float, generator: np.random.Generator) -> Picture:
+    """Returns the picture with gaussian noise on every value; ``stddev`` is a part of the full scale."""
+    if stddev <= 0:
+        return picture
+    noise = generator.standard_normal(picture.shape, dtype=np.float32) * np.float32(stddev * 255.0)
+    return np.clip(picture + noise, 0.0, 255.0).astype(np.uint8)
