@@ -63,7 +63,10 @@ PLANNERS = [
 ]
 
 
-@pytest.fixture(params=PLANNERS, ids=["navfn", "dijkstra", "a*"])
+FROM_CELL_TO_CELL = GlobalPlanner(GlobalPlannerConfig(cost_factor=0.8, use_grid_path=True))
+
+
+@pytest.fixture(params=[*PLANNERS, FROM_CELL_TO_CELL], ids=["navfn", "dijkstra", "a*", "grid path"])
 def planner(request):
     return request.param
 
@@ -87,7 +90,8 @@ def test_a_path_crosses_nothing_that_touches(planner):
 
 def test_over_free_ground_a_path_is_nearly_straight(planner):
     path = path_between(planner, costmap_of(WIDE), Pose(0.25, 0.25), Pose(1.75, 0.85))
-    assert length(path) < 1.05 * math.hypot(1.5, 0.6)
+    longest = 1.083 if planner is FROM_CELL_TO_CELL else 1.05  # eight directions cost up to 8.24 %
+    assert length(path) < longest * math.hypot(1.5, 0.6)
 
 
 def test_costs_push_a_path_off_the_wall(planner):
@@ -235,7 +239,7 @@ def test_a_star_s_ways_are_at_most_a_tenth_dearer_than_dijkstra_s():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"use_grid_path": True}, {"orientation_mode": 1}, {"cost_factor": 9.0}, {"lethal_cost": 255}, {"x": 1}]
+    "wrong", [{"use_quadratic": False}, {"orientation_mode": 7}, {"cost_factor": 9.0}, {"lethal_cost": 255}, {"x": 1}]
 )
 def test_global_planner_s_parameters_that_make_no_sense_are_refused(wrong):
     with pytest.raises(ParameterError):

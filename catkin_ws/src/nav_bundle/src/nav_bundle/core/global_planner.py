@@ -8,7 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nav_bundle.core.costmap.cost import UNKNOWN
-from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
+from nav_bundle.core.navfn import FAR, NavfnConfig, NavfnPlanner
+from nav_bundle.core.orientation import Orientation, oriented
+from nav_bundle.core.planner import Path
+from nav_bundle.core.pose import Pose
 from pioneer_node.core.live import Live
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 
@@ -24,8 +27,10 @@ class GlobalPlannerConfig:
 
     A cell of cost c weighs ``neutral_cost + cost_factor c``, at most ``lethal_cost - 1``; from ``lethal_cost`` on it
     cannot be crossed. With ``use_dijkstra`` false the wave runs towards the goal first (A*): faster over open ground.
-    ``planner_window_x``, ``planner_window_y``, ``visualize_potential``, ``publish_potential``, ``publish_scale``,
-    ``outline_map`` and ``orientation_window_size`` are taken and change nothing. ``keep_right`` is ours, see
+    ``use_grid_path`` leads from cell to cell instead of down the gradient; ``orientation_mode`` is one of
+    ``orientation.Orientation``, ``orientation_window_size`` [poses] says how far to look for where the path leads.
+    ``publish_potential`` shows the potential from 0 to ``publish_scale``. ``planner_window_x``, ``planner_window_y``,
+    ``visualize_potential`` and ``outline_map`` are taken and change nothing. ``keep_right`` is ours, see
     ``navfn.NavfnConfig``.
     """
 
@@ -65,20 +70,42 @@ def global_planner_config_from_parameters(parameters: Mapping[str, Any], owner: 
         ParameterError: an unknown name, a wrong type, a value out of range, or an option that is not there.
     """
     config = config_from_mapping(GlobalPlannerConfig, parameters, owner)
-    offered = {"use_quadratic": True, "use_grid_path": False, "old_navfn_behavior": False, "orientation_mode": 0}
+    offered = {"use_quadratic": True, "old_navfn_behavior": False}
     for name, value in offered.items():
         if getattr(config, name) != value:
             raise ParameterError(f"{owner}: ~{name} {getattr(config, name)!r} is not available, only {value!r}")
-    for name, low, high in (("lethal_cost", 2, 253), ("neutral_cost", 1, 252), ("cost_factor", 0.01, 5.0)):
+    bounds = (
+        ("lethal_cost", 2, 253),
+        ("neutral_cost", 1, 252),
+        ("cost_factor", 0.01, 5.0),
+        ("orientation_mode", 0, 6),
+        ("orientation_window_size", 1, 255),
+        ("publish_scale", 1, 100),
+    )
+    for name, low, high in bounds:
         if not low <= getattr(config, name) <= high:
             raise ParameterError(f"{owner}: ~{name} must lie in {low} to {high}, not {getattr(config, name)}")
     return config
 
 
+def visible_potential(potential: NDArray[np.float32], scale: int) -> NDArray[np.int8]:
+    """Returns a potential from 0 to ``scale``, -1 where it did not reach, as global_planner shows it."""
+    reached = potential < FAR
+    values = np.full(potential.shape, -1, np.int8)
+    highest = float(potential[reached].max(initial=0.0)) or 1.0
+    values[reached] = (potential[reached] * (scale / highest)).astype(np.int8)
+    return values
+
+
 class GlobalPlanner(NavfnPlanner):
-    """Plans as global_planner does by default: quadratic potential, gradient path."""
+    """Plans as global_planner does: a quadratic potential, a path down it or from cell to cell, headings along it."""
 
     def __init__(self, config: GlobalPlannerConfig) -> None:
         super().__init__(NavfnConfig(config.allow_unknown, config.default_tolerance, keep_right=config.keep_right))
         self._weights = config.weights()
+        self._follow_cells = config.use_grid_path
+        self._orientation, self._window = Orientation(config.orientation_mode), config.orientation_window_size
         self._pull = 0.0 if config.use_dijkstra else _PULL * config.neutral_cost
+
+    def _finished(self, start: Pose, path: Path) -> Path:
+        return oriented(path, start, self._orientation, self._window)

@@ -98,6 +98,12 @@ class Setup:
             configs.update({f"{name}/{layer_name}": layer for layer_name, layer in layers})
         return configs
 
+    @property
+    def potential_scale(self) -> int:
+        """The highest value that a shown potential has; 0 where none is to be shown."""
+        planner = self.global_planner
+        return planner.publish_scale if isinstance(planner, GlobalPlannerConfig) and planner.publish_potential else 0
+
     def make_global_planner(self) -> NavfnPlanner:
         """Returns the global planner that was asked for."""
         if isinstance(self.global_planner, GlobalPlannerConfig):

@@ -1,6 +1,8 @@
 """The global planner NavfnROS: a potential over the costmap and the steepest way down it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +26,8 @@ MEETING_DISTANCE = 3.0
 _BLOCKED = -1
 # How far apart the wave's urgency bands lie; two steps over free ground, as in navfn, give the best speed at four.
 _BAND = 4.0 * NEUTRAL_COST
-_FAR = 1.0e10
+FAR = 1.0e10
+"""The potential of a cell that was not reached."""
 # Strangers are passed on the right: crossing the line to their left, this long and thick [m],
 # costs as much as about a metre of free ground.
 _SHUNNED_LENGTH, _SHUNNED_DEPTH = 2.5, 0.15
@@ -68,6 +71,11 @@ class NavfnPlanner:
         self.config = config
         self._weights = weights(config.allow_unknown)
         self._pull = 0.0
+        self._follow_cells = False
+
+    def _finished(self, start: Pose, path: Path) -> Path:
+        """Returns what is made of a path that was found from ``start``."""
+        return path
 
     def search(self, costmap: Costmap, start: Pose, goal: Pose, tolerance: float | None = None) -> "NavfnSearch":
         """Begins a search on a copy of the costmap's cells; see ``planner.GlobalPlanner``."""
@@ -88,11 +96,20 @@ class NavfnPlanner:
             _keep_right(costs, place, start, costmap.strangers(start, MEETING_DISTANCE))
         reach = self.config.default_tolerance if tolerance is None else tolerance
         field = (costs, Geometry(**vars(place)))
-        return NavfnSearch(*field, start_cell, goal_cell, goal, reach, self._weights, self._pull)
+        search = NavfnSearch(*field, start_cell, goal_cell, goal, reach, self._weights, self._pull)
+        search.finish, search.follow_cells = partial(self._finished, start), self._follow_cells
+        return search
 
 
 class NavfnSearch:
-    """One search; its wave goes on where the last call left it."""
+    """One search; its wave goes on where the last call left it.
+
+    Attributes:
+        potential: float32, shape (rows, cols): cost of the cheapest way from the robot, ``FAR`` where none was found.
+        geometry: where the cells lie.
+        finish: makes the path that is returned of the one that was found.
+        follow_cells: the path leads from cell to cell instead of down the gradient.
+    """
 
     def __init__(
         self,
@@ -105,7 +122,9 @@ class NavfnSearch:
         weight: NDArray[np.float32],
         pull: float = 0.0,
     ) -> None:
-        self._costs, self._geometry, self._weights = costs, geometry, weight
+        self._costs, self.geometry, self._weights = costs, geometry, weight
+        self.finish: Callable[[Path], Path] = lambda path: path
+        self.follow_cells = False
         self._start, self._goal_cell, self._goal = start, goal_cell, goal
         self._tolerance, self._pull = tolerance, pull
         self.potential: NDArray[np.float32] = np.empty(costs.shape, np.float32)
@@ -128,24 +147,42 @@ class NavfnSearch:
 
     def _path(self) -> Path:
         """Returns the path from the robot to the goal, or to the nearest reached place within the tolerance."""
-        exact = self.potential[self._goal_cell] < _FAR
+        exact = self.potential[self._goal_cell] < FAR
         end = self._goal_cell if exact else self._nearest()
-        steps = np.empty((4 * sum(self.potential.shape) + self.potential.size // 8, 2), np.float64)
-        count = kernel.descend(self.potential, steps, *end, *self._start)
-        if count == 0 and end != self._start:
+        steps = self._cells_down(end) if self.follow_cells else self._points_down(end)
+        if len(steps) == 0 and end != self._start:
             raise NoPathError("Failed to get a plan from potential when a legal potential was found.")
-        return self._poses(steps[:count][::-1], exact)
+        return self.finish(self._poses(steps[::-1], exact))
+
+    def _points_down(self, end: tuple[int, int]) -> NDArray[np.float64]:
+        """Returns points (row, col) down the gradient from ``end`` to the robot, none where that got stuck."""
+        steps = np.empty((4 * sum(self.potential.shape) + self.potential.size // 8, 2), np.float64)
+        return steps[: kernel.descend(self.potential, steps, *end, *self._start)]
+
+    def _cells_down(self, end: tuple[int, int]) -> NDArray[np.float64]:
+        """Returns cells (row, col) from ``end`` to the robot, each the lowest of the eight around the one before."""
+        row, col = end
+        cells = [end]
+        while (row, col) != self._start:
+            top, left = max(row - 1, 0), max(col - 1, 0)
+            around = self.potential[top : row + 2, left : col + 2]
+            down, right = divmod(int(around.argmin()), around.shape[1])
+            if around[down, right] >= self.potential[row, col]:
+                return np.empty((0, 2))
+            row, col = top + down, left + right
+            cells.append((row, col))
+        return np.array(cells, np.float64)
 
     def _nearest(self) -> tuple[int, int]:
-        cell = kernel.nearest_reached(self.potential, *self._goal_cell, self._tolerance / self._geometry.resolution)
+        cell = kernel.nearest_reached(self.potential, *self._goal_cell, self._tolerance / self.geometry.resolution)
         if cell < 0:
             raise NoPathError("Failed to get a plan.")
-        row, col = divmod(int(cell), self._geometry.cols)
+        row, col = divmod(int(cell), self.geometry.cols)
         return row, col
 
     def _poses(self, cells: NDArray[np.float64], exact: bool) -> Path:
         """Returns the points of ``cells`` (row, col) with yaw 0 as navfn has it, the last with the goal's heading."""
-        place = self._geometry
+        place = self.geometry
         path = np.zeros((max(len(cells), 1), 3))
         path[: len(cells), 0] = place.origin_x + (cells[:, 1] + 0.5) * place.resolution
         path[: len(cells), 1] = place.origin_y + (cells[:, 0] + 0.5) * place.resolution

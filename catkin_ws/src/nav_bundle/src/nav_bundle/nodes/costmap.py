@@ -268,10 +268,14 @@ class CostmapNode:
             self._update_publisher.publish(update)
 
     def _grid(self, now: float) -> GridMessage:
+        return self.grid_of(self._values[self.costmap.cells], now)
+
+    def grid_of(self, values: NDArray[np.int8], now: float) -> GridMessage:
+        """Returns values of this costmap's cells, shape (rows, cols), as a message."""
         stamp, place = rospy.Time.from_sec(now), self.costmap.geometry
         origin = message_from_pose(Pose(place.origin_x, place.origin_y))
         info = MapMetaData(stamp, place.resolution, place.cols, place.rows, origin)
-        return GridMessage(Header(0, stamp, self.frame), info, self._values[self.costmap.cells].ravel())
+        return GridMessage(Header(0, stamp, self.frame), info, values.ravel())
 
     def _footprint(self, now: float, pose: Pose) -> PolygonStamped:
         points = [Point32(x, y, 0.0) for x, y in self.costmap.footprint.outline(pose)]

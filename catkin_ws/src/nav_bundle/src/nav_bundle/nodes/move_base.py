@@ -8,12 +8,14 @@ import numpy as np
 import rospy
 from geometry_msgs.msg import Twist
 from move_base_msgs.msg import RecoveryStatus
+from nav_msgs.msg import OccupancyGrid
 from nav_msgs.msg import Path as PathType
 from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
 from numpy.typing import NDArray
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
 
 from nav_bundle.conversions import path_message, stamped_from_pose
+from nav_bundle.core.global_planner import visible_potential
 from nav_bundle.core.local_planner import Decision, LocalPlannerError, Situation, Velocity
 from nav_bundle.core.move_base import (
     Event,
@@ -30,7 +32,7 @@ from nav_bundle.core.move_base import (
     advance,
 )
 from nav_bundle.core.move_base_config import Setup, setup_from_parameters
-from nav_bundle.core.navfn import MEETING_DISTANCE
+from nav_bundle.core.navfn import MEETING_DISTANCE, NavfnSearch
 from nav_bundle.core.planner import Path, PlannerError, Search, path_between
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.recovery import Recovery, Surroundings
@@ -60,7 +62,7 @@ class MoveBaseNode:
     Publishes: ``cmd_vel`` (geometry_msgs/Twist), ``~<global planner>/plan``, ``~<local planner>/global_plan``,
         ``~<local planner>/local_plan`` (nav_msgs/Path), ``~recovery_status`` (move_base_msgs/RecoveryStatus), and
         what costmaps and action publish. The global planner is NavfnROS or
-        GlobalPlanner, the local planner TrajectoryPlannerROS or DWAPlannerROS.
+        GlobalPlanner (which also shows its ``potential``), the local planner TrajectoryPlannerROS or DWAPlannerROS.
 
     Services: ``~make_plan`` (nav_msgs/GetPlan), ``~clear_costmaps`` (std_srvs/Empty).
 
@@ -98,6 +100,10 @@ class MoveBaseNode:
     def _advertise_plans(self) -> None:
         name = self._setup.local_planner_name
         self._plan = rospy.Publisher(f"~{self._setup.global_planner_name}/plan", PathType, queue_size=1)
+        potential = f"~{self._setup.global_planner_name}/potential"
+        self._potential = (
+            rospy.Publisher(potential, OccupancyGrid, queue_size=1) if self._setup.potential_scale else None
+        )
         self._followed = rospy.Publisher(f"~{name}/global_plan", PathType, queue_size=1)
         self._driven = rospy.Publisher(f"~{name}/local_plan", PathType, queue_size=1)
 
@@ -115,9 +121,9 @@ class MoveBaseNode:
                     self._controller.set_plan(self._route)
             if setup.base.controller_frequency != before.base.controller_frequency:
                 self._rate = rospy.Rate(setup.base.controller_frequency, reset=True)
-            names = ("local_planner_name", "global_planner_name")
+            names = ("local_planner_name", "global_planner_name", "potential_scale")
             if any(getattr(setup, name) != getattr(before, name) for name in names):
-                for publisher in (self._plan, self._followed, self._driven):
+                for publisher in filter(None, (self._plan, self._potential, self._followed, self._driven)):
                     publisher.unregister()
                 self._advertise_plans()
 
@@ -233,8 +239,17 @@ class MoveBaseNode:
             return PlanOutcome.FAILED
         if self._path is None:
             return PlanOutcome.NONE
+        self._show_potential(self._search)
         self._search = None
         return PlanOutcome.FOUND
+
+    def _show_potential(self, search: Search) -> None:
+        publisher, costmap = self._potential, self._global.costmap
+        if publisher is None or not publisher.get_num_connections() or not isinstance(search, NavfnSearch):
+            return
+        if search.potential.shape == costmap.cells.shape:
+            values = visible_potential(search.potential, self._setup.potential_scale)
+            publisher.publish(self._global.grid_of(values, rospy.get_time()))
 
     def _decide(self, local_pose: Pose, now: float) -> Decision | None:
         """Asks the local planner; None where it finds nothing to drive."""
