@@ -158,6 +158,36 @@ def test_pulls_show_exactly_the_five(sites, ask) -> None:
     assert advertise_all(base, True) == 0
 
 
+def test_what_was_flipped_here_is_not_advertised_here(sites) -> None:
+    base, robot = sites
+    flip_all = all_of("flip", "robot")
+    assert flip_all(base, False) == 0
+    wait_until(lambda: "/add_two_ints" in robot.master.system_state()[2], "the service at robot", ACCEPTED_WITHIN)
+    assert advertise_all(robot, False) == 0
+    wait_until(lambda: robot.info().public_watchlist, "everything is advertised", 5)
+    assert advertised(robot) == set()
+    assert advertise_all(robot, True) == 0
+    assert flip_all(base, True) == 0
+
+
+def test_a_service_name_that_is_taken_is_blocked_not_accepted_and_free_again_when_its_server_goes(sites) -> None:
+    base, robot = sites
+    local = robot.master.proxy("/local")
+    local.registerService("/add_two_ints", "rosrpc://127.0.0.1:1", "http://127.0.0.1:1/")
+    assert base.flip("robot", "service", "/add_two_ints") == 0
+    refused = "refused: /add_two_ints is served by /local here already"
+    wait_until(lambda: base.states()["flip /add_two_ints"] == refused, "refused", 5)
+    assert [one.status for one in base.info().flipped_connections] == ["blocked"]
+    assert robot.master.system_state()[2]["/add_two_ints"] == ["/local"]
+    local.unregisterService("/add_two_ints", "rosrpc://127.0.0.1:1")
+    wait_until(lambda: base.states()["flip /add_two_ints"] == "active", "active", 5)
+    local.registerService("/add_two_ints", "rosrpc://127.0.0.1:1", "http://127.0.0.1:1/")
+    wait_until(lambda: base.states()["flip /add_two_ints"] == refused, "a local server takes its name", 5)
+    local.unregisterService("/add_two_ints", "rosrpc://127.0.0.1:1")
+    assert base.flip("robot", "service", "/add_two_ints", cancel=True) == 0
+    wait_until(lambda: "/add_two_ints" not in robot.master.system_state()[2], "unregistered", GONE_WITHIN)
+
+
 def run(site, *command: str) -> str:
     result = subprocess.run(
         command, env=site.master.environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=60

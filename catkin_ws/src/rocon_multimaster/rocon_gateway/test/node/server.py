@@ -14,6 +14,8 @@ def echo(request: ConnectHubRequest) -> ConnectHubResponse:
     if what == "die":
         os._exit(1)
     if what == "wait":
+        sys.stdout.write("waiting\n")
+        sys.stdout.flush()
         rospy.rostime.wallsleep(float(number))
     if what == "who":
         return ConnectHubResponse(0, request._connection_header["callerid"])

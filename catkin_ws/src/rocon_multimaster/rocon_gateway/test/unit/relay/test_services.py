@@ -15,6 +15,7 @@ from relay_side import NODES, node_at, wait_for
 
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
+from rocon_gateway.adapters.relay import service_import
 from rocon_gateway.core.connection import LinkState
 from rocon_gateway.core.header import header_bytes, header_fields
 from rocon_gateway.core.service import ServiceExport, ServiceImport
@@ -167,6 +168,15 @@ def test_a_slow_call_holds_up_no_other(sink):
     for thread in threads:
         thread.join(10)
     assert done.is_set()
+
+
+def test_one_client_too_many_is_refused_and_told(sink, monkeypatch):
+    monkeypatch.setattr(service_import, "MAX_CALLS", 1)
+    with Client(sink, persistent="1") as first:
+        assert first.call("first") == "first"
+        with Client(sink) as second:
+            assert "takes no more" in second.header["error"]
+        assert first.call("goes on") == "goes on"
 
 
 def test_an_error_of_the_server_is_an_error_to_the_client(sink):
