@@ -119,21 +119,31 @@ prepare_venv() {
   printf '%s' "$stamp" >"$venv/stamp"
 }
 
-# What decides whether the workspace must be built again: everything CMake reads, and the list of scripts.
+# workspace_read TEST...: the files whose content the build reads, printed as find is told to.
+workspace_read() {
+  find "$workspace/src" -type d -name __pycache__ -prune -o \( -name CMakeLists.txt -o -name package.xml -o -name setup.py \
+    -o -name '*.msg' -o -name '*.srv' -o -name '*.action' -o -name '*.cfg' -o -name '*.cmake*' -o -path '*/kernels/*.py' \
+    -o -name compile_kernel.py \) -type f "$@"
+}
+
+# workspace_listed TEST...: the files of which the build wants to know only that they are there.
+workspace_listed() {
+  find "$workspace/src" \( -path '*/scripts/*' -o -path '*/src/*' -name __init__.py \) -type f "$@"
+}
+
+# What decides whether the workspace must be built again.
 workspace_state() {
   {
-    find "$workspace/src" -type d -name __pycache__ -prune -o \( -name CMakeLists.txt -o -name package.xml -o -name setup.py \
-      -o -name '*.msg' -o -name '*.srv' -o -name '*.action' -o -name '*.cfg' -o -name '*.cmake*' -o -path '*/kernels/*.py' \
-      -o -name compile_kernel.py \) -type f -printf '%p %T@\n'
-    find "$workspace/src" -path '*/scripts/*' -type f -printf '%p\n'
-    find "$workspace/src" -path '*/src/*' -name __init__.py -printf '%p\n'
+    workspace_read -printf '%p %T@\n'
+    workspace_listed -printf '%p\n'
     printf '%s\n' "$root"
   } | sort | sha256sum
 }
 
+# make_workspace DEFINITION...: builds the workspace, with further definitions for CMake.
 make_workspace() {
   # Built with the venv's interpreter, which catkin writes into every script.
-  (cd "$workspace" && catkin_make -j"$(nproc)" -DPYTHON_EXECUTABLE="$venv/bin/python3" -DCATKIN_ENABLE_TESTING=OFF)
+  (cd "$workspace" && catkin_make -j"$(nproc)" -DPYTHON_EXECUTABLE="$venv/bin/python3" -DCATKIN_ENABLE_TESTING=OFF "$@")
 }
 
 build_workspace() {

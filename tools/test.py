@@ -92,7 +92,8 @@ def pytest_check(name: str, paths: list[Path], timeout: float = 900.0) -> Check:
 def unit() -> Iterator[Check]:
     """Tests without a ROS environment of their own."""
     folders = sorted(path for path in SOURCE.rglob("test/unit") if path.is_dir())
-    yield pytest_check("unit", [*folders, ROOT / "tools" / "test" / "test_setup.py"])
+    tools = ROOT / "tools" / "test"
+    yield pytest_check("unit", [*folders, tools / "test_setup.py", tools / "test_containers.py"])
 
 
 def launch() -> Iterator[Check]:

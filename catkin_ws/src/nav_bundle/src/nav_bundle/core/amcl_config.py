@@ -19,7 +19,7 @@ UNSUPPORTED = frozenset({"bag_scan_period", "std_warn_level_x", "std_warn_level_
 class AmclConfig:
     """Parameters of amcl, documented one by one in config/amcl_defaults.yaml; SI units.
 
-    Two are ours: ``seed`` of the random generator, so that a run can be repeated, and ``refine_estimate``.
+    Ours are ``seed`` of the random generator, ``refine_estimate`` and ``correction_file``.
 
     Raises:
         ParameterError: a value out of its range.
@@ -36,6 +36,7 @@ class AmclConfig:
     tf_broadcast: Annotated[bool, Live()] = True
     gui_publish_rate: Annotated[float, Live(-1.0, 100.0)] = -1.0
     save_pose_rate: Annotated[float, Live(-1.0, 10.0)] = 0.5
+    correction_file: str = ""
     initial_pose_x: float = 0.0
     initial_pose_y: float = 0.0
     initial_pose_a: float = 0.0

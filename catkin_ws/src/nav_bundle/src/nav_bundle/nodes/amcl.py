@@ -5,6 +5,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from nav_msgs.srv import SetMapResponse
 from std_msgs.msg import Header
 from std_srvs.srv import Empty, EmptyResponse
 
+from nav_bundle.adapters.correction_file import read_correction, write_correction
 from nav_bundle.conversions import (
     GetMapArray,
     GridMessage,
@@ -46,6 +48,8 @@ TRANSFORM_TIMEOUT = 0.5
 """Wall time [s] a scan waits for the odometry of its stamp."""
 WARNING_PERIOD = 5.0
 """Least time [s] between two equal warnings."""
+REMEMBERED_COVARIANCE = np.diag([0.1**2, 0.1**2, 0.05**2])
+"""Of a remembered pose: x, y [m²] and heading [rad²]."""
 
 
 def read_config() -> AmclConfig:
@@ -90,6 +94,7 @@ class AmclNode:
         self._map_from_odom: Pose | None = None
         self._now = self._next_cloud = 0.0
         self._start_at_initial_pose()
+        self._remembered = self._read_correction()
         self._listener = TransformListener()
         self._name_frames()
         self._broadcaster = TransformBroadcaster()
@@ -215,6 +220,8 @@ class AmclNode:
         stamp = message.header.stamp
         laser = self._laser(stripped(message.header.frame_id))
         odom = self._listener.wait(self._odom_frame, self._base_frame, stamp.to_sec(), TRANSFORM_TIMEOUT).planar()
+        if self._remembered is not None:
+            self._go_on(self._remembered.compose(odom))
         if self._localisation.due(odom):
             update = self._localisation.advance(odom, scan_from_message(message, laser))
             if update.estimate is not None:
@@ -222,8 +229,8 @@ class AmclNode:
                 self._publish_estimate(update.estimate, stamp)
             self._publish_cloud(stamp)
         self._broadcast(stamp)
-        if self._estimate is not None:
-            self._store.save(self._estimate, self._now)
+        if self._estimate is not None and self._store.save(self._estimate, self._now):
+            self._write_correction()
 
     def _laser(self, frame: str) -> Transform:
         """Returns base_from_laser; it is asked for once, lasers do not move."""
@@ -235,6 +242,7 @@ class AmclNode:
         now = rospy.get_time()
         if now < self._now:
             rospy.logwarn("time jumped back: localisation starts again at the initial pose")
+            self._remembered = None
             self._start_at_initial_pose()
             self._store.restart()
             self._next_cloud = 0.0
@@ -265,9 +273,22 @@ class AmclNode:
         self._localisation.set_pose(pose, covariance)
         self._estimate = self._map_from_odom = None
 
+    def _read_correction(self) -> Pose | None:
+        return read_correction(Path(self._config.correction_file)) if self._config.correction_file else None
+
+    def _write_correction(self) -> None:
+        if self._config.correction_file and self._map_from_odom is not None:
+            write_correction(Path(self._config.correction_file), self._map_from_odom)
+
+    def _go_on(self, pose: Pose) -> None:
+        """Starts where odometry says the robot is by now, once: it was somewhere when another amcl ended."""
+        self._remembered = None
+        self._localisation.set_pose(pose, REMEMBERED_COVARIANCE)
+        rospy.loginfo("going on at %.3f %.3f m, heading %.3f rad, as remembered", pose.x, pose.y, pose.yaw)
+
     def _scatter(self) -> None:
         self._localisation.scatter()
-        self._map_from_odom = None
+        self._remembered = self._map_from_odom = None
         rospy.loginfo("particles spread over the whole map")
 
     def _fetch_map(self) -> None:
@@ -299,7 +320,7 @@ class AmclNode:
             return
         pose = pose_from_message(message.pose.pose).compose(self._moved_since(message.header.stamp))
         self._localisation.set_pose(pose, covariance_from_message(message))
-        self._map_from_odom = None
+        self._remembered = self._map_from_odom = None
         if self._config.force_update_after_initialpose:
             self._localisation.force_update()
         rospy.loginfo("initial pose %.3f %.3f m, heading %.3f rad", pose.x, pose.y, pose.yaw)

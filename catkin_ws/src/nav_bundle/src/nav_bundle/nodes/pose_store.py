@@ -16,15 +16,16 @@ class PoseStore:
         self._next = 0.0
         self._saved: Estimate | None = None
 
-    def save(self, estimate: Estimate, now: float) -> None:
-        """Writes ``estimate`` if it is new and the last one is old enough at ROS time ``now`` [s]."""
+    def save(self, estimate: Estimate, now: float) -> bool:
+        """Writes ``estimate`` if it is new and the last one is old enough at ROS time ``now`` [s]; tells whether."""
         if self._period == 0.0 or now < self._next or estimate is self._saved:
-            return
+            return False
         self._next, self._saved = now + self._period, estimate
         pose, covariance = estimate.pose, estimate.covariance
         names = ("pose_x", "pose_y", "pose_a", "cov_xx", "cov_yy", "cov_aa")
         values = (pose.x, pose.y, pose.yaw, *(float(covariance[index, index]) for index in range(3)))
         set_parameters({f"~initial_{name}": value for name, value in zip(names, values, strict=True)})
+        return True
 
     def restart(self) -> None:
         """Forgets when it last wrote: time jumped back."""

@@ -6,6 +6,8 @@ import socket
 
 import rosgraph.network
 
+from rocon_gateway.core.setting import SettingError
+
 
 def own_address(towards: str) -> str:
     """Returns ROS_HOSTNAME or ROS_IP if set; else the address of the interface that leads to host `towards`.
@@ -22,6 +24,23 @@ def own_address(towards: str) -> str:
             if not address.startswith("127.") and address != "::1":
                 return address
     return rosgraph.network.get_local_address()
+
+
+def interface_address(interface: str) -> str:
+    """Returns the IPv4 address of this machine's network interface of that name, eth0 say.
+
+    Raises:
+        SettingError: there is no such interface, or it has no address.
+    """
+    import ifaddr  # costs nothing to gateways that are not told an interface
+
+    addresses = {adapter.name: [ip.ip for ip in adapter.ips if ip.is_IPv4] for adapter in ifaddr.get_adapters()}
+    if not addresses.get(interface):
+        known = ", ".join(sorted(name for name, own in addresses.items() if own))
+        raise SettingError(
+            f"gateway: ~network_interface: no interface {interface!r} with an address here, only {known}"
+        )
+    return str(addresses[interface][0])
 
 
 def _route(host: str) -> str:

@@ -178,7 +178,8 @@ class RelayConfig:
         master_uri: our master.
         host: name or address of this machine that nodes of our master can reach (ROS_IP, ROS_HOSTNAME).
         port: TCP port for links; 0 is any free one.
-        bind: local address to listen on, "" is all.
+        bind: local address to listen on for links, "" is all.
+        node_bind: local address where the proxies of far nodes listen for nodes of our master, "" is all.
         credential: secret shared by all gateways, None is none: see `docs/gateway.md`, Links. Not shown by repr.
         max_message_size: longest message that is carried [bytes]; a longer one closes its connection.
         queue_size: messages that wait for one slow receiver at most.
@@ -196,6 +197,7 @@ class RelayConfig:
     host: str
     port: int = 0
     bind: str = ""
+    node_bind: str = ""
     credential: bytes | None = field(default=None, repr=False)
     max_message_size: int = 256 * 2**20
     queue_size: int = 1000

@@ -41,7 +41,7 @@ class GatewaySetting:
             the first row that matches counts. See `core.option.LinkOptions`.
         advertise_all: start with everything advertised.
         custom_rules_file: YAML with more of these; empty for none.
-        network_interface: accepted and not used: no interface has to be chosen.
+        network_interface: the interface whose address other gateways are told; empty for the one that leads to the hub.
         relay_port: TCP port for links from other gateways; 0 is any free one.
         max_message_size: the longest message that is carried [bytes].
     """

@@ -17,7 +17,7 @@ from gateway_msgs.msg import GatewayInfo
 from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes import entry
 from rocon_gateway import conversions
-from rocon_gateway.adapters.address import own_address
+from rocon_gateway.adapters.address import interface_address, own_address
 from rocon_gateway.adapters.hub import Hub, HubConfig
 from rocon_gateway.adapters.master import MasterError, MasterWatch
 from rocon_gateway.adapters.password import password_from
@@ -68,6 +68,8 @@ class GatewayNode:
             rospy.logerr("rule left out: %s", complaint)
         self._reader, self._writer = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         self._stopping = False
+        interface = self._setting.network_interface
+        self._fixed_host = interface_address(interface) if interface else ""
         self._host_for = ("", own_address(""))
         self._info = rospy.Publisher("~gateway_info", GatewayInfo, queue_size=5, latch=True)
         self._rules = rospy.Publisher("~rules", DiagnosticArray, queue_size=5, latch=True)
@@ -88,6 +90,8 @@ class GatewayNode:
             node=rospy.get_name(),
             master_uri=rosgraph.get_master_uri(),
             host=rosgraph.network.get_host_name(),
+            # As every node: with a ROS_IP on the loopback, other machines reach nothing but the links.
+            node_bind=rosgraph.network.get_bind_address(),
             port=self._setting.relay_port,
             # Who may join the hub may link, and nobody else.
             credential=password.encode() if password else None,
@@ -179,7 +183,9 @@ class GatewayNode:
         )
 
     def _host(self, view: HubView) -> str:
-        """Our address as others see it, which depends on the way to the hub."""
+        """Our address as others see it: the chosen interface's, else it depends on the way to the hub."""
+        if self._fixed_host:
+            return self._fixed_host
         if self._host_for[0] != view.hub_uri:
             self._host_for = (view.hub_uri, own_address(address_from_uri(view.hub_uri).host))
         return self._host_for[1]

@@ -71,7 +71,7 @@ class ProxyNode:
         self.services: dict[str, ProxyService] = {}
         self._context = context
         config = context.config
-        self._listener = Listener(context.reactor, config.bind, 0, self._accepted)
+        self._listener = Listener(context.reactor, config.node_bind, 0, self._accepted)
         self._connections: set[ProxyConnection] = set()
         self.port = self._listener.port
         self.uri = proxy_uri(config.host, self.port, config.gateway)

@@ -1,0 +1,33 @@
+from pathlib import Path
+
+import pytest
+
+from nav_bundle.adapters.correction_file import CorrectionFileError, read_correction, write_correction
+from nav_bundle.core.pose import Pose
+
+
+def test_what_was_written_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "correction"
+    write_correction(path, Pose(1.5, -2.25, 0.75))
+    write_correction(path, Pose(1.0, -2.0, 0.5))
+    assert read_correction(path) == Pose(1.0, -2.0, 0.5)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_no_file_is_no_memory(tmp_path: Path) -> None:
+    assert read_correction(tmp_path / "correction") is None
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", '{"x": 1, "y": 2}', '{"x": 1, "y": 2, "yaw": NaN}', '{"x": "a", "y": 2, "yaw": 0}']
+)
+def test_a_file_of_something_else_is_named(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "correction"
+    path.write_text(text)
+    with pytest.raises(CorrectionFileError, match="correction"):
+        read_correction(path)
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(CorrectionFileError, match="absent"):
+        write_correction(tmp_path / "absent" / "correction", Pose())

@@ -1,0 +1,1 @@
+"""How one computer of the fleet does."""

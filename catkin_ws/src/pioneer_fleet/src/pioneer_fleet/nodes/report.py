@@ -1,0 +1,179 @@
+"""``report``: how this computer does, as lines of JSON, until it has come as far as asked or time is up."""
+
+import argparse
+import json
+import math
+import os
+import re
+import sys
+import threading
+import time
+from typing import Any
+
+import rosgraph
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from gateway_msgs.msg import GatewayInfo
+from gazebo_msgs.msg import ModelStates
+from geometry_msgs.msg import PoseWithCovarianceStamped, Twist
+from nav_msgs.msg import Odometry
+from simple_navigation_goals.msg import WaypointQueue
+from std_msgs.msg import Float64
+
+from pioneer_fleet.core.report import Report, Stage, deviation_from_covariance
+from pioneer_fleet.core.tour import places_from_mapping, tour
+
+MASTER_LOOK = 0.2
+"""How often a master that does not answer yet is asked again [s]: it cannot tell that it has come."""
+LINE_EVERY = 0.5
+"""At most one line in so many seconds, but for the last."""
+
+
+class ReportNode:
+    """Listens to this computer's gateway and robot, or simulator, and keeps one `Report`.
+
+    Subscribes: /gateway/gateway_info, /gateway/rules; for a robot its odom, base_scan, amcl_pose and
+    map_goal_client/queue; on the base station /gazebo/real_time_factor and /gazebo/model_states.
+    Publishes: NAME/map_goal, if it is to send the robot on a tour.
+    Threads: callbacks write under a lock and wake the main thread, which prints.
+    """
+
+    def __init__(self, report: Report, waypoints: int, robots: int) -> None:
+        self._report, self._waypoints, self._robots = report, waypoints, robots
+        self._changed = threading.Condition()
+        self._listen("/gateway/gateway_info", GatewayInfo, self._on_info)
+        self._listen("/gateway/rules", DiagnosticArray, self._on_rules)
+        self._goals: rospy.Publisher | None = None
+        if report.robot:
+            self._goals = rospy.Publisher(f"/{report.robot}/map_goal", Twist, queue_size=20)
+            self._listen(f"/{report.robot}/odom", Odometry, self._on_odom)
+            self._listen(f"/{report.robot}/base_scan", rospy.AnyMsg, self._on_scan)
+            self._listen(f"/{report.robot}/amcl_pose", PoseWithCovarianceStamped, self._on_pose)
+            self._listen(f"/{report.robot}/map_goal_client/queue", WaypointQueue, self._on_queue)
+        else:
+            self._listen("/gazebo/real_time_factor", Float64, self._on_factor)
+            self._listen("/gazebo/model_states", ModelStates, self._on_models)
+
+    def follow(self, until: Stage, timeout: float, settled: bool) -> bool:
+        """Prints a line whenever something that matters changes; returns whether ``until`` was reached in time.
+
+        ``settled`` prints nothing but the last line.
+        """
+        deadline, printed, last = time.monotonic() + timeout, "", -math.inf
+        with self._changed:
+            while not rospy.is_shutdown():
+                now = time.monotonic()
+                self._drive()
+                done, late = self._report.stage >= until, now >= deadline
+                key = f"{self._report.stage}{self._report.lacks}"
+                if done or late or (not settled and key != printed and now - last >= LINE_EVERY):
+                    _tell(self._report.as_json(now))
+                    printed, last = key, now
+                if done or late:
+                    return done
+                self._changed.wait(min(deadline - now, LINE_EVERY))
+        return False
+
+    def _drive(self) -> None:
+        """Sends the tour once the robot can take it, unless somebody has given it waypoints."""
+        if not self._waypoints or self._report.stage < Stage.READY:
+            return
+        if self._goals is None or not self._goals.get_num_connections():
+            return
+        count, self._waypoints = self._waypoints, 0
+        if self._report.received:
+            return
+        places = places_from_mapping(rospy.get_param("/"))
+        number = int(re.sub(r"\D", "", self._report.robot) or 1)
+        for x, y, heading in tour(places, number, self._robots, count) if places else ():
+            goal = Twist()
+            goal.linear.x, goal.linear.y, goal.angular.z = x, y, math.degrees(heading)
+            self._goals.publish(goal)
+
+    def _listen(self, topic: str, kind: Any, callback: Any) -> None:
+        def locked(message: Any) -> None:
+            with self._changed:
+                before = self._report.stage
+                callback(message)
+                if self._report.stage != before:
+                    self._changed.notify()
+
+        rospy.Subscriber(topic, kind, locked, queue_size=1, tcp_nodelay=True)
+
+    def _on_info(self, message: GatewayInfo) -> None:
+        self._report.gateway = message.name
+        self._report.hub = message.hub_names[0] if message.connected and message.hub_names else ""
+
+    def _on_rules(self, message: DiagnosticArray) -> None:
+        self._report.rules = dict(_rule(status) for status in message.status)
+
+    def _on_odom(self, message: Odometry) -> None:
+        self._report.odom_at = time.monotonic()
+        self._report.linear, self._report.angular = message.twist.twist.linear.x, message.twist.twist.angular.z
+
+    def _on_scan(self, _: rospy.AnyMsg) -> None:
+        self._report.scan_at = time.monotonic()
+
+    def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
+        pose = message.pose.pose
+        heading = 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
+        self._report.pose = (pose.position.x, pose.position.y, heading)
+        self._report.deviation = deviation_from_covariance(message.pose.covariance)
+
+    def _on_queue(self, message: WaypointQueue) -> None:
+        self._report.waypoint = message.text
+        self._report.waiting = len(message.waiting) + bool(message.current.header.frame_id)
+        self._report.received, self._report.reached = message.received, message.reached
+        self._report.aborted = message.aborted
+
+    def _on_factor(self, message: Float64) -> None:
+        self._report.real_time_factor = round(message.data, 2)
+
+    def _on_models(self, message: ModelStates) -> None:
+        self._report.models = tuple(name for name in message.name if name.startswith("pioneer"))
+
+
+def _rule(status: DiagnosticStatus) -> tuple[str, str]:
+    values = {one.key: one.value for one in status.values}
+    about = " ".join(values[key] for key in ("action", "gateway", "type", "name", "node") if values.get(key))
+    return about, values.get("state", status.message)
+
+
+def _tell(line: dict[str, Any]) -> None:
+    sys.stdout.write(json.dumps(line) + "\n")
+    sys.stdout.flush()
+
+
+def main() -> int:
+    """Runs the command; the exit status says whether the computer has come so far."""
+    parser = argparse.ArgumentParser("report", description=(__doc__ or "").strip())
+    stages = [stage.name.lower() for stage in Stage]
+    parser.add_argument("--robot", default="", help="robot driven from this computer; none on the base station")
+    parser.add_argument("--until", choices=stages, default=stages[-1], help="end once it has come so far")
+    parser.add_argument("--timeout", type=float, default=2.0, help="end after so many seconds at the latest")
+    parser.add_argument("--settled", action="store_true", help="print the last line only")
+    parser.add_argument("--waypoints", type=int, default=0, help="send a robot that has none to so many places")
+    parser.add_argument("--robots", type=int, default=1, help="robots of the fleet, which share the places")
+    options = parser.parse_args()
+    report = Report(os.environ.get("HOSTNAME", ""), options.robot)
+    deadline = time.monotonic() + options.timeout
+    if not _master_answers(deadline):
+        _tell({**report.as_json(time.monotonic()), "lacks": "no ROS master on this computer"})
+        return 1
+    rospy.init_node("fleet_report", anonymous=True, disable_rostime=True, log_level=rospy.ERROR)
+    node = ReportNode(report, options.waypoints, options.robots)
+    left = max(0.1, deadline - time.monotonic())
+    return 0 if node.follow(Stage[options.until.upper()], left, options.settled) else 1
+
+
+def _master_answers(deadline: float) -> bool:
+    """Waits for this computer's master; returns False when it has not come by ``deadline`` (monotonic [s])."""
+    master, wait = rosgraph.Master("/fleet_report"), threading.Event()
+    while time.monotonic() < deadline:
+        try:
+            master.getPid()
+        except (OSError, rosgraph.MasterException):
+            wait.wait(MASTER_LOOK)
+            continue
+        return True
+    return False

@@ -1,0 +1,124 @@
+"""The Docker engine and Compose, by their command lines."""
+
+import json
+import os
+import shutil
+import subprocess
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+
+class ContainerError(Exception):
+    """Something about containers that one line explains."""
+
+
+def compose_command() -> list[str]:
+    """Returns how to call Compose, after a look at the engine.
+
+    Raises:
+        ContainerError: one of them is missing or does not answer; the line says what to install.
+    """
+    if shutil.which("docker") is None:
+        raise ContainerError("Docker is missing: apt install docker.io docker-compose")
+    answer = _run(["docker", "version", "--format", "{{.Server.Version}}"])
+    if answer.returncode:
+        why = (answer.stderr.strip() or answer.stdout.strip()).splitlines()
+        raise ContainerError(
+            f"the Docker engine does not answer ({why[-1] if why else 'no reason given'}): is it running, "
+            "and may you use it (group docker)?"
+        )
+    if not _run(["docker", "compose", "version"]).returncode:
+        return ["docker", "compose"]
+    if shutil.which("docker-compose"):
+        return ["docker-compose"]
+    raise ContainerError("Docker Compose is missing: apt install docker-compose")
+
+
+def _run(command: Sequence[str]) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def output(*command: str) -> str:
+    """Returns what a command prints.
+
+    Raises:
+        ContainerError: it failed, with its last line.
+    """
+    answer = _run(command)
+    if answer.returncode:
+        lines = (answer.stderr.strip() or answer.stdout.strip() or "no reason given").splitlines()
+        raise ContainerError(f"{' '.join(command[:3])} failed: {lines[-1]}")
+    return answer.stdout
+
+
+@dataclass(frozen=True)
+class Computer:
+    """A container: the service's name, the container's id, its state and health in Docker's words, and what it runs."""
+
+    name: str
+    container: str
+    state: str
+    health: str
+    environment: Mapping[str, str]
+    image: str
+
+    @property
+    def running(self) -> bool:
+        """Whether its processes run."""
+        return self.state == "running"
+
+    @property
+    def number(self) -> int:
+        """The X of aadiX; 0 for the base station."""
+        return int(self.name[4:]) if self.name[4:].isdigit() else 0
+
+    @property
+    def robot(self) -> str:
+        """The robot driven from it; empty for the base station."""
+        return f"pioneer{self.number}" if self.number else ""
+
+
+@dataclass(frozen=True)
+class Project:
+    """One fleet: a Compose project of that name, its file, and the values of the file's variables."""
+
+    name: str
+    compose: tuple[str, ...]
+    file: Path
+    variables: Mapping[str, str]
+
+    def run(self, *arguments: str) -> None:
+        """Runs Compose with its output on ours.
+
+        Raises:
+            ContainerError: it failed.
+        """
+        status = subprocess.run(self._command(arguments), env=self._environment(), check=False).returncode
+        if status:
+            raise ContainerError(f"compose {arguments[0]} failed with exit status {status}; the lines above say why")
+
+    def _command(self, arguments: Sequence[str]) -> list[str]:
+        return [*self.compose, "-p", self.name, "-f", str(self.file), *arguments]
+
+    def _environment(self) -> dict[str, str]:
+        return {**os.environ, **self.variables}
+
+    def computers(self) -> list[Computer]:
+        """Returns the project's containers, the base station first, then robots by number."""
+        ids = output("docker", "ps", "-aq", "--filter", f"label=com.docker.compose.project={self.name}").split()
+        facts = json.loads(output("docker", "inspect", *ids)) if ids else []
+        return sorted(map(_computer, facts), key=lambda one: one.number)
+
+
+def _computer(fact: Mapping[str, Any]) -> Computer:
+    state, config = fact["State"], fact["Config"]
+    return Computer(
+        config["Labels"]["com.docker.compose.service"],
+        fact["Id"],
+        state["Status"],
+        state.get("Health", {}).get("Status", ""),
+        dict(line.split("=", 1) for line in config["Env"]),
+        fact["Image"],
+    )

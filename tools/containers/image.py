@@ -1,0 +1,113 @@
+"""The image: base, wheels, build. Nothing is done that is done already."""
+
+import hashlib
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from containers.engine import ContainerError, output
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+WHEELS = ROOT / "docker" / "wheels"
+LABEL = "pioneer.sources"
+PROXIES = ("http_proxy", "https_proxy", "no_proxy", "HTTP_PROXY", "HTTPS_PROXY", "NO_PROXY")
+_PARTS = (
+    "apt-packages.txt",
+    "requirements.txt",
+    "docker/Dockerfile",
+    "docker/dpkg.cfg",
+    "docker/computer",
+    "docker/healthy",
+)
+
+
+def ensure_image(name: str, say: Callable[[str], None]) -> None:
+    """Builds the image ``name`` unless it was built from these very sources.
+
+    Raises:
+        ContainerError: a step failed.
+    """
+    sources = source_hash()
+    if _label(name) == sources:
+        return
+    log = ROOT / ".setup" / "log" / "image.log"
+    log.parent.mkdir(parents=True, exist_ok=True)
+    log.write_bytes(b"")
+    say(f"building the image {name} (the first time takes some minutes; log: {log.relative_to(ROOT)})")
+    _step([str(ROOT / "docker" / "base")], log, say)
+    _ensure_wheels(log, say)
+    # Docker hands these to the build's commands without their being part of the image.
+    proxies = [word for key in PROXIES if os.environ.get(key) for word in ("--build-arg", key)]
+    command = ["docker", "build", "-f", "docker/Dockerfile", "-t", name, "--label", f"{LABEL}={sources}", *proxies, "."]
+    _step(command, log, say)
+
+
+def source_hash() -> str:
+    """Returns a hash over everything the image is made of, as far as the checkout says it."""
+    found = hashlib.sha256()
+    files = [ROOT / part for part in _PARTS]
+    files += (path for path in (ROOT / "catkin_ws" / "src").rglob("*") if path.is_file() and not path.is_symlink())
+    for path in sorted(files):
+        if "__pycache__" not in path.parts and "test" not in path.parts:
+            found.update(f"{path.relative_to(ROOT)} {path.stat().st_mode & 0o111}\n".encode())
+            found.update(path.read_bytes())
+    return found.hexdigest()[:32]
+
+
+def _label(image: str) -> str:
+    template = f'{{{{index .Config.Labels "{LABEL}"}}}}'
+    answer = subprocess.run(
+        ["docker", "image", "inspect", "-f", template, image], capture_output=True, text=True, check=False
+    )
+    return answer.stdout.strip()
+
+
+def requirements() -> list[str]:
+    """Returns what the image needs from PyPI: the section ``run`` of the requirements."""
+    section = re.search(r"^## run\n(.*?)(?=^## |\Z)", (ROOT / "requirements.txt").read_text(), re.S | re.M)
+    return [line for line in section[1].splitlines() if line and not line.startswith("#")] if section else []
+
+
+def _ensure_wheels(log: Path, say: Callable[[str], None]) -> None:
+    have = {path.name.split("-")[0].lower() + "==" + path.name.split("-")[1] for path in WHEELS.glob("*.whl")}
+    missing = [one for one in requirements() if one.lower() not in have]
+    if not missing:
+        return
+    python = next(path for path in (ROOT / ".setup/venv/bin/python3", Path("/usr/bin/python3")) if path.exists())
+    target = ["--python-version", "3.11", "--implementation", "cp", "--platform", "manylinux2014_x86_64"]
+    if subprocess.run([python, "-m", "pip", "--version"], capture_output=True, check=False).returncode:
+        raise ContainerError(f"pip is missing, to fetch {', '.join(missing)}: apt install python3-pip")
+    say(f"fetching {', '.join(missing)}")
+    command = [str(python), "-m", "pip", "download", "--no-deps", "--only-binary", ":all:", *target]
+    _step([*command, "-d", str(WHEELS), *missing], log, say)
+
+
+def _step(command: Sequence[str], log: Path, say: Callable[[str], None]) -> None:
+    """Runs a command with its output in ``log``, showing what it is at."""
+    started, shown = time.monotonic(), 0.0
+    with (
+        log.open("a") as file,
+        subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT
+        ) as process,
+    ):
+        assert process.stdout is not None, "it was asked for"
+        lines: list[str] = []
+        for line in process.stdout:
+            file.write(line)
+            file.flush()
+            lines = [*lines[-14:], line.rstrip()]
+            if time.monotonic() - shown > (0.5 if sys.stdout.isatty() else 20.0):
+                shown = time.monotonic()
+                say(f"  {shown - started:4.0f} s  {line.strip()[:80]}")
+    if process.returncode:
+        raise ContainerError("\n".join([f"{command[0]} {command[1]} failed:", *lines, f"the whole log is {log}"]))
+
+
+def image_size(name: str) -> int:
+    """Returns the size of an image [bytes]."""
+    return int(output("docker", "image", "inspect", "-f", "{{.Size}}", name))

@@ -1,0 +1,45 @@
+"""What each computer says of itself: ``report`` of package pioneer_fleet, run in every container at once."""
+
+import json
+import subprocess
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from containers.engine import Computer
+
+REPORT = "/opt/pioneer/catkin_ws/devel/lib/pioneer_fleet/report"
+
+
+def follow(
+    computers: Sequence[Computer], arguments: Sequence[str], heard: Callable[[Computer, dict[str, Any]], None]
+) -> dict[str, bool]:
+    """Runs the report on all computers until each ends; ``heard`` gets every line, one at a time.
+
+    Returns:
+        By computer, whether it came as far as was asked.
+    """
+    lock, results = threading.Lock(), dict[str, bool]()
+
+    def run(computer: Computer) -> None:
+        command = ["docker", "exec", computer.container, REPORT, "--robot", computer.robot, *arguments]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            assert process.stderr is not None
+            for line in process.stdout:
+                with lock:
+                    heard(computer, json.loads(line))
+            problem = process.stderr.read().strip()
+        if process.returncode > 1 or (process.returncode and problem):
+            with lock:
+                heard(
+                    computer, {"lacks": (problem.splitlines() or ["the container has ended"])[-1], "stage": "starting"}
+                )
+        results[computer.name] = process.returncode == 0
+
+    threads = [threading.Thread(target=run, args=(computer,)) for computer in computers]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return results

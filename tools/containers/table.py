@@ -1,0 +1,57 @@
+"""Reports as text."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from containers.engine import Computer
+
+HEADINGS = (
+    "COMPUTER",
+    "CONTAINER",
+    "GATEWAY",
+    "RULES",
+    "ROBOT",
+    "ODOM",
+    "SCAN",
+    "LOCALISED",
+    "WAYPOINTS",
+    "LACKS / LAST WORD",
+)
+
+
+def progress_line(name: str, report: Mapping[str, Any]) -> str:
+    """Returns one line on how far a computer has come."""
+    return f"{name:16} {report['stage']:9} {report.get('lacks') or report.get('waypoint') or ''}".rstrip()
+
+
+def status_table(computers: Sequence[Computer], reports: Mapping[str, Mapping[str, Any]]) -> str:
+    """Returns one row a computer."""
+    rows = [HEADINGS, *(_row(computer, reports.get(computer.name, {})) for computer in computers)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(HEADINGS))]
+    return "\n".join(
+        "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    )
+
+
+def _row(computer: Computer, report: Mapping[str, Any]) -> tuple[str, ...]:
+    state = computer.health if computer.running and computer.health else computer.state
+    words = str(report.get("lacks") or report.get("waypoint") or "")
+    if not report.get("gateway"):
+        return (computer.name, state, *["-"] * 7, words)
+    rules = f"{report['active']}/{report['rules']}"
+    gateway = "on the hub" if report["hub"] else "no hub"
+    if not computer.robot:
+        factor = report["real_time_factor"]
+        world = f"{len(report['models'])} in {computer.environment.get('WORLD', '')}"
+        return (computer.name, state, gateway, rules, world, "-", "-", "-", "-", words or f"real-time factor {factor}")
+    moves = f"{'drives' if report['moving'] else 'stands'} {report['speed']:.2f} m/s"
+    counts = f"{report['reached']}/{report['received']}" + (f", {report['aborted']} lost" if report["aborted"] else "")
+    place = "-" if report["deviation"] is None else f"±{report['deviation']:.2f} m"
+    return (
+        computer.name, state, gateway, rules, moves,
+        _age(report["odom_age"]), _age(report["scan_age"]), place, counts, words,
+    )  # fmt: skip
+
+
+def _age(seconds: float | None) -> str:
+    return "none" if seconds is None else f"{seconds:.2f} s"
