@@ -49,3 +49,10 @@ def test_the_deviation_is_the_larger_of_the_two() -> None:
     covariance = [0.0] * 36
     covariance[0], covariance[7] = 0.01, 0.04
     assert deviation_from_covariance(covariance) == 0.2
+
+
+def test_a_robot_has_arrived_when_all_it_was_sent_to_is_dealt_with() -> None:
+    assert robot().has_arrived(0)
+    assert not robot(received=1).has_arrived(2)
+    assert not robot(received=2, waiting=1).has_arrived(2)
+    assert robot(received=2, reached=1, aborted=1).has_arrived(2)

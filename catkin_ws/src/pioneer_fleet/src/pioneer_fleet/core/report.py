@@ -31,6 +31,7 @@ class Report:
         hub: the hub it is connected to; empty for none.
         rules: state of each rule, by what it is about.
         odom_at, scan_at: when the last one came, monotonic [s].
+        odom_gap: the longest time between two of them while somebody listened [s].
         linear, angular: the robot's speed [m/s, rad/s].
         pose: x, y [m] and heading [rad] in ``map``, by amcl.
         deviation: standard deviation of that position [m].
@@ -47,6 +48,7 @@ class Report:
     rules: dict[str, str] = dataclasses.field(default_factory=dict)
     odom_at: float | None = None
     scan_at: float | None = None
+    odom_gap: float = 0.0
     linear: float = 0.0
     angular: float = 0.0
     pose: tuple[float, float, float] | None = None
@@ -109,6 +111,10 @@ class Report:
             return "amcl has not localised the robot"
         return "" if self.waypoint is not None else "no waypoint client yet"
 
+    def has_arrived(self, count: int) -> bool:
+        """Returns whether ``count`` waypoints came and none of them waits; with 0, always."""
+        return not count or (self.received >= count and not self.waiting)
+
     def as_json(self, now: float) -> dict[str, Any]:
         """Returns the report for ``json.dumps``; ages [s] in place of times. ``now`` is monotonic [s]."""
 
@@ -125,6 +131,7 @@ class Report:
             "rules": len(self.rules),
             "active": self.active,
             "odom_age": age(self.odom_at),
+            "odom_gap": round(self.odom_gap, 2),
             "scan_age": age(self.scan_at),
             "moving": self.moving,
             "speed": round(self.linear, 2),

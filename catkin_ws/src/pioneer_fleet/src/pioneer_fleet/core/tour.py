@@ -21,7 +21,7 @@ def places_from_mapping(parameters: Mapping[str, object]) -> list[Place]:
 
     Entries that are no initial pose do not count.
     """
-    found = []
+    found: list[Place] = []
     while isinstance(entry := parameters.get(f"pioneer{len(found) + 1}"), Mapping) and {"x", "y", "a"} <= entry.keys():
         found.append((float(entry["x"]), float(entry["y"]), float(entry["a"])))
     return found

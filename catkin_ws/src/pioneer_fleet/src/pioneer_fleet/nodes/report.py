@@ -54,17 +54,18 @@ class ReportNode:
             self._listen("/gazebo/real_time_factor", Float64, self._on_factor)
             self._listen("/gazebo/model_states", ModelStates, self._on_models)
 
-    def follow(self, until: Stage, timeout: float, settled: bool) -> bool:
-        """Prints a line whenever something that matters changes; returns whether ``until`` was reached in time.
+    def follow(self, until: Stage, arrived: int, timeout: float, settled: bool) -> bool:
+        """Prints a line whenever something that matters changes; returns whether it came so far in time.
 
-        ``settled`` prints nothing but the last line.
+        That is stage ``until``, and ``arrived`` waypoints dealt with and none waiting. ``settled`` prints nothing but
+        the last line.
         """
         deadline, printed, last = time.monotonic() + timeout, "", -math.inf
         with self._changed:
             while not rospy.is_shutdown():
                 now = time.monotonic()
                 self._drive()
-                done, late = self._report.stage >= until, now >= deadline
+                done, late = self._report.stage >= until and self._report.has_arrived(arrived), now >= deadline
                 key = f"{self._report.stage}{self._report.lacks}"
                 if done or late or (not settled and key != printed and now - last >= LINE_EVERY):
                     _tell(self._report.as_json(now))
@@ -93,9 +94,9 @@ class ReportNode:
     def _listen(self, topic: str, kind: Any, callback: Any) -> None:
         def locked(message: Any) -> None:
             with self._changed:
-                before = self._report.stage
+                before = (self._report.stage, self._report.waiting)
                 callback(message)
-                if self._report.stage != before:
+                if (self._report.stage, self._report.waiting) != before:
                     self._changed.notify()
 
         rospy.Subscriber(topic, kind, locked, queue_size=1, tcp_nodelay=True)
@@ -108,7 +109,9 @@ class ReportNode:
         self._report.rules = dict(_rule(status) for status in message.status)
 
     def _on_odom(self, message: Odometry) -> None:
-        self._report.odom_at = time.monotonic()
+        now, last = time.monotonic(), self._report.odom_at
+        self._report.odom_at = now
+        self._report.odom_gap = max(self._report.odom_gap, now - last if last is not None else 0.0)
         self._report.linear, self._report.angular = message.twist.twist.linear.x, message.twist.twist.angular.z
 
     def _on_scan(self, _: rospy.AnyMsg) -> None:
@@ -150,6 +153,7 @@ def main() -> int:
     stages = [stage.name.lower() for stage in Stage]
     parser.add_argument("--robot", default="", help="robot driven from this computer; none on the base station")
     parser.add_argument("--until", choices=stages, default=stages[-1], help="end once it has come so far")
+    parser.add_argument("--arrived", type=int, default=0, help="and so many waypoints are dealt with, none waiting")
     parser.add_argument("--timeout", type=float, default=2.0, help="end after so many seconds at the latest")
     parser.add_argument("--settled", action="store_true", help="print the last line only")
     parser.add_argument("--waypoints", type=int, default=0, help="send a robot that has none to so many places")
@@ -163,7 +167,7 @@ def main() -> int:
     rospy.init_node("fleet_report", anonymous=True, disable_rostime=True, log_level=rospy.ERROR)
     node = ReportNode(report, options.waypoints, options.robots)
     left = max(0.1, deadline - time.monotonic())
-    return 0 if node.follow(Stage[options.until.upper()], left, options.settled) else 1
+    return 0 if node.follow(Stage[options.until.upper()], options.arrived, left, options.settled) else 1
 
 
 def _master_answers(deadline: float) -> bool:
