@@ -1,6 +1,6 @@
 """Rules and reports as messages."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from gateway_msgs.msg import ConnectionStatistics, GatewayInfo, RemoteGateway, RemoteRuleWithStatus
@@ -8,11 +8,15 @@ from gateway_msgs.msg import RemoteRule as RemoteRuleMessage
 from gateway_msgs.msg import Rule as RuleMessage
 
 from rocon_gateway.core.code import Code
+from rocon_gateway.core.connection import Export, LinkStatus
+from rocon_gateway.core.latency import Latency
 from rocon_gateway.core.network import Member
 from rocon_gateway.core.record import Record
 from rocon_gateway.core.rule import Connection, Kind, RemoteRule, Rule, rule_from_text
 from rocon_gateway.core.rulebook import remote_rule
+from rocon_gateway.core.service import AnyExport, AnyImport, ParameterExport, ServiceExport
 from rocon_gateway.core.situation import WORKING, Flipped, RuleState, State
+from rocon_gateway.core.traffic import Flow
 
 
 def rules_from_messages(messages: Iterable[RuleMessage], code: Code) -> list[Rule]:
@@ -55,13 +59,23 @@ def status_message_from_flipped(flipped: Flipped) -> RemoteRuleWithStatus:
     return RemoteRuleWithStatus(remote_rule=message_from_flipped(flipped), status=flipped.status)
 
 
-def message_from_record(record: Record, silence: float) -> RemoteGateway:
-    """Returns another gateway's description; `silence` is how long it has not been heard of [s], 0 if it lives."""
+def message_from_record(record: Record, silence: float, latency: Latency | None = None) -> RemoteGateway:
+    """Returns another gateway's description.
+
+    Args:
+        record: what it says of itself.
+        silence: how long it has not been heard of [s], 0 if it lives.
+        latency: of the way between our relay and its one, None where that is not known.
+    """
+    stats = ConnectionStatistics(gateway_available=silence == 0.0, time_since_last_seen=int(silence))
+    if latency is not None:
+        stats.ping_latency_min, stats.ping_latency_max = 1e3 * latency.shortest, 1e3 * latency.longest
+        stats.ping_latency_avg, stats.ping_latency_mdev = 1e3 * latency.mean, 1e3 * latency.deviation
     return RemoteGateway(
         name=record.name,
         ip=record.host,
         firewall=record.firewall,
-        conn_stats=ConnectionStatistics(gateway_available=silence == 0.0, time_since_last_seen=int(silence)),
+        conn_stats=stats,
         public_interface=[message_from_connection(one) for one in record.advertisements],
         flipped_interface=[message_from_remote_rule(one) for one in record.flips],
         pulled_interface=[message_from_remote_rule(one) for one in record.pulls],
@@ -93,6 +107,36 @@ def diagnostic_from_state(state: RuleState, gateway: str) -> DiagnosticStatus:
         message=f"{word}: {state.verdict.reason}" if state.verdict.reason else word,
         hardware_id=gateway,
         values=[KeyValue(key, value) for key, value in values.items()],
+    )
+
+
+def diagnostic_from_link(
+    one: AnyExport | AnyImport, link: LinkStatus, flow: Flow, latencies: Mapping[str, Latency], gateway: str
+) -> DiagnosticStatus:
+    """Returns how one connection of our gateway `gateway` does and what flows on it, for `/diagnostics`."""
+    is_export = isinstance(one, Export | ServiceExport | ParameterExport)
+    way, other = ("to", one.to_gateway) if is_export else ("from", one.source_gateway)
+    latency = latencies.get(other)
+    values = {
+        "state": str(link.state),
+        "reason": link.reason,
+        "subscribers": link.subscribers,
+        "messages": link.messages,
+        "rate [Hz]": f"{flow.messages:.1f}",
+        "throughput [byte/s]": f"{flow.bytes:.0f}",
+        "dropped": link.drops,
+        "left out": link.left_out,
+        "saved by compression [byte]": link.saved,
+        "latency [ms]": f"{1e3 * latency.mean:.2f}" if latency else "",
+    }
+    node = f" of {one.key.source_node}" if one.key.source_node else ""
+    working = str(link.state) in WORKING
+    return DiagnosticStatus(
+        level=DiagnosticStatus.OK if working else DiagnosticStatus.STALE,
+        name=f"{gateway}: {way} {other} {one.key.topic}{node}",
+        message=f"{link.state}, {flow.messages:.1f} messages a second" if working else f"{link.state}: {link.reason}",
+        hardware_id=gateway,
+        values=[KeyValue(key, str(value)) for key, value in values.items()],
     )
 
 

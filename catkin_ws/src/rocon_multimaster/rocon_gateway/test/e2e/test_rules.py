@@ -172,3 +172,9 @@ def test_a_rule_with_a_rate_says_so_and_keeps_to_it(fleet) -> None:
     wait_until(lambda: base.states() == {"flip /p1/scan": said}, "the state", 5)
     wait_until(lambda: len(scan.times()) > 8, "messages", 10)
     assert len(scan.times()) <= 5 * (time.monotonic() - begin) + 1
+    for site in (base, robot):
+        wait_until(lambda site=site: _latency(site) > 0, f"{site.name} knows how long the way takes", 15)
+
+
+def _latency(site) -> float:
+    return site.call("remote_gateway_info", srv.RemoteGatewayInfo).gateways[0].conn_stats.ping_latency_avg

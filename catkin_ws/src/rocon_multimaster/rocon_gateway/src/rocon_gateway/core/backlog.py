@@ -69,6 +69,11 @@ class Backlog:
         return bool(self._sending or self._waiting) and not self._drops_first
 
     @property
+    def is_between(self) -> bool:
+        """Whether the receiver would be between two frames once it has all that waits, so that `insert` is allowed."""
+        return self._rest is _Rest.NONE or self._rest is _Rest.SKIP
+
+    @property
     def is_direct(self) -> bool:
         """Whether whatever arrives now may be sent at once, all of it."""
         return self._rest is not _Rest.SKIP and self.is_empty

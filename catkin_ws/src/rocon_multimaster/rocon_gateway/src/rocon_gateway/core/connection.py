@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 if TYPE_CHECKING:
     from rocon_gateway.core.service import AnyExport, AnyImport
 
+from rocon_gateway.core.latency import Latency
 from rocon_gateway.core.option import NO_OPTIONS, LinkOptions
 
 ANY = "*"
@@ -162,10 +163,17 @@ class LinkStatus:
 
 @dataclass(frozen=True, slots=True)
 class RelayStatus:
-    """How everything that was asked for by the last `Relay.apply` does."""
+    """How everything that was asked for by the last `Relay.apply` does.
+
+    Attributes:
+        exports: by what was asked for.
+        imports: likewise.
+        latencies: by gateway, of those that a topic's link leads to or from.
+    """
 
     exports: Mapping["AnyExport", LinkStatus] = field(default_factory=dict)
     imports: Mapping["AnyImport", LinkStatus] = field(default_factory=dict)
+    latencies: Mapping[str, Latency] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,6 +189,8 @@ class RelayConfig:
         bind: local address to listen on for links, "" is all.
         node_bind: local address where the proxies of far nodes listen for nodes of our master, "" is all.
         credential: secret shared by all gateways, None is none: see `docs/gateway.md`, Links. Not shown by repr.
+        max_links: links that one other gateway may have open here at once, calls of services included.
+        ping_period: between two measurements of the way to a gateway and back.
         max_message_size: longest message that is carried [bytes]; a longer one closes its connection.
         queue_size: messages that wait for one slow receiver at most.
         queue_bytes: their bytes at most, though one message may always wait.
@@ -200,6 +210,8 @@ class RelayConfig:
     node_bind: str = ""
     credential: bytes | None = field(default=None, repr=False)
     max_message_size: int = 256 * 2**20
+    max_links: int = 1024
+    ping_period: float = 5.0
     queue_size: int = 1000
     queue_bytes: int = 16 * 2**20
     handshake_timeout: float = 5.0

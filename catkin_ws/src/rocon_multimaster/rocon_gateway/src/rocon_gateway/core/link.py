@@ -23,6 +23,9 @@ class AskError(LinkError):
     """A peer asks of a link what cannot be had; it is told so."""
 
 
+LONGEST_ROUND_TRIP = 60.0
+"""What is told of a round trip counts only below this [s]."""
+
 CLIENT = "client."
 """Before the names of the fields that a call hands on from its client."""
 
@@ -133,6 +136,15 @@ def limit_from_fields(fields: Mapping[str, str]) -> str:
     """Returns how a welcome limits the rate, for people; "" where it does not."""
     rate = fields.get("rate", "")[:24]
     return f"at most {rate.removesuffix('.0')} messages a second" if rate else ""
+
+
+def seconds_from_field(text: str) -> float:
+    """Returns a time that somebody else has measured; 0 if it is none that can be."""
+    try:
+        seconds = float(text)
+    except ValueError:
+        return 0.0
+    return seconds if 0 < seconds < LONGEST_ROUND_TRIP else 0.0
 
 
 def mismatch(wanted_type: str, wanted_md5sum: str, type_: str, md5sum: str) -> str:

@@ -9,6 +9,7 @@ from gateway_msgs import srv
 from rocon_gateway import conversions
 from rocon_gateway.adapters.hub import Hub
 from rocon_gateway.core.code import Code, GatewayError, HubError, RequestError
+from rocon_gateway.core.connection import Relay
 from rocon_gateway.core.rule import check_pattern
 from rocon_gateway.core.rulebook import RuleBook
 
@@ -19,15 +20,22 @@ class Desk:
     Args:
         book: the rules to start with.
         hub: our connection to the hub.
+        relay: knows how long the way to other gateways takes.
         on_change: called after each change, from a service's thread.
         set_period: sets the period of the safety net [s] and returns the old one.
     """
 
     def __init__(
-        self, book: RuleBook, hub: Hub, on_change: Callable[[], None], set_period: Callable[[float], float]
+        self,
+        book: RuleBook,
+        hub: Hub,
+        relay: Relay,
+        on_change: Callable[[], None],
+        set_period: Callable[[float], float],
     ) -> None:
         self._book = book
         self._hub = hub
+        self._relay = relay
         self._on_change = on_change
         self._set_period = set_period
         self._lock = threading.Lock()
@@ -137,8 +145,9 @@ class Desk:
         found = self._hub.describe(request.gateways)
         for name in set(request.gateways) - {one.record.name for one in found}:
             rospy.logwarn("there is no gateway '%s' on the hub", name)
+        latencies = self._relay.status().latencies
         return srv.RemoteGatewayInfoResponse(
-            [conversions.message_from_record(one.record, one.silence) for one in found]
+            [conversions.message_from_record(one.record, one.silence, latencies.get(one.record.name)) for one in found]
         )
 
     def _set_watcher_period(self, request: srv.SetWatcherPeriodRequest) -> srv.SetWatcherPeriodResponse:

@@ -30,6 +30,7 @@ from rocon_gateway.core.record import Record
 from rocon_gateway.core.service import ParameterExport, ParameterImport
 from rocon_gateway.core.setting import GatewaySetting, SettingError, book_from_setting, with_custom_rules
 from rocon_gateway.core.situation import Outcome, Situation
+from rocon_gateway.core.traffic import Traffic
 from rocon_gateway.nodes.desk import Desk
 
 LOOK_PERIOD = 0.15
@@ -45,7 +46,8 @@ class GatewayNode:
     Subscribes: nothing by itself; the relay subscribes what is exported while somebody fetches it.
 
     Publishes: `~gateway_info` (GatewayInfo, latched, on change), `~rules` (DiagnosticArray, latched, on change: one
-    status a rule, with state and reason), `/diagnostics` (the same, each second while somebody listens).
+    status a rule, with state and reason), `/diagnostics` (the same, and one status a connection with what flows on it,
+    each second while somebody listens).
 
     Services: see `Desk`.
 
@@ -76,12 +78,13 @@ class GatewayNode:
         self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=5)
         self._master = MasterWatch(rosgraph.get_master_uri(), rospy.get_name())
         self._master_lost = False
+        self._traffic = Traffic()
         self._outcome = Outcome()
         self._said: tuple[object, object] = (None, None)
         password = password_from(self._setting.hub_password_file)
         self._relay = TcpRelay(self._relay_config(password), self._wake, self._logger)
         self._hub = Hub(self._hub_config(password), self._record(HubView()), self._linked, self._wake, self._logger)
-        self._desk = Desk(book, self._hub, self._wake, self._set_period)
+        self._desk = Desk(book, self._hub, self._relay, self._wake, self._set_period)
         rospy.on_shutdown(self._stop)
 
     def _relay_config(self, password: str | None) -> RelayConfig:
@@ -133,7 +136,7 @@ class GatewayNode:
             if now >= diagnose:
                 diagnose = now + DIAGNOSTIC_PERIOD
                 if self._diagnostics.get_num_connections():
-                    self._diagnostics.publish(self._diagnostic_array())
+                    self._diagnostics.publish(self._diagnostic_array(with_links=True))
 
     def _look(self) -> bool:
         try:
@@ -230,10 +233,18 @@ class GatewayNode:
             pulled_connections=[flipped(one) for one in outcome.pulled],
         )
 
-    def _diagnostic_array(self) -> DiagnosticArray:
+    def _diagnostic_array(self, with_links: bool = False) -> DiagnosticArray:
         array = DiagnosticArray(
             status=[conversions.diagnostic_from_state(state, self._name) for state in self._outcome.states]
         )
+        if with_links:
+            status = self._relay.status()
+            links = {**status.exports, **status.imports}
+            flows = self._traffic.look(time.monotonic(), links)
+            array.status += [
+                conversions.diagnostic_from_link(one, link, flows[one], status.latencies, self._name)
+                for one, link in links.items()
+            ]
         array.header.stamp = rospy.Time.now()
         return array
 

@@ -7,7 +7,9 @@ from rocon_gateway.adapters.relay.call import Server
 from rocon_gateway.adapters.relay.reactor import Reactor
 from rocon_gateway.adapters.relay.resolver import Resolver
 from rocon_gateway.core.backlog import Backlog
-from rocon_gateway.core.connection import LinkOptions, RelayConfig
+from rocon_gateway.core.connection import RelayConfig
+from rocon_gateway.core.latency import RoundTrips
+from rocon_gateway.core.option import LinkOptions
 
 
 class Context:
@@ -19,6 +21,7 @@ class Context:
         resolver: its look-ups.
         logger: where its log lines go.
         master: our master.
+        round_trips: to other gateways, by name.
         changed: to be called when the state of a link has changed.
     """
 
@@ -28,11 +31,17 @@ class Context:
         self.resolver = Resolver(reactor)
         self.logger = logger
         self.changed = changed
+        self.round_trips: dict[str, RoundTrips] = {}
         self.master = self.server(config.master_uri)
 
     def server(self, uri: str) -> Server:
         """Returns a client of a node's or master's XML-RPC server."""
         return Server(self.reactor, self.resolver, uri, self.config.call_timeout)
+
+    def round_trip(self, gateway: str, seconds: float) -> None:
+        """Takes note of how long the way to a gateway and back took; 0 is no measurement."""
+        if seconds > 0:
+            self.round_trips.setdefault(gateway, RoundTrips()).add(seconds)
 
     def bound(self, backlog: Backlog, options: LinkOptions, drops_first: bool = False) -> None:
         """Sets the bounds of the queue towards one receiver; see `Backlog.bound`."""

@@ -1,13 +1,14 @@
 """The connection that the importing end of a link dials."""
 
 import secrets
+import time
 from typing import Protocol
 
 from rocon_gateway.adapters.relay.context import Context
 from rocon_gateway.adapters.relay.stream import Stream, dialled_socket, watch_liveness
 from rocon_gateway.core.connection import ANY, Address, LinkState
 from rocon_gateway.core.fanout import Fanout
-from rocon_gateway.core.frame import is_control
+from rocon_gateway.core.frame import control_frame, is_control
 from rocon_gateway.core.header import header_bytes, header_end, header_fields
 from rocon_gateway.core.link import VERSION, Hello, LinkError, Subject, is_proof, proof, state_from_field
 
@@ -117,6 +118,27 @@ class TopicLink(DialledLink):
     def __init__(self, context: Context, owner: TopicOwner, address: Address, hello: Hello) -> None:
         super().__init__(context, owner, address, hello)
         self._topic_owner = owner
+        self._pings = 0
+        self._pinged = 0.0
+        self._awaits_pong = False
+
+    @property
+    def is_up(self) -> bool:
+        """Whether the far relay has accepted."""
+        return self.fanout is not None
+
+    def ping(self, last: float) -> None:
+        """Measures the way to the far relay and back, unless the last measurement still lasts.
+
+        Args:
+            last: what that took last time, which the far relay is told [s].
+        """
+        if self._awaits_pong:
+            return
+        self._awaits_pong = True
+        self._pings += 1
+        self._pinged = time.monotonic()
+        self.send(control_frame(op="ping", token=str(self._pings), last=f"{last:.6f}"))
 
     def accepted(self, fields: dict[str, str]) -> None:
         """See `DialledLink`."""
@@ -134,5 +156,14 @@ class TopicLink(DialledLink):
         end = header_end(data, 4)
         if not end or len(data) < end:
             return 0
-        self._topic_owner.told(header_fields(data[8:end]))
+        fields = header_fields(data[8:end])
+        if fields.get("op") == "pong":
+            self._take_pong(fields.get("token", ""))
+        else:
+            self._topic_owner.told(fields)
         return end
+
+    def _take_pong(self, token: str) -> None:
+        if self._awaits_pong and token == str(self._pings):
+            self._awaits_pong = False
+            self._context.round_trip(self._hello.source_gateway, time.monotonic() - self._pinged)

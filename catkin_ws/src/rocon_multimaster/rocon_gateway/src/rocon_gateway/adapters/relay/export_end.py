@@ -14,7 +14,17 @@ from rocon_gateway.core.connection import ANY, Export, LinkState, LinkStatus
 from rocon_gateway.core.fanout import Outlet
 from rocon_gateway.core.frame import CONTROL_MARK, Chunk, control_frame
 from rocon_gateway.core.header import header_bytes, header_end, header_fields
-from rocon_gateway.core.link import VERSION, AskError, Hello, LinkError, Refusal, is_proof, mismatch, proof
+from rocon_gateway.core.link import (
+    VERSION,
+    AskError,
+    Hello,
+    LinkError,
+    Refusal,
+    is_proof,
+    mismatch,
+    proof,
+    seconds_from_field,
+)
 from rocon_gateway.core.option import NO_OPTIONS
 
 UNSENT = 64 * 1024
@@ -61,6 +71,7 @@ class ExportEnd(Stream):
         self._options = NO_OPTIONS
         self._sieve: Sieve | None = None
         self._left_out = self._saved = 0
+        self._pong = b""
         self._context = context
         self._exporter = exporter
         self._challenge = ""
@@ -90,12 +101,16 @@ class ExportEnd(Stream):
         self._messages += chunk.ended
         self._bytes += len(chunk.data)
         super().push(chunk)
+        if self._pong:
+            self._answer_ping()
 
     def passed(self, count: int, ended: bool) -> None:
         """See `core.fanout.Outlet`."""
         self._messages += ended
         self._bytes += count
         super().passed(count, ended)
+        if self._pong:
+            self._answer_ping()
 
     def accept(self, export: Export) -> None:
         """The relay exports it: the link stands."""
@@ -248,7 +263,19 @@ class ExportEnd(Stream):
             raise LinkError("it sent messages against the link's direction")
         return self._when_header(self._control, prefix=4)(data)
 
+    def _answer_ping(self) -> None:
+        # Behind what waits it would have all of that sent, even what is older than the queue may hold.
+        if not self.is_closed and self.backlog.is_empty and self.backlog.is_between:
+            pong, self._pong = self._pong, b""
+            self.send(pong)
+
     def _control(self, fields: dict[str, str]) -> None:
+        if fields.get("op") == "ping":
+            assert self.hello is not None
+            self._context.round_trip(self.hello.sink_gateway, seconds_from_field(fields.get("last", "")))
+            self._pong = control_frame(op="pong", token=fields.get("token", ""))
+            self._answer_ping()
+            return
         wanted = fields.get("op") == "subscribe"
         if wanted == self._wanted:
             return

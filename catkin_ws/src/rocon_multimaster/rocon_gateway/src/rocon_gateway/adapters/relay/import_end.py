@@ -86,6 +86,13 @@ class ImportEnd(StandingImport):
         compressed.join(self._inflater)
         return compressed
 
+    def ping(self, last: float) -> bool:
+        """Measures the way to the source gateway, whose last measurement is given; False where no link stands."""
+        if not isinstance(self._link, TopicLink) or not self._link.is_up:
+            return False
+        self._link.ping(last)
+        return True
+
     def link_lost(self, state: LinkState, reason: str) -> None:
         """See `dialled_link.LinkOwner`."""
         self._source = None

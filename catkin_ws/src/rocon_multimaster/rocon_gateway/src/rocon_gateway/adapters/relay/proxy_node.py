@@ -17,6 +17,9 @@ from rocon_gateway.core.connection import RelayError, proxy_uri
 from rocon_gateway.core.header import header_bytes, header_end, header_fields
 from rocon_gateway.core.http import http_message, http_response
 
+MAX_STRANGERS = 64
+"""Connections to one proxy that have not said yet what they want; one more closes the oldest."""
+
 
 class SubscriberError(RelayError):
     """A subscriber sent something after its connection header."""
@@ -73,6 +76,7 @@ class ProxyNode:
         config = context.config
         self._listener = Listener(context.reactor, config.node_bind, 0, self._accepted)
         self._connections: set[ProxyConnection] = set()
+        self._strangers: dict[ProxyConnection, None] = {}
         self.port = self._listener.port
         self.uri = proxy_uri(config.host, self.port, config.gateway)
         self.api = SlaveApi(self.name, self.uri, config.master_uri, config.host, self.port, self.topics)
@@ -87,9 +91,18 @@ class ProxyNode:
     def forget(self, connection: "ProxyConnection") -> None:
         """Called by a connection that has ended."""
         self._connections.discard(connection)
+        self.know(connection)
+
+    def know(self, connection: "ProxyConnection") -> None:
+        """Called by a connection that has said what it wants."""
+        self._strangers.pop(connection, None)
 
     def _accepted(self, sock: socket.socket, peer: str) -> None:
-        self._connections.add(ProxyConnection(self._context, self, sock, peer))
+        connection = ProxyConnection(self._context, self, sock, peer)
+        self._connections.add(connection)
+        self._strangers[connection] = None
+        if len(self._strangers) > MAX_STRANGERS:
+            next(iter(self._strangers)).close("malformed: too many connections that have not said what they want")
 
 
 class ProxyConnection(Stream):
@@ -116,6 +129,10 @@ class ProxyConnection(Stream):
             self._call.ended(reason)
         self._node.forget(self)
 
+    def _introduced(self) -> None:
+        self._timer.cancel()
+        self._node.know(self)
+
     def _too_late(self) -> None:
         self.close("malformed: it did not say in time what it wants")
 
@@ -129,7 +146,7 @@ class ProxyConnection(Stream):
         end = header_end(data)
         if not end or len(data) < end:
             return 0
-        self._timer.cancel()
+        self._introduced()
         self.parse = self._parse_nothing
         fields = header_fields(data[4:end])
         if "service" in fields:
@@ -165,7 +182,7 @@ class ProxyConnection(Stream):
         message = http_message(data, 0)
         if message is None or len(data) < message.end:
             return 0
-        self._timer.cancel()
+        self._introduced()
         body = self._node.api.answer(bytes(data[message.start : message.end]))
         response = http_response(body, message.keep_alive)
         if message.keep_alive:

@@ -82,6 +82,7 @@ class TcpRelay:
         self._retiring: dict[_Name, _ImportEnd] = {}
         self._links: dict[_Name, ExportEnd] = {}
         self._strangers: dict[ExportEnd, None] = {}
+        self._peers: dict[str, set[ExportEnd]] = {}
         self._parked: dict[ExportEnd, Hello] = {}
         self._subscriptions: dict[tuple[str, str, str], Subscription] = {}
         self._change_is_told = False
@@ -89,6 +90,7 @@ class TcpRelay:
         self._stopping = False
         self._listener = Listener(self._reactor, config.bind, config.port, self._accepted)
         self._listener.start()
+        self._reactor.call(self._ping_later)
         self._reactor.start()
 
     @property
@@ -206,6 +208,13 @@ class TcpRelay:
             return False
         self._strangers.pop(end, None)
         self._parked.pop(end, None)
+        peers = self._peers.setdefault(hello.sink_gateway, set())
+        if len(peers) >= self._context.config.max_links:
+            end.refuse(
+                LinkState.REFUSED, f"{hello.sink_gateway} has {len(peers)} links open here, and may have no more"
+            )
+            return True
+        peers.add(end)
         if isinstance(export, Export):
             self._admit_topic(name, end, hello, export)
         else:
@@ -236,12 +245,33 @@ class TcpRelay:
         """See `export_end.Exporter`."""
         self._strangers.pop(end, None)
         self._parked.pop(end, None)
+        peers = self._peers.get(end.hello.sink_gateway, set()) if end.hello else set()
+        peers.discard(end)
+        if end.hello and not peers:
+            self._peers.pop(end.hello.sink_gateway, None)
         if end.export is not None and self._links.get((Subject.TOPIC, end.export.key)) is end:
             del self._links[Subject.TOPIC, end.export.key]
 
+    def _ping_later(self) -> None:
+        self._reactor.call_later(self._context.config.ping_period, self._ping)
+
+    def _ping(self) -> None:
+        """Measures the way to each gateway on one link, and forgets those that no link leads to."""
+        trips, asked = self._context.round_trips, set[str]()
+        for end in self._imports.values():
+            if isinstance(end, ImportEnd) and end.wanted.source_gateway not in asked:
+                gateway = end.wanted.source_gateway
+                if end.ping(trips[gateway].last if gateway in trips else 0.0):
+                    asked.add(gateway)
+        for gateway in trips.keys() - asked - self._peers.keys():
+            del trips[gateway]
+        self._ping_later()
+
     def _status(self) -> RelayStatus:
         exports = {export: self._export_status(name) for name, export in self._exports.items()}
-        return RelayStatus(exports, {end.wanted: end.status() for end in self._imports.values()})
+        found = {gateway: trips.latency() for gateway, trips in self._context.round_trips.items()}
+        latencies = {gateway: latency for gateway, latency in found.items() if latency}
+        return RelayStatus(exports, {end.wanted: end.status() for end in self._imports.values()}, latencies)
 
     def _export_status(self, name: _Name) -> LinkStatus:
         end = self._links.get(name) or self._others.get(name)
