@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--beams", type=int, help="of a scan, instead of the setting's")
     parser.add_argument("--scan-rate", type=float, help="[Hz], instead of the setting's")
     parser.add_argument("--odometry-rate", type=float, help="of odom and tf [Hz], instead of the setting's")
-    parser.add_argument("--real-time-factor", type=float, default=1.0, help="0: as fast as possible")
+    parser.add_argument("--real-time-factor", type=float, help="0: as fast as possible; instead of the setting's")
     parser.add_argument("--seed", type=int, default=1, help="of walls and noise")
     parser.add_argument("--output", type=Path, default=Path("bench-report"), metavar="DIR", help="default: %(default)s")
 
@@ -47,10 +47,11 @@ def run(options: argparse.Namespace) -> int:
 
 def _rates(rates: Rates, options: argparse.Namespace) -> Rates:
     """Returns the setting with what the command line says otherwise."""
-    asked = {name: getattr(options, name) for name in ("robots", "beams", "scan_rate", "odometry_rate")}
+    names = ("robots", "beams", "scan_rate", "odometry_rate", "real_time_factor")
+    asked = {name: getattr(options, name) for name in names}
     changes = {name: value for name, value in asked.items() if value is not None}
     if changes.keys() - {"robots"}:
-        changes |= {"title": f"{rates.title}; changed: {changes}", "peers": {}, "peer": ""}
+        changes |= {"title": f"{rates.title}; changed: {changes}", "peers": {}, "peer": "", "goals": {}}
     return dataclasses.replace(rates, **changes)
 
 
@@ -77,7 +78,7 @@ def _one(robots: int, rates: Rates, options: argparse.Namespace) -> Run | None:
         "odometry_rate": rates.odometry_rate,
         "other_rate": rates.other_rate,
         "clock_rate": rates.clock_rate,
-        "real_time_factor": options.real_time_factor,
+        "real_time_factor": rates.real_time_factor,
         "seed": options.seed,
     }
     # A process of its own: a process can be only one ROS node, on one master.
@@ -88,4 +89,10 @@ def _one(robots: int, rates: Rates, options: argparse.Namespace) -> Run | None:
         print(f"the run with {robots} robots failed, status {done.returncode}", file=sys.stderr)
         return None
     values = json.loads(lines[-1])
-    return Run(**{name: values[name] for name in Run.__dataclass_fields__})
+    measured = Run(**{name: values[name] for name in Run.__dataclass_fields__})
+    return dataclasses.replace(
+        measured,
+        asked_factor=rates.real_time_factor,
+        cost_goal=rates.goals.get(robots),
+        factor_goal=rates.least_factor,
+    )

@@ -13,7 +13,7 @@ from pioneer_bench.core.simulator import Run, table
 def run(**changes: float) -> Run:
     values = {
         "robots": 5, "beams": 180, "scan_rate": 10.0, "simulated": 10.0, "wall": 10.0, "cpu": 0.5, "first_step": 0.4,
-        "rss": 110.0, "scans": 500, "scans_due": 495, "messages": 550.0,
+        "rss": 110.0, "scans": 500, "scans_due": 495, "messages": 550.0, "cost_goal": 0.06,
     }  # fmt: skip
     return Run(**(values | changes))
 
@@ -28,6 +28,7 @@ MISSES = [
     ({"rss": 156.0}, "rss"),
     ({"scans": 400}, "scans"),
     ({"first_step": 1.1}, "first_step"),
+    ({"factor_goal": 1.0, "wall": 12.0}, "factor"),
 ]
 
 
@@ -50,11 +51,12 @@ def test_every_setting_has_rates_that_the_simulator_takes(name: str) -> None:
     for rate in (rates.scan_rate, rates.odometry_rate, rates.other_rate, rates.clock_rate):
         assert 600 % rate == 0
     assert set(rates.peers) <= set(rates.robots)
+    assert set(rates.goals) <= set(rates.robots)
 
 
-def test_other_settings_than_the_peers_have_no_cost_goal() -> None:
-    assert "cost" not in run(beams=720).goals()
-    assert "cost" not in run(robots=7).goals()
+def test_without_a_cost_goal_none_is_judged_and_flat_out_no_scans_are() -> None:
+    assert "cost" not in run(cost_goal=None).goals()
+    assert "scans" not in run(asked_factor=0.0, scans=3).goals()
 
 
 def test_the_hall_has_its_walls_and_depends_on_the_seed_only() -> None:

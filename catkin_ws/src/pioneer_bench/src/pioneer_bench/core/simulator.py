@@ -4,9 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-COST_GOALS = {5: 0.06, 20: 0.25, 50: 0.65}
-"""CPU-s a simulated second, by number of robots, at 180 beams and 10 Hz."""
-
 FIRST_STEP_GOAL = 1.0
 """CPU-s from exec to the first step."""
 
@@ -30,6 +27,9 @@ class Run:
         scans: how many arrived.
         scans_due: how many should have.
         messages: of all topics that arrived, a simulated second.
+        asked_factor: real-time factor that was asked for; 0: as fast as possible, where subscribers may lose messages.
+        cost_goal: CPU-s a simulated second to reach; None where there is none.
+        factor_goal: real-time factor to reach; None where there is none.
     """
 
     robots: int
@@ -43,6 +43,14 @@ class Run:
     scans: int
     scans_due: int
     messages: float
+    asked_factor: float = 1.0
+    cost_goal: float | None = None
+    factor_goal: float | None = None
+
+    @property
+    def factor(self) -> float:
+        """The real-time factor."""
+        return self.simulated / self.wall
 
     @property
     def cost(self) -> float:
@@ -50,19 +58,22 @@ class Run:
         return self.cpu / self.simulated
 
     def goals(self) -> dict[str, tuple[float, bool]]:
-        """Returns each goal that applies, with whether it holds: cost, first_step, rss, scans."""
+        """Returns each goal that applies, with whether it holds: cost, factor, first_step, rss, scans."""
         goals = {"first_step": (FIRST_STEP_GOAL, self.first_step <= FIRST_STEP_GOAL)}
         most = RSS_GOAL + RSS_GOAL_PER_ROBOT * self.robots
         goals["rss"] = (most, self.rss <= most)
-        goals["scans"] = (float(self.scans_due), self.scans >= self.scans_due)
-        if self.beams == 180 and self.scan_rate == 10 and self.robots in COST_GOALS:
-            goals["cost"] = (COST_GOALS[self.robots], self.cost <= COST_GOALS[self.robots])
+        if self.asked_factor > 0:
+            goals["scans"] = (float(self.scans_due), self.scans >= self.scans_due)
+        if self.cost_goal is not None:
+            goals["cost"] = (self.cost_goal, self.cost <= self.cost_goal)
+        if self.factor_goal is not None:
+            goals["factor"] = (self.factor_goal, self.factor >= self.factor_goal)
         return goals
 
     def as_dict(self) -> dict[str, Any]:
         """Returns the run with its goals, for JSON."""
         goals = {name: {"goal": goal, "holds": holds} for name, (goal, holds) in self.goals().items()}
-        return {**asdict(self), "cost": self.cost, "goals": goals}
+        return {**asdict(self), "cost": self.cost, "factor": self.factor, "goals": goals}
 
 
 HEADINGS = (
@@ -98,7 +109,7 @@ def _row(run: Run, peer: float | None) -> tuple[str, ...]:
     def marked(name: str, text: str) -> str:
         return text if goals.get(name, (0.0, True))[1] else f"{text} !"
 
-    cost_goal = f"{goals['cost'][0]:.2f}" if "cost" in goals else "-"
+    cost_goal = f"{run.cost_goal:.3g}" if run.cost_goal is not None else "-"
     return (
         str(run.robots),
         f"{run.beams} @ {run.scan_rate:g}",
@@ -106,7 +117,7 @@ def _row(run: Run, peer: float | None) -> tuple[str, ...]:
         cost_goal,
         "-" if peer is None else f"{peer:.3f}",
         "-" if peer is None else f"{run.cost / peer:.2f}",
-        f"{run.simulated / run.wall:.2f}",
+        marked("factor", f"{run.factor:.2f}"),
         marked("rss", f"{run.rss:.0f}"),
         f"{goals['rss'][0]:.0f}",
         marked("scans", f"{run.scans}/{run.scans_due}"),
