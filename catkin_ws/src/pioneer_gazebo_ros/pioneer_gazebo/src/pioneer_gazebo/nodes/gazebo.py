@@ -121,10 +121,8 @@ class GazeboNode:
                 continue
             tick = self._target = min(self.schedule.next_after(self.tick), self.tick + LONGEST)
             wait = self.pacer.wait_for(tick / TICK_RATE)
-            if wait > 0:
-                self.mailbox.wait(min(wait, REPORT_PERIOD))
-                if self.mailbox.pending or self.pacer.wait_for(tick / TICK_RATE) > 0 or rospy.is_shutdown():
-                    continue
+            if wait > 0 and (self.mailbox.wait(min(wait, REPORT_PERIOD)) or wait > REPORT_PERIOD):
+                continue
             self.run_to(tick)
         if self._renderer is not None:
             self._renderer.close()

@@ -68,12 +68,12 @@ class Mailbox:
         if self._bell.locked():
             self._bell.release()
 
-    def wait(self, timeout: float) -> None:
-        """Sleeps until there is new work, until ``timeout`` [s] has passed, or until `close`.
+    def wait(self, timeout: float) -> bool:
+        """Sleeps until there is new work, until `close`, or until ``timeout`` [s] has passed: returns False then.
 
-        May return early once for work that has been done already.
+        May return True once for work that has been done already.
         """
-        self._bell.acquire(timeout=timeout)
+        return self._bell.acquire(timeout=timeout)
 
     @property
     def pending(self) -> bool:

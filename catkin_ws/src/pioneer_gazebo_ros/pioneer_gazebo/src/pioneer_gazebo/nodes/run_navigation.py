@@ -69,8 +69,8 @@ def navigate(session: Session, options: NavigationOptions) -> None:
     session.launch(launch_files(options.robot_name, pose, str(poses)))
     if options.gateway:
         os.environ["ROBOT_NAME"] = options.robot_name
-        session.run(["rosrun", "rocon_flip", "pull-from-hub"])
-        session.run(["rosrun", "rocon_flip", "flip-from-remote"])
+        session.run("rocon_flip", "pull-from-hub")
+        session.run("rocon_flip", "flip-from-remote")
         session.say("topics are pulled and flipped")
     session.spin()
 

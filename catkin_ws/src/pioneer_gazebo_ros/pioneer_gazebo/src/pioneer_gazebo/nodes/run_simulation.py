@@ -132,8 +132,8 @@ def simulate(session: Session, options: SimulationOptions) -> None:
 
 
 def _connect(session: Session, robots: int) -> None:
-    session.run(["rosrun", "rocon_flip", "advertise-from-hub"])
-    session.run(["rosrun", "rocon_flip", "flip-from-hub", str(robots)])
+    session.run("rocon_flip", "advertise-from-hub")
+    session.run("rocon_flip", "flip-from-hub", str(robots))
     session.say("topics are advertised and flipped")
 
 

@@ -17,6 +17,7 @@ import rosgraph
 import roslaunch
 import roslaunch.parent
 import roslaunch.pmon
+import roslib.packages
 from rospkg import ResourceNotFound, RosPack, get_log_dir
 
 from pioneer_gazebo.core.error import SimulatorError
@@ -148,13 +149,21 @@ class Session(roslaunch.pmon.ProcessListener):
         deadline = time.monotonic() + RUN_ID_PATIENCE
         self.wait_for(lambda: master.hasParam("/run_id") or time.monotonic() > deadline, "the master's run id")
 
-    def run(self, command: Sequence[str]) -> None:
-        """Runs a command beside the session until it ends; an interrupted session ends it first.
+    def run(self, package: str, program: str, *arguments: str) -> None:
+        """Runs a package's program beside the session until it ends; an interrupted session ends it first.
 
         Raises:
-            SessionError: its exit status is not 0.
+            SessionError: there is none of that name, or its exit status is not 0.
         """
         self.check()
+        # As rosrun does, which takes ten processes for it.
+        try:
+            paths = roslib.packages.find_node(package, program)
+        except ResourceNotFound:
+            paths = []
+        if not paths:
+            raise SessionError(f"package {package} has no program {program}: is the workspace sourced?")
+        command = [paths[0], *arguments]
         process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
         try:
             while process.poll() is None:
