@@ -29,6 +29,8 @@ def search(
     scales: NDArray[np.float64],
     reach: bool,
     every: bool,
+    plan: NDArray[np.float64],
+    heading_time: float,
     results: NDArray[np.float64],
 ) -> int: ...
 def roll_out(

@@ -64,7 +64,11 @@ def dwa_config_of(**parameters):
     return dwa_config_from_parameters({**DWA_PARAMETERS, **parameters}, "DWAPlannerROS", 1.0 / PERIOD)
 
 
-@pytest.fixture(params=[config_of, dwa_config_of], ids=["rollout", "dwa"])
+def heading_config_of(**parameters):
+    return config_of(heading_scoring=True, heading_scoring_timestep=0.8, **parameters)
+
+
+@pytest.fixture(params=[config_of, heading_config_of, dwa_config_of], ids=["rollout", "headings", "dwa"])
 def configure(request):
     """Makes the configuration of each local planner in turn; the contract tests below hold for all."""
     return request.param
@@ -202,6 +206,7 @@ def test_it_takes_the_corners_of_a_narrow_bend(configure):
     [(HALL, 0.8, 3.2, 3.2), (HALL, 0.8, 3.4, 3.0), (HALL, 0.8, 2.8, 3.6), (CORRIDOR, 1.6, 2.4, 2.4)],
     ids=["head-on", "on the left", "on the right", "in a corridor of 1.6 m"],
 )
+@pytest.mark.parametrize("configure", NEAREST, ids=["rollout", "dwa"])
 def test_two_robots_pass_each_other(configure, drawing, scale, first_y, second_y):
     grid = world_of(drawing, scale)
     first = World(grid, Pose(2.6, first_y), configure())
@@ -280,6 +285,9 @@ def test_a_latched_place_needs_not_be_reached_again(configure, latch):
 
 
 ROLLOUT = Rollout(Velocity(2.5, 2.5, 3.2), Horizon(1.7, 0.025, 0.025), Scales(0.04, 0.05, 0.0005))
+HEADINGS = Rollout(
+    Velocity(2.5, 2.5, 3.2), Horizon(1.7, 0.025, 0.025, heading=0.5), Scales(0.04, 0.05, 0.0005, heading=0.3)
+)
 WINDOWS = [
     DynamicWindow(
         Velocity(2.5, 2.5, 3.2),
@@ -293,7 +301,9 @@ WINDOWS = [
 ]
 
 
-@pytest.mark.parametrize("rollout", [ROLLOUT, *WINDOWS], ids=["rollout", "dwa accelerating", "dwa"])
+@pytest.mark.parametrize(
+    "rollout", [ROLLOUT, HEADINGS, *WINDOWS], ids=["rollout", "headings", "dwa accelerating", "dwa"]
+)
 def test_the_pruned_search_finds_the_winner_of_the_whole_one(rollout):
     generator = np.random.default_rng(5)
     world = World(world_of(BEND, 1.6), Pose(5.6, 8.0, -1.2))
@@ -321,3 +331,18 @@ def test_former_parameter_names_are_understood():
 def test_parameters_that_make_no_sense_are_refused(wrong):
     with pytest.raises(ParameterError):
         config_of(**wrong)
+
+
+def test_with_heading_scoring_the_sample_that_turns_towards_the_plan_costs_less():
+    world = World(world_of(HALL, 0.8), Pose(4.0, 3.2, 0.0))
+    world.look()
+    plan = np.array([[4.0, 3.2 + 0.05 * step, 0.0] for step in range(25)])
+    alone = Rollout(
+        Velocity(2.5, 2.5, 3.2), Horizon(1.7, 0.025, 0.025, heading=0.5), Scales(0.0, 0.0, 0.0, heading=0.3)
+    )
+    assert alone.begin(Situation(world.local, world.pose, STANDSTILL, Pose()), plan)
+    turns = (-0.5, 0.0, 0.5)
+    costs = [scored.cost for scored in alone.all_of(np.array([[0.0, 0.0, turn] for turn in turns]))]
+    # At 0.5 s the robot has turned by nearly half of what it turns in a second; the plan leads straight to the left.
+    expected = [0.3 * (math.pi / 2 - 0.5 * turn) for turn in turns]
+    assert costs == pytest.approx(expected, abs=0.04)

@@ -88,7 +88,7 @@ goal_grid = checked(_plan_distance.goal_grid, "u1[2]", "f8[2]", "f8[2]", "i4[2]"
 footprint_cost = checked(_trajectory.footprint_cost, "u1[2]", "f8[2]")
 search = checked(
     _trajectory.search,
-    *("u1[2]", "i4[2]", "i4[2]", "f8[2]", "f8[1]", "f8[1]", "f8[1]", "f8[2]", "f8[1]", "f8[1]", "f8[2]"),
+    *("u1[2]", "i4[2]", "i4[2]", "f8[2]", "f8[1]", "f8[1]", "f8[1]", "f8[2]", "f8[1]", "f8[1]", "f8[2]", "f8[2]"),
 )
 roll_out = checked(_trajectory.roll_out, "f8[1]", "f8[1]", "f8[1]", "f8[1]", "f8[1]", "f8[2]")
 

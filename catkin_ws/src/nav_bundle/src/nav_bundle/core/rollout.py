@@ -10,24 +10,30 @@ from nav_bundle.core.local_planner import Situation, Velocity
 from nav_bundle.core.pose import Pose
 
 _COST, _X, _Y, _YAW = 0, 1, 2, 3
+_NO_PLAN = np.empty((0, 2))
 
 
 @dataclass(frozen=True)
 class Scales:
-    """Cost of a cell's step to the plan and to the local goal, and of a unit of costmap cost."""
+    """Cost of a cell's step to the plan and to the local goal, of a unit of costmap cost, of a radian of heading."""
 
     plan: float
     goal: float
     obstacle: float
+    heading: float = 0.0
 
 
 @dataclass(frozen=True)
 class Horizon:
-    """How far samples are followed: time [s], way [m] and turning speed [rad/s] between two looks."""
+    """How far samples are followed: time [s], way [m] and turning speed [rad/s] between two looks.
+
+    ``heading`` [s] is when a sample is scored where headings count, which is at its end otherwise.
+    """
 
     time: float
     way: float
     turn: float
+    heading: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -45,8 +51,10 @@ class Rollout:
     def __init__(self, acc: Velocity, horizon: Horizon, scales: Scales) -> None:
         self._acc = np.array([acc.x, acc.y, acc.turn], np.float64)
         self._horizon = np.array([horizon.time, horizon.way, horizon.turn], np.float64)
-        self._scales = np.array([scales.plan, scales.goal, scales.obstacle], np.float64)
+        self._scales = np.array([scales.plan, scales.goal, scales.obstacle, scales.heading], np.float64)
         self.horizon = horizon
+        self._headings = scales.heading > 0.0
+        self._ahead = _NO_PLAN
         self._to_plan = np.empty((0, 0), np.int32)
 
     def begin(self, situation: Situation, plan: NDArray[np.float64]) -> bool:
@@ -64,6 +72,7 @@ class Rollout:
         self._velocity = np.array([velocity.x, velocity.y, velocity.turn], np.float64)
         outline = costmap.footprint.outline(pose)
         points = np.ascontiguousarray(plan[:, :2])
+        self._ahead = points if self._headings else _NO_PLAN
         grids = (self._to_plan, self._to_goal, self._queue)
         return bool(kernel.distance_grids(costmap.cells, *self._place, points, outline, *grids) > 0)
 
@@ -98,6 +107,8 @@ class Rollout:
             self._scales,
             reach,
             every,
+            self._ahead if reach else _NO_PLAN,
+            self.horizon.heading,
             results,
         )
         return int(best), results

@@ -26,8 +26,9 @@ class TrajectoryConfig:
     """Defaults are those that take effect in Noetic: dynamic_reconfigure's, where both it and the code name one.
 
     Speeds in [m/s] and [rad/s], accelerations in [m/s**2] and [rad/s**2], distances in [m], times in
-    [s]. ``stop_time_buffer``, ``simple_attractor``, ``heading_scoring``, ``heading_scoring_timestep``
-    and ``publish_cost_grid_pc`` are refused unless they ask for what is done anyway.
+    [s]. With ``heading_scoring`` a sample is scored at ``heading_scoring_timestep``, and by its heading to the farthest
+    point of the plan in sight too. ``stop_time_buffer``, ``simple_attractor`` and ``publish_cost_grid_pc`` are refused
+    unless they ask for what is done anyway.
     """
 
     acc_lim_x: Annotated[float, Live(0.0, 20.0)] = 2.5
@@ -65,7 +66,7 @@ class TrajectoryConfig:
     stop_time_buffer: float = 0.2
     simple_attractor: Annotated[bool, Live()] = False
     heading_scoring: Annotated[bool, Live()] = False
-    heading_scoring_timestep: Annotated[float, Live(0.0, 1.0)] = 0.8
+    heading_scoring_timestep: Annotated[float, Live(0.0, 1.0)] = 0.1
     publish_cost_grid_pc: bool = False
     restore_defaults: Annotated[bool, Live()] = False
     y_vels: Annotated[Any, Live()] = ""
@@ -106,7 +107,7 @@ def trajectory_config_from_parameters(parameters: Mapping[str, Any], owner: str,
 
 
 def _check(config: TrajectoryConfig, owner: str) -> None:
-    for name in ("holonomic_robot", "simple_attractor", "heading_scoring", "publish_cost_grid_pc"):
+    for name in ("holonomic_robot", "simple_attractor", "publish_cost_grid_pc"):
         if getattr(config, name):
             raise ParameterError(f"{owner}: ~{name} true is not available")
     for name in ("sim_time", "sim_granularity", "angular_sim_granularity", "controller_frequency", "acc_lim_x"):

@@ -20,6 +20,8 @@ _NO_COMMAND = (
 )
 
 _STANDING = 1.0e-3
+_HEADING_SCALE = 0.3
+"""Cost of a radian between the robot's heading and the plan, with ``heading_scoring``, as in base_local_planner."""
 
 
 @dataclass
@@ -57,8 +59,15 @@ class TrajectoryPlanner:
         unit = resolution if config.meter_scoring else 1.0
         self._rollout = Rollout(
             Velocity(config.acc_lim_x, config.acc_lim_y, config.acc_lim_theta),
-            Horizon(config.sim_time, config.sim_granularity, config.angular_sim_granularity),
-            Scales(config.pdist_scale * unit, config.gdist_scale * unit, config.occdist_scale * unit),
+            Horizon(
+                config.sim_time, config.sim_granularity, config.angular_sim_granularity, config.heading_scoring_timestep
+            ),
+            Scales(
+                config.pdist_scale * unit,
+                config.gdist_scale * unit,
+                config.occdist_scale * unit,
+                _HEADING_SCALE if config.heading_scoring else 0.0,
+            ),
         )
         self._period = 1.0 / config.controller_frequency
         self._approach = GoalApproach(config.approach())

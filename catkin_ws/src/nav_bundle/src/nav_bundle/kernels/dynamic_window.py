@@ -7,7 +7,7 @@ All critics but the obstacles' look at a trajectory's end alone, so they bound i
 import numpy as np
 from numba import njit
 
-from nav_bundle.kernels.trajectory import BOUND, COST, HIT, UNCHECKED, UNREACHED, X, Y, cheapest, follow, towards
+from nav_bundle.kernels.trajectory import BOUND, COST, HIT, UNCHECKED, UNREACHED, X, Y, cheapest, follow, moved
 
 # Positions in ``scales``.
 PLAN, GOAL, OBSTACLE, ALIGNMENT, FRONT, TWIRLING = 0, 1, 2, 3, 4, 5
@@ -38,18 +38,11 @@ def _finish(costs, origin_x, origin_y, resolution, pose, start, acc, sample, tim
     row = col = -1
     for _ in range(steps):
         scored[0], scored[1], scored[2] = x, y, yaw
-        cosine = np.cos(yaw)
-        sine = np.sin(yaw)
-        row = int(np.floor((y + nose * sine - origin_y) / resolution))
-        col = int(np.floor((x + nose * cosine - origin_x) / resolution))
+        row = int(np.floor((y + nose * np.sin(yaw) - origin_y) / resolution))
+        col = int(np.floor((x + nose * np.cos(yaw) - origin_x) / resolution))
         if row < 0 or row >= rows or col < 0 or col >= cols:
             return -1, -1
-        vx = towards(vx, sample[0], acc[0] * dt)
-        vy = towards(vy, sample[1], acc[1] * dt)
-        turn = towards(turn, sample[2], acc[2] * dt)
-        x += (vx * cosine - vy * sine) * dt
-        y += (vx * sine + vy * cosine) * dt
-        yaw += turn * dt
+        x, y, yaw, vx, vy, turn = moved(x, y, yaw, vx, vy, turn, sample, acc, dt)
     return row, col
 
 

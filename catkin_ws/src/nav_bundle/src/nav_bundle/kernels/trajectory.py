@@ -9,6 +9,7 @@ the search ends as soon as no bound is below the best score. The winner is the s
 import numpy as np
 from numba import njit
 
+INSCRIBED = 253
 LETHAL = 254
 UNKNOWN = 255
 
@@ -23,7 +24,7 @@ SIGNATURES = {
     "footprint_cost": "i8(u1[:, ::1], f8, f8, f8, f8[:, ::1], f8, f8, f8)",
     "search": (
         "i8(u1[:, ::1], f8, f8, f8, i4[:, ::1], i4[:, ::1], f8[:, ::1], f8[::1], f8[::1], f8[::1],"
-        " f8[:, ::1], f8[::1], f8[::1], b1, b1, f8[:, ::1])"
+        " f8[:, ::1], f8[::1], f8[::1], b1, b1, f8[:, ::1], f8, f8[:, ::1])"
     ),
     "roll_out": "i8(f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[:, ::1])",
 }
@@ -103,6 +104,17 @@ def towards(value, wanted, change):
 
 
 @njit
+def moved(x, y, yaw, vx, vy, turn, sample, acc, dt):
+    """Returns pose and velocity ``dt`` later: the velocity first comes nearer to the sample, then moves the pose."""
+    vx = towards(vx, sample[0], acc[0] * dt)
+    vy = towards(vy, sample[1], acc[1] * dt)
+    turn = towards(turn, sample[2], acc[2] * dt)
+    cosine = np.cos(yaw)
+    sine = np.sin(yaw)
+    return x + (vx * cosine - vy * sine) * dt, y + (vx * sine + vy * cosine) * dt, yaw + turn * dt, vx, vy, turn
+
+
+@njit
 def _check(
     costs, origin_x, origin_y, resolution, to_plan, to_goal, footprint, pose, start, acc, sample, time, steps, reach
 ):
@@ -123,14 +135,7 @@ def _check(
         highest = max(highest, max(cost, np.int64(costs[row, col])))
         if reach and (to_plan[row, col] >= rows * cols or to_goal[row, col] >= rows * cols):
             return UNREACHED
-        vx = towards(vx, sample[0], acc[0] * dt)
-        vy = towards(vy, sample[1], acc[1] * dt)
-        turn = towards(turn, sample[2], acc[2] * dt)
-        cosine = np.cos(yaw)
-        sine = np.sin(yaw)
-        x += (vx * cosine - vy * sine) * dt
-        y += (vx * sine + vy * cosine) * dt
-        yaw += turn * dt
+        x, y, yaw, vx, vy, turn = moved(x, y, yaw, vx, vy, turn, sample, acc, dt)
     return float(highest)
 
 
@@ -143,14 +148,7 @@ def follow(pose, start, acc, sample, time, steps, poses):
     dt = time / steps
     for i in range(steps):
         poses[i, 0], poses[i, 1], poses[i, 2] = x, y, yaw
-        vx = towards(vx, sample[0], acc[0] * dt)
-        vy = towards(vy, sample[1], acc[1] * dt)
-        turn = towards(turn, sample[2], acc[2] * dt)
-        cosine = np.cos(yaw)
-        sine = np.sin(yaw)
-        x += (vx * cosine - vy * sine) * dt
-        y += (vx * sine + vy * cosine) * dt
-        yaw += turn * dt
+        x, y, yaw, vx, vy, turn = moved(x, y, yaw, vx, vy, turn, sample, acc, dt)
     return steps
 
 
@@ -160,22 +158,36 @@ def roll_out(pose, velocity, acc, sample, horizon, poses):
 
 
 @njit
-def _finish(pose, velocity, acc, sample, horizon, scored):
-    """Writes where a sample ends, and the last pose that is scored, the one before the last step."""
+def _finish(pose, velocity, acc, sample, time, steps, looks, scored):
+    """Writes the pose that is scored: the one after ``looks`` of the ``steps`` that a sample takes."""
     x, y, yaw = pose[0], pose[1], pose[2]
     vx, vy, turn = velocity[0], velocity[1], velocity[2]
-    steps = _steps(sample, horizon)
-    dt = horizon[0] / steps
-    for _ in range(steps):
-        scored[0], scored[1], scored[2] = x, y, yaw
-        vx = towards(vx, sample[0], acc[0] * dt)
-        vy = towards(vy, sample[1], acc[1] * dt)
-        turn = towards(turn, sample[2], acc[2] * dt)
-        cosine = np.cos(yaw)
-        sine = np.sin(yaw)
-        x += (vx * cosine - vy * sine) * dt
-        y += (vx * sine + vy * cosine) * dt
-        yaw += turn * dt
+    dt = time / steps
+    for _ in range(looks):
+        x, y, yaw, vx, vy, turn = moved(x, y, yaw, vx, vy, turn, sample, acc, dt)
+    scored[0], scored[1], scored[2] = x, y, yaw
+
+
+@njit
+def _heading_difference(costs, origin_x, origin_y, resolution, plan, row, col, scored):
+    """Returns the angle [rad] between a pose and the way to the farthest point of the plan that is in sight.
+
+    A point is in sight if no cell on the line to it is inscribed, lethal or unknown; pi where none is.
+    """
+    rows, cols = costs.shape
+    for i in range(plan.shape[0] - 1, -1, -1):
+        plan_row = int(np.floor((plan[i, 1] - origin_y) / resolution))
+        plan_col = int(np.floor((plan[i, 0] - origin_x) / resolution))
+        if plan_row < 0 or plan_row >= rows or plan_col < 0 or plan_col >= cols:
+            continue
+        cost = _line_cost(costs, row, col, plan_row, plan_col)
+        if cost < 0 or cost >= INSCRIBED:
+            continue
+        y = origin_y + (plan_row + 0.5) * resolution - scored[1]
+        x = origin_x + (plan_col + 0.5) * resolution - scored[0]
+        turn = np.arctan2(y, x) - scored[2]
+        return abs(np.arctan2(np.sin(turn), np.cos(turn)))
+    return np.pi
 
 
 @njit
@@ -256,6 +268,8 @@ def search(
     scales,
     reach,
     every,
+    plan,
+    heading_time,
     results,
 ):
     """Scores velocity samples; returns the index of the cheapest one that may be driven, -1 if none may.
@@ -273,16 +287,27 @@ def search(
         acc: limits of their change [m/s**2, rad/s**2].
         samples: velocities (n, 3) to try.
         horizon: time to look ahead [s], way between looks [m], turning speed per look [rad/s].
-        scales: cost of a step to the plan, of a step to the goal, of a unit of costmap cost.
+        scales: cost of a step to the plan and to the goal, of a unit of costmap cost, of a unit of heading difference.
         reach: refuse what crosses cells from which plan or goal cannot be reached.
         every: check every sample, also those that cannot win.
+        plan: points (k, 2) [m] of the plan ahead, for scoring by heading; none for scoring without.
+        heading_time: when poses are scored if there is a plan [s]; without one, their ends are.
         results: per sample cost (negative: why not), x, y, yaw of the scored end, and the bound.
     """
     rows, cols = costs.shape
     count = samples.shape[0]
+    heading = plan.shape[0] > 0
+    starts = np.empty((count, 3))
+    steps = np.empty(count, np.int64)
     for i in range(count):
         result = results[i]
-        _finish(pose, velocity, acc, samples[i], horizon, result[X : YAW + 1])
+        starts[i, :] = velocity
+        steps[i] = _steps(samples[i], horizon)
+        looks = steps[i] - 1
+        if heading:
+            looks = min(looks, int(np.ceil(heading_time * steps[i] / horizon[0])))
+        scored = result[X : YAW + 1]
+        _finish(pose, velocity, acc, samples[i], horizon[0], steps[i], looks, scored)
         result[COST] = UNCHECKED
         row = int(np.floor((result[Y] - origin_y) / resolution))
         col = int(np.floor((result[X] - origin_x) / resolution))
@@ -292,11 +317,9 @@ def search(
             result[COST] = UNREACHED
         else:
             result[BOUND] = scales[0] * to_plan[row, col] + scales[1] * to_goal[row, col]
-    starts = np.empty((count, 3))
-    steps = np.empty(count, np.int64)
-    for i in range(count):
-        starts[i, :] = velocity
-        steps[i] = _steps(samples[i], horizon)
+            if heading:
+                place = (costs, origin_x, origin_y, resolution)
+                result[BOUND] += scales[3] * _heading_difference(*place, plan, row, col, scored)
     return cheapest(
         costs,
         origin_x,
@@ -312,7 +335,7 @@ def search(
         horizon[0],
         steps,
         scales[2],
-        reach,
+        reach and not heading,
         every,
         results,
     )
