@@ -1,5 +1,7 @@
 import math
+import time
 
+import numpy as np
 import pytest
 
 from pioneer_gazebo.adapters.sdf import world_from_sdf, world_from_sdf_text
@@ -208,3 +210,45 @@ def test_written_world_reads_back_the_same():
     ours, theirs = ([(c.model.name, c.collision.shape) for c in w.collisions()] for w in (original, again))
     assert ours == theirs
     assert list(again.collisions())[1].pose.yaw == pytest.approx(Pose.from_rpy(yaw=0.5).yaw, abs=1e-5)
+
+
+def test_an_includes_pose_may_be_relative_to_a_frame_and_be_referred_to(tmp_path):
+    (tmp_path / "crate").mkdir()
+    body = model(f"<link name='l'>{BOX}</link>", "crate")
+    (tmp_path / "crate" / "model.sdf").write_text(f"<sdf version='1.7'>{body}</sdf>")
+    frame = "<frame name='corner'><pose>10 0 0 0 0 1.5707963</pose></frame>"
+    include = "<include><uri>model://crate</uri><name>c</name><pose relative_to='corner'>1 0 0 0 0 0</pose></include>"
+    other = model(f"<pose relative_to='c'>0 1 0 0 0 0</pose><link name='l'>{BOX}</link>", "other")
+    crate, beside = world(frame + include + other, version="1.7", model_path=[tmp_path]).models
+    assert crate.pose.position == pytest.approx((10, 1, 0))
+    assert beside.pose.position == pytest.approx((9, 1, 0))
+
+
+def test_a_shapes_pose_in_a_foreign_frame_is_named_once():
+    shape = BOX.replace("<geometry>", "<pose relative_to='b'>1 0 0 0 0 0</pose><geometry>")
+    links = f"<link name='a'>{shape}{shape}</link><link name='b'/>"
+    loaded = world(model(f"<static>1</static>{links}"), version="1.7")
+    assert loaded.warnings == ("the frame of a <pose> in <collision> is not supported: the link's is taken",)
+
+
+def test_a_users_world_of_a_thousand_boxes_is_read_and_stands_within_two_seconds(tmp_path, simulate):
+    rng = np.random.default_rng(3)
+    boxes = "".join(
+        model(
+            f"<static>true</static><pose>{x:.3f} {y:.3f} 0.5 0 0 {yaw:.3f}</pose>"
+            f"<link name='link'><collision name='c'><geometry><box><size>1 0.2 1</size></box></geometry></collision>"
+            f"<visual name='v'><geometry><box><size>1 0.2 1</size></box></geometry></visual></link>",
+            f"wall_{number}",
+        )
+        for number, (x, y, yaw) in enumerate(rng.uniform(-40, 40, (1000, 3)))
+    )
+    path = tmp_path / "user.world"
+    path.write_text(f"<sdf version='1.6'><world name='user'>{boxes}</world></sdf>")
+    began = time.process_time()
+    loaded = world_from_sdf(path)
+    simulation = simulate()
+    simulation.load(loaded)
+    simulation.advance(12)
+    assert time.process_time() - began < 2.0
+    assert len(loaded.models) == 1000
+    assert loaded.warnings == ()

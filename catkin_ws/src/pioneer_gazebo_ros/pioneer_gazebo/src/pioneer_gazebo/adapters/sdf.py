@@ -91,6 +91,7 @@ def _sdf(text: str | bytes, source: str, scope: Scope) -> Element:
 
 def _world(element: Element, scope: Scope) -> World:
     models: dict[str, Model] = {}
+    frames = Frames(element)
     for child in element.children():
         model = None
         if child.tag == "model":
@@ -98,13 +99,12 @@ def _world(element: Element, scope: Scope) -> World:
         elif child.tag == "actor":
             model = actor_from_sdf(child, scope)
         elif child.tag == "include":
-            model = _include(child, scope, 0)
+            model = _include(child, frames, scope, 0)
         elif child.tag not in WORLD_QUIET:
             scope.notes.add(f"<{child.tag}> in <world> is not supported and left out")
         if model is not None:
             name = _unused(model.name, models, scope)
             models[name] = _without_planes(dataclasses.replace(model, name=name), scope)
-    frames = Frames(element)
     placed = [_posed_by_frames(model, element, frames) for model in models.values()]
     states = {
         state.attribute("name"): state for parent in element.children("state") for state in parent.children("model")
@@ -184,7 +184,7 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
         elif child.tag == "joint":
             continue
         elif child.tag in ("model", "include"):
-            nested = _model(child, scope, depth) if child.tag == "model" else _include(child, scope, depth)
+            nested = _model(child, scope, depth) if child.tag == "model" else _include(child, frames, scope, depth)
             if nested is not None:
                 nested = dataclasses.replace(nested, pose=frames.pose(child)) if child.tag == "model" else nested
                 inner_links, inner_joints = _flattened(nested)
@@ -222,7 +222,7 @@ def _flattened(nested: Model) -> tuple[list[Link], list[Joint]]:
     return links, joints
 
 
-def _include(element: Element, scope: Scope, depth: int) -> Model | None:
+def _include(element: Element, frames: Frames, scope: Scope, depth: int) -> Model | None:
     """Returns the model of an ``<include>``, or None for one that has no body or is not found (with a note)."""
     uri = element.needed("uri")
     if depth >= DEEPEST_INCLUDE:
@@ -236,17 +236,17 @@ def _include(element: Element, scope: Scope, depth: int) -> Model | None:
         if uri.text != "model://sun":
             scope.notes.add(f"{uri.text} is not found along the model path and left out")
         return None
-    return None if model is None else _overridden(model, element)
+    return None if model is None else _overridden(model, element, frames)
 
 
-def _overridden(model: Model, include: Element) -> Model:
+def _overridden(model: Model, include: Element, frames: Frames) -> Model:
     pose = include.child("pose")
     if model.script is not None and pose is not None and pose.text:
-        return dataclasses.replace(model.moved(pose.pose()), name=include.word("name", model.name))
+        return dataclasses.replace(model.moved(frames.pose(include)), name=include.word("name", model.name))
     return dataclasses.replace(
         model,
         name=include.word("name", model.name),
-        pose=model.pose if pose is None or not pose.text else pose.pose(),
+        pose=model.pose if pose is None or not pose.text else frames.pose(include),
         static=include.flag("static", model.static),
     )
 

@@ -11,9 +11,9 @@ class Frames:
 
     def __init__(self, parent: Element) -> None:
         self._named = {
-            child.attribute("name"): child
-            for child in parent.children("link", "frame", "model", "joint")
-            if child.attribute("name", "")
+            name: child
+            for child in parent.children("link", "frame", "model", "joint", "include")
+            if (name := child.attribute("name", "") or child.word("name", ""))
         }
 
     def pose(self, element: Element) -> Pose:

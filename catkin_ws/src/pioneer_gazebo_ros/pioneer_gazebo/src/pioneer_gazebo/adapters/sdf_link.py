@@ -56,6 +56,7 @@ def link_from_sdf(element: Element, pose: Pose, scope: Scope, prefix: str = "") 
         prefix: what nested models put before the name.
     """
     mass, inertia = _inertial(element.child("inertial"))
+    _note_foreign_frames(element, scope)
     collisions = []
     visuals = []
     for child in element.children():
@@ -70,6 +71,15 @@ def link_from_sdf(element: Element, pose: Pose, scope: Scope, prefix: str = "") 
         elif child.tag not in QUIET | {"inertial"}:
             scope.notes.add(f"<{child.tag}> in a world's link is not supported and left out")
     return Link(prefix + element.attribute("name"), pose, mass, inertia, tuple(collisions), tuple(visuals))
+
+
+def _note_foreign_frames(link: Element, scope: Scope) -> None:
+    """Notes poses of shapes that are given in a frame other than the link's."""
+    for child in link.children("collision", "visual", "inertial"):
+        pose = child.child("pose")
+        frame = "" if pose is None else pose.attribute("relative_to", pose.attribute("frame", ""))
+        if frame not in ("", link.attribute("name", "")):
+            scope.notes.add(f"the frame of a <pose> in <{child.tag}> is not supported: the link's is taken")
 
 
 def _inertial(element: Element | None) -> tuple[float, Inertia]:
