@@ -1,12 +1,18 @@
 """ROS messages to and from the values of the core."""
 
 import math
+import xml.etree.ElementTree as ElementTree
 from typing import Any
 
+import numpy as np
 from geometry_msgs.msg import Twist
 
 from pioneer_demo.core.geometry import Pose, yaw_from_quaternion
+from pioneer_demo.core.recording import Hits
 from pioneer_demo.core.track import ClientState, Points, Queue
+
+BEAMS_KEPT = 180
+"""Of each scan for a film, about."""
 
 
 def pose_from_message(message: Any) -> Pose:
@@ -24,6 +30,32 @@ def pose_from_transform(message: Any) -> Pose:
 def points_from_path(message: Any) -> Points:
     """Returns the positions of a ``nav_msgs/Path``."""
     return [(pose.pose.position.x, pose.pose.position.y) for pose in message.poses]
+
+
+def hits_from_scan(message: Any, mount: Pose) -> Hits:
+    """Returns where a ``sensor_msgs/LaserScan``'s beams ended, in the frame that its sensor's ``mount`` is given in."""
+    every = max(1, len(message.ranges) // BEAMS_KEPT)
+    ranges = np.asarray(message.ranges[::every], np.float32)
+    angles = mount.yaw + message.angle_min + np.arange(len(ranges)) * message.angle_increment * every
+    met = (ranges >= message.range_min) & (ranges <= message.range_max)
+    return np.column_stack([mount.x + ranges * np.cos(angles), mount.y + ranges * np.sin(angles)])[met].astype("f4")
+
+
+def mount_of(description: str, link: str) -> Pose:
+    """Returns where a link of a URDF sits on its root: the joints' origins in the plane, one after the other."""
+    joints = {}
+    for joint in ElementTree.fromstring(description).iter("joint"):
+        parent, child, origin = joint.find("parent"), joint.find("child"), joint.find("origin")
+        if parent is not None and child is not None:
+            place = {} if origin is None else origin.attrib
+            x, y, _ = map(float, place.get("xyz", "0 0 0").split())
+            *_, yaw = map(float, place.get("rpy", "0 0 0").split())
+            joints[child.get("link")] = parent.get("link"), Pose(x, y, yaw)
+    pose, name = Pose(0.0, 0.0), link
+    while name in joints:
+        name, step = joints[name]
+        pose = step.compose(pose)
+    return pose
 
 
 def queue_from_message(message: Any) -> Queue:

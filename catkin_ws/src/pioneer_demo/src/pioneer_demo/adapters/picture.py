@@ -11,15 +11,12 @@ from matplotlib import pyplot
 from matplotlib.colors import ListedColormap
 from scipy import ndimage
 
+from pioneer_demo.adapters import colour
 from pioneer_demo.core.fleet import Fleet
 from pioneer_demo.core.floor import Floor
 from pioneer_demo.core.track import RobotTrack
 
-_COLOURS = (
-    "#1f6feb", "#e4572e", "#2a9d5c", "#9b4dca", "#d99a00", "#0fa3b1", "#c2255c", "#6b705c",
-    "#5c7cfa", "#a0522d", "#74a12e", "#f06595", "#495057", "#20a39e", "#b5651d",
-)  # fmt: skip
-_FLOOR = ListedColormap(["#e7e9ec", "#ffffff", "#2f3640"])  # unknown, free, wall
+_FLOOR = ListedColormap([colour.UNKNOWN, colour.FREE, colour.WALL])
 _MARGIN = 0.8
 
 
@@ -35,7 +32,7 @@ def draw_fleet(floor: Floor, fleet: Fleet, title: str, path: Path) -> None:
     extent = (floor.x, floor.x + width, floor.y, floor.y + height)
     axes.imshow(shade, cmap=_FLOOR, vmin=0, vmax=2, origin="lower", extent=extent, interpolation="nearest")
     for index, robot in enumerate(fleet.robots):
-        _draw_robot(axes, robot, _COLOURS[index % len(_COLOURS)])
+        _draw_robot(axes, robot, colour.of_robot(index))
     _dress(axes, extent, title)
     figure.savefig(path, bbox_inches="tight", pad_inches=0.15, facecolor="white")
     pyplot.close(figure)
@@ -46,24 +43,24 @@ def _size(width: float, height: float) -> tuple[float, float]:
     return 3.0 + 7.0 * width / longest, 1.0 + 7.0 * height / longest
 
 
-def _draw_robot(axes: Any, robot: RobotTrack, colour: str) -> None:
+def _draw_robot(axes: Any, robot: RobotTrack, paint: str) -> None:
     for visit in robot.visits:
         if visit.planned:
             planned = np.array(visit.planned)
-            axes.plot(*planned.T, color=colour, linewidth=1.1, linestyle=(0, (4, 3)), alpha=0.8, zorder=3)
+            axes.plot(*planned.T, color=paint, linewidth=1.1, linestyle=(0, (4, 3)), alpha=0.8, zorder=3)
     label = f"{robot.name}: {robot.reached}/{len(robot.visits)} waypoints, {robot.path_length:.1f} m"
     driven = np.array(robot.driven or [(np.nan, np.nan)])
-    axes.plot(*driven.T, color=colour, linewidth=2.4, alpha=0.75, solid_capstyle="round", zorder=4, label=label)
+    axes.plot(*driven.T, color=paint, linewidth=2.4, alpha=0.75, solid_capstyle="round", zorder=4, label=label)
     if robot.start is not None:
-        axes.plot(*robot.start, marker="s", markersize=8, color=colour, markeredgecolor="white", zorder=6)
+        axes.plot(*robot.start, marker="s", markersize=8, color=paint, markeredgecolor="white", zorder=6)
     for number, visit in enumerate(robot.visits, 1):
-        _draw_waypoint(axes, visit.leg.goal.x, visit.leg.goal.y, str(number), colour, bool(visit.reached))
+        _draw_waypoint(axes, visit.leg.goal.x, visit.leg.goal.y, str(number), paint, bool(visit.reached))
 
 
-def _draw_waypoint(axes: Any, x: float, y: float, text: str, colour: str, reached: bool) -> None:
-    face = colour if reached else "white"
-    axes.plot(x, y, marker="o", markersize=14, markerfacecolor=face, markeredgecolor=colour, zorder=7)
-    ink = "white" if reached else colour
+def _draw_waypoint(axes: Any, x: float, y: float, text: str, paint: str, reached: bool) -> None:
+    face = paint if reached else "white"
+    axes.plot(x, y, marker="o", markersize=14, markerfacecolor=face, markeredgecolor=paint, zorder=7)
+    ink = "white" if reached else paint
     axes.annotate(text, (x, y), ha="center", va="center", color=ink, fontsize=8.5, fontweight="bold", zorder=8)
 
 

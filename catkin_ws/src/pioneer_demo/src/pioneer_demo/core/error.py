@@ -9,6 +9,10 @@ class OptionError(DemoError):
     """A command line argument that cannot be used."""
 
 
+class VideoError(DemoError):
+    """A film that cannot be made."""
+
+
 class MapFileError(DemoError):
     """A map that is missing or cannot be read."""
 

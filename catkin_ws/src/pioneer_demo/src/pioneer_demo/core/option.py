@@ -21,6 +21,7 @@ class DemoConfig:
         waypoints: a robot.
         report: directory for report.json, fleet.png and the logs.
         limit: simulated time after which the fleet counts as stuck [s]; 0 is in proportion to the way.
+        video: where a film of the run goes; None for none.
     """
 
     robots: int = 2
@@ -30,6 +31,7 @@ class DemoConfig:
     waypoints: int = 3
     report: Path = Path("demo-report")
     limit: float = 0.0
+    video: Path | None = None
 
     @property
     def map_name(self) -> str:
@@ -73,6 +75,8 @@ def _check(config: DemoConfig, places: Mapping[str, int]) -> None:
         raise OptionError(f"--rtf must be 0 (as fast as possible) or more, not {config.real_time_factor:g}")
     if not 0 <= config.seed < 2**31:
         raise OptionError(f"--seed must be 0 to {2**31 - 1}, not {config.seed}")
+    if config.video is not None and not config.video.suffix:
+        raise OptionError(f"--video must name a file such as run.mp4, not '{config.video}'")
     if not 0.0 <= config.limit < float("inf"):
         raise OptionError(f"--limit must be 0 (in proportion to the way) or more seconds, not {config.limit:g}")
 
@@ -108,4 +112,5 @@ def _parser(worlds: Sequence[str]) -> argparse.ArgumentParser:
     )
     add("--limit", type=float, default=default.limit, metavar="T",
         help="simulated seconds until a fleet counts as stuck (default: in proportion to the way)")  # fmt: skip
+    add("--video", type=Path, metavar="FILE", help="a film of the run from above, mp4 (needs ffmpeg)")
     return parser

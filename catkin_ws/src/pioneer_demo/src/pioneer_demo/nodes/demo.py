@@ -18,10 +18,11 @@ from pioneer_demo.adapters.processes import FleetProcesses
 from pioneer_demo.adapters.stopwatch import Stopwatch
 from pioneer_demo.adapters.terminal import Display
 from pioneer_demo.core.command import master_uri, robot_name
-from pioneer_demo.core.error import DemoError, StartError, StuckError
+from pioneer_demo.core.error import DemoError, StartError, StuckError, VideoError
 from pioneer_demo.core.fleet import Fleet, faults, stuck_report, time_limit
 from pioneer_demo.core.floor import Floor
 from pioneer_demo.core.option import DemoConfig
+from pioneer_demo.core.recording import Recording
 from pioneer_demo.core.report import Outcome, report, table, verdict_line
 from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.view import live_lines
@@ -52,6 +53,7 @@ class Demo:
         self._lock = threading.Lock()
         self._display = Display()
         self._floor: Floor | None = None
+        self._recording = Recording() if config.video else None
         self._observer: ObserverNode | None = None
         self._sampled = 0.0
         self._sent_at = self._ended_at = math.nan
@@ -148,7 +150,7 @@ class Demo:
     def _join_ros(self, uri: str) -> None:
         os.environ.update(ROS_MASTER_URI=uri, ROS_IP="127.0.0.1", ROS_LOG_DIR=str(self._config.report / "log" / "ros"))
         rospy.init_node(NAME, disable_signals=True)
-        self._observer = ObserverNode(self._fleet, self._lock)
+        self._observer = ObserverNode(self._fleet, self._lock, self._recording)
         self._flips = FlipRequest(NAME, self._config.robots)
         self._flips.start()
 
@@ -211,6 +213,15 @@ class Demo:
             written.append(folder / "fleet.png")
             draw_fleet(self._floor, self._fleet, self._title(), written[-1])
         print(verdict_line(numbers))
+        if self._floor is not None and self._recording is not None and self._config.video is not None:
+            from pioneer_demo.adapters.video import write_video
+
+            names = [robot.name for robot in self._fleet.robots]
+            try:
+                write_video(self._floor, self._recording, names, self._config.video)
+                written.append(self._config.video)
+            except VideoError as error:
+                print(error)
         print(f"Written: {', '.join(map(str, written))}; logs in {folder / 'log'}")
         return 0 if numbers["success"] else 1
 

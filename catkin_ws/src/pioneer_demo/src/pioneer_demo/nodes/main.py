@@ -37,6 +37,11 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _run(config: DemoConfig, map_file: Path, watch: Stopwatch, interrupt: Interrupt) -> int:
+    if config.video is not None:
+        from pioneer_demo.adapters.video import encoder
+
+        encoder()
+        config.video.parent.mkdir(parents=True, exist_ok=True)
     config.report.mkdir(parents=True, exist_ok=True)
     with FleetProcesses(config, config.report / "log") as processes:
         ports = processes.ports

@@ -11,6 +11,7 @@ from gateway_msgs.msg import GatewayInfo, RemoteRule, RemoteRuleWithStatus
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry, Path
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import LaserScan
 from simple_navigation_goals.msg import WaypointQueue
 from std_msgs.msg import Bool, Float64, UInt32
 from tf2_msgs.msg import TFMessage
@@ -18,6 +19,7 @@ from tf2_msgs.msg import TFMessage
 from pioneer_demo import conversions
 from pioneer_demo.core.fleet import Fleet
 from pioneer_demo.core.geometry import Pose
+from pioneer_demo.core.recording import Recording
 from pioneer_demo.core.track import RobotTrack
 
 NAME = "fleet_observer"
@@ -31,16 +33,17 @@ class ObserverNode:
     Subscribes:
         /clock, /gazebo/ready, /gazebo/real_time_factor, /tf, /gateway/gateway_info,
         and under each robot's name base_pose_ground_truth, collisions, map_goal_client/queue, move_base/status,
-        move_base/NavfnROS/plan (the last three come through the gateway).
+        move_base/NavfnROS/plan (the last three come through the gateway), and for a film base_scan.
     Publishes:
         NAME/map_goal (geometry_msgs/Twist) for each robot; it crosses to the robot's master through the gateway.
     Threads: rospy's callbacks write under ``lock``; readers hold it too.
     On error: none of its own; what is missing stays unknown in the fleet.
     """
 
-    def __init__(self, fleet: Fleet, lock: threading.Lock) -> None:
-        """Connects all topics; the node is initialised by the caller."""
-        self._fleet, self._lock = fleet, lock
+    def __init__(self, fleet: Fleet, lock: threading.Lock, recording: Recording | None = None) -> None:
+        """Connects all topics, scans only for a ``recording``; the node is initialised by the caller."""
+        self._fleet, self._lock, self._recording = fleet, lock, recording
+        self._mounts: dict[str, Pose] = {}
         self.moving_since: dict[str, float] = {}
         self.flips: dict[str, str] = {}
         self._frames = {f"{robot.name}/{_ODOM}": robot for robot in fleet.robots}
@@ -78,6 +81,8 @@ class ObserverNode:
             "move_base/status": (GoalStatusArray, self._on_status),
             "move_base/NavfnROS/plan": (Path, self._on_plan),
         }
+        if self._recording is not None:
+            topics["base_scan"] = (LaserScan, self._on_scan)
         for topic, (kind, callback) in topics.items():
             self._subscribe(f"/{robot.name}/{topic}", kind, functools.partial(callback, robot))
 
@@ -116,6 +121,17 @@ class ObserverNode:
         robot.add_truth(message.header.stamp.to_sec(), conversions.pose_from_message(message.pose.pose))
         if robot.first_motion is not None:
             self.moving_since.setdefault(robot.name, time.monotonic())
+
+        if self._recording is not None and robot.pose is not None:
+            self._recording.add_pose(robot.name, message.header.stamp.to_sec(), robot.pose)
+
+    def _on_scan(self, robot: RobotTrack, message: LaserScan) -> None:
+        assert self._recording is not None, "subscribed for a recording only"
+        link = message.header.frame_id.rpartition("/")[2]
+        if link not in self._mounts:
+            self._mounts[link] = conversions.mount_of(rospy.get_param("/robot_description"), link)
+        hits = conversions.hits_from_scan(message, self._mounts[link])
+        self._recording.add_scan(robot.name, message.header.stamp.to_sec(), hits)
 
     def _on_collisions(self, robot: RobotTrack, message: UInt32) -> None:
         robot.collisions = message.data

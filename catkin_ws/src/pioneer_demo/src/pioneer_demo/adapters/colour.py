@@ -1,0 +1,13 @@
+"""Colours of robots, the same in picture and film."""
+
+ROBOTS = (
+    "#1f6feb", "#e4572e", "#2a9d5c", "#9b4dca", "#d99a00", "#0fa3b1", "#c2255c", "#6b705c",
+    "#5c7cfa", "#a0522d", "#74a12e", "#f06595", "#495057", "#20a39e", "#b5651d",
+)  # fmt: skip
+
+UNKNOWN, FREE, WALL = "#e7e9ec", "#ffffff", "#2f3640"
+
+
+def of_robot(index: int) -> str:
+    """Returns the colour of the robot with this number, from 0."""
+    return ROBOTS[index % len(ROBOTS)]

@@ -1,0 +1,84 @@
+"""The film of a run: what is recorded, what a frame shows, what ffmpeg gets."""
+
+import os
+import types
+
+import numpy as np
+import pytest
+from PIL import ImageColor
+
+from pioneer_demo import conversions
+from pioneer_demo.adapters import colour, video
+from pioneer_demo.core.error import VideoError
+from pioneer_demo.core.floor import Floor
+from pioneer_demo.core.geometry import Pose
+from pioneer_demo.core.recording import Recording
+
+FREE = np.ones((60, 100), bool)
+FREE[0] = FREE[-1] = FREE[:, 0] = FREE[:, -1] = False
+FLOOR = Floor(0.1, -5.0, -3.0, FREE, ~FREE)
+
+
+@pytest.fixture
+def recording():
+    made = Recording()
+    for tick in range(201):
+        made.add_pose("pioneer1", tick * 0.05, Pose(-4.0 + tick * 0.03, 0.0))
+    made.add_scan("pioneer1", 0.0, np.array([(2.0, 1.0)], np.float32))
+    return made
+
+
+def test_a_recording_keeps_ten_poses_a_second_and_answers_in_between(recording):
+    assert len(recording._poses["pioneer1"]) == 101
+    assert recording.pose("pioneer1", 0.53).x == pytest.approx(-4.0 + 0.6 * 0.53, abs=1e-6)
+    assert recording.pose("pioneer1", -1.0) is None
+    assert recording.pose("pioneer2", 1.0) is None
+    assert len(recording.times(10)) == 101
+    assert len(Recording().times(10)) == 0
+
+
+def test_a_frame_shows_robot_trail_and_scan_where_they_are(recording):
+    stage = video._Stage(FLOOR, recording, ["pioneer1"])
+    assert (stage.width, stage.height) == (960, 576)
+    for time in (0.0, 5.0, 10.0):
+        picture = np.frombuffer(stage.frame(time), np.uint8).reshape(576, 960, 3)
+    paint = ImageColor.getrgb(colour.of_robot(0))
+
+    def at(x, y):
+        return tuple(int(part) for part in picture[round((3.0 - y) * 96), round((x + 5.0) * 96)])
+
+    assert at(2.0, 0.0) == paint, "the robot at its end"
+    assert at(-2.0, 0.0) == paint, "the trail"
+    assert at(-2.0, 1.0) == ImageColor.getrgb(colour.FREE)
+    light = tuple((2 * part + 255) // 3 for part in paint)
+    assert at(4.0, 1.0) == light, "the scan, two metres ahead and one to the left"
+    assert at(-4.97, 0.0) == ImageColor.getrgb(colour.WALL)
+
+
+def test_ffmpeg_gets_every_frame_and_its_failure_is_one_line(recording, tmp_path, monkeypatch):
+    program = tmp_path / "ffmpeg"
+    program.write_text('#!/bin/sh\nfor last; do :; done\nexec cat > "$last"\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    film = tmp_path / "run.mp4"
+    assert video.write_video(FLOOR, recording, ["pioneer1"], film) == 101
+    assert film.stat().st_size == 101 * 960 * 576 * 3
+    program.write_text("#!/bin/sh\necho first >&2\necho no such encoder >&2\nexit 1\n")
+    with pytest.raises(VideoError, match=r"run.mp4: ffmpeg failed: no such encoder"):
+        video.write_video(FLOOR, recording, ["pioneer1"], film)
+
+
+def test_without_ffmpeg_one_line_says_what_to_do(monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(VideoError, match="--video needs ffmpeg, which is not installed: apt install ffmpeg"):
+        video.encoder()
+
+
+def test_hits_are_given_on_the_robot_whose_laser_sits_ahead():
+    joint = "<joint name='j'><origin xyz='0.1 0 0.2' rpy='0 0 0'/><parent link='base'/><child link='laser'/></joint>"
+    mount = conversions.mount_of(f"<robot name='r'>{joint}</robot>", "laser")
+    scan = types.SimpleNamespace(
+        ranges=(1.0, float("inf"), 2.0), angle_min=0.0, angle_increment=np.pi / 2, range_min=0.1, range_max=9.0
+    )
+    hits = conversions.hits_from_scan(scan, mount)
+    assert hits == pytest.approx(np.array([(1.1, 0.0), (-1.9, 0.0)]), abs=1e-6)
