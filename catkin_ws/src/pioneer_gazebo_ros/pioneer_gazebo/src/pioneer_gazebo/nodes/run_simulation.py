@@ -36,6 +36,7 @@ class SimulationOptions:
     odom_rate: float = 100.0
     camera: bool = False
     sonar: bool = False
+    driver: bool = False
 
 
 DOCS = {
@@ -52,6 +53,7 @@ DOCS = {
     "odom_rate": "odometry messages a second [Hz]",
     "camera": "robots carry cameras",
     "sonar": "robots carry sonars",
+    "driver": "robots have the topics of a real Pioneer's driver: battery, bumpers, sonar ring",
 }
 
 
@@ -86,7 +88,7 @@ def launch_files(options: SimulationOptions, world: str, robots: Sequence[str]) 
     }
     description = {
         name: str(getattr(options, name)).lower()
-        for name in ("laser_samples", "laser_rate", "odom_rate", "camera", "sonar")
+        for name in ("laser_samples", "laser_rate", "odom_rate", "camera", "sonar", "driver")
     }
     return [
         ("pioneer_gazebo", "multi_pioneer_world.launch", simulator),
