@@ -5,6 +5,7 @@ import shutil
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image, ImageColor, ImageDraw
@@ -21,6 +22,7 @@ RATE = 10
 LONGER_SIDE = 960
 """[pixel]."""
 
+_HALO: dict[str, Any] = {"stroke_width": 2, "stroke_fill": "white"}
 _NOSE, _TAIL, _HALF_WIDTH = 0.20, -0.30, 0.20
 """The robot's outline ahead, behind and to each side of base_link [m]."""
 
@@ -90,7 +92,7 @@ class _Stage:
             self._draw_scan(pen, pose, name, time)
         for name, pose in poses.items():
             self._draw_robot(pen, pose, name)
-        pen.text((8, self.height - 18), f"{time:7.1f} s", fill="#57606a")
+        pen.text((8, self.height - 18), f"{time:7.1f} s", fill="#57606a", **_HALO)
         return image.tobytes()
 
     def _pixel(self, x: float, y: float) -> tuple[float, float]:
@@ -122,7 +124,7 @@ class _Stage:
         corners = [pose.compose(Pose(x, y)) for x, y in outline]
         pen.polygon([self._pixel(one.x, one.y) for one in corners], fill=self._colour(name), outline="#2f3640")
         u, v = self._pixel(pose.x, pose.y)
-        pen.text((u + 12, v - 16), name, fill="#2f3640")
+        pen.text((u + 12, v - 16), name, fill="#2f3640", **_HALO)
 
 
 def _picture_of(floor: Floor) -> Image.Image:
