@@ -3,9 +3,6 @@
 
 import math
 import sys
-import threading
-import unittest
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -15,118 +12,32 @@ from dynamic_reconfigure import DynamicReconfigureCallbackException
 from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from nav_msgs.srv import SetMap, SetMapRequest
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import LaserScan
+from room_robot import START, RoomRobot, RoomTest
 from std_srvs.srv import Empty
-from tf2_msgs.msg import TFMessage
 
-from nav_bundle import _likelihood
 from nav_bundle.conversions import (
     GridMessage,
     message_from_grid,
     message_from_pose,
     pose_from_message,
-    yaw_from_quaternion,
 )
-from nav_bundle.core.grid import Grid, grid_from_text
 from nav_bundle.core.pose import Pose
-from nav_bundle.core.sensor import placement
-from nav_bundle.nodes.transform import TransformBroadcaster
-
-ROOM = ["#########", "#.......#", "#..#....#", "#.......#", "#.....###", "#.......#", "#########"]
-START = Pose(1.5, 1.5, 0.0)
-ODOM_START = Pose(-4.0, 3.0, 1.0)
 
 
-def room() -> Grid:
-    drawn = grid_from_text(ROOM)
-    return Grid(0.05, Pose(), np.ascontiguousarray(np.kron(drawn.cells, np.ones((16, 16), np.int8))))
-
-
-class FakeRobot:
-    """Publishes clock, odometry and scans of a robot in the room; time passes by ``tick`` alone."""
-
-    def __init__(self) -> None:
-        self.grid = room()
-        self.pose, self.odom, self.time = START, ODOM_START, 100.0
-        self._clock = rospy.Publisher("/clock", Clock, queue_size=10)
-        self._scan = rospy.Publisher("/pioneer3/base_scan", LaserScan, queue_size=10)
-        self._map = rospy.Publisher("/map", GridMessage, queue_size=1, latch=True)
-        self._map.publish(message_from_grid(self.grid, "/map", rospy.Time(1)))
-        self._tf = TransformBroadcaster()
-
-    def tick(self, length: float = 0.0, turn: float = 0.0) -> None:
-        """Lets 0.1 s pass, in which the robot drives; its odometry overrates distances by 2 %."""
-        self.time += 0.1
-        self.pose = self.pose.compose(Pose(length, 0.0, turn))
-        self.odom = self.odom.compose(Pose(1.02 * length, 0.0, turn))
-        stamp = rospy.Time.from_sec(self.time)
-        self._clock.publish(Clock(stamp))
-        # The scan goes out first: amcl has to wait for the odometry of its stamp.
-        self._scan.publish(self._measured(stamp))
-        self._tf.send("pioneer3/base_link", "pioneer3/laser", stamp, Pose(0.1, 0.0, 0.0))
-        self._tf.send("pioneer3/odom", "pioneer3/base_link", stamp, self.odom)
-
-    def _measured(self, stamp: rospy.Time) -> LaserScan:
-        scan = LaserScan(angle_min=-math.pi, angle_max=math.pi, angle_increment=math.tau / 179, range_max=30.0)
-        scan.header.stamp, scan.header.frame_id = stamp, "pioneer3/laser"
-        ranges = np.empty((1, 180))
-        poses = np.array([[self.pose.x, self.pose.y, self.pose.yaw]])
-        bearings = scan.angle_min + scan.angle_increment * np.arange(180)
-        laser = np.array([0.1, 0.0, 0.0])
-        _likelihood.expected_ranges(poses, laser, bearings, self.grid.cells, placement(self.grid), 30.0, ranges)
-        scan.ranges = ranges[0].tolist()
-        return scan
-
-
-class AmclCheck(unittest.TestCase):
-    robot: FakeRobot
+class AmclCheck(RoomTest):
+    estimate: PoseWithCovarianceStamped | None
+    cloud: PoseArray | None
 
     @classmethod
     def setUpClass(cls) -> None:
-        cls.robot = FakeRobot()
+        cls.robot = RoomRobot(0.02)
+        cls.map = rospy.Publisher("/map", GridMessage, queue_size=1, latch=True)
+        cls.map.publish(message_from_grid(cls.robot.grid, "/map", rospy.Time(1)))
 
     def setUp(self) -> None:
-        self.arrived = threading.Condition()
-        self.map_from_odom: Pose | None = None
-        self.stamp = 0.0
-        self.estimate: PoseWithCovarianceStamped | None = None
-        self.cloud: PoseArray | None = None
-        self.subscribers = [
-            rospy.Subscriber("/tf", TFMessage, self.on_tf, queue_size=100),
-            rospy.Subscriber("/pioneer3/amcl_pose", PoseWithCovarianceStamped, self.store("estimate")),
-            rospy.Subscriber("/pioneer3/particlecloud", PoseArray, self.store("cloud")),
-        ]
-
-    def tearDown(self) -> None:
-        for subscriber in self.subscribers:
-            subscriber.unregister()
-
-    def store(self, name: str) -> Callable[[object], None]:
-        def keep(message: object) -> None:
-            with self.arrived:
-                setattr(self, name, message)
-                self.arrived.notify_all()
-
-        return keep
-
-    def on_tf(self, message: TFMessage) -> None:
-        for edge in message.transforms:
-            if (edge.header.frame_id, edge.child_frame_id) == ("map", "pioneer3/odom"):
-                with self.arrived:
-                    place, turn = edge.transform.translation, edge.transform.rotation
-                    self.map_from_odom = Pose(place.x, place.y, yaw_from_quaternion(turn))
-                    self.stamp = edge.header.stamp.to_sec()
-                    self.arrived.notify_all()
-
-    def drive_until(self, condition: Callable[[], bool], what: str, length: float = 0.0, turn: float = 0.0) -> None:
-        """Ticks, each time as soon as amcl has answered the last, until the condition holds."""
-        for _ in range(300):
-            self.robot.tick(length, turn)
-            with self.arrived:
-                if self.arrived.wait_for(condition, timeout=0.1):
-                    return
-        self.fail(f"{what} did not come; last tf {self.map_from_odom} at {self.stamp}")
+        super().setUp()
+        self.listen("/pioneer3/amcl_pose", PoseWithCovarianceStamped, "estimate")
+        self.listen("/pioneer3/particlecloud", PoseArray, "cloud")
 
     def error(self) -> float:
         assert self.map_from_odom is not None
@@ -180,7 +91,7 @@ class AmclCheck(unittest.TestCase):
 
     def test_4_a_map_is_set_by_service(self) -> None:
         self.robot.pose = START
-        request = SetMapRequest(map=message_from_grid(room(), "map", rospy.Time(1)))
+        request = SetMapRequest(map=message_from_grid(self.robot.grid, "map", rospy.Time(1)))
         request.map.data = request.map.data.tolist()
         request.initial_pose.header.frame_id = "map"
         request.initial_pose.pose.pose = message_from_pose(START)

@@ -5,31 +5,13 @@ import math
 
 import numpy as np
 import pytest
+from drawn_room import ROOM, enlarged, ranges_at
 
-from nav_bundle import _likelihood
 from nav_bundle.core.amcl_config import AmclConfig
-from nav_bundle.core.grid import Grid, grid_from_text
 from nav_bundle.core.localisation import Localisation, NoMapError
 from nav_bundle.core.pose import Pose
-from nav_bundle.core.sensor import Scan, placement
+from nav_bundle.core.sensor import Scan
 
-ROOM = [
-    "########################",
-    "#......................#",
-    "#......................#",
-    "#......................#",
-    "#......................#",
-    "#.....##.............###",
-    "#.....##...............#",
-    "#......................#",
-    "#.............###......#",
-    "#.............###......#",
-    "#......................#",
-    "##.....................#",
-    "#......................#",
-    "#......................#",
-    "########################",
-]
 CONFIG = AmclConfig(
     min_particles=500, max_particles=2000, kld_err=0.05, laser_max_beams=60, laser_max_range=12.0, laser_z_hit=0.5,
     laser_z_rand=0.5, update_min_d=0.25, update_min_a=0.2, resample_interval=1, odom_alpha5=0.1,
@@ -39,17 +21,11 @@ COVARIANCE = np.diag([0.25, 0.25, 0.07])
 LASER = Pose(0.1, 0.0, 0.0)
 
 
-def room(scale: int = 8, resolution: float = 0.05) -> Grid:
-    """The drawing in cells of 5 cm: 9.6 x 6 m."""
-    drawn = grid_from_text(ROOM)
-    return Grid(resolution, Pose(), np.ascontiguousarray(np.kron(drawn.cells, np.ones((scale, scale), np.int8))))
-
-
 class FakeRobot:
     """Drives round the room; its odometry overrates distances by 3 %, its laser has 1 cm of noise."""
 
     def __init__(self, seed: int) -> None:
-        self.grid = room()
+        self.grid = enlarged(ROOM)
         self.generator = np.random.default_rng(seed)
         self.pose, self.odom = Pose(1.5, 1.0, 0.0), Pose(20.0, -7.0, 2.0)
 
@@ -59,13 +35,8 @@ class FakeRobot:
         self.odom = self.odom.compose(Pose(1.03 * length + self.generator.normal(0, 0.02 * length), 0.0, turn))
 
     def scan(self) -> Scan:
-        bearings = np.linspace(-math.pi, math.pi, 180)
-        ranges = np.empty((1, 180))
-        poses = np.array([[self.pose.x, self.pose.y, self.pose.yaw]])
-        laser = np.array([LASER.x, LASER.y, LASER.yaw])
-        _likelihood.expected_ranges(poses, laser, bearings, self.grid.cells, placement(self.grid), 30.0, ranges)
-        noisy = ranges[0] + self.generator.normal(0, 0.01, 180)
-        return Scan(noisy.astype(np.float32), -math.pi, bearings[1] - bearings[0], 0.1, 30.0, LASER)
+        noisy = ranges_at(self.grid, self.pose, LASER) + self.generator.normal(0, 0.01, 180)
+        return Scan(noisy.astype(np.float32), -math.pi, math.tau / 179, 0.1, 30.0, LASER)
 
 
 def errors_along(robot: FakeRobot, localisation: Localisation, laps: int = 2) -> np.ndarray:

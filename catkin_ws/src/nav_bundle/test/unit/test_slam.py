@@ -5,33 +5,16 @@ import math
 
 import numpy as np
 import pytest
+from drawn_room import ROOM, enlarged, ranges_at
 
-from nav_bundle import _likelihood
 from nav_bundle.core.gmapping_config import GmappingConfig
-from nav_bundle.core.grid import FREE, OCCUPIED, UNKNOWN, Grid, grid_from_text
+from nav_bundle.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from nav_bundle.core.map_quality import agreement
 from nav_bundle.core.pose import Pose, angle_difference
-from nav_bundle.core.sensor import Scan, placement
+from nav_bundle.core.sensor import Scan
 from nav_bundle.core.slam import Slam
 from pioneer_node.core.parameter import ParameterError
 
-ROOM = [
-    "########################",
-    "#......................#",
-    "#......................#",
-    "#......................#",
-    "#......................#",
-    "#.....##.............###",
-    "#.....##...............#",
-    "#......................#",
-    "#.............###......#",
-    "#.............###......#",
-    "#......................#",
-    "##.....................#",
-    "#......................#",
-    "#......................#",
-    "########################",
-]
 CORRIDORS = [
     "######################",
     "#....................#",
@@ -47,12 +30,6 @@ CORRIDORS = [
 ]
 CONFIG = GmappingConfig(xmin=-15.0, ymin=-15.0, xmax=15.0, ymax=15.0)
 LASER = Pose(0.1, 0.0, 0.2)
-
-
-def enlarged(rows: list[str], scale: int = 8) -> Grid:
-    """The drawing with a symbol 40 cm wide, in cells of 5 cm."""
-    drawn = grid_from_text(rows)
-    return Grid(0.05, Pose(), np.ascontiguousarray(np.kron(drawn.cells, np.ones((scale, scale), np.int8))))
 
 
 class FakeRobot:
@@ -71,13 +48,9 @@ class FakeRobot:
         self.odom = self.odom.compose(Pose(length, 0.0, turn))
 
     def scan(self, beams: int = 180) -> Scan:
-        bearings = np.linspace(-math.pi, math.pi, beams)
-        ranges = np.empty((1, beams))
-        poses = np.array([[self.pose.x, self.pose.y, self.pose.yaw]])
-        laser = np.array([LASER.x, LASER.y, LASER.yaw])
-        _likelihood.expected_ranges(poses, laser, bearings, self.grid.cells, placement(self.grid), 12.0, ranges)
-        noisy = np.where(ranges[0] < 12.0, ranges[0] + self.generator.normal(0, 0.01, beams), np.inf)
-        return Scan(noisy.astype(np.float32), -math.pi, bearings[1] - bearings[0], 0.1, 12.0, LASER)
+        ranges = ranges_at(self.grid, self.pose, LASER, beams, 12.0)
+        noisy = np.where(ranges < 12.0, ranges + self.generator.normal(0, 0.01, beams), np.inf)
+        return Scan(noisy.astype(np.float32), -math.pi, math.tau / (beams - 1), 0.1, 12.0, LASER)
 
 
 def laps(sides: tuple[float, ...], count: int) -> list[tuple[float, float]]:

@@ -1,0 +1,46 @@
+"""Drawn rooms, and what a laser measures in them; for unit tests and rostests."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle.core import kernel
+from nav_bundle.core.grid import Grid, grid_from_text
+from nav_bundle.core.pose import Pose
+from nav_bundle.core.sensor import placement
+
+CHAMBER = ["#########", "#.......#", "#..#....#", "#.......#", "#.....###", "#.......#", "#########"]
+ROOM = [
+    "########################",
+    "#......................#",
+    "#......................#",
+    "#......................#",
+    "#......................#",
+    "#.....##.............###",
+    "#.....##...............#",
+    "#......................#",
+    "#.............###......#",
+    "#.............###......#",
+    "#......................#",
+    "##.....................#",
+    "#......................#",
+    "#......................#",
+    "########################",
+]
+
+
+def enlarged(rows: list[str], scale: int = 8) -> Grid:
+    """Returns a drawing in cells of 5 cm, each symbol ``scale`` cells wide."""
+    cells = np.kron(grid_from_text(rows).cells, np.ones((scale, scale), np.int8))
+    return Grid(0.05, Pose(), np.ascontiguousarray(cells))
+
+
+def ranges_at(grid: Grid, pose: Pose, laser: Pose, beams: int = 180, farthest: float = 30.0) -> NDArray[np.float64]:
+    """Returns the exact ranges [m] of beams all round, from -pi to pi, of a laser mounted at ``laser``."""
+    ranges = np.empty((1, beams))
+    robot = np.array([[pose.x, pose.y, pose.yaw]])
+    mounted = np.array([laser.x, laser.y, laser.yaw])
+    bearings = np.linspace(-math.pi, math.pi, beams)
+    kernel.expected_ranges(robot, mounted, bearings, grid.cells, placement(grid), farthest, ranges)
+    return ranges[0]

@@ -1,0 +1,99 @@
+"""A robot in a drawn chamber as a test's own topics: clock, odometry, scans; and tests that listen to map -> odom."""
+
+import math
+import threading
+import unittest
+from collections.abc import Callable
+
+import rospy
+from drawn_room import CHAMBER, enlarged, ranges_at
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
+
+from nav_bundle.conversions import yaw_from_quaternion
+from nav_bundle.core.pose import Pose
+from nav_bundle.nodes.transform import TransformBroadcaster
+
+START = Pose(1.5, 1.5, 0.0)
+ODOM_START = Pose(-4.0, 3.0, 1.0)
+LASER = Pose(0.1, 0.0, 0.0)
+
+
+class RoomRobot:
+    """Publishes what pioneer3 has in the chamber; time passes by ``tick`` alone.
+
+    Args:
+        overrates: how much longer than driven the odometry says a distance is, as a share.
+    """
+
+    def __init__(self, overrates: float) -> None:
+        self.grid = enlarged(CHAMBER, 16)
+        self.pose, self.odom, self.time = START, ODOM_START, 100.0
+        self._overrates = overrates
+        self._clock = rospy.Publisher("/clock", Clock, queue_size=10)
+        self._scan = rospy.Publisher("/pioneer3/base_scan", LaserScan, queue_size=10)
+        self._tf = TransformBroadcaster()
+
+    def tick(self, length: float = 0.0, turn: float = 0.0) -> None:
+        """Lets 0.1 s pass, in which the robot drives."""
+        self.time += 0.1
+        self.pose = self.pose.compose(Pose(length, 0.0, turn))
+        self.odom = self.odom.compose(Pose((1.0 + self._overrates) * length, 0.0, turn))
+        stamp = rospy.Time.from_sec(self.time)
+        self._clock.publish(Clock(stamp))
+        # The scan goes out first: the node has to wait for the odometry of its stamp.
+        self._scan.publish(self._measured(stamp))
+        self._tf.send("pioneer3/base_link", "pioneer3/laser", stamp, LASER)
+        self._tf.send("pioneer3/odom", "pioneer3/base_link", stamp, self.odom)
+
+    def _measured(self, stamp: rospy.Time) -> LaserScan:
+        scan = LaserScan(angle_min=-math.pi, angle_max=math.pi, angle_increment=math.tau / 179, range_max=30.0)
+        scan.header.stamp, scan.header.frame_id = stamp, "pioneer3/laser"
+        scan.ranges = ranges_at(self.grid, self.pose, LASER).tolist()
+        return scan
+
+
+class RoomTest(unittest.TestCase):
+    """Listens to the transform map -> pioneer3/odom, and drives the class's ``robot``."""
+
+    robot: RoomRobot
+
+    def setUp(self) -> None:
+        self.arrived = threading.Condition()
+        self.map_from_odom: Pose | None = None
+        self.stamp = 0.0
+        self.subscribers = [rospy.Subscriber("/tf", TFMessage, self.on_tf, queue_size=100)]
+
+    def tearDown(self) -> None:
+        for subscriber in self.subscribers:
+            subscriber.unregister()
+
+    def listen(self, topic: str, kind: type, name: str) -> None:
+        """Keeps the newest message of ``topic`` in the attribute ``name``, None before the first."""
+        setattr(self, name, None)
+
+        def keep(message: object) -> None:
+            with self.arrived:
+                setattr(self, name, message)
+                self.arrived.notify_all()
+
+        self.subscribers.append(rospy.Subscriber(topic, kind, keep))
+
+    def on_tf(self, message: TFMessage) -> None:
+        for edge in message.transforms:
+            if (edge.header.frame_id, edge.child_frame_id) == ("map", "pioneer3/odom"):
+                with self.arrived:
+                    place, turn = edge.transform.translation, edge.transform.rotation
+                    self.map_from_odom = Pose(place.x, place.y, yaw_from_quaternion(turn))
+                    self.stamp = edge.header.stamp.to_sec()
+                    self.arrived.notify_all()
+
+    def drive_until(self, condition: Callable[[], bool], what: str, length: float = 0.0, turn: float = 0.0) -> None:
+        """Ticks, each time as soon as the node has answered the last, until the condition holds."""
+        for _ in range(300):
+            self.robot.tick(length, turn)
+            with self.arrived:
+                if self.arrived.wait_for(condition, timeout=0.1):
+                    return
+        self.fail(f"{what} did not come; last tf {self.map_from_odom} at {self.stamp}")
