@@ -7,11 +7,13 @@ from itertools import cycle
 import numpy as np
 import pytest
 
+from pioneer_gazebo.core.joint import CONTINUOUS, WORLD, Joint
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.schedule import TICK_RATE, Schedule
+from pioneer_gazebo.core.script import Script, Trajectory, Waypoint
 from pioneer_gazebo.core.simulation import Simulation
-from pioneer_gazebo.core.world import Model
+from pioneer_gazebo.core.world import Box, Collision, Cylinder, Link, Model
 from pioneer_gazebo.nodes.pace import Pacer
 
 MakeSimulation = Callable[..., Simulation]
@@ -65,6 +67,20 @@ def test_two_robots_report_the_same_bits_however_time_is_cut(
     walls = [box(f"w{k}", Pose((2.5 * (-1) ** k, 0.0, 0.5)), (0.1, 6.0, 1.0)) for k in range(2)]
     reference = digest(simulate(*walls, seed=3, odometry_error=0.01), robot, cycle((6,)))
     assert digest(simulate(*walls, seed=3, odometry_error=0.01), robot, cycle(pieces)) == reference
+
+
+@pytest.mark.parametrize("pieces", [(1,), (5, 7, 1), (END,)])
+def test_the_same_bits_come_with_a_walking_person_and_a_swinging_door(
+    simulate: MakeSimulation, robot: Robot, pieces: tuple[int, ...]
+) -> None:
+    collision = Collision("c", Pose((0.0, 0.0, 0.9)), Cylinder(0.25, 1.8))
+    way = Trajectory((Waypoint(0.0, Pose((-2.0, 0.1, 0.0))), Waypoint(5.0, Pose((2.0, -0.1, 0.0)))))
+    person = Model("person", links=(Link("l", collisions=(collision,)),), script=Script((way,), Pose()))
+    hinge = Joint("hinge", CONTINUOUS, WORLD, "leaf", Pose((0.0, 0.5, 0.5)), (0.0, 0.0, 1.0), friction=0.1)
+    leaf = Link("leaf", Pose((0.0, 0.5, 0.5)), 2.0, collisions=(Collision("c", Pose(), Box((1.0, 0.1, 0.9))),))
+    door = Model("door", Pose((0.5, 1.0, 0.0)), links=(leaf,), joints=(hinge,))
+    reference = digest(simulate(person, door, seed=3), robot, cycle((6,)))
+    assert digest(simulate(person, door, seed=3), robot, cycle(pieces)) == reference
 
 
 def test_the_real_time_factor_decides_when_a_tick_comes_and_never_which() -> None:

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from pioneer_gazebo.adapters.sdf import world_from_sdf_text
+from pioneer_gazebo.adapters.urdf import robot_from_urdf
 from pioneer_gazebo.core.body import body_from_model
 from pioneer_gazebo.core.error import DescriptionError
 from pioneer_gazebo.core.joint import CONTINUOUS, FIXED, PRISMATIC, REVOLUTE, Joint, tree_of
@@ -211,3 +212,14 @@ def test_a_moving_link_holds_several_meshes_and_many_shapes(simulate, tmp_path):
     x, y, z = simulation.pose(simulation.entity("heap")).position
     assert -0.05 < z < 0.05
     assert math.hypot(x, y) < 0.3
+
+
+def test_a_robot_whose_root_is_called_world_is_held_where_it_stands(simulate):
+    inertial = "<inertial><mass value='5'/><inertia ixx='.1' iyy='.1' izz='.1' ixy='0' ixz='0' iyz='0'/></inertial>"
+    shape = "<collision><geometry><box size='0.2 0.2 0.2'/></geometry></collision>"
+    mount = "<joint name='j' type='fixed'><origin xyz='0 0 1'/><parent link='world'/><child link='base'/></joint>"
+    links = f"<link name='world'/><link name='base'>{inertial}{shape}</link>"
+    simulation = simulate()
+    entity = simulation.add_robot("arm", "", robot_from_urdf(f"<robot name='r'>{links}{mount}</robot>"), Pose())
+    simulation.advance(seconds(2.0))
+    assert simulation.link_pose(entity, "base").position == pytest.approx((0, 0, 1), abs=1e-6)
