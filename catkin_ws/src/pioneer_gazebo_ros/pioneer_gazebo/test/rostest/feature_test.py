@@ -10,9 +10,10 @@ from typing import Any
 import rospy
 import rostest
 from gazebo_msgs import srv
-from geometry_msgs.msg import Point, Pose, Quaternion, Twist
+from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
+from nav_msgs.msg import Odometry
 from pioneer_msgs.msg import BumperState
-from sensor_msgs.msg import BatteryState, CameraInfo, Image, PointCloud
+from sensor_msgs.msg import BatteryState, CameraInfo, Image, PointCloud, Range
 from std_msgs.msg import Bool, Float32, Float64, Int8, UInt32
 
 PATIENCE = 20.0
@@ -79,6 +80,42 @@ class FeatureTest(unittest.TestCase):
         assert len(cloud.points) == 16
         right = min(cloud.points, key=lambda point: point.y)
         assert abs(right.y + 0.5) < 0.1, "the southern wall is half a metre to the right"
+
+    def test_a_sonar_is_a_range_with_its_own_frame(self) -> None:
+        reading = first("/pioneer1/sonar/sonar_7", Range)
+        assert reading.header.frame_id == "pioneer1/sonar_7"
+        assert reading.radiation_type == Range.ULTRASOUND
+        assert reading.min_range <= reading.range <= reading.max_range
+
+    def test_odometry_of_the_world_is_where_the_robot_is(self) -> None:
+        description = rospy.get_param("/robot_description").replace(">encoder<", ">world<")
+        spawn = rospy.ServiceProxy("/gazebo/spawn_urdf_model", srv.SpawnModel)
+        answer = spawn("pioneer3", description, "pioneer3", Pose(Point(-2.0, -1.5, 0), Quaternion(0, 0, 0, 1)), "")
+        assert answer.success, answer.status_message
+        pose = first("/pioneer3/odom", Odometry).pose.pose.position
+        assert abs(pose.x + 2.0) < 0.01
+        assert abs(pose.y + 1.5) < 0.01
+
+    def test_physics_are_set_and_senseless_ones_refused(self) -> None:
+        ask = rospy.ServiceProxy("/gazebo/get_physics_properties", srv.GetPhysicsProperties)
+        tell = rospy.ServiceProxy("/gazebo/set_physics_properties", srv.SetPhysicsProperties)
+        before = ask()
+        assert tell(0.01, 100.0, Vector3(0.0, 0.0, -3.7), before.ode_config).success
+        changed = ask()
+        assert abs(changed.time_step - 0.01) < 1e-9
+        assert (changed.gravity.z, changed.max_update_rate) == (-3.7, 100.0)
+        for step, rate, gravity in (
+            (0.0, 50.0, Vector3()),
+            (float("nan"), 50.0, Vector3()),
+            (0.02, -1.0, Vector3()),
+            (0.02, 50.0, Vector3(0.0, 0.0, float("inf"))),
+            (0.0123, 50.0, Vector3()),
+        ):
+            refused = tell(step, rate, gravity, before.ode_config)
+            assert not refused.success
+            assert "\n" not in refused.status_message
+        assert tell(before.time_step, before.max_update_rate, before.gravity, before.ode_config).success
+        assert ask().time_step == before.time_step
 
     def test_a_bumper_tells_where_a_robot_drives_into_a_wall(self) -> None:
         state = first("/pioneer1/bumper_state", BumperState)
