@@ -5,7 +5,6 @@ import shutil
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from PIL import Image, ImageColor, ImageDraw
@@ -22,7 +21,6 @@ RATE = 10
 LONGER_SIDE = 960
 """[pixel]."""
 
-_HALO: dict[str, Any] = {"stroke_width": 2, "stroke_fill": "white"}
 _NOSE, _TAIL, _HALF_WIDTH = 0.20, -0.30, 0.20
 """The robot's outline ahead, behind and to each side of base_link [m]."""
 
@@ -88,11 +86,11 @@ class _Stage:
         self._extend_trails(poses)
         image = self._trails.copy()
         pen = ImageDraw.Draw(image)
-        for name, pose in poses.items():
-            self._draw_scan(pen, pose, name, time)
+        for name in poses:
+            self._draw_scan(pen, name, time)
         for name, pose in poses.items():
             self._draw_robot(pen, pose, name)
-        pen.text((8, self.height - 18), f"{time:7.1f} s", fill="#57606a", **_HALO)
+        _label(pen, 8, self.height - 18, f"{time:.1f} s")
         return image.tobytes()
 
     def _pixel(self, x: float, y: float) -> tuple[float, float]:
@@ -109,8 +107,12 @@ class _Stage:
                 pen.line([self._last[name], here], fill=self._colour(name), width=2)
             self._last[name] = here
 
-    def _draw_scan(self, pen: ImageDraw.ImageDraw, pose: Pose, name: str, time: float) -> None:
-        hits = self._recording.scan(name, time)
+    def _draw_scan(self, pen: ImageDraw.ImageDraw, name: str, time: float) -> None:
+        """Draws the newest scan from where the robot was when it was taken."""
+        stamp, hits = self._recording.scan(name, time)
+        pose = self._recording.pose(name, stamp)
+        if pose is None:
+            return
         cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
         x = pose.x + cos * hits[:, 0] - sin * hits[:, 1]
         y = pose.y + sin * hits[:, 0] + cos * hits[:, 1]
@@ -124,7 +126,12 @@ class _Stage:
         corners = [pose.compose(Pose(x, y)) for x, y in outline]
         pen.polygon([self._pixel(one.x, one.y) for one in corners], fill=self._colour(name), outline="#2f3640")
         u, v = self._pixel(pose.x, pose.y)
-        pen.text((u + 12, v - 16), name, fill="#2f3640", **_HALO)
+        _label(pen, u + 12, v - 16, name)
+
+
+def _label(pen: ImageDraw.ImageDraw, x: float, y: float, text: str) -> None:
+    pen.rectangle(pen.textbbox((x, y), text), fill="white")
+    pen.text((x, y), text, fill="#2f3640")
 
 
 def _picture_of(floor: Floor) -> Image.Image:

@@ -52,8 +52,8 @@ class Recording:
         (a, before), (b, following) = kept[after - 1], kept[after]
         return before.between(following, (time - a) / (b - a))
 
-    def scan(self, name: str, time: float) -> Hits:
-        """Returns the newest scan at ``time``; empty before the first."""
+    def scan(self, name: str, time: float) -> tuple[float, Hits]:
+        """Returns the stamp of the newest scan at ``time`` and what it met; nothing before the first."""
         kept = self._scans.get(name, [])
         after = bisect.bisect_right(kept, time, key=lambda one: one[0])
-        return kept[after - 1][1] if after else NOTHING
+        return kept[after - 1] if after else (time, NOTHING)
