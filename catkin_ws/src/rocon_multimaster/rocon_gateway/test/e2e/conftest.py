@@ -4,6 +4,7 @@ import socket
 import struct
 import sys
 import xmlrpc.client
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
@@ -88,8 +89,8 @@ class Site:
         return self.latched("/gateway/gateway_info", msg.GatewayInfo)
 
     def states(self) -> dict[str, str]:
-        """By action and name of each rule: state and reason."""
-        found = {}
+        """By action and name of each rule: state and reason; "" for one that the gateway has not told of yet."""
+        found: dict[str, str] = defaultdict(str)
         for status in self.latched("/gateway/rules", DiagnosticArray).status:
             values = {one.key: one.value for one in status.values}
             found[f"{values['action']} {values['name']}"] = status.message

@@ -238,7 +238,7 @@ def test_a_parameter_is_copied_by_its_name_only(sites) -> None:
     assert robot.pull("base", "parameter", "/secret") == 0
     wait_until(lambda: robot.states()["pull /robot_description"].startswith("active"), "copied", 5)
     assert robot.master.get_param("/robot_description") == "<robot/>"
-    assert robot.states()["pull /secret"].startswith("no such parameter")
+    wait_until(lambda: robot.states()["pull /secret"].startswith("no such parameter"), "what nobody advertises", 5)
     assert base.flip("robot", "parameter", "/secret") == msg.ErrorCodes.HUB_UNKNOWN_ERROR
     assert base.call("advertise", srv.Advertise, rules=[rule], cancel=True).result == 0
 
