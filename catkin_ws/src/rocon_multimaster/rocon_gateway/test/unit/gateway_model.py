@@ -38,6 +38,7 @@ class FakeGateway:
     outcome: Outcome = field(default_factory=Outcome)
     links: dict[AnyImport, LinkStatus] = field(default_factory=dict)
     options: tuple[OptionRule, ...] = ()
+    namespace: str = ""
 
     @property
     def name(self) -> str:
@@ -45,7 +46,7 @@ class FakeGateway:
 
     @property
     def record(self) -> Record:
-        return Record(self.name, "i", self.name, 4000, self.firewall, self.outcome.advertised)
+        return Record(self.name, "i", self.name, 4000, self.firewall, self.outcome.advertised, namespace=self.namespace)
 
     def states(self) -> dict[str, str]:
         return {f"{one.action} {one.rule.name}": one.verdict.state for one in self.outcome.states}
@@ -89,6 +90,7 @@ class Fleet:
             },
             links=gateway.links,
             options=gateway.options,
+            namespace=gateway.namespace,
         )
 
     def check(self) -> None:

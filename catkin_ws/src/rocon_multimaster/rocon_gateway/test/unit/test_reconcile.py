@@ -271,3 +271,40 @@ def test_options_go_to_the_links_that_they_mean_at_either_end() -> None:
         "/image": LinkOptions(rate=2),
     }
     assert robot.states() == {"flip /image": "rate-limited"}
+
+
+def hub_of_three_robots() -> FakeGateway:
+    return gateway("hub", *(publisher(f"/pioneer{number}/odom", "/gazebo") for number in (1, 2, 3)), publisher("/map"))
+
+
+def test_a_pattern_pulls_nothing_out_of_another_robots_namespace() -> None:
+    hub, robot = hub_of_three_robots(), gateway("aadi1")
+    hub.book = hub.book.advertising_all([])
+    robot.namespace = "pioneer1"
+    robot.book = robot.book.pulling_all("hub", [])
+    fleet_of(hub, robot)
+    assert {topic for topic, _, _ in robot.imported()} == {"/pioneer1/odom", "/map"}
+    robot.book = robot.book.pulling_nothing("hub").pulled([to("hub", Kind.PUBLISHER, "/pioneer2/.*")])
+    fleet_of(hub, robot)
+    assert {topic for topic, _, _ in robot.imported()} == {"/pioneer2/odom"}
+
+
+def test_a_pattern_flips_nothing_of_another_robots_namespace_and_says_so() -> None:
+    hub, robot = hub_of_three_robots(), gateway("aadi1")
+    robot.namespace = "pioneer1"
+    hub.book = hub.book.flipped([to("aadi1", Kind.PUBLISHER, ".*[2]/odom"), to("aadi1", Kind.PUBLISHER, ".*1/odom")])
+    fleet_of(hub, robot)
+    assert {topic for topic, _, _ in robot.imported()} == {"/pioneer1/odom"}
+    assert hub.states() == {"flip .*[2]/odom": "refused", "flip .*1/odom": "active"}
+    assert "/pioneer2" in hub.reason(".*[2]/odom")
+    hub.book = hub.book.flipped([to("aadi1", Kind.PUBLISHER, "/pioneer2/odom")])
+    fleet_of(hub, robot)
+    assert hub.states()["flip /pioneer2/odom"] == "active"
+
+
+def test_a_gateway_without_a_robots_namespace_gets_everything() -> None:
+    hub, robot = hub_of_three_robots(), gateway("base2")
+    hub.book = hub.book.advertising_all([])
+    robot.book = robot.book.pulling_all("hub", [])
+    fleet_of(hub, robot)
+    assert len(robot.imported()) == 4

@@ -32,7 +32,9 @@ from rocon_gateway.core.rule import (
     RemoteRule,
     Rule,
     absolute_name,
+    asks_for,
     blacklisting,
+    foreign_namespace,
     gateway_matches,
     is_literal,
     rule_matches,
@@ -164,9 +166,15 @@ class _Reconciler:
             yield always(self._no_local(rule))
         elif rule.kind in ACTION_KINDS:
             for action in allowed:
-                yield self._flip_action(gateway, other, action)
+                namespace = _unasked(rule, other.record.namespace, action)
+                foreign = always(verdict.foreign(namespace, gateway))
+                yield foreign if namespace else self._flip_action(gateway, other, action)
         else:
             for connection in allowed:
+                namespace = _unasked(rule, other.record.namespace, connection)
+                if namespace:
+                    yield always(verdict.foreign(namespace, gateway))
+                    continue
                 answer = self._offered(gateway, other, connection)
                 self._flipped_to(gateway, other, connection, answer)
                 yield always(_judged(answer, other, gateway))
@@ -231,8 +239,11 @@ class _Reconciler:
         excluded = (*self.book.blacklist, *self.book.pulls.excluded(remote)) if rule.name == ALL else ()
         for connection in offered:
             barrier = _barrier(excluded, connection)
+            namespace = _unasked(rule, self.situation.namespace, connection)
             if barrier:
                 yield always(verdict.blacklisted(barrier, connection))
+            elif namespace:
+                yield always(verdict.foreign(namespace, self.name))
             else:
                 self.pulled[Flipped(gateway, connection)] = None
                 yield self._pull_connection(gateway, other, connection)
@@ -325,6 +336,12 @@ class _Reconciler:
 
 _PULLED = {Purpose.PULL: Kind.PUBLISHER, Purpose.SERVICE: Kind.SERVICE, Purpose.PARAMETER: Kind.PARAMETER}
 """What a want means, by its purpose."""
+
+
+def _unasked(rule: Rule, own: str, connection: Connection) -> str:
+    """Returns the other robot's namespace out of which `rule` would bring `connection` without spelling it out."""
+    namespace = foreign_namespace(own, connection.name)
+    return "" if asks_for(rule.name, namespace) else namespace
 
 
 def _key(connection: Connection) -> tuple[Kind, str, str]:

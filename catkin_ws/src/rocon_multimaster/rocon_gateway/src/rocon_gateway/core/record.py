@@ -36,6 +36,7 @@ class Record:
         advertisements: local connections that others may pull.
         flips: its flips, for information.
         pulls: its pulls, for information.
+        namespace: its robot's namespace; "" where it has none.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Record:
     advertisements: tuple[Connection, ...] = ()
     flips: tuple[RemoteRule, ...] = ()
     pulls: tuple[RemoteRule, ...] = ()
+    namespace: str = ""
 
 
 class Purpose(enum.StrEnum):
@@ -147,6 +149,7 @@ def text_from_record(record: Record) -> str:
             "advertisements": [[one.kind, one.name, one.type, one.node] for one in record.advertisements],
             "flips": [_row(one) for one in record.flips],
             "pulls": [_row(one) for one in record.pulls],
+            "namespace": record.namespace,
         }
     )
 
@@ -163,6 +166,7 @@ def record_from_text(text: str | bytes) -> Record:
         advertisements=_rows(document, "advertisements", 4, _connection),
         flips=_rows(document, "flips", 4, _remote),
         pulls=_rows(document, "pulls", 4, _remote),
+        namespace=_field({"namespace": "", **document}, "namespace", str),
     )
 
 

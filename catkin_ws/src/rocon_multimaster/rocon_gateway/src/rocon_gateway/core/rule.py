@@ -150,6 +150,24 @@ def blacklisting(blacklist: Iterable[Rule], connection: Connection) -> Rule | No
     return None
 
 
+def foreign_namespace(own: str, name: str) -> str:
+    """Returns the namespace at the beginning of `name` if it is another robot's, else "".
+
+    Args:
+        own: our robot's namespace, `pioneer1`; another robot's differs in the number at its end only. "" knows none.
+        name: a resolved name.
+    """
+    first = name.lstrip("/").partition("/")[0]
+    stem = own.rstrip("0123456789")
+    is_foreign = own and stem != own and first != own and re.fullmatch(re.escape(stem) + "[0-9]+", first)
+    return first if is_foreign else ""
+
+
+def asks_for(pattern: str, namespace: str) -> bool:
+    """Tells whether a rule's name spells a namespace out: `/pioneer2/.*` does, `.*/odom` does not."""
+    return pattern.lstrip("/").startswith(f"{namespace}/")
+
+
 def base_name(gateway: str) -> str:
     """Returns a gateway's name without the unique suffix, if it has one."""
     head, tail = gateway[:-SUFFIX_LENGTH], gateway[-SUFFIX_LENGTH:]

@@ -1,5 +1,6 @@
 """The gateway's parameters, and the rules that they bring."""
 
+import re
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -42,6 +43,8 @@ class GatewaySetting:
         advertise_all: start with everything advertised.
         custom_rules_file: YAML with more of these; empty for none.
         network_interface: the interface whose address other gateways are told; empty for the one that leads to the hub.
+        namespace: the robot's own namespace, `pioneer1`: rules whose name is a pattern then bring nothing here out of
+            namespaces that differ from it in the number only, unless the pattern spells one out; empty: no such guard.
         relay_port: TCP port for links from other gateways; 0 is any free one.
         max_message_size: the longest message that is carried [bytes].
     """
@@ -63,6 +66,7 @@ class GatewaySetting:
     advertise_all: Any = ()
     custom_rules_file: str = ""
     network_interface: str = ""
+    namespace: str = ""
     relay_port: int = 0
     max_message_size: int = 256 * 2**20
 
@@ -74,6 +78,8 @@ class GatewaySetting:
             raise SettingError("gateway: ~watch_loop_period must be greater than 0")
         if not 0 <= self.relay_port < 65536:
             raise SettingError(f"gateway: ~relay_port must be 0 to 65535, not {self.relay_port}")
+        if not re.fullmatch(r"/?([A-Za-z][A-Za-z0-9_]*)?", self.namespace):
+            raise SettingError(f"gateway: ~namespace must be one ROS name, not {self.namespace!r}")
         self.options()
 
     def options(self) -> tuple[OptionRule, ...]:

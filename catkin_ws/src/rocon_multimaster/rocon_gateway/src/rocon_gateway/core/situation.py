@@ -81,6 +81,7 @@ class Situation:
         names: unique names of all other gateways that are alive.
         remotes: those of them that our rules or their letters concern, by unique name.
         links: how our imports do.
+        namespace: our robot's; patterns bring nothing out of another robot's. "" where there is none.
         options: what is asked of links; the first that means a connection counts.
     """
 
@@ -92,6 +93,7 @@ class Situation:
     remotes: Mapping[str, Remote] = field(default_factory=dict)
     links: Mapping[AnyImport, LinkStatus] = field(default_factory=dict)
     options: tuple[OptionRule, ...] = ()
+    namespace: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -72,6 +72,11 @@ def blacklisted(barrier: Rule, connection: Connection) -> Verdict:
     return Verdict(f"{State.BLACKLISTED} by {barrier}", f"{connection.name} of {connection.node or 'any node'}")
 
 
+def foreign(namespace: str, gateway: str) -> Verdict:
+    """Returns the state of what a pattern would bring to `gateway` out of another robot's namespace."""
+    return Verdict(State.REFUSED, f"/{namespace} is not the robot of {gateway}: a rule that spells it out brings it")
+
+
 def from_link(wanted: AnyImport, links: Mapping[AnyImport, LinkStatus]) -> Verdict:
     """Returns the state of an import, pending while the relay has not heard of it."""
     status = links.get(wanted, LinkStatus(LinkState.PENDING))

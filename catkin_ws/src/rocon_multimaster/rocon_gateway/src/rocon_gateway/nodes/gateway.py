@@ -165,6 +165,7 @@ class GatewayNode:
             remotes=view.remotes,
             links=self._relay.status().imports,
             options=self._options,
+            namespace=self._setting.namespace.lstrip("/"),
         )
         self._outcome = outcome = reconcile(situation)
         self._relay.apply(outcome.exports, outcome.imports)
@@ -183,6 +184,7 @@ class GatewayNode:
             advertisements=outcome.advertised if outcome else (),
             flips=book.flips.rules if book else (),
             pulls=book.pulls.rules if book else (),
+            namespace=self._setting.namespace.lstrip("/"),
         )
 
     def _host(self, view: HubView) -> str:
