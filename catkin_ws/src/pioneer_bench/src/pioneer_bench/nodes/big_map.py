@@ -19,7 +19,7 @@ from tf2_msgs.msg import TFMessage
 from nav_bundle.adapters.map_file import write_map
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose
-from pioneer_bench.core.gateway import Row, table
+from pioneer_bench.core.gateway import Row
 from pioneer_bench.core.room_map import RESOLUTION, room_cells
 from pioneer_harness.masters import Master
 from pioneer_harness.proc import process_state
@@ -144,7 +144,12 @@ def main() -> int:
         rospy.init_node("big_map", disable_signals=True)
         rows = measured(Path(folder), master, group, Robot())
         rospy.signal_shutdown("done")
-    print(json.dumps([row.as_dict() for row in rows]) if "--json" in sys.argv else table(rows))
+    if "--json" in sys.argv:
+        print(json.dumps([row.as_dict() for row in rows]))
+    else:
+        for row in rows:
+            goal = "" if row.goal is None else f" (to reach: {row.goal:g})"
+            print(f"{row.what}: {row.median:.3g} {row.unit}{goal}")
     return 0 if all(row.holds is not False for row in rows) else 1
 
 
