@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from pioneer_bench import accuracy, gateway, sim
+from pioneer_bench import accuracy, gateway, nav, sim
 
 
 def main() -> int:
@@ -19,6 +19,9 @@ def main() -> int:
     one = benches.add_parser("gateway", help="the gateway: how fast rules act, what relaying costs beside peers")
     gateway.add_arguments(one)
     one.set_defaults(run=gateway.run)
+    one = benches.add_parser("nav", help="navigation: success, accuracy and cost of one robot's tours")
+    nav.add_arguments(one)
+    one.set_defaults(run=nav.run)
     options = parser.parse_args()
     return options.run(options)
 

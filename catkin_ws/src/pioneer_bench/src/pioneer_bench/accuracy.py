@@ -7,7 +7,7 @@ from pathlib import Path
 from pioneer_bench.adapters.description import pioneer_urdf
 from pioneer_bench.adapters.world import Worlds
 from pioneer_bench.core.accuracy import accuracy_rows
-from pioneer_bench.core.gateway import table
+from pioneer_bench.core.row import table
 from pioneer_gazebo.adapters.urdf import robot_from_urdf
 
 

@@ -12,7 +12,7 @@ from pioneer_bench.adapters.fleet import Fleet
 from pioneer_bench.adapters.flow_trial import flow_rows, idle_rows
 from pioneer_bench.adapters.rule_trial import call_rows, fault_rows, publisher_rows
 from pioneer_bench.adapters.service_trial import service_rows
-from pioneer_bench.core.gateway import Row, table
+from pioneer_bench.core.row import Row, table
 from pioneer_harness.error import HarnessError
 
 

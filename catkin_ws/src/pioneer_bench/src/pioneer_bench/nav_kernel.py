@@ -24,8 +24,8 @@ from nav_bundle.core.pose import Pose
 from nav_bundle.core.sensor import Scan
 from nav_bundle.core.trajectory_config import TrajectoryConfig
 from nav_bundle.core.trajectory_planner import TrajectoryPlanner
-from pioneer_bench.core.gateway import Row
 from pioneer_bench.core.room_map import RESOLUTION, room_cells
+from pioneer_bench.core.row import Row
 
 _FOOTPRINT = ((0.20, 0.20), (0.20, -0.20), (-0.30, -0.20), (-0.30, 0.20))
 _LASER = SourceConfig(
@@ -191,7 +191,7 @@ def _amcl_rows(repetitions: int) -> Iterator[Row]:
 
 def main() -> int:
     """Prints the rows."""
-    from pioneer_bench.core.gateway import table
+    from pioneer_bench.core.row import table
 
     print(table(kernel_rows()))
     return 0

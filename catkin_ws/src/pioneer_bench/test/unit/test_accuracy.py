@@ -9,7 +9,7 @@ import pytest
 from pioneer_bench.adapters.description import pioneer_urdf
 from pioneer_bench.adapters.world import Worlds
 from pioneer_bench.core import accuracy
-from pioneer_bench.core.gateway import Row
+from pioneer_bench.core.row import Row
 from pioneer_gazebo.adapters.urdf import robot_from_urdf
 from pioneer_gazebo.core.robot import Robot
 

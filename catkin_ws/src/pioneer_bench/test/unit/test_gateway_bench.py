@@ -4,7 +4,8 @@ import json
 
 import pytest
 
-from pioneer_bench.core.gateway import Flow, Row, large_rows, paced_rows, small_rows, steady_rows, table
+from pioneer_bench.core.gateway import Flow, large_rows, paced_rows, small_rows, steady_rows
+from pioneer_bench.core.row import Row, table
 
 
 def flows(gateway_cpu: float, p99: float = 0.001) -> dict[str, list[Flow]]:

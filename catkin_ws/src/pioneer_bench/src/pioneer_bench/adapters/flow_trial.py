@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pioneer_bench.adapters.fleet import PATIENCE, Fleet, Process, cpu
-from pioneer_bench.core.gateway import Flow, Flows, Row, large_rows, paced_rows, small_rows, steady_rows
+from pioneer_bench.core.gateway import Flow, Flows, large_rows, paced_rows, small_rows, steady_rows
+from pioneer_bench.core.row import Row
 from pioneer_harness.wait import wait_until
 
 TOPIC_TOOLS_RELAY = "/usr/lib/topic_tools/relay"

@@ -4,7 +4,7 @@ import itertools
 import time
 
 from pioneer_bench.adapters.fleet import PATIENCE, Fleet, kill
-from pioneer_bench.core.gateway import Row
+from pioneer_bench.core.row import Row
 from pioneer_harness.wait import wait_until
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from gateway_msgs.srv import ConnectHub
 
 from pioneer_bench.adapters.fleet import PATIENCE, Fleet, Site, cpu
-from pioneer_bench.core.gateway import Row
+from pioneer_bench.core.row import Row
 from pioneer_harness.wait import wait_until
 
 SERVICE = "/echo"

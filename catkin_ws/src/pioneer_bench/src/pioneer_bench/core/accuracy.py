@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pioneer_bench.core.gateway import Row
+from pioneer_bench.core.row import Row
 from pioneer_gazebo.core.entity import Entity, heading
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.robot import Robot

@@ -19,8 +19,8 @@ from tf2_msgs.msg import TFMessage
 from nav_bundle.adapters.map_file import write_map
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose
-from pioneer_bench.core.gateway import Row
 from pioneer_bench.core.room_map import RESOLUTION, room_cells
+from pioneer_bench.core.row import Row
 from pioneer_harness.masters import Master
 from pioneer_harness.proc import process_state
 from pioneer_harness.process import ProcessGroup

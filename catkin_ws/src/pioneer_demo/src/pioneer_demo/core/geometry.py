@@ -22,6 +22,11 @@ class Pose:
             normalised(self.yaw + inner.yaw),
         )
 
+    def inverse(self) -> "Pose":
+        """Returns the parent frame in this pose's frame."""
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        return Pose(-cos * self.x - sin * self.y, sin * self.x - cos * self.y, normalised(-self.yaw))
+
     def distance(self, other: "Pose") -> float:
         """Returns the straight distance [m] between the two positions."""
         return math.hypot(self.x - other.x, self.y - other.y)

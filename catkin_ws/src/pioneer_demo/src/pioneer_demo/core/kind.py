@@ -14,6 +14,7 @@ _BY_NAME = {
     "redis-server": "hub and redis",
     "amcl": "amcl",
     "move_base": "move_base",
+    "slam_gmapping": "slam_gmapping",
     "rosmaster": "masters",
     "rosout": "masters",
     "roslaunch": "roslaunch",

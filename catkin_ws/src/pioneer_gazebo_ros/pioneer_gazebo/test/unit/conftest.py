@@ -47,10 +47,10 @@ def simulate() -> Iterator[MakeSimulation]:
     """Makes worlds of a floor and the models given, on engines that are closed afterwards."""
     engines: list[BulletEngine] = []
 
-    def make(*models: Model, seed: int = 0, odometry_error: float = 0.0) -> Simulation:
+    def make(*models: Model, seed: int = 0, odometry_error: float = 0.0, odometry_scale: float = 1.0) -> Simulation:
         engine = BulletEngine(triangles_of_mesh)
         engines.append(engine)
-        simulation = Simulation(engine, triangles_of_mesh, Physics(), seed, odometry_error)
+        simulation = Simulation(engine, triangles_of_mesh, Physics(), seed, odometry_error, odometry_scale)
         simulation.load(World("test", (floor(), *models)))
         return simulation
 

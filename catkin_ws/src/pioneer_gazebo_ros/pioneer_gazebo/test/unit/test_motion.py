@@ -113,6 +113,21 @@ def test_the_same_seed_and_commands_give_the_same_bits(simulate: MakeSimulation,
     assert first != other
 
 
+def test_encoders_that_overrate_every_wheel_see_the_same_part_more_of_ways_and_turns(
+    simulate: MakeSimulation, robot: Robot
+) -> None:
+    odometry = []
+    for scale in (1.0, 1.03):
+        simulation = simulate(odometry_scale=scale)
+        entity = settled(simulation, robot)
+        drive(entity, 0.5, 0.3)
+        run(simulation, 2.0)
+        odometry.append(simulation.odometry(entity.drives[0]))
+    true, overrated = odometry
+    assert overrated.speed == pytest.approx(1.03 * true.speed)
+    assert overrated.yaw == pytest.approx(1.03 * true.yaw)
+
+
 def test_adding_a_robot_changes_no_noise_of_the_others(simulate: MakeSimulation, robot: Robot, box: MakeBox) -> None:
     wall = box("wall", Pose((3.0, 0.0, 0.5)), (0.1, 6.0, 1.0))
     alone, together = simulate(wall, seed=5), simulate(wall, seed=5)

@@ -42,8 +42,9 @@ class Simulation:
     """Everything that is simulated. Used from one thread."""
 
     def __init__(
-        self, engine: Engine, triangles: Triangles, physics: Physics, seed: int = 0, odometry_error: float = 0.0
-    ) -> None:
+        self, engine: Engine, triangles: Triangles, physics: Physics, seed: int = 0,
+        odometry_error: float = 0.0, odometry_scale: float = 1.0,
+    ) -> None:  # fmt: skip
         """Starts an empty world at tick 0.
 
         Args:
@@ -51,12 +52,12 @@ class Simulation:
             triangles: reads meshes.
             physics: settings; its step has to be whole ticks.
             seed: of all noise.
-            odometry_error: standard deviation of what an encoder believes of its wheel's diameter, as a part of it;
-                drawn once a wheel from the seed and the robot's name.
+            odometry_error: standard deviation of what an encoder believes of its wheel's diameter, as a part of it.
+            odometry_scale: what encoders believe of every wheel's diameter, as a part of the true one.
         """
         self._engine = engine
         self._scene = Scene(triangles)
-        self._seed, self._odometry_error = seed, odometry_error
+        self._seed, self._odometry_error, self._odometry_scale = seed, odometry_error, odometry_scale
         self._entities: dict[str, Entity] = {}
         self._by_handle: dict[int, Entity] = {}
         self._standing = Standing(engine, self._scene)
@@ -164,7 +165,7 @@ class Simulation:
 
     def _driven(self, name: str, body: Body, config: DiffDrive) -> Driven:
         errors = generator_for(self._seed, name, config.name, "odometry").standard_normal(2) * self._odometry_error
-        drive = Drive(config, 1.0 + float(errors[0]), 1.0 + float(errors[1]))
+        drive = Drive(config, *(self._odometry_scale * (1.0 + float(error)) for error in errors))
         return Driven(
             drive, (body.joint_index(config.leftJoint), body.joint_index(config.rightJoint)), config.wheelTorque
         )

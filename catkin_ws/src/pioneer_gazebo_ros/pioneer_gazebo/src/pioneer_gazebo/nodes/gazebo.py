@@ -49,6 +49,7 @@ class GazeboConfig:
     clock_rate: float = 100.0
     state_rate: float = 50.0
     odometry_error: float = 0.0
+    odometry_scale: float = 1.0
     gui: bool = False
 
     def __post_init__(self) -> None:
@@ -59,6 +60,11 @@ class GazeboConfig:
             )
         if self.solver_iterations < 1:
             raise ParameterError(f"~solver_iterations must be 1 or more, not {self.solver_iterations}")
+        if not (self.odometry_error >= 0 and self.odometry_scale > 0):
+            raise ParameterError(
+                "~odometry_error must not be negative and ~odometry_scale must be above 0, "
+                f"not {self.odometry_error} and {self.odometry_scale}"
+            )
         if not self.physics_rate > 0:
             raise ParameterError(f"~physics_rate must be above 0, not {self.physics_rate}")
 
@@ -94,7 +100,9 @@ class GazeboNode:
         physics = Physics(1.0 / config.physics_rate, config.solver_iterations, world.gravity)
         self._renderer: TinyRenderer | None = None
         self._engine = BulletEngine(triangles_of_mesh, physics, config.gui)
-        self.simulation = Simulation(self._engine, triangles_of_mesh, physics, config.seed, config.odometry_error)
+        self.simulation = Simulation(
+            self._engine, triangles_of_mesh, physics, config.seed, config.odometry_error, config.odometry_scale
+        )
         self.simulation.load(world)
         self._robots: dict[str, RobotTopics] = {}
         self._clock = Topic("/clock", Clock, self.schedule.review)

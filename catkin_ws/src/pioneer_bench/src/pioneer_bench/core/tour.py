@@ -1,0 +1,138 @@
+"""What a robot's tour of waypoints measured, and the rows of a navigation bench made of tours."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+from pioneer_bench.core.row import Row
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Condition:
+    """What the robot drives with, and what is to be reached with it.
+
+    Attributes:
+        title: over its rows.
+        odometry_scale: what the encoders believe of every wheel's diameter, as a part of the true one.
+        mapping: whether slam_gmapping draws the map that the robot drives in, instead of amcl in a given one.
+        mean: localisation error of a tour, at most [m]; None for no goal.
+        p95: the same of its 95th percentile [m].
+        peer: what the C++ stack reached, mean and 95th percentile [m]; None where nobody measured.
+    """
+
+    title: str
+    odometry_scale: float = 1.0
+    mapping: bool = False
+    mean: float | None = None
+    p95: float | None = None
+    peer: tuple[float, float] | None = None
+
+
+CONDITIONS = {
+    "perfect": Condition("perfect odometry", mean=0.04, peer=(0.039, 0.080)),
+    "scaled": Condition("odometry 3 % too long", 1.03, mean=0.10, p95=0.20, peer=(0.098, 0.20)),
+    "mapping": Condition("slam_gmapping", mapping=True),
+}
+
+PEER_SECONDS = 260.0
+"""Twelve waypoints by the C++ stack in Stage, another maze, 160 m [s]."""
+COST_GOAL, RSS_GOAL = 0.24, 160.0
+"""amcl and move_base together: CPU-s a simulated second, MB."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Tour:
+    """One robot's tour.
+
+    Attributes:
+        condition: name of what it drove with.
+        seed: of waypoints and noise.
+        waypoints: how many it was sent.
+        reached: how many of them it reached.
+        seconds: simulated, from sending to the last one dealt with [s].
+        wall: the same [s].
+        way: driven [m].
+        shortest: the ways between the waypoints by the map [m].
+        collisions: with anything.
+        clearance: least distance of base_link from a wall [m].
+        error_mean, error_p95, error_max: distance of the believed from the true position [m].
+        cpu: CPU-s a simulated second by kind of process.
+        rss: largest resident memory by kind of process [MB].
+        map_iou: agreement of the drawn map with the true one, 0 … 1; None without mapping.
+        fault: what went wrong, in words; empty where nothing did.
+    """
+
+    condition: str
+    seed: int
+    waypoints: int
+    reached: int
+    seconds: float
+    wall: float
+    way: float
+    shortest: float
+    collisions: int
+    clearance: float
+    error_mean: float
+    error_p95: float
+    error_max: float
+    cpu: dict[str, float]
+    rss: dict[str, float]
+    map_iou: float | None = None
+    fault: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Returns the tour for JSON."""
+        return dataclasses.asdict(self)
+
+    def summary(self) -> str:
+        """Returns the tour in one line."""
+        line = (
+            f"{self.reached} of {self.waypoints} in {self.seconds:.0f} s, {self.way:.0f} m, "
+            f"{self.collisions} collisions, error mean {self.error_mean:.3f} m, p95 {self.error_p95:.3f} m, "
+            f"real-time factor {self.seconds / self.wall:.1f}"
+        )
+        return f"{line}; {self.fault}" if self.fault else line
+
+
+def tour_rows(condition: Condition, tours: Sequence[Tour]) -> list[Row]:
+    """Returns the rows of one condition; a sample is a tour."""
+    title = condition.title
+    mean_peer, p95_peer = condition.peer or (None, None)
+
+    def samples(name: str) -> tuple[float, ...]:
+        return tuple(float(getattr(tour, name)) for tour in tours)
+
+    rows = [
+        Row(f"{title}: waypoints reached", "", (sum(samples("reached")),), sum(samples("waypoints")), True, "all"),
+        Row(f"{title}: collisions", "", (sum(samples("collisions")),), 0.0),
+        Row(f"{title}: time of a tour", "s", samples("seconds")),
+        Row(f"{title}: way of a tour", "m", samples("way")),
+        Row(f"{title}: speed on the way", "m/s", tuple(tour.way / tour.seconds for tour in tours)),
+        Row(f"{title}: way over the shortest", "", tuple(tour.way / tour.shortest for tour in tours)),
+        Row(f"{title}: least clearance of base_link", "m", samples("clearance")),
+        Row(f"{title}: error, mean", "m", samples("error_mean"), condition.mean, False, _peer(mean_peer), True),
+        Row(f"{title}: error, p95", "m", samples("error_p95"), condition.p95, False, _peer(p95_peer), True),
+        Row(f"{title}: error, greatest", "m", samples("error_max")),
+    ]
+    maps = tuple(tour.map_iou for tour in tours if tour.map_iou is not None)
+    return [*rows, *_cost_rows(condition, tours), *([Row(f"{title}: map IoU", "", maps)] if maps else [])]
+
+
+def _cost_rows(condition: Condition, tours: Sequence[Tour]) -> list[Row]:
+    kinds = ("slam_gmapping" if condition.mapping else "amcl", "move_base")
+    rows = []
+    for kind in kinds:
+        rows.append(Row(f"{condition.title}: {kind}", "CPU-s/sim-s", tuple(tour.cpu[kind] for tour in tours)))
+        rows.append(Row(f"{condition.title}: {kind}", "MB", tuple(tour.rss[kind] for tour in tours)))
+    both = tuple(sum(tour.cpu[kind] for kind in kinds) for tour in tours)
+    memory = tuple(sum(tour.rss[kind] for kind in kinds) for tour in tours)
+    cost, rss = (None, None) if condition.mapping else (COST_GOAL, RSS_GOAL)
+    return [
+        *rows,
+        Row(f"{condition.title}: both", "CPU-s/sim-s", both, cost),
+        Row(f"{condition.title}: both", "MB", memory, rss),
+    ]
+
+
+def _peer(value: float | None) -> str:
+    return "" if value is None else f"C++ {value:g}"

@@ -1,0 +1,105 @@
+"""``pioneer_bench nav``: how well, how safely and at what cost one robot drives to waypoints, tour by tour."""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from pioneer_bench.core.row import Row, table
+from pioneer_bench.core.tour import CONDITIONS, PEER_SECONDS, Tour, tour_rows
+from pioneer_bench.nav_kernel import kernel_rows
+
+EXPLANATION = (
+    "A sample is a tour of one robot, and for kernels a way or a call. C++: Noetic's stack, another day; its tours in "
+    f"Stage and another maze: twelve waypoints of 160 m in {PEER_SECONDS:.0f} s."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds this bench's options."""
+    parser.add_argument("--condition", nargs="+", choices=CONDITIONS, default=list(CONDITIONS), help="default: all")
+    parser.add_argument("--seeds", type=int, nargs="+", metavar="S", default=[1, 2, 3, 4, 5], help="default: 1 to 5")
+    parser.add_argument("--waypoints", type=int, default=12, metavar="K", help="of a tour (default %(default)s)")
+    parser.add_argument("--world", default="closed_maze", help="default: %(default)s")
+    parser.add_argument("--real-time-factor", type=float, default=3.0, help="0: as fast as possible")
+    parser.add_argument("--parallel", type=int, default=1, metavar="N", help="tours at a time (default %(default)s)")
+    parser.add_argument(
+        "--kernels",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="measure plans and cycles without ROS, too",
+    )
+    parser.add_argument("--output", type=Path, default=Path("bench-report"), metavar="DIR", help="default: %(default)s")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Drives all tours; returns 0 where every goal holds, 1 where one does not, 2 where a tour could not be driven."""
+    load = os.getloadavg()[0]
+    asked = [(condition, seed) for condition in options.condition for seed in options.seeds]
+    with ThreadPoolExecutor(options.parallel) as pool:
+        tours = list(pool.map(lambda pair: _tour(*pair, options), asked))
+    driven = [tour for tour in tours if tour is not None]
+    rows: list[Row] = []
+    for name in options.condition:
+        own = [tour for tour in driven if tour.condition == name]
+        rows += tour_rows(CONDITIONS[name], own) if own else []
+    if options.kernels:
+        print("kernels …", flush=True)
+        rows += kernel_rows()
+    _write(rows, driven, load, options)
+    if len(driven) < len(tours):
+        return 2
+    return 1 if any(row.holds is False for row in rows) else 0
+
+
+def _tour(condition: str, seed: int, options: argparse.Namespace) -> Tour | None:
+    """Returns what one tour measured, None (and a line) where it could not be driven."""
+    label = f"{CONDITIONS[condition].title}, seed {seed}"
+    with tempfile.TemporaryDirectory(prefix="pioneer-bench-") as folder:
+        log = Path(folder) / "roslaunch.log"
+        setting = {
+            "condition": condition,
+            "seed": seed,
+            "waypoints": options.waypoints,
+            "world": options.world,
+            "real_time_factor": options.real_time_factor,
+            "log": str(log),
+        }
+        # A process of its own: a process can be only one ROS node, on one master.
+        command = [sys.executable, "-m", "pioneer_bench.nodes.tour", json.dumps(setting)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            result = ""
+            for line in process.stdout:
+                if line.startswith("{"):
+                    result = line
+                else:
+                    print(f"{label}: {line.rstrip()}", flush=True)
+        if process.returncode != 0 or not result:
+            words = log.read_text(errors="replace") if log.is_file() else ""
+            print(f"{label}: failed, status {process.returncode}\n{words[-2000:]}", file=sys.stderr)
+            return None
+    tour = Tour(**json.loads(result))
+    print(f"{label}: {tour.summary()}", flush=True)
+    return tour
+
+
+def _write(rows: list[Row], tours: list[Tour], load: float, options: argparse.Namespace) -> None:
+    remark = f"{os.cpu_count()} cores, load before the run {load:.1f}; real-time factor {options.real_time_factor:g}, "
+    remark += f"{options.parallel} at a time. {EXPLANATION}"
+    text = f"{table(rows)}\n\n{remark}\n"
+    print("\n" + text)
+    options.output.mkdir(parents=True, exist_ok=True)
+    (options.output / "navigation.md").write_text(f"# Navigation\n\n{text}")
+    values = {
+        "cores": os.cpu_count(),
+        "load": load,
+        "rows": [row.as_dict() for row in rows],
+        "tours": [tour.as_dict() for tour in tours],
+    }
+    (options.output / "navigation.json").write_text(json.dumps(values, indent=2) + "\n")
+    print(f"written: {options.output / 'navigation.md'}, {options.output / 'navigation.json'}")

@@ -1,0 +1,216 @@
+"""One tour: a master, the simulator, one robot with its navigation, and the demo's observer that sends it waypoints.
+
+Master and observer live in this process; simulator and nodes are roslaunch's.
+"""
+
+import dataclasses
+import json
+import math
+import os
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rospkg
+import rospy
+import yaml
+
+from nav_bundle.adapters.map_file import read_map
+from nav_bundle.conversions import GridMessage, grid_from_message
+from nav_bundle.core import map_quality
+from nav_bundle.core import pose as navigation
+from pioneer_bench.core.tour import CONDITIONS, Condition, Tour
+from pioneer_demo.adapters.map_file import floor_from_file
+from pioneer_demo.core.fleet import Fleet, stuck_report, time_limit
+from pioneer_demo.core.floor import Floor
+from pioneer_demo.core.geometry import Pose
+from pioneer_demo.core.kind import COMMAND, kind
+from pioneer_demo.core.track import RobotTrack
+from pioneer_demo.core.waypoint import WaypointConfig, fleet_waypoints
+from pioneer_demo.nodes.observer import ObserverNode
+from pioneer_harness.accounting import Account
+from pioneer_harness.masters import Master
+from pioneer_harness.process import ProcessGroup
+from pioneer_harness.wait import wait_until
+
+ROBOT = "pioneer1"
+PATIENCE = 90.0
+"""Wall seconds that start-up may take."""
+SAMPLE = 0.5
+"""Wall seconds between two looks at the processes."""
+STANDSTILL = 30.0
+"""Wall seconds without simulated time after which the simulator counts as dead."""
+SHORTEST, LONGEST = 8.0, 18.0
+"""Way from one waypoint to the next [m]: thirteen metres on average, as in the C++ stack's tours."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Setting:
+    """What is run; the same names as the command's options."""
+
+    condition: str
+    seed: int
+    waypoints: int
+    world: str
+    real_time_factor: float
+    log: str
+
+
+class MappedTrack(RobotTrack):
+    """The track of a robot that draws its map itself: the map's frame is where the robot started."""
+
+    def __init__(self, name: str, start: Pose) -> None:
+        super().__init__(name)
+        self._start_pose = start
+
+    def add_correction(self, pose: Pose) -> None:
+        """Takes in a transform map → odom, of the map that begins at the start."""
+        super().add_correction(self._start_pose.compose(pose))
+
+
+class TourNode:
+    """Sends one robot its waypoints and notes what it does.
+
+    Subscribes: what ``ObserverNode`` does; with mapping, the robot's ``map``.
+    Threads: rospy's callbacks write into the fleet; ``run`` reads it.
+    On error: start-up that takes too long raises; a robot that gets stuck is a fault of the tour.
+    """
+
+    def __init__(self, setting: Setting, start: Pose, group: ProcessGroup) -> None:
+        self._setting, self._start, self._group = setting, start, group
+        self._condition: Condition = CONDITIONS[setting.condition]
+        self._robot = MappedTrack(ROBOT, start) if self._condition.mapping else RobotTrack(ROBOT)
+        self._fleet, self._lock = Fleet([self._robot]), threading.Lock()
+        self._account = Account(kind, short=COMMAND)
+        self._observer = ObserverNode(self._fleet, self._lock)
+        self._map: Any = None
+        if self._condition.mapping:
+            rospy.Subscriber(f"/{ROBOT}/map", GridMessage, self._on_map, queue_size=1)
+
+    def _on_map(self, message: Any) -> None:
+        self._map = message
+
+    def run(self, map_file: Path) -> Tour:
+        """Waits for the robot, sends it round, and returns what was measured.
+
+        Raises:
+            HarnessError: a process has died, or the robot did not come up.
+        """
+        wait_until(self._ready, "the robot, localised, and its waypoint client", PATIENCE)
+        floor = floor_from_file(map_file)
+        assert self._robot.pose is not None
+        choice = WaypointConfig(count=self._setting.waypoints, shortest=SHORTEST, longest=LONGEST)
+        rng = np.random.default_rng(self._setting.seed)
+        legs = fleet_waypoints(floor, [self._robot.pose], choice, rng)[0]
+        with self._lock:
+            self._robot.assign(legs)
+            self._fleet.began = self._fleet.simulator.time
+        wall, cpu = time.monotonic(), self._cpu()
+        for leg in legs:
+            goal = self._start.inverse().compose(leg.goal) if self._condition.mapping else leg.goal
+            self._observer.send(self._robot, goal)
+        fault = self._follow(time_limit(self._fleet))
+        with self._lock:
+            return self._tour(floor, map_file, time.monotonic() - wall, cpu, fault)
+
+    def _ready(self) -> bool:
+        self._group.check()
+        robot = self._robot
+        known = robot.pose is not None and robot.localised and robot.queue is not None
+        return known and self._observer.can_be_told(robot)
+
+    def _follow(self, limit: float) -> str:
+        """Watches until all waypoints are dealt with; returns what went wrong, empty if nothing."""
+        told, last, since = 0, -1.0, time.monotonic()
+        while not self._fleet.finished:
+            self._group.check()
+            self._group.sample(self._account)
+            now = self._fleet.simulator.time
+            if now > last:
+                last, since = now, time.monotonic()
+            if time.monotonic() - since > STANDSTILL:
+                return f"simulated time has stood still at {last:.1f} s"
+            if now - self._fleet.began > limit:
+                return stuck_report(self._fleet, limit).replace("\n", " ")
+            if self._robot.current > told:
+                told = self._robot.current
+                print(f"waypoint {told} of {len(self._robot.visits)} after {now - self._fleet.began:.0f} s", flush=True)
+            with self._group.changed:
+                self._group.changed.wait(SAMPLE)
+        return ""
+
+    def _cpu(self) -> dict[str, float]:
+        self._group.sample(self._account)
+        return {name: usage.cpu for name, usage in self._account.usage().items()}
+
+    def _tour(self, floor: Floor, map_file: Path, wall: float, before: dict[str, float], fault: str) -> Tour:
+        robot, seconds = self._robot, self._fleet.simulator.time - self._fleet.began
+        cpu = {name: (used - before.get(name, 0.0)) / seconds for name, used in self._cpu().items()}
+        mean, p95, greatest = robot.error_statistics()
+        return Tour(
+            condition=self._setting.condition,
+            seed=self._setting.seed,
+            waypoints=len(robot.visits),
+            reached=robot.reached,
+            seconds=seconds,
+            wall=wall,
+            way=robot.path_length,
+            shortest=sum(visit.leg.length for visit in robot.visits),
+            collisions=robot.collisions,
+            clearance=_clearance(floor, robot.driven),
+            error_mean=mean,
+            error_p95=p95,
+            error_max=greatest,
+            cpu=cpu,
+            rss={name: usage.rss / 1e6 for name, usage in self._account.usage().items()},
+            map_iou=self._map_iou(map_file),
+            fault=fault,
+        )
+
+    def _map_iou(self, map_file: Path) -> float | None:
+        if not self._condition.mapping:
+            return None
+        frame = navigation.Pose(self._start.x, self._start.y, self._start.yaw)
+        return map_quality.agreement(grid_from_message(self._map), read_map(map_file), frame)
+
+
+def _clearance(floor: Floor, driven: list[tuple[float, float]]) -> float:
+    """Returns the least distance [m] of the way to what is not free."""
+    clearance = floor.clearance()
+    return min((float(clearance[floor.cell(x, y)]) for x, y in driven), default=math.nan)
+
+
+def start_pose(world: str) -> Pose:
+    """Returns where pioneer1 starts in that world."""
+    folder = Path(rospkg.RosPack().get_path("pioneer_description")) / "config"
+    own = folder / f"pioneer_poses_{world}.yaml"
+    pose = yaml.safe_load((own if own.is_file() else folder / "pioneer_poses.yaml").read_text())[ROBOT]
+    return Pose(pose["x"], pose["y"], pose["a"])
+
+
+def main(argv: list[str]) -> int:
+    """Runs the setting given as JSON; prints a line a waypoint, and at the end what was measured as JSON."""
+    setting = Setting(**json.loads(argv[0]))
+    start, condition = start_pose(setting.world), CONDITIONS[setting.condition]
+    map_file = Path(rospkg.RosPack().get_path("pioneer_gazebo")) / "map" / f"{setting.world}.yaml"
+    arguments = {
+        "world_name": setting.world, "x": start.x, "y": start.y, "yaw": start.yaw, "seed": setting.seed,
+        "real_time_factor": setting.real_time_factor, "odometry_scale": condition.odometry_scale,
+        "mapping": str(condition.mapping).lower(),
+    }  # fmt: skip
+    with Master() as master, ProcessGroup() as group:
+        os.environ.update(master.environment)
+        command = ["roslaunch", "pioneer_bench", "one_robot.launch", *(f"{k}:={v}" for k, v in arguments.items())]
+        group.start("roslaunch", command, master.environment, Path(setting.log))
+        rospy.init_node("pioneer_bench", disable_signals=True, disable_rostime=True)
+        tour = TourNode(setting, start, group).run(map_file)
+        print(json.dumps(tour.as_dict()), flush=True)
+        rospy.signal_shutdown("measured")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
