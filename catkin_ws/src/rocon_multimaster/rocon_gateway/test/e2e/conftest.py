@@ -1,5 +1,8 @@
 """Real masters, a real hub and real gateway processes, and a client that speaks to any of their services."""
 
+import contextlib
+import os
+import signal
 import socket
 import struct
 import sys
@@ -18,22 +21,25 @@ from gateway_msgs import msg, srv
 
 from pioneer_harness.masters import Master
 from pioneer_harness.port import PortReservation
+from pioneer_harness.proc import arguments, descendants, process_state
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 
+sys.path.insert(0, str(Path(__file__).parent))
 PROBE = Path(__file__).with_name("probe.py")
 
 
 class Site:
     """A master with a gateway, and probes."""
 
-    def __init__(self, name: str, fleet: "Fleet") -> None:
+    def __init__(self, name: str, fleet: "Fleet", master: Any = None) -> None:
         self.name = name
-        self.master = Master()
+        self.master = master or Master()
         self._client = self.master.proxy("/test")
         self._fleet = fleet
         self.log = fleet.folder / f"{name}.log"
         self.pid = 0
+        self._probes: list[int] = []
 
     def start(self, environment: Mapping[str, str] | None = None, **parameters: Any) -> "Site":
         """Starts the gateway, with more variables in its environment if given."""
@@ -108,25 +114,56 @@ class Site:
 
     def talk(self, topic: str, name: str = "talker") -> int:
         """Starts a node that publishes its name on `topic`, and waits until the master knows."""
-        pid = self._probe("talk", name, topic)
+        pid = self.probe("talk", name, topic)
         wait_until(lambda: f"/{name}" in self.master.system_state()[0].get(topic, []), f"{topic} of {name}", 10)
         return pid
 
     def hear(self, topic: str, name: str = "listener") -> "Ear":
         """Starts a node that listens to `topic`, and waits until the master knows."""
         log = self._fleet.folder / f"{self.name}-{name}.log"
-        pid = self._probe("hear", name, topic, log)
+        pid = self.probe("hear", name, topic, log=log)
         wait_until(lambda: f"/{name}" in self.master.system_state()[1].get(topic, []), f"{name} on {topic}", 10)
         return Ear(log, pid)
 
-    def _probe(self, what: str, name: str, topic: str, log: Path | None = None) -> int:
-        argv = [sys.executable, str(PROBE), what, name, topic]
+    def probe(self, what: str, name: str, *arguments: object, log: Path | None = None) -> int:
+        """Starts a probe, see `probe.py`."""
+        argv = [sys.executable, str(PROBE), what, name, *map(str, arguments)]
         log = log or self._fleet.folder / f"{self.name}-{name}.log"
-        return self._fleet.group.start(f"{self.name} {name}", argv, self.master.environment, log, may_end=True)
+        pid = self._fleet.group.start(f"{self.name} {name}", argv, self.master.environment, log, may_end=True)
+        self._probes.append(pid)
+        return pid
+
+    def end_probes(self) -> None:
+        """Ends all probes of this site."""
+        for pid in self._probes:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGINT)
+        wait_until(lambda: not any(lives(pid) for pid in self._probes), "the probes' end", 10)
+        self._probes.clear()
+
+    def stop(self) -> None:
+        """Ends the gateway and all probes."""
+        self._probes.append(self.pid)
+        self.end_probes()
+
+    def cancel_all(self) -> None:
+        """Takes all rules back."""
+        info = self.info()
+        self.call("advertise_all", srv.AdvertiseAll, cancel=True)
+        if info.flip_watchlist:
+            assert self.call("flip", srv.Remote, remotes=info.flip_watchlist, cancel=True).result == 0
+        if info.pull_watchlist:
+            assert self.call("pull", srv.Remote, remotes=info.pull_watchlist, cancel=True).result == 0
 
     def publishers(self, topic: str) -> list[str]:
         """Nodes that the master says publish `topic`."""
         return sorted(self.master.system_state()[0].get(topic, []))
+
+
+def lives(pid: int) -> bool:
+    """Tells whether a process has not ended."""
+    state = process_state(pid)
+    return state is not None and state.alive
 
 
 def _read(connection: socket.socket, count: int) -> bytes:
@@ -170,6 +207,7 @@ class Fleet:
         self.hub_port = self.ports.take(16380)
         self.hub_uri = f"http://127.0.0.1:{self.hub_port}"
         self.hub_master = Master()
+        self.hub_pid = 0
         self.sites: list[Site] = []
 
     @property
@@ -177,16 +215,32 @@ class Fleet:
         """Unlike that of any other hub that is announced on this machine now."""
         return f"Test Hub {self.hub_port}"
 
-    def start_hub(self, environment: Mapping[str, str] | None = None, **parameters: Any) -> int:
+    def start_hub(self, environment: Mapping[str, str] | None = None, node: str = "hub", **parameters: Any) -> int:
         defaults = {"name": self.hub_name, "port": self.hub_port, "zeroconf": False}
-        self.hub_master.set_param("/hub", {**defaults, **parameters})
-        argv = ["rosrun", "rocon_hub", "hub"]
+        self.hub_master.set_param(f"/{node}", {**defaults, **parameters})
+        argv = ["rosrun", "rocon_hub", "hub", f"__name:={node}"]
         environment = {**self.hub_master.environment, **(environment or {})}
-        return self.group.start("hub", argv, environment, self.folder / "hub.log")
+        pid = self.group.start(node, argv, environment, self.folder / f"{node}.log")
+        self.hub_pid = pid if node == "hub" else self.hub_pid
+        return pid
 
-    def site(self, name: str) -> Site:
-        self.sites.append(Site(name, self))
+    def start_second_hub(self) -> tuple[int, str]:
+        """Starts another hub; returns its process number and address."""
+        port = self.ports.take(18380)
+        return self.start_hub(node="second_hub", name=f"Second Hub {port}", port=port), f"http://127.0.0.1:{port}"
+
+    def site(self, name: str, master: Any = None) -> Site:
+        self.sites.append(Site(name, self, master))
         return self.sites[-1]
+
+    def family(self, pid: int) -> set[int]:
+        """A process with all its descendants."""
+        return descendants(self.group.states(), [pid])
+
+    def redis_pid(self) -> int:
+        """The process of the first hub's Redis; 0 while there is none."""
+        found = [pid for pid in self.family(self.hub_pid) if "redis-server" in " ".join(arguments(pid)[:1])]
+        return found[0] if found else 0
 
     def close(self) -> None:
         self.group.stop()
@@ -213,6 +267,36 @@ def _fleet(folder: Path) -> Iterator[Fleet]:
     made.close()
     for log in folder.glob("*.log"):
         assert "Traceback" not in log.read_text(), log.read_text()
+
+
+@pytest.fixture(scope="module")
+def standing_fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
+    """A hub with two sites, `base` and `robot`, for all tests of a module."""
+    made = Fleet(tmp_path_factory.mktemp("fleet"))
+    made.start_hub()
+    for name in ("base", "robot"):
+        made.site(name).start()
+    yield made
+    made.close()
+    for log in made.folder.glob("*.log"):
+        assert "Traceback" not in log.read_text(), log.read_text()
+
+
+@pytest.fixture
+def standing(standing_fleet: Fleet) -> Iterator[tuple[Site, Site]]:
+    """The two standing sites without any rule, and without probes afterwards."""
+    base, robot = standing_fleet.sites[:2]
+    for site in (base, robot):
+        site.connected()
+        wait_until(lambda s=site: s.states() == {}, "no rules", 10)
+    yield base, robot
+    for site in standing_fleet.sites[2:]:
+        site.stop()
+        site.master.stop()
+    del standing_fleet.sites[2:]
+    for site in (base, robot):
+        site.end_probes()
+        site.cancel_all()
 
 
 @pytest.fixture

@@ -57,6 +57,8 @@ def redis_client(address: HubAddress, password: str | None) -> redis.Redis:
         socket_connect_timeout=TIMEOUT,
         socket_keepalive=True,
         decode_responses=True,
+        # What is no text is then no JSON either, and counts as not written.
+        encoding_errors="replace",
     )
 
 
@@ -76,6 +78,8 @@ class HubSession:
         self._record = ""
         try:
             self.hub_name = self._introduce()
+            # Of the server's process: one hub has several addresses, and must be joined but once.
+            self.identity = str(self.client.info("server")["run_id"])
             self.events = self.client.pubsub()
             self.events.subscribe(GATEWAYS_KEY, letters_key(name))
             # What is read from now on cannot miss a change: it is either in what is read or told.
@@ -115,12 +119,14 @@ class HubSession:
     def _tell(self, pipe: redis.client.Pipeline, event: str) -> None:
         pipe.publish(GATEWAYS_KEY, json.dumps({"gateway": self.name, "event": event}))
 
-    def live(self) -> str | None:
-        """Gives a sign of life; returns the instance that lived under our name until now."""
+    def live(self) -> tuple[str | None, bool]:
+        """Gives a sign of life; returns the instance that lived under our name until now, and if the hub lists it."""
         with self.client.pipeline() as pipe:
             pipe.get(alive_key(self.name))
+            pipe.sismember(GATEWAYS_KEY, self.name)
             pipe.pexpire(alive_key(self.name), int(ALIVE * 1000))
-            return pipe.execute()[0]
+            holder, listed, _ = pipe.execute()
+        return holder, bool(listed)
 
     def present(self) -> set[str]:
         """Returns the unique names of all gateways that live, ourselves apart."""
@@ -145,13 +151,23 @@ class HubSession:
         return dict(_sound(names, texts, record_from_text))
 
     def letters(self, senders: Collection[str] | None = None) -> dict[str, Letter | None]:
-        """Returns the letters to us, all or those of `senders`; None for a sender who has none or no sound one."""
-        if senders is None:
-            texts = self.client.hgetall(letters_key(self.name))
-        else:
-            ordered = sorted(senders)
-            texts = dict(zip(ordered, self.client.hmget(letters_key(self.name), ordered), strict=True))
+        """Returns the letters to us, all or those of `senders`; None for a sender who has none or no sound one.
+
+        Raises:
+            HubError: 17 if somebody wrote no letters in their place. That is removed; who joins anew gets letters.
+        """
+        try:
+            texts = self._letters(senders)
+        except redis.ResponseError as error:
+            self.client.delete(letters_key(self.name))
+            raise HubError(Code.HUB_CONNECTION_LOST, f"our letters there could not be read: {error}") from None
         return {**dict.fromkeys(texts), **dict(_sound(list(texts), list(texts.values()), letter_from_text))}
+
+    def _letters(self, senders: Collection[str] | None) -> dict[str, str | None]:
+        if senders is None:
+            return self.client.hgetall(letters_key(self.name))
+        ordered = sorted(senders)
+        return dict(zip(ordered, self.client.hmget(letters_key(self.name), ordered), strict=True))
 
     def write(self, record: Record, letters: Mapping[str, Letter]) -> None:
         """Writes what differs from what was written last."""
@@ -187,7 +203,7 @@ class HubSession:
         since = self.client.mget([lost_key(name) for name in records])
         now = self.client.time()[0]
         return [
-            Description(record, 0.0 if lost is None else max(0.0, now - float(lost)))
+            Description(record, max(0.0, now - int(lost)) if lost and lost.isdecimal() else 0.0)
             for record, lost in zip(records.values(), since, strict=True)
         ]
 

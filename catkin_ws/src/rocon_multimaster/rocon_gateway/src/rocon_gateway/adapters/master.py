@@ -23,6 +23,9 @@ class MasterWatch:
     Args:
         uri: the master's.
         node: our own node's name, whose connections never count.
+
+    Attributes:
+        knows_us: whether the master named a service of ours at the last look; one that was restarted does not.
     """
 
     def __init__(self, uri: str, node: str) -> None:
@@ -32,6 +35,7 @@ class MasterWatch:
         self._state_request = _request("getSystemState", node)
         self._types_request = _request("getTopicTypes", node)
         self._seen = b""
+        self.knows_us = False
         self._local: frozenset[Connection] = frozenset()
         self._proxies: dict[str, bool] = {}
 
@@ -45,6 +49,7 @@ class MasterWatch:
         if state == self._seen:
             return False
         publishers, subscribers, services = _value(state)
+        self.knows_us = any(self._node in nodes for _, nodes in services)
         rows = [
             (kind, *row)
             for kind, part in ((Kind.PUBLISHER, publishers), (Kind.SUBSCRIBER, subscribers), (Kind.SERVICE, services))

@@ -111,19 +111,23 @@ class Candidate:
 
 @dataclass(frozen=True)
 class HubView:
-    """What we know of the hub and of the others on it; without a connection, what we knew last.
+    """What we know of one hub and of the others on it; without a connection, what we knew last.
 
     Attributes:
-        connected: whether we are on a hub now.
-        hub_name: its name; empty when there was never one.
+        connected: whether we are on it now.
+        hub_name: its name; empty when we were never there.
         hub_uri: its address; empty likewise.
-        names: unique names of all gateways that are present, ourselves apart.
-        remotes: those that our rules or their letters concern.
+        host: where the others on it reach us; empty likewise.
+        listed: unique names of all gateways that the hub says are alive, ourselves apart.
+        names: unique names of all that count as present: those, and some that it has just stopped listing.
+        remotes: those of them that our rules or their letters concern.
     """
 
     connected: bool = False
     hub_name: str = ""
     hub_uri: str = ""
+    host: str = ""
+    listed: frozenset[str] = frozenset()
     names: frozenset[str] = frozenset()
     remotes: Mapping[str, Remote] = field(default_factory=dict)
 

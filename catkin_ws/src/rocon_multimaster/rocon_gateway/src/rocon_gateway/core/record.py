@@ -137,6 +137,17 @@ EMPTY = Letter()
 """A letter with nothing in it is not written."""
 
 
+def is_text(value: object) -> bool:
+    """Tells whether this is a text that can be sent: JSON can spell halves of characters, UTF-8 cannot."""
+    if not isinstance(value, str):
+        return False
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def text_from_record(record: Record) -> str:
     """Returns the JSON text of a record."""
     return _text(
@@ -207,7 +218,7 @@ def _document(text: str | bytes) -> Mapping[str, Any]:
 
 def _field(document: Mapping[str, Any], name: str, kind: type[Value]) -> Value:
     value = document.get(name)
-    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
+    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)) or (kind is str and not is_text(value)):
         raise RecordError(f"'{name}' is {value!r}, not a {kind.__name__}")
     return value
 
@@ -223,8 +234,8 @@ def _rows(
 
 
 def _strings(row: object, length: int) -> list[str]:
-    if not isinstance(row, list) or len(row) != length or not all(isinstance(cell, str) for cell in row):
-        raise ValueError(f"{row!r} is not a list of {length} strings")
+    if not isinstance(row, list) or len(row) != length or not all(is_text(cell) for cell in row):
+        raise ValueError(f"{row!r} is not a list of {length} texts")
     return row
 
 

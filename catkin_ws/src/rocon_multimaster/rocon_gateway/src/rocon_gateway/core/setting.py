@@ -26,7 +26,7 @@ class GatewaySetting:
     Attributes:
         name: the gateway's name for people.
         disable_uuids: whether that is its unique name too; otherwise 32 hexadecimal digits follow.
-        hub_uri: the hub's address, `http://host:port` or `host:port`; empty for none.
+        hub_uri: the hub's address, `http://host:port` or `host:port`; several divided by semicolons, or a list.
         hub_whitelist: names or addresses of the only hubs to join; empty allows all.
         hub_blacklist: names or addresses of hubs never to join.
         hub_password_file: a file that holds the hub's password; empty for none, or the environment's.
@@ -51,7 +51,7 @@ class GatewaySetting:
 
     name: str = "gateway"
     disable_uuids: bool = False
-    hub_uri: str = ""
+    hub_uri: Any = ""
     hub_whitelist: Any = ()
     hub_blacklist: Any = ()
     hub_password_file: str = ""
@@ -96,7 +96,12 @@ class GatewaySetting:
     @property
     def discovers(self) -> bool:
         """Whether to look for hubs by mDNS: unless that is off or a hub is named."""
-        return not self.hub_uri and not self.disable_zeroconf
+        return not self.hub_uris and not self.disable_zeroconf
+
+    @property
+    def hub_uris(self) -> tuple[str, ...]:
+        """The hubs that are named."""
+        return _entries("hub_uri", self.hub_uri)
 
     @property
     def hubs_allowed(self) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ import rospy
 from gateway_msgs import srv
 
 from rocon_gateway import conversions
-from rocon_gateway.adapters.hub import Hub
+from rocon_gateway.adapters.hubs import Hubs
 from rocon_gateway.core.code import Code, GatewayError, HubError, RequestError
 from rocon_gateway.core.connection import Relay
 from rocon_gateway.core.rule import check_pattern
@@ -19,7 +19,7 @@ class Desk:
 
     Args:
         book: the rules to start with.
-        hub: our connection to the hub.
+        hubs: our hubs.
         relay: knows how long the way to other gateways takes.
         on_change: called after each change, from a service's thread.
         set_period: sets the period of the safety net [s] and returns the old one.
@@ -28,13 +28,13 @@ class Desk:
     def __init__(
         self,
         book: RuleBook,
-        hub: Hub,
+        hubs: Hubs,
         relay: Relay,
         on_change: Callable[[], None],
         set_period: Callable[[float], float],
     ) -> None:
         self._book = book
-        self._hub = hub
+        self._hubs = hubs
         self._relay = relay
         self._on_change = on_change
         self._set_period = set_period
@@ -72,7 +72,7 @@ class Desk:
         return int(Code.SUCCESS), ""
 
     def _need_hub(self) -> None:
-        if not self._hub.view().connected:
+        if not self._hubs.view().connected:
             raise RequestError(Code.NO_HUB_CONNECTION, "there is no hub connection yet; see connect_hub")
 
     def _advertise(self, request: srv.AdvertiseRequest) -> srv.AdvertiseResponse:
@@ -136,15 +136,15 @@ class Desk:
 
     def _connect_hub(self, request: srv.ConnectHubRequest) -> srv.ConnectHubResponse:
         try:
-            self._hub.connect(request.uri)
+            self._hubs.connect(request.uri)
         except HubError as error:
             return srv.ConnectHubResponse(int(error.code), str(error))
         return srv.ConnectHubResponse(int(Code.SUCCESS), "")
 
     def _remote_gateway_info(self, request: srv.RemoteGatewayInfoRequest) -> srv.RemoteGatewayInfoResponse:
-        found = self._hub.describe(request.gateways)
+        found = self._hubs.describe(request.gateways)
         for name in set(request.gateways) - {one.record.name for one in found}:
-            rospy.logwarn("there is no gateway '%s' on the hub", name)
+            rospy.logwarn("there is no gateway '%s' on our hubs", name)
         latencies = self._relay.status().latencies
         return srv.RemoteGatewayInfoResponse(
             [conversions.message_from_record(one.record, one.silence, latencies.get(one.record.name)) for one in found]

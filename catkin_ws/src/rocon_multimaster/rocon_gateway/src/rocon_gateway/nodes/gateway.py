@@ -18,13 +18,13 @@ from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes import entry
 from rocon_gateway import conversions
 from rocon_gateway.adapters.address import interface_address, own_address
-from rocon_gateway.adapters.hub import Hub, HubConfig
+from rocon_gateway.adapters.hubs import HubConfig, Hubs
 from rocon_gateway.adapters.master import MasterError, MasterWatch
 from rocon_gateway.adapters.password import password_from
 from rocon_gateway.adapters.relay.relay import TcpRelay
 from rocon_gateway.core.code import GatewayError
 from rocon_gateway.core.connection import LinkState, RelayConfig
-from rocon_gateway.core.hub import HubView, address_from_uri
+from rocon_gateway.core.membership import Overview
 from rocon_gateway.core.reconcile import reconcile
 from rocon_gateway.core.record import Record
 from rocon_gateway.core.service import ParameterExport, ParameterImport
@@ -32,6 +32,7 @@ from rocon_gateway.core.setting import GatewaySetting, SettingError, book_from_s
 from rocon_gateway.core.situation import Outcome, Situation
 from rocon_gateway.core.traffic import Traffic
 from rocon_gateway.nodes.desk import Desk
+from rocon_gateway.nodes.registration import register_anew
 
 LOOK_PERIOD = 0.15
 """Time between two looks at the master [s]."""
@@ -69,10 +70,10 @@ class GatewayNode:
         for complaint in complaints:
             rospy.logerr("rule left out: %s", complaint)
         self._reader, self._writer = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
-        self._stopping = False
+        self._stopping = self._opened = False
         interface = self._setting.network_interface
         self._fixed_host = interface_address(interface) if interface else ""
-        self._host_for = ("", own_address(""))
+        self._host = self._fixed_host or own_address("")
         self._info = rospy.Publisher("~gateway_info", GatewayInfo, queue_size=5, latch=True)
         self._rules = rospy.Publisher("~rules", DiagnosticArray, queue_size=5, latch=True)
         self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=5)
@@ -83,8 +84,8 @@ class GatewayNode:
         self._said: tuple[object, object] = (None, None)
         password = password_from(self._setting.hub_password_file)
         self._relay = TcpRelay(self._relay_config(password), self._wake, self._logger)
-        self._hub = Hub(self._hub_config(password), self._record(HubView()), self._linked, self._wake, self._logger)
-        self._desk = Desk(book, self._hub, self._relay, self._wake, self._set_period)
+        self._hubs = Hubs(self._hub_config(password), self._record(), self._linked, self._wake, self._logger)
+        self._desk = Desk(book, self._hubs, self._relay, self._wake, self._set_period)
         rospy.on_shutdown(self._stop)
 
     def _relay_config(self, password: str | None) -> RelayConfig:
@@ -103,11 +104,12 @@ class GatewayNode:
 
     def _hub_config(self, password: str | None) -> HubConfig:
         return HubConfig(
-            uris=(self._setting.hub_uri,) if self._setting.hub_uri else (),
+            uris=self._setting.hub_uris,
             whitelist=self._setting.hubs_allowed,
             blacklist=self._setting.hubs_refused,
             discover=self._setting.discovers,
             password=password,
+            host=self._fixed_host,
         )
 
     def spin(self) -> None:
@@ -115,10 +117,11 @@ class GatewayNode:
         try:
             self._turn()
             self._desk.open()
+            self._opened = True
             rospy.loginfo("gateway '%s', relay on port %d", self._name, self._relay.port)
             self._loop()
         finally:
-            self._hub.shutdown()
+            self._hubs.shutdown()
             self._relay.shutdown()
             self._master.close()
 
@@ -141,7 +144,11 @@ class GatewayNode:
     def _look(self) -> bool:
         try:
             changed = self._master.changed()
-        except MasterError as error:
+            if changed and self._opened and not self._master.knows_us:
+                register_anew()
+                self._relay.refresh()
+                rospy.logwarn("the ROS master was restarted; registered anew")
+        except (MasterError, OSError) as error:
             if not self._master_lost:
                 rospy.logwarn("%s; running links go on", error)
             self._master_lost = True
@@ -154,7 +161,7 @@ class GatewayNode:
 
     def _turn(self) -> None:
         """Compares what is wanted with what is, and sees to the difference."""
-        view = self._hub.view()
+        view = self._hubs.view()
         book = self._desk.book
         situation = Situation(
             book=book,
@@ -170,15 +177,15 @@ class GatewayNode:
         self._outcome = outcome = reconcile(situation)
         self._relay.apply(outcome.exports, outcome.imports)
         interest = frozenset(remote.gateway for remote in (*book.flips.rules, *book.pulls.rules))
-        self._hub.publish(self._record(view, outcome), outcome.letters, interest)
+        self._hubs.publish(self._record(outcome), outcome.letters, interest)
         self._tell(view)
 
-    def _record(self, view: HubView, outcome: Outcome | None = None) -> Record:
+    def _record(self, outcome: Outcome | None = None) -> Record:
         book = self._desk.book if outcome else None
         return Record(
             name=self._name,
             instance=self._instance,
-            host=self._host(view),
+            host=self._host,
             port=self._relay.port,
             firewall=self._setting.firewall,
             advertisements=outcome.advertised if outcome else (),
@@ -186,14 +193,6 @@ class GatewayNode:
             pulls=book.pulls.rules if book else (),
             namespace=self._setting.namespace.lstrip("/"),
         )
-
-    def _host(self, view: HubView) -> str:
-        """Our address as others see it: the chosen interface's, else it depends on the way to the hub."""
-        if self._fixed_host:
-            return self._fixed_host
-        if self._host_for[0] != view.hub_uri:
-            self._host_for = (view.hub_uri, own_address(address_from_uri(view.hub_uri).host))
-        return self._host_for[1]
 
     def _linked(self) -> set[str]:
         """Gateways that a link now stands to; none stands for a parameter."""
@@ -205,7 +204,7 @@ class GatewayNode:
             one.to_gateway for one in exports if not isinstance(one, ParameterExport)
         }
 
-    def _tell(self, view: HubView) -> None:
+    def _tell(self, view: Overview) -> None:
         info = self._gateway_info(view)
         if info != self._said[0]:
             self._info.publish(info)
@@ -213,18 +212,18 @@ class GatewayNode:
             self._rules.publish(self._diagnostic_array())
         self._said = (info, self._outcome.states)
 
-    def _gateway_info(self, view: HubView) -> GatewayInfo:
+    def _gateway_info(self, view: Overview) -> GatewayInfo:
         book, outcome = self._desk.book, self._outcome
         remote_rule = conversions.message_from_remote_rule
         flipped = conversions.message_from_flipped
         return GatewayInfo(
             name=self._name,
             discover_hubs_by_zeroconf=self._setting.discovers,
-            discover_hubs_by_uri=[self._setting.hub_uri] if self._setting.hub_uri else [],
+            discover_hubs_by_uri=list(self._setting.hub_uris),
             connected=view.connected,
-            ip=self._host(view),
-            hub_names=[view.hub_name] if view.connected else [],
-            hub_uris=[view.hub_uri] if view.connected else [],
+            ip=view.hubs[0].host if view.connected else self._host,
+            hub_names=[hub.hub_name for hub in view.hubs],
+            hub_uris=[hub.hub_uri for hub in view.hubs],
             firewall=self._setting.firewall,
             public_watchlist=[conversions.message_from_rule(rule) for rule in book.advertisements.rules],
             public_interface=[conversions.message_from_connection(one) for one in outcome.advertised],

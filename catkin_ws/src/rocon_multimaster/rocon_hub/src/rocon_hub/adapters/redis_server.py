@@ -33,7 +33,13 @@ class RedisServer:
         self._process: subprocess.Popen[bytes] | None = None
         self.log = directory / "redis-server.log"
         self.client = redis.Redis(
-            port=setting.port, password=password, socket_timeout=2.0, socket_connect_timeout=2.0, decode_responses=True
+            port=setting.port,
+            password=password,
+            socket_timeout=2.0,
+            socket_connect_timeout=2.0,
+            decode_responses=True,
+            # A name that is no text is nobody's, and goes the way of all that fall silent.
+            encoding_errors="surrogateescape",
         )
 
     @property

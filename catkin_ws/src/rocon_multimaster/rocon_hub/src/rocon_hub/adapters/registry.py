@@ -31,7 +31,7 @@ class Registry:
 
     def look(self) -> set[str]:
         """Tells everybody of gateways that have just fallen silent, and returns them."""
-        names = sorted(self._client.smembers(GATEWAYS_KEY))
+        names = sorted(self._members())
         lives = self._client.mget([alive_key(name) for name in names]) if names else []
         alive = [name for name, life in zip(names, lives, strict=True) if life]
         fallen = self._watch.fallen_silent(names, alive, time.monotonic())
@@ -42,11 +42,19 @@ class Registry:
                 pipe.execute()
         return fallen
 
+    def _members(self) -> set[str]:
+        try:
+            return self._client.smembers(GATEWAYS_KEY)
+        except redis.ResponseError:
+            # A stranger wrote something else in its place. The gateways notice that they are not listed.
+            self._client.delete(GATEWAYS_KEY)
+            return set()
+
     def clear(self) -> set[str]:
         """Deletes all that belongs to gateways that were silent for too long, and returns them."""
         gone = self._watch.gone(time.monotonic())
         if gone:
-            self._delete(gone, self._client.smembers(GATEWAYS_KEY))
+            self._delete(gone, self._members())
         return gone
 
     def _delete(self, gone: Iterable[str], everybody: Iterable[str]) -> None:
@@ -57,4 +65,5 @@ class Registry:
                 pipe.srem(GATEWAYS_KEY, name)
                 for receiver in everybody:
                     pipe.hdel(letters_key(receiver), name)
-            pipe.execute()
+            # What is no hash, because a stranger wrote it, has no letters to delete.
+            pipe.execute(raise_on_error=False)

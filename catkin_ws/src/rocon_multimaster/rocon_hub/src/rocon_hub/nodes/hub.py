@@ -96,11 +96,11 @@ class HubNode:
                 self._restart()
             with contextlib.suppress(redis.ConnectionError, redis.TimeoutError):
                 for name in self._registry.look():
-                    rospy.logwarn("gateway '%s' is not heard of any more", name)
+                    rospy.logwarn("gateway %r is not heard of any more", name)
                 if time.monotonic() >= next_clear:
                     next_clear = time.monotonic() + 1.0 / self._setting.watcher_thread_rate
                     for name in self._registry.clear():
-                        rospy.loginfo("gateway '%s' removed", name)
+                        rospy.loginfo("gateway %r removed", name)
 
     def _announce(self) -> None:
         try:

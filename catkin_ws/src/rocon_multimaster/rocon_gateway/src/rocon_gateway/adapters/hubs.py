@@ -1,0 +1,254 @@
+"""All the hubs that we are on: those that were named, and those that announce themselves."""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+
+from rocon_gateway.adapters.discovery import Discovery
+from rocon_gateway.adapters.hub import RETRY, Hub, HubContext, Publication
+from rocon_gateway.adapters.hub_session import Description, HubSession
+from rocon_gateway.core.code import Code, HubError
+from rocon_gateway.core.hub import Candidate, HubView, address_from_uri, check_lists
+from rocon_gateway.core.membership import Memberships, Overview
+from rocon_gateway.core.record import Letter, Record
+
+LOOK = 3.0
+"""For how long announced hubs are looked for when we are on one already [s]; for longer if we are on none."""
+
+REST = 30.0
+"""Time between two such looks, which cost something [s]."""
+
+PATIENCE = 10.0
+"""After which an announced hub that is lost is given up, if we are on another [s]."""
+
+_SEARCH = "looking for a hub by mDNS; to name one: gateway_hub_uri:=http://HOST:6380 or the service ~connect_hub"
+_NO_SEARCH = "no hub_uri is given and mDNS is off: waiting for a call of ~connect_hub"
+
+
+@dataclass(frozen=True)
+class HubConfig:
+    """Which hubs we join.
+
+    Attributes:
+        uris: addresses of hubs.
+        whitelist: hub names or addresses; empty allows all.
+        blacklist: hub names or addresses; goes before the whitelist.
+        discover: also join hubs that announce themselves by mDNS.
+        password: what the hubs' Redis asks for. Not shown by repr.
+        host: our address for others; empty: the one on the way to the hub.
+    """
+
+    uris: tuple[str, ...] = ()
+    whitelist: tuple[str, ...] = ()
+    blacklist: tuple[str, ...] = ()
+    discover: bool = False
+    password: str | None = field(default=None, repr=False)
+    host: str = ""
+
+
+class Hubs:
+    """Our hubs, each with a thread of its own, so that one that hangs holds up no other.
+
+    Methods return at once and may be called from any thread, `connect`, `describe` and `shutdown` apart, which
+    wait for hubs. `on_change()` is called from a hub's thread when `view()` has changed.
+
+    Args:
+        config: where hubs are.
+        record: how we introduce ourselves until `publish` says more.
+        linked: returns the gateways to which data links stand.
+        on_change: see above.
+        logger: takes one line when a hub is found and one when it is lost.
+    """
+
+    def __init__(
+        self,
+        config: HubConfig,
+        record: Record,
+        linked: Callable[[], Collection[str]],
+        on_change: Callable[[], None],
+        logger: logging.Logger,
+    ) -> None:
+        self._config = config
+        self._on_change = on_change
+        self._logger = logger
+        self._said = Publication(record)
+        self._context = HubContext(self._open, self._claim, linked, self._take, self._complain, logger, config.host)
+        self._changed = threading.Condition()
+        self._memberships = Memberships()
+        self._view = Overview()
+        self._hubs: list[Hub] = []
+        self._claims: dict[str, Hub] = {}
+        self._refused: set[tuple[Candidate, ...]] = set()
+        self._complaints: dict[object, str] = {}
+        self._stopping = False
+        self._woken = threading.Event()
+        self._searcher: threading.Thread | None = None
+        for uri in config.uris:
+            self._add((Candidate(address_from_uri(uri)),), named=True)
+        if config.discover:
+            self._searcher = threading.Thread(target=self._search, name="hub search", daemon=True)
+            self._searcher.start()
+        if not config.uris:
+            logger.info("%s", _SEARCH if config.discover else _NO_SEARCH)
+
+    def view(self) -> Overview:
+        """Returns what is known now; a value that does not change."""
+        with self._changed:
+            return self._view
+
+    def publish(self, record: Record, letters: Mapping[str, Letter], interest: frozenset[str]) -> None:
+        """Sets what we tell all, what we tell each, and which gateways (patterns) we want to hear of."""
+        said = Publication(record, letters, interest)
+        with self._changed:
+            if said == self._said:
+                return
+            self._said = said
+            hubs = list(self._hubs)
+        for hub in hubs:
+            hub.publish(said)
+
+    def connect(self, uri: str, patience: float = 5.0) -> None:
+        """Joins the hub at `uri` beside those we are on, and tries that address again whenever it is lost.
+
+        Raises:
+            HubError: 11 if we are on that hub, 14 if it did not work out, and what `HubSession` and `check_lists`
+                raise.
+        """
+        way = Candidate(address_from_uri(uri))
+        session = self._open(way)
+        session.close()
+        with self._changed:
+            if self._is_on(session.identity):
+                raise HubError(Code.HUB_CONNECTION_ALREADY_EXISTS, f"on hub '{session.hub_name}' already")
+            if not any(way in hub.ways for hub in self._hubs):
+                self._add((way,), named=True)
+            if not self._changed.wait_for(lambda: self._is_on(session.identity), patience):
+                raise HubError(Code.HUB_CONNECTION_FAILED, f"registering at {way.address} took too long")
+
+    def describe(self, names: Collection[str]) -> list[Description]:
+        """Returns what the hubs know of these gateways, of all if empty; each once. Without a hub, nothing."""
+        with self._changed:
+            hubs = list(self._hubs)
+        found: dict[str, Description] = {}
+        for one in (one for hub in hubs for one in hub.describe(names)):
+            known = found.get(one.record.name)
+            if known is None or one.silence < known.silence:
+                found[one.record.name] = one
+        return [found[name] for name in sorted(found)]
+
+    def shutdown(self) -> None:
+        """Takes our leave everywhere; a hub that does not answer is not waited for."""
+        with self._changed:
+            self._stopping = True
+            hubs = list(self._hubs)
+        self._woken.set()
+        for hub in hubs:
+            hub.stop()
+        for hub in hubs:
+            hub.join()
+        if self._searcher:
+            self._searcher.join(1.0)
+
+    def _add(self, ways: tuple[Candidate, ...], named: bool) -> None:
+        if not self._stopping:
+            self._hubs.append(Hub(ways, named, self._said, self._context))
+
+    def _is_on(self, identity: str) -> bool:
+        hub = self._claims.get(identity)
+        return hub is not None and hub.is_on
+
+    # What a hub's thread asks and tells
+
+    def _open(self, way: Candidate) -> HubSession:
+        record, config = self._said.record, self._config
+        session = HubSession(way.address, config.password, record.name, record.instance)
+        try:
+            check_lists(way.address, session.hub_name, config.whitelist, config.blacklist, way.aliases)
+        except HubError:
+            session.close()
+            raise
+        return session
+
+    def _claim(self, hub: Hub, session: HubSession) -> None:
+        with self._changed:
+            if self._claims.get(session.identity, hub) is not hub:
+                text = f"'{session.hub_name}' at {session.address} is a hub that we are on already"
+                raise HubError(Code.HUB_CONNECTION_ALREADY_EXISTS, text)
+            self._release(hub)
+            self._claims[session.identity] = hub
+
+    def _release(self, hub: Hub) -> None:
+        self._claims = {identity: one for identity, one in self._claims.items() if one is not hub}
+
+    def _take(self, hub: Hub, view: HubView | None) -> None:
+        with self._changed:
+            before = self._view.connected
+            if view is None:
+                self._view = self._memberships.drop(hub)
+                self._hubs = [one for one in self._hubs if one is not hub]
+                if hub.refused:
+                    self._refused.add(hub.ways)
+            else:
+                self._view = self._memberships.take(hub, view)
+                for way in hub.ways if view.connected else ():
+                    self._complaints.pop(way.address, None)
+            if view is None or not view.connected:
+                self._release(hub)
+            if view is not None and not view.connected:
+                # What we refused for being on it by another way is wanted again.
+                self._refused.clear()
+            if self._view.connected != before:
+                self._woken.set()
+            self._changed.notify_all()
+        self._on_change()
+
+    def _complain(self, about: object, complaint: str) -> None:
+        """Says why there is no hub: once, until the reason changes or a hub was found."""
+        with self._changed:
+            known, self._complaints[about] = self._complaints.get(about), complaint
+        if complaint != known:
+            self._logger.info("%s; trying on", complaint)
+
+    # Looking for hubs that announce themselves
+
+    def _search(self) -> None:
+        discovery = Discovery(self._woken.set)
+        rest_at = 0.0
+        while not self._stopping:
+            now = time.monotonic()
+            if not self.view().connected:
+                rest_at = now + LOOK
+            if now < rest_at:
+                self._follow(discovery)
+                self._woken.wait(RETRY)
+            else:
+                discovery.rest()
+                if not self._woken.wait(REST):
+                    rest_at = time.monotonic() + LOOK
+            self._woken.clear()
+        discovery.rest()
+
+    def _follow(self, discovery: Discovery) -> None:
+        """Joins hubs that are new, and gives up those that are lost while we are on another."""
+        seen = self._seen(discovery)
+        with self._changed:
+            self._refused.intersection_update(seen)
+            for ways in seen:
+                if ways not in self._refused and not any(set(ways) & set(hub.ways) for hub in self._hubs):
+                    self._add(ways, named=False)
+            lost = [hub for hub in self._hubs if not hub.named and not hub.is_on] if self._view.connected else []
+        for hub in lost:
+            if time.monotonic() - hub.lost_since > PATIENCE:
+                hub.stop()
+
+    def _seen(self, discovery: Discovery) -> list[tuple[Candidate, ...]]:
+        try:
+            sightings = discovery.sightings()
+        except OSError as error:
+            self._complain(Discovery, f"cannot look for hubs by mDNS: {error}")
+            return []
+        own, stack = discovery.interfaces, discovery.stack
+        ways = [tuple(Candidate(way, one.hubs) for way in one.ways(own, stack)) for one in sightings]
+        return [one for one in ways if one]

@@ -1,0 +1,57 @@
+"""A ROS master as a process of its own, which can be killed, restarted, and run on another machine."""
+
+import os
+import signal
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import rosgraph
+
+from pioneer_harness.masters import environment, is_running
+from pioneer_harness.process import ProcessGroup
+from pioneer_harness.wait import wait_until
+
+
+class MasterProcess:
+    """Looks like `pioneer_harness.masters.Master`; ends with its group.
+
+    Args:
+        group: what starts it.
+        port: where it listens.
+        folder: for its log and its nodes'.
+        host: its address.
+        prefix: a command that runs others elsewhere, such as in a network namespace.
+    """
+
+    def __init__(
+        self, group: ProcessGroup, port: int, folder: Path, host: str = "127.0.0.1", prefix: Sequence[str] = ()
+    ) -> None:
+        self.uri = f"http://{host}:{port}/"
+        self.environment = {**os.environ, **environment(self.uri, folder), "ROS_IP": host}
+        self._argv = [*prefix, "rosmaster", "--core", "-p", str(port)]
+        self._group, self._log = group, folder / "master.log"
+        self._client = self.proxy()
+        self._start()
+
+    def _start(self) -> None:
+        self._pid = self._group.start("master", self._argv, self.environment, self._log, may_end=True)
+        wait_until(lambda: is_running(self.uri), f"the master {self.uri}", 15)
+
+    def restart(self) -> None:
+        """Kills the master and starts it again, with nothing in it."""
+        os.kill(self._pid, signal.SIGKILL)
+        wait_until(lambda: not is_running(self.uri), "the master's end", 5)
+        self._start()
+
+    def proxy(self, name: str = "/test") -> rosgraph.Master:
+        return rosgraph.Master(name, master_uri=self.uri)
+
+    def system_state(self) -> tuple[dict[str, list[str]], ...]:
+        return tuple(dict(rows) for rows in self._client.getSystemState())
+
+    def set_param(self, name: str, value: Any) -> None:
+        self._client.setParam(name, value)
+
+    def stop(self) -> None:
+        self._client.handle("close")()

@@ -1,0 +1,234 @@
+"""What strangers and excess do to a gateway: nothing, or as much as is bounded."""
+
+import itertools
+import json
+import os
+import random
+import signal
+import socket
+import struct
+import time
+import xmlrpc.client
+from pathlib import Path
+
+import pytest
+import redis
+import rosgraph.network
+from gateway_msgs import msg, srv
+
+from pioneer_harness.wait import wait_until
+from rocon_gateway.core.hub import GATEWAYS_KEY, alive_key, letters_key, record_key
+
+# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+
+MB = 1_000_000
+
+
+def memory(pid: int) -> int:
+    """Resident bytes of a process."""
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def open_files(pid: int) -> int:
+    return len(list(Path(f"/proc/{pid}/fd").iterdir()))
+
+
+def checked(log: Path) -> list[tuple[float, int, bool]]:
+    """Time, number and soundness of each message that a checking probe has had."""
+    rows = [line.split() for line in log.read_text().splitlines() if line.endswith(("good", "bad"))]
+    return [(float(row[0]), int(row[1]), row[3] == "good") for row in rows]
+
+
+@pytest.fixture
+def flow(standing, standing_fleet, request):
+    """A flipped stream of numbered messages from robot to base; yields the log of its checks."""
+    base, robot = standing
+    robot.probe("load", "flow_source", "/flow", 64, 50)
+    log = standing_fleet.folder / f"{request.node.name}.log"
+    base.probe("check", "flow_sink", "/flow", log=log)
+    assert base.flip("robot", "subscriber", "/flow") == 0
+    wait_until(lambda: checked(log), "the flow", 10)
+    return log
+
+
+def assert_unbroken(log: Path) -> None:
+    """Every message came once, in order, whole, and the last one just now."""
+    asked = time.monotonic()
+    wait_until(lambda: checked(log)[-1][0] > asked, "the flow goes on", 5)
+    rows = checked(log)
+    numbers = [number for _, number, _ in rows]
+    assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+    assert all(good for *_, good in rows)
+
+
+def letters_of_nonsense(seeded: random.Random) -> list[bytes]:
+    """Documents as a stranger might write them: no text, no JSON, wrong fields, names that nothing can be called."""
+    odd = ["", "/", "//", "/a b", "/\u0000", "/\ud800", "ü" * 300, "-1", "../..", "%s%n", "/a\n/b", "~x", "." * 5000]
+    rows = [[seeded.choice(odd) for _ in range(5)] for _ in range(20)]
+    purposes = ("flip", "answer", "pull")
+    offers = [[topic, kind, node, seeded.choice(purposes), to] for topic, kind, node, _, to in rows]
+    wants = [[topic, node, seeded.choice(("flip", "pull"))] for topic, node, *_ in rows]
+    replies = [["publisher", topic, node, state, why] for topic, node, state, why, _ in rows]
+    letter = {"offers": offers, "wants": wants, "replies": replies}
+    mad = [{}, [], {"offers": 1}, {**letter, "wants": [[1]]}, {**letter, "offers": [["/a"]]}]
+    return [
+        b"",
+        b"\xff\xfe\x00",
+        b"[" * 100_000,
+        b'{"offers":NaN}',
+        *(seeded.randbytes(200) for _ in range(5)),
+        *(json.dumps(one).encode() for one in (letter, *mad)),
+    ]
+
+
+def test_garbage_in_redis_values_does_no_harm(standing_fleet, standing, flow) -> None:
+    base, robot = standing
+    seeded = random.Random(11)
+    client = redis.Redis(port=standing_fleet.hub_port)
+    own = client.get(record_key("robot"))
+    records = [own.replace(b'"host": "127.0.0.1"', b'"host": "\\u0000"'), own.replace(b"false", b"0"), b"{}", b"\xff"]
+    strange = json.loads(own)
+    for number, odd in enumerate((" ", "/../", "\ud800", "x" * 3000, "ghost*?[", "robot\n")):
+        strange |= {"name": odd, "host": odd, "port": 10**9 - number}
+        strange["advertisements"] = [["publisher", odd, odd, odd]]
+        records.append(json.dumps(strange).encode())
+    base.flip(".*", "subscriber", "/ghost")
+    base.pull(".*", "publisher", ".*")
+    for number, nonsense in enumerate([*letters_of_nonsense(seeded), *records]):
+        ghost = f"ghost{number}".encode() + seeded.randbytes(2)
+        client.hset(letters_key("base"), ghost, nonsense)
+        client.set(record_key("").encode() + ghost, records[number % len(records)])
+        client.set(alive_key("").encode() + ghost, b"\xff", px=1500)
+        client.sadd(GATEWAYS_KEY, ghost)
+        client.publish(GATEWAYS_KEY, seeded.choice([nonsense, b'{"gateway": 3, "event": "joined"}', b"[]"]))
+        client.publish(GATEWAYS_KEY, b'{"gateway": "' + f"ghost{number}".encode() + b'", "event": "joined"}')
+        client.publish(letters_key("base"), ghost)
+        client.publish(record_key("robot"), nonsense)
+    for key in (letters_key("base"), letters_key("robot")):
+        client.delete(key)
+        client.set(key, b"not a hash")
+        client.publish(key, b"robot")
+    began = time.monotonic()
+    wait_until(lambda: time.monotonic() - began > 3.0, "ghosts expire", 5)
+    client.close()
+    for site in (base, robot):
+        site.connected()
+    robot.talk("/ghost", "honest")
+    wait_until(lambda: base.publishers("/ghost") == ["/robot/honest"], "rules still work", 10)
+    assert_unbroken(flow)
+
+
+def test_a_wrong_type_under_every_key_of_the_hub_is_overcome(standing_fleet, standing, flow) -> None:
+    base, robot = standing
+    client = redis.Redis(port=standing_fleet.hub_port)
+    for key in (GATEWAYS_KEY, record_key("base"), alive_key("base"), letters_key("base"), "rocon:lost:base"):
+        client.delete(key)
+        client.rpush(key, "x")
+    client.close()
+    robot.talk("/after", "honest")
+    wait_until(lambda: base.info().connected and robot.info().connected, "both on the hub", 10)
+    assert base.flip("robot", "subscriber", "/after") == 0
+    wait_until(lambda: base.publishers("/after") == ["/robot/honest"], "rules still work", 15)
+    # The letters that said so are lost with the key, so the flow may pause until they are written again.
+    began = time.monotonic()
+    wait_until(lambda: checked(flow)[-1][0] > began, "the flow goes on", 5)
+    rows = checked(flow)
+    assert all(late[1] > early[1] and late[0] - early[0] < 1.0 for early, late in itertools.pairwise(rows))
+
+
+def test_half_handshakes_and_garbage_on_the_relay_port_harm_nobody(standing_fleet, standing, flow) -> None:
+    _base, robot = standing
+    client = redis.Redis(port=standing_fleet.hub_port, decode_responses=True)
+    port = json.loads(client.get(record_key("robot")))["port"]
+    client.close()
+    before, seeded = open_files(robot.pid), random.Random(5)
+    heads = [b"", b"\xff\xff\xff\xff", b"GET / HTTP/1.1\r\n\r\n", struct.pack("<I", 65536) + b"x" * 100]
+    heads += [struct.pack("<I", seeded.randrange(200)) + seeded.randbytes(seeded.randrange(200)) for _ in range(40)]
+    strangers = []
+    for head in heads:
+        stranger = socket.create_connection(("127.0.0.1", port), 5)
+        stranger.sendall(head)
+        strangers.append(stranger)
+    assert_unbroken(flow)
+    wait_until(lambda: open_files(robot.pid) <= before, "the strangers are closed, those that said nothing too", 10)
+    for stranger in strangers:
+        stranger.close()
+    assert robot.log.read_text().count("Traceback") == 0
+    assert_unbroken(flow)
+
+
+def test_thousands_of_rules_are_taken_kept_and_cancelled(standing, flow, report) -> None:
+    base, robot = standing
+    names = [f"/many/topic{number}" for number in range(3000)]
+    remotes = [msg.RemoteRule("robot", msg.Rule("subscriber", name, "")) for name in names]
+    asked = time.monotonic()
+    assert base.call("flip", srv.Remote, remotes=remotes, cancel=False).result == 0
+    assert base.advertise(*names).result == 0
+    wait_until(lambda: len(base.states()) == 6001, "all have a state", 20)
+    report("6000 rules taken", time.monotonic() - asked)
+    wait_until(lambda: base.states()["flip /many/topic2999"].startswith("no such topic"), "they are answered", 20)
+    report("6000 rules answered", time.monotonic() - asked)
+    robot.talk("/many/topic1234")
+    born = time.monotonic()
+    wait_until(lambda: base.publishers("/many/topic1234") == ["/robot/talker"], "one of them acts", 10)
+    report("one of 6000 acts", time.monotonic() - born)
+    assert base.call("flip", srv.Remote, remotes=remotes, cancel=True).result == 0
+    assert base.advertise(*names, cancel=True).result == 0
+    wait_until(lambda: len(base.states()) == 1, "all are cancelled", 20)
+    assert_unbroken(flow)
+
+
+def test_a_subscriber_that_never_reads_costs_bounded_memory_and_slows_nobody(standing, standing_fleet, flow) -> None:
+    base, robot = standing
+    robot.probe("load", "big_source", "/big", MB, 40)
+    log = standing_fleet.folder / "never-reads.log"
+    base.probe("check", "big_sink", "/big", log=log)
+    assert base.flip("robot", "subscriber", "/big") == 0
+    wait_until(lambda: checked(log), "the big flow", 10)
+    host, port = topic_address(base, "/robot/big_source", "/big")
+    with socket.create_connection((host, port), 5) as idle:
+        rosgraph.network.write_ros_handshake_header(
+            idle, {"topic": "/big", "type": "*", "md5sum": "*", "callerid": "/idle"}
+        )
+        assert idle.recv(4)
+        before, began = memory(base.pid), time.monotonic()
+        wait_until(lambda: checked(log)[-1][0] > began + 4.0, "4 s of a reader beside it", 10)
+        assert memory(base.pid) - before < 40 * MB
+    assert len([one for one, *_ in checked(log) if one > began]) > 80
+    assert all(good for *_, good in checked(log))
+    assert_unbroken(flow)
+
+
+def topic_address(site, node: str, topic: str) -> tuple[str, int]:
+    """Where a node of the site's master serves a topic."""
+
+    with xmlrpc.client.ServerProxy(site.master.proxy("/test").lookupNode(node)) as slave:
+        _, _, (_, host, port) = slave.requestTopic("/test", topic, [["TCPROS"]])
+    return host, port
+
+
+def test_messages_of_50_mb_pass_whole_beside_small_ones_and_leave_no_memory_behind(
+    standing, standing_fleet, flow
+) -> None:
+    base, robot = standing
+    log = standing_fleet.folder / "huge.log"
+    base.probe("check", "huge_sink", "/huge", log=log)
+    assert base.flip("robot", "subscriber", "/huge") == 0
+    pid = robot.probe("load", "huge_source", "/huge", 50 * MB, 1)
+    peak, before = 0, {site: memory(site.pid) for site in standing}
+
+    def three_are_there() -> bool:
+        nonlocal peak
+        peak = max(peak, memory(base.pid), memory(robot.pid))
+        return len(checked(log)) >= 3
+
+    wait_until(three_are_there, "three of them", 40)
+    assert all(good for *_, good in checked(log))
+    os.kill(pid, signal.SIGINT)
+    # One message may wait whatever its size, and another be on its way.
+    assert peak < max(before.values()) + 3 * 50 * MB
+    wait_until(lambda: base.publishers("/huge") == [], "the publisher's end", 10)
+    for site, least in before.items():
+        wait_until(lambda s=site, m=least: memory(s.pid) < m + 40 * MB, "memory is given back", 10)
+    assert_unbroken(flow)

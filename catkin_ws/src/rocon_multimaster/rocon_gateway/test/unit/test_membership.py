@@ -1,0 +1,57 @@
+"""Who is on which of several hubs, put together."""
+
+from rocon_gateway.core.hub import HubView
+from rocon_gateway.core.membership import Memberships
+from rocon_gateway.core.record import Record
+from rocon_gateway.core.situation import Remote
+
+
+def remote(name: str, host: str) -> Remote:
+    return Remote(Record(name, "i", host, 1))
+
+
+def view(host: str, *names: str, connected: bool = True, listed: tuple[str, ...] | None = None) -> HubView:
+    told = {name: remote(name, host) for name in names}
+    present = frozenset(names)
+    return HubView(connected, host, host, "", present if listed is None else frozenset(listed), present, told)
+
+
+def test_a_gateway_on_two_hubs_is_one_remote_and_keeps_its_way() -> None:
+    both = Memberships()
+    both.take("b", view("by b", "robot"))
+    seen = both.take("a", view("by a", "robot", "other"))
+    assert seen.names == {"robot", "other"}
+    assert {name: one.record.host for name, one in seen.remotes.items()} == {"robot": "by b", "other": "by a"}
+    assert both.take("b", view("by b", "robot")).remotes["robot"].record.host == "by b"
+
+
+def test_losing_one_hub_changes_nothing_for_who_is_on_another() -> None:
+    both = Memberships()
+    both.take("a", view("by a", "robot", "only a"))
+    before = both.take("b", view("by b", "robot"))
+    after = both.take("a", view("by a", "robot", "only a", connected=False))
+    assert after.names == before.names
+    assert after.connected
+    assert after.remotes["robot"].record.host == "by b"
+    assert both.take("b", view("by b", "robot", connected=False)).names == before.names
+
+
+def test_who_left_the_last_hub_is_not_kept_by_one_that_was_lost_before() -> None:
+    both = Memberships()
+    both.take("a", view("by a", "robot", connected=False))
+    both.take("b", view("by b", "robot"))
+    assert both.take("b", view("by b")).names == frozenset()
+
+
+def test_a_hub_that_lists_a_gateway_goes_before_one_that_only_retains_it() -> None:
+    both = Memberships()
+    both.take("a", view("by a", "robot"))
+    both.take("b", view("by b", "robot"))
+    assert both.take("a", view("by a", "robot", listed=())).remotes["robot"].record.host == "by b"
+
+
+def test_a_hub_that_is_given_up_takes_along_what_only_it_knew() -> None:
+    both = Memberships()
+    both.take("a", view("by a", "robot", connected=False))
+    both.take("b", view("by b", "other"))
+    assert both.drop("a").names == {"other"}
