@@ -13,7 +13,7 @@ import sys
 import time
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -26,13 +26,17 @@ ENDING_SECONDS = 10.0
 
 @dataclass(frozen=True)
 class Check:
-    """One command of a stage. ``results`` is the folder where it leaves JUnit files, if it does."""
+    """One command of a stage. ``results`` is the folder where it leaves JUnit files, if it does.
+
+    The last line of a check that is ``shown`` is its progress, for people to see.
+    """
 
     name: str
     command: list[str]
     results: Path | None = None
     environment: dict[str, str] = field(default_factory=dict)
     timeout: float = 600.0
+    shown: bool = False
 
 
 @dataclass
@@ -117,6 +121,17 @@ def end_to_end() -> Iterator[Check]:
         yield pytest_check(f"{path.parent.parent.name}-e2e", [path], timeout=1200.0)
 
 
+def soak(minutes: float, seed: int) -> Iterator[Check]:
+    """Tests that take long, and a fault every 20 s for so many minutes."""
+    variables = {"PIONEER_SOAK_MINUTES": str(minutes), "PIONEER_SOAK_SEED": str(seed)}
+    for path in sorted(SOURCE.rglob("test/e2e")):
+        if not any("pytest.mark.soak" in file.read_text() for file in path.glob("*.py")):
+            continue
+        check = pytest_check(f"{path.parent.parent.name}-soak", [path], timeout=60 * minutes + 1800)
+        command = [*check.command, "-m", "soak", "-s"]
+        yield replace(check, command=command, environment=variables, shown=True)
+
+
 STAGES: dict[str, Callable[[], Iterator[Check]]] = {
     "lint": lint,
     "types": types,
@@ -145,13 +160,29 @@ def run(check: Check) -> tuple[Count, Path]:
             start_new_session=True,
         )
         try:
-            status = process.wait(check.timeout)
+            status = wait(process, check, log)
         except subprocess.TimeoutExpired:
             output.write(f"\nnot finished after {check.timeout:.0f} s\n")
             status = 1
         finally:
             end_session(process)
     return counted(check, status), log
+
+
+def wait(process: "subprocess.Popen[bytes]", check: Check, log: Path) -> int:
+    """Waits for the check's end, showing its progress if it wants that; returns its status."""
+    if not check.shown:
+        return process.wait(check.timeout)
+    deadline, said = time.monotonic() + check.timeout, ""
+    while time.monotonic() < deadline:
+        try:
+            return process.wait(1.0)
+        except subprocess.TimeoutExpired:
+            lines = log.read_text(errors="replace").splitlines()
+            if lines and lines[-1] != said:
+                said = lines[-1]
+                print(f"  {said}", flush=True)
+    raise subprocess.TimeoutExpired(check.command, check.timeout)
 
 
 def end_session(process: "subprocess.Popen[bytes]") -> None:
@@ -219,7 +250,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="./pioneer test", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("stages", nargs="*", metavar="STAGE", help=f"one of {', '.join(STAGES)}; all by default")
     parser.add_argument("--only", default="", metavar="TEXT", help="only the checks whose name contains TEXT")
+    parser.add_argument(
+        "--soak", action="store_true", help="only what takes long: tests of minutes, faults for --minutes"
+    )
+    parser.add_argument("--minutes", type=float, default=180.0, metavar="N", help="of faults with --soak (%(default)g)")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="which faults with --soak (%(default)s)")
     arguments = parser.parse_args()
+    if arguments.soak:
+        STAGES["soak"] = lambda: soak(arguments.minutes, arguments.seed)
+        arguments.stages = arguments.stages or ["soak"]
     unknown = set(arguments.stages) - set(STAGES)
     if unknown:
         parser.error(f"no stage {', '.join(sorted(unknown))}; there are {', '.join(STAGES)}")

@@ -2,13 +2,14 @@
 
 import contextlib
 import os
+import re
 import signal
 import socket
 import struct
 import sys
 import xmlrpc.client
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -32,20 +33,21 @@ PROBE = Path(__file__).with_name("probe.py")
 class Site:
     """A master with a gateway, and probes."""
 
-    def __init__(self, name: str, fleet: "Fleet", master: Any = None) -> None:
+    def __init__(self, name: str, fleet: "Fleet", master: Any = None, prefix: Sequence[str] = ()) -> None:
         self.name = name
         self.master = master or Master()
         self._client = self.master.proxy("/test")
         self._fleet = fleet
         self.log = fleet.folder / f"{name}.log"
         self.pid = 0
-        self._probes: list[int] = []
+        self._prefix = prefix
+        self._probes: dict[str, int] = {}
 
     def start(self, environment: Mapping[str, str] | None = None, **parameters: Any) -> "Site":
         """Starts the gateway, with more variables in its environment if given."""
         defaults = {"name": self.name, "disable_uuids": True, "firewall": False, "hub_uri": self._fleet.hub_uri}
         self.master.set_param("/gateway", {**defaults, **parameters})
-        argv = ["rosrun", "rocon_gateway", "gateway"]
+        argv = [*self._prefix, "rosrun", "rocon_gateway", "gateway"]
         environment = {**self.master.environment, **(environment or {})}
         self.pid = self._fleet.group.start(self.name, argv, environment, self.log)
         # The last one that the gateway offers.
@@ -112,6 +114,21 @@ class Site:
             _frame(connection)
             return kind().deserialize(_frame(connection))
 
+    @contextlib.contextmanager
+    def subscription(self, node: str, topic: str) -> Iterator[socket.socket]:
+        """A connection to a publisher of this site's master from which nothing was read but the header's length."""
+        with xmlrpc.client.ServerProxy(self._client.lookupNode(node)) as slave:
+            _, _, (_, host, port) = slave.requestTopic("/test", topic, [["TCPROS"]])
+        with socket.create_connection((host, port), timeout=10) as connection:
+            header = {"topic": topic, "type": "*", "md5sum": "*", "callerid": "/test"}
+            rosgraph.network.write_ros_handshake_header(connection, header)
+            _read(connection, 4)
+            yield connection
+
+    def relay_port(self) -> int:
+        """Where the gateway's relay listens, as it says itself."""
+        return int(re.findall(r"relay on port (\d+)", self.log.read_text())[-1])
+
     def talk(self, topic: str, name: str = "talker") -> int:
         """Starts a node that publishes its name on `topic`, and waits until the master knows."""
         pid = self.probe("talk", name, topic)
@@ -127,23 +144,24 @@ class Site:
 
     def probe(self, what: str, name: str, *arguments: object, log: Path | None = None) -> int:
         """Starts a probe, see `probe.py`."""
-        argv = [sys.executable, str(PROBE), what, name, *map(str, arguments)]
+        argv = [*self._prefix, sys.executable, str(PROBE), what, name, *map(str, arguments)]
         log = log or self._fleet.folder / f"{self.name}-{name}.log"
         pid = self._fleet.group.start(f"{self.name} {name}", argv, self.master.environment, log, may_end=True)
-        self._probes.append(pid)
+        self._probes[name] = pid
         return pid
 
     def end_probes(self) -> None:
         """Ends all probes of this site."""
-        for pid in self._probes:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGINT)
-        wait_until(lambda: not any(lives(pid) for pid in self._probes), "the probes' end", 10)
+        _end(list(self._probes.values()))
         self._probes.clear()
+
+    def end_probe(self, name: str) -> None:
+        """Ends one probe of this site."""
+        _end([self._probes.pop(name)])
 
     def stop(self) -> None:
         """Ends the gateway and all probes."""
-        self._probes.append(self.pid)
+        _end([self.pid])
         self.end_probes()
 
     def cancel_all(self) -> None:
@@ -158,6 +176,13 @@ class Site:
     def publishers(self, topic: str) -> list[str]:
         """Nodes that the master says publish `topic`."""
         return sorted(self.master.system_state()[0].get(topic, []))
+
+
+def _end(pids: list[int]) -> None:
+    for pid in pids:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGINT)
+    wait_until(lambda: not any(lives(pid) for pid in pids), "the end of what was interrupted", 15)
 
 
 def lives(pid: int) -> bool:
@@ -229,13 +254,19 @@ class Fleet:
         port = self.ports.take(18380)
         return self.start_hub(node="second_hub", name=f"Second Hub {port}", port=port), f"http://127.0.0.1:{port}"
 
-    def site(self, name: str, master: Any = None) -> Site:
-        self.sites.append(Site(name, self, master))
+    def site(self, name: str, master: Any = None, prefix: Sequence[str] = ()) -> Site:
+        """Adds a site; `prefix` is a command that runs others where it is."""
+        self.sites.append(Site(name, self, master, prefix))
         return self.sites[-1]
 
     def family(self, pid: int) -> set[int]:
         """A process with all its descendants."""
         return descendants(self.group.states(), [pid])
+
+    def signal(self, pids: Iterable[int], number: signal.Signals) -> None:
+        """Sends a signal to processes."""
+        for pid in pids:
+            os.kill(pid, number)
 
     def redis_pid(self) -> int:
         """The process of the first hub's Redis; 0 while there is none."""
@@ -270,16 +301,12 @@ def _fleet(folder: Path) -> Iterator[Fleet]:
 
 
 @pytest.fixture(scope="module")
-def standing_fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
+def standing_fleet(shared_fleet: Fleet) -> Fleet:
     """A hub with two sites, `base` and `robot`, for all tests of a module."""
-    made = Fleet(tmp_path_factory.mktemp("fleet"))
-    made.start_hub()
+    shared_fleet.start_hub()
     for name in ("base", "robot"):
-        made.site(name).start()
-    yield made
-    made.close()
-    for log in made.folder.glob("*.log"):
-        assert "Traceback" not in log.read_text(), log.read_text()
+        shared_fleet.site(name).start()
+    return shared_fleet
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ import time
 
 import pytest
 from master_process import MasterProcess
+from measure import longest_gap
 
 from pioneer_harness.port import PortReservation
 from pioneer_harness.process import ProcessGroup
@@ -16,20 +17,15 @@ from pioneer_harness.wait import wait_until
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 
-def longest_gap(times: list[float], since: float) -> float:
-    """The longest time between two messages [s], from the last one before `since` on."""
-    begin = max((one for one in times if one <= since), default=since)
-    return max(late - early for early, late in itertools.pairwise([begin, *(one for one in times if one > since)]))
-
-
 @pytest.fixture
 def flow(standing):
     """A flipped topic with a talker and an ear."""
     base, robot = standing
     robot.talk("/flow")
     ear = base.hear("/flow")
+    asked = time.monotonic()
     assert base.flip("robot", "subscriber", "/flow") == 0
-    ear.first_after(0.0)
+    ear.first_after(asked)
     return ear
 
 

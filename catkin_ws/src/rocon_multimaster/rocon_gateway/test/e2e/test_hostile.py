@@ -8,36 +8,18 @@ import signal
 import socket
 import struct
 import time
-import xmlrpc.client
 from pathlib import Path
 
 import pytest
 import redis
-import rosgraph.network
 from gateway_msgs import msg, srv
+from measure import MB, checked, memory, open_files
 
 from pioneer_harness.wait import wait_until
 from rocon_gateway.core.hub import GATEWAYS_KEY, alive_key, letters_key, record_key
 
 # rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
-
-MB = 1_000_000
-
-
-def memory(pid: int) -> int:
-    """Resident bytes of a process."""
-    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-
-
-def open_files(pid: int) -> int:
-    return len(list(Path(f"/proc/{pid}/fd").iterdir()))
-
-
-def checked(log: Path) -> list[tuple[float, int, bool]]:
-    """Time, number and soundness of each message that a checking probe has had."""
-    rows = [line.split() for line in log.read_text().splitlines() if line.endswith(("good", "bad"))]
-    return [(float(row[0]), int(row[1]), row[3] == "good") for row in rows]
 
 
 @pytest.fixture
@@ -60,6 +42,15 @@ def assert_unbroken(log: Path) -> None:
     numbers = [number for _, number, _ in rows]
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
     assert all(good for *_, good in rows)
+
+
+def assert_none_doubled(log: Path) -> None:
+    """Messages come, whole and in order; but whoever overwrites the letters on the hub may have made them pause."""
+    began = time.monotonic()
+    wait_until(lambda: checked(log)[-1][0] > began, "the flow goes on", 5)
+    rows = checked(log)
+    assert all(good for *_, good in rows)
+    assert all(late[1] > early[1] and late[0] - early[0] < 2.0 for early, late in itertools.pairwise(rows))
 
 
 def letters_of_nonsense(seeded: random.Random) -> list[bytes]:
@@ -116,7 +107,7 @@ def test_garbage_in_redis_values_does_no_harm(standing_fleet, standing, flow) ->
         site.connected()
     robot.talk("/ghost", "honest")
     wait_until(lambda: base.publishers("/ghost") == ["/robot/honest"], "rules still work", 10)
-    assert_unbroken(flow)
+    assert_none_doubled(flow)
 
 
 def test_a_wrong_type_under_every_key_of_the_hub_is_overcome(standing_fleet, standing, flow) -> None:
@@ -130,18 +121,12 @@ def test_a_wrong_type_under_every_key_of_the_hub_is_overcome(standing_fleet, sta
     wait_until(lambda: base.info().connected and robot.info().connected, "both on the hub", 10)
     assert base.flip("robot", "subscriber", "/after") == 0
     wait_until(lambda: base.publishers("/after") == ["/robot/honest"], "rules still work", 15)
-    # The letters that said so are lost with the key, so the flow may pause until they are written again.
-    began = time.monotonic()
-    wait_until(lambda: checked(flow)[-1][0] > began, "the flow goes on", 5)
-    rows = checked(flow)
-    assert all(late[1] > early[1] and late[0] - early[0] < 1.0 for early, late in itertools.pairwise(rows))
+    assert_none_doubled(flow)
 
 
 def test_half_handshakes_and_garbage_on_the_relay_port_harm_nobody(standing_fleet, standing, flow) -> None:
     _base, robot = standing
-    client = redis.Redis(port=standing_fleet.hub_port, decode_responses=True)
-    port = json.loads(client.get(record_key("robot")))["port"]
-    client.close()
+    port = robot.relay_port()
     before, seeded = open_files(robot.pid), random.Random(5)
     heads = [b"", b"\xff\xff\xff\xff", b"GET / HTTP/1.1\r\n\r\n", struct.pack("<I", 65536) + b"x" * 100]
     heads += [struct.pack("<I", seeded.randrange(200)) + seeded.randbytes(seeded.randrange(200)) for _ in range(40)]
@@ -186,26 +171,13 @@ def test_a_subscriber_that_never_reads_costs_bounded_memory_and_slows_nobody(sta
     base.probe("check", "big_sink", "/big", log=log)
     assert base.flip("robot", "subscriber", "/big") == 0
     wait_until(lambda: checked(log), "the big flow", 10)
-    host, port = topic_address(base, "/robot/big_source", "/big")
-    with socket.create_connection((host, port), 5) as idle:
-        rosgraph.network.write_ros_handshake_header(
-            idle, {"topic": "/big", "type": "*", "md5sum": "*", "callerid": "/idle"}
-        )
-        assert idle.recv(4)
+    with base.subscription("/robot/big_source", "/big"):
         before, began = memory(base.pid), time.monotonic()
         wait_until(lambda: checked(log)[-1][0] > began + 4.0, "4 s of a reader beside it", 10)
         assert memory(base.pid) - before < 40 * MB
     assert len([one for one, *_ in checked(log) if one > began]) > 80
     assert all(good for *_, good in checked(log))
     assert_unbroken(flow)
-
-
-def topic_address(site, node: str, topic: str) -> tuple[str, int]:
-    """Where a node of the site's master serves a topic."""
-
-    with xmlrpc.client.ServerProxy(site.master.proxy("/test").lookupNode(node)) as slave:
-        _, _, (_, host, port) = slave.requestTopic("/test", topic, [["TCPROS"]])
-    return host, port
 
 
 def test_messages_of_50_mb_pass_whole_beside_small_ones_and_leave_no_memory_behind(

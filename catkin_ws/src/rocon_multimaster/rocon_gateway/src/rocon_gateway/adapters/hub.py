@@ -194,8 +194,8 @@ class Hub:
             raise HubError(Code.HUB_CONNECTION_FAILED, f"another gateway bears our name '{session.name}'")
         self._displaced = False
         self._host = self._context.host or own_address(session.address.host)
-        session.join(self._record)
         self._presence.start(session.present(), time.monotonic())
+        session.join(self._record, self._letters)
         self._session = session
         self._watched: set[str] = set()
         known = {name: remote for name, remote in self._view.remotes.items() if name in self._presence.names}
@@ -207,6 +207,12 @@ class Hub:
     @property
     def _record(self) -> Record:
         return dataclasses.replace(self._said.record, host=self._host)
+
+    @property
+    def _letters(self) -> dict[str, Letter]:
+        """Our letters to those who are on this hub."""
+        here = self._presence.names
+        return {name: letter for name, letter in self._said.letters.items() if name in here}
 
     def _exit(self, session: HubSession) -> None:
         self._session = None
@@ -221,8 +227,7 @@ class Hub:
         beat = time.monotonic()
         while not self._stopping:
             self._look(session)
-            here, said = self._presence.names, self._said
-            session.write(self._record, {name: one for name, one in said.letters.items() if name in here})
+            session.write(self._record, self._letters)
             now = time.monotonic()
             if now >= beat:
                 self._live(session)
@@ -251,7 +256,7 @@ class Hub:
         holder, listed = session.live()
         if holder is None or (holder == session.instance and not listed):
             # The hub has forgotten us: it was emptied, or we were silent for too long.
-            session.join(self._record)
+            session.join(self._record, self._letters)
         elif holder != session.instance:
             self._displaced = True
             raise HubError(Code.HUB_CONNECTION_LOST, f"another gateway took our name '{session.name}'")

@@ -104,15 +104,17 @@ class HubSession:
         """The instance that lives under our name, if any."""
         return self.client.get(alive_key(self.name))
 
-    def join(self, record: Record) -> None:
-        """Registers us, in place of whoever bore our name."""
+    def join(self, record: Record, letters: Mapping[str, Letter]) -> None:
+        """Registers us, in place of whoever bore our name; whoever hears of it finds record and letters there."""
         self._record = text_from_record(record)
-        self._written.clear()
+        self._written = dict(letters)
         with self.client.pipeline() as pipe:
             pipe.set(record_key(self.name), self._record)
             pipe.set(alive_key(self.name), self.instance, px=int(ALIVE * 1000))
             pipe.delete(lost_key(self.name))
             pipe.sadd(GATEWAYS_KEY, self.name)
+            for receiver, letter in letters.items():
+                pipe.hset(letters_key(receiver), self.name, text_from_letter(letter))
             self._tell(pipe, "joined")
             pipe.execute()
 

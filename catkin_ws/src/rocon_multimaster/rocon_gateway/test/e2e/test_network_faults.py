@@ -1,0 +1,157 @@
+"""A network that is cut, narrow, slow or lossy between two machines."""
+
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from far_machine import HERE, THERE, FarMachine, FarMachineError
+from master_process import MasterProcess
+from measure import MB, checked, memory
+from proxy import TcpProxy
+
+from pioneer_harness.wait import wait_until
+
+# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+
+
+@pytest.fixture(scope="module")
+def machine() -> Iterator[FarMachine]:
+    try:
+        made = FarMachine()
+    except FarMachineError as error:
+        pytest.skip(f"the network between machines is not tested here: {error}")
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def far(machine, shared_fleet):
+    """A base station here and a robot on another machine, with its stream of small messages flipped here."""
+    fleet = shared_fleet
+    fleet.hub_uri = f"http://{HERE}:{fleet.hub_port}"
+    fleet.start_hub(insecure=True)
+    master = MasterProcess(fleet.group, 11311, fleet.folder, THERE, machine.prefix)
+    base, robot = fleet.site("base"), fleet.site("robot", master, machine.prefix)
+    base.start({"ROS_IP": HERE})
+    robot.start().connected()
+    base.connected()
+    robot.probe("load", "small_source", "/small", 64, 20)
+    log = fleet.folder / "small.log"
+    base.probe("check", "small_sink", "/small", log=log)
+    assert base.flip("robot", "subscriber", "/small") == 0
+    wait_until(lambda: log.exists() and checked(log), "messages of the other machine", 15)
+    return base, robot, log
+
+
+def since(log: Path, moment: float) -> list[tuple[float, int, bool]]:
+    return [row for row in checked(log) if row[0] > moment]
+
+
+def test_on_1_mbit_small_messages_go_on_beside_too_many_large_ones(machine, far) -> None:
+    base, robot, log = far
+    big = log.with_name("big.log")
+    base.probe("check", "big_sink", "/big", log=big)
+    robot.probe("load", "big_source", "/big", 60_000, 20)
+    machine.narrow("1mbit")
+    try:
+        assert base.flip("robot", "subscriber", "/big") == 0
+        wait_until(lambda: big.exists() and checked(big), "large messages", 15)
+        before, began = memory(robot.pid), time.monotonic()
+        wait_until(lambda: time.monotonic() - began > 6.0, "6 s of narrowness", 8)
+        assert len(since(log, began)) > 30
+        assert 4 <= len(since(big, began)) <= 20
+        assert memory(robot.pid) - before < 20 * MB
+        assert (base.info().connected, robot.info().connected) == (True, True)
+    finally:
+        machine.widen()
+    wide = time.monotonic()
+    wait_until(lambda: len(since(big, wide)) > 20, "large messages at their full rate", 10)
+    assert base.flip("robot", "subscriber", "/big", cancel=True) == 0
+    assert all(good for path in (log, big) for *_, good in checked(path))
+    assert base.states() == {"flip /small": "active"}
+
+
+def test_one_packet_of_twenty_may_be_lost(machine, far) -> None:
+    base, _, log = far
+    try:
+        machine.lose(0.05)
+    except FarMachineError as error:
+        pytest.skip(f"loss is not tested here: {error}")
+    try:
+        began = time.monotonic()
+        wait_until(lambda: len(since(log, began)) > 60, "messages through the loss", 12)
+    finally:
+        machine.run("iptables", "-F", "INPUT")
+    numbers = [number for _, number, _ in checked(log)]
+    assert numbers == sorted(set(numbers))
+    assert base.states()["flip /small"] == "active"
+
+
+def test_a_machine_that_is_gone_without_a_packet_is_noticed_within_10_s_and_welcomed_back(machine, far, report) -> None:
+    base, _, log = far
+    machine.unplug()
+    cut = time.monotonic()
+    wait_until(lambda: base.publishers("/small") == [], "the far side is unregistered", 15)
+    noticed = time.monotonic() - cut
+    report("link cut without a packet, noticed", noticed)
+    wait_until(lambda: base.states()["flip /small"] != "active", "the rule says so", 2)
+    machine.plug()
+    back = time.monotonic()
+    wait_until(lambda: since(log, back), "messages again", 20)
+    report("link mended, messages again", time.monotonic() - back)
+    wait_until(lambda: base.states()["flip /small"] == "active", "active", 5)
+    assert noticed <= 10.0
+    numbers = [number for _, number, _ in checked(log)]
+    assert numbers == sorted(set(numbers)), "none came twice"
+
+
+@pytest.fixture
+def behind_proxy(fleet) -> Iterator[tuple]:
+    """A robot that reaches the hub through a proxy, and a base station that does not."""
+    fleet.start_hub()
+    base = fleet.site("base").start().connected()
+    proxy = TcpProxy("127.0.0.1", fleet.hub_port)
+    robot = fleet.site("robot").start(hub_uri=f"http://127.0.0.1:{proxy.port}").connected()
+    robot.talk("/a")
+    yield base, robot, proxy
+    robot.stop()
+    proxy.close()
+
+
+def test_rules_work_over_a_hub_that_is_200_ms_away(behind_proxy, report) -> None:
+    base, robot, proxy = behind_proxy
+    proxy.delay = 0.2
+    ear = base.hear("/a")
+    asked = time.monotonic()
+    assert base.flip("robot", "subscriber", "/a") == 0
+    report("flip with 200 ms to the hub", ear.first_after(asked))
+    wait_until(lambda: base.states() == {"flip /a": "active"}, "active", 5)
+    began = time.monotonic()
+    wait_until(lambda: time.monotonic() - began > 4.0, "longer than a sign of life lasts", 6)
+    assert robot.info().connected
+    assert robot.log.read_text().count("lost") == 0
+
+
+def test_a_peer_from_which_nothing_comes_any_more_is_noticed_within_10_s(fleet, behind_proxy, report) -> None:
+    """What a cut cable does, for machines without network namespaces: the kernels go on acknowledging."""
+    base, robot, proxy = behind_proxy
+    ear = base.hear("/a")
+    assert base.flip("robot", "subscriber", "/a") == 0
+    ear.first_after(0.0)
+    proxy.swallows = True
+    silenced = fleet.family(robot.pid)
+    fleet.signal(silenced, signal.SIGSTOP)
+    cut = time.monotonic()
+    try:
+        wait_until(lambda: base.publishers("/a") == [], "the far side is unregistered", 15)
+        noticed = time.monotonic() - cut
+        report("silent peer noticed", noticed)
+    finally:
+        fleet.signal(silenced, signal.SIGCONT)
+    proxy.swallows = False
+    back = time.monotonic()
+    ear.first_after(back, timeout=20)
+    assert noticed <= 10.0
