@@ -8,6 +8,8 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+from pioneer_bench.adapters.crowd_trial import crowd_rows
+from pioneer_bench.adapters.cut_trial import cut_rows
 from pioneer_bench.adapters.fleet import Fleet
 from pioneer_bench.adapters.flow_trial import flow_rows, idle_rows
 from pioneer_bench.adapters.rule_trial import call_rows, fault_rows, publisher_rows
@@ -19,6 +21,7 @@ from pioneer_harness.error import HarnessError
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds this bench's options."""
     parser.add_argument("--quick", action="store_true", help="one repetition, short windows")
+    parser.add_argument("--only", nargs="*", default=[], metavar="TRIAL", help="some of the trials, by their names")
     parser.add_argument("--repetitions", type=int, default=3, metavar="N", help="default: %(default)s")
     parser.add_argument("--seconds", type=float, default=2.0, help="length of each window [s]")
     parser.add_argument("--output", type=Path, default=None, metavar="FILE", help="where the figures go as JSON")
@@ -43,7 +46,13 @@ def run(options: argparse.Namespace) -> int:
             "services": lambda: service_rows(fleet, repetitions),
             "messages": lambda: flow_rows(fleet, repetitions, seconds),
             "faults": lambda: fault_rows(fleet, repetitions),
+            "a machine that is gone": lambda: cut_rows(fleet, Path(folder), repetitions),
+            "a thousand gateways": lambda: crowd_rows(fleet),
         }
+        if unknown := set(options.only) - set(trials):
+            print(f"no trial {', '.join(sorted(unknown))}; there are {', '.join(trials)}")
+            return 2
+        trials = {what: trial for what, trial in trials.items() if what in options.only or not options.only}
         stack.callback(fleet.close)
         try:
             fleet.start()

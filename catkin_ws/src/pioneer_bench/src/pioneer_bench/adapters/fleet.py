@@ -15,7 +15,7 @@ from gateway_msgs import msg, srv
 from pioneer_bench.adapters import client
 from pioneer_harness.masters import Master
 from pioneer_harness.port import PortReservation, is_free
-from pioneer_harness.proc import process_state
+from pioneer_harness.proc import descendants, process_state, process_states
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 
@@ -31,6 +31,11 @@ class Process:
     def __init__(self, pid: int, log: Path) -> None:
         self.pid = pid
         self.log = log
+
+    @property
+    def lives(self) -> bool:
+        """Whether it has not ended."""
+        return _lives(self.pid)
 
     def lines(self) -> list[str]:
         """Returns the whole lines that it has printed."""
@@ -71,7 +76,7 @@ class Site:
 
     def module(self, name: str, *arguments: object) -> Process:
         """Starts one of this package's nodes."""
-        return self.run(name, [sys.executable, "-m", f"pioneer_bench.nodes.{name}", *map(str, arguments)])
+        return self.run(name, module_argv(name, *arguments))
 
     @contextmanager
     def running(self, name: str, *arguments: object) -> Iterator[Process]:
@@ -141,9 +146,26 @@ class Fleet:
         for site in (self.base, self.robot):
             site.start()
 
-    def start_hub(self) -> None:
+    @property
+    def port(self) -> int:
+        """The hub's."""
+        return self._port
+
+    @contextmanager
+    def open_hub(self) -> Iterator[None]:
+        """Has other machines reach the hub for a while."""
+        for insecure in (True, False):
+            end(self.hub.pid)
+            self.start_hub(insecure)
+            for site in (self.base, self.robot):
+                wait_until(site.is_connected, f"{site.name} on the hub", PATIENCE)
+            if insecure:
+                yield
+
+    def start_hub(self, insecure: bool = False) -> None:
         """Starts the hub and waits until its port answers."""
-        self._hub_master.set_param("/hub", {"name": "Bench Hub", "port": self._port, "zeroconf": False})
+        setting = {"name": "Bench Hub", "port": self._port, "zeroconf": False, "insecure": insecure}
+        self._hub_master.set_param("/hub", setting)
         self.hub = self.run("hub", ["rosrun", "rocon_hub", "hub"], self._hub_master)
         wait_until(lambda: not is_free(self._port), "the hub's port", PATIENCE)
 
@@ -171,6 +193,17 @@ def end(pid: int) -> None:
     if _lives(pid):
         os.kill(pid, signal.SIGINT)
         wait_until(lambda: not _lives(pid), f"the end of process {pid}", PATIENCE)
+
+
+def module_argv(name: str, *arguments: object) -> list[str]:
+    """Returns the command that runs one of this package's nodes."""
+    return [sys.executable, "-m", f"pioneer_bench.nodes.{name}", *map(str, arguments)]
+
+
+def resident(pid: int) -> float:
+    """Returns the resident memory of a process and all its descendants [bytes]."""
+    states = process_states()
+    return float(sum(states[one].rss for one in descendants(states, [pid])))
 
 
 def cpu(pids: list[int]) -> float:

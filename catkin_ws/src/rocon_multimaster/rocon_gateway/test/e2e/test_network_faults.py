@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from far_machine import HERE, THERE, FarMachine, FarMachineError
-from master_process import MasterProcess
 from measure import MB, checked, memory
 from proxy import TcpProxy
 
+from pioneer_harness.machine import HERE, THERE, FarMachine, MachineError
+from pioneer_harness.master_process import MasterProcess
 from pioneer_harness.wait import wait_until
 
 # rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:py
 def machine() -> Iterator[FarMachine]:
     try:
         made = FarMachine()
-    except FarMachineError as error:
+    except MachineError as error:
         pytest.skip(f"the network between machines is not tested here: {error}")
     yield made
     made.close()
@@ -78,7 +78,7 @@ def test_one_packet_of_twenty_may_be_lost(machine, far) -> None:
     base, _, log = far
     try:
         machine.lose(0.05)
-    except FarMachineError as error:
+    except MachineError as error:
         pytest.skip(f"loss is not tested here: {error}")
     try:
         began = time.monotonic()

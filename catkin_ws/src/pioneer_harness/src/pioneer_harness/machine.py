@@ -3,10 +3,12 @@
 import os
 import subprocess
 
+from pioneer_harness.error import HarnessError
+
 HERE, THERE = "10.231.77.1", "10.231.77.2"
 
 
-class FarMachineError(Exception):
+class MachineError(HarnessError):
     """This machine will not let us make another one."""
 
 
@@ -17,7 +19,7 @@ class FarMachine:
         prefix: a command that runs another one there.
 
     Raises:
-        FarMachineError: that needs CAP_NET_ADMIN and CAP_SYS_ADMIN (root, and no unprivileged container).
+        MachineError: that needs CAP_NET_ADMIN and CAP_SYS_ADMIN (root, and no unprivileged container).
     """
 
     def __init__(self) -> None:
@@ -26,7 +28,7 @@ class FarMachine:
         self.prefix = ("ip", "netns", "exec", self.name)
         made = subprocess.run(["ip", "netns", "add", self.name], capture_output=True, text=True, check=False)
         if made.returncode:
-            raise FarMachineError(f"no network namespace: {made.stderr.strip()}")
+            raise MachineError(f"no network namespace: {made.stderr.strip()}")
         try:
             _run("ip", "link", "add", self._near, "type", "veth", "peer", "name", "eth0", "netns", self.name)
             _run("ip", "address", "add", f"{HERE}/30", "dev", self._near)
@@ -34,7 +36,7 @@ class FarMachine:
             self.run("ip", "address", "add", f"{THERE}/30", "dev", "eth0")
             self.plug()
             self.run("ip", "link", "set", "lo", "up")
-        except FarMachineError:
+        except MachineError:
             self.close()
             raise
 
@@ -74,4 +76,4 @@ class FarMachine:
 def _run(*argv: str) -> None:
     done = subprocess.run(argv, capture_output=True, text=True, check=False)
     if done.returncode:
-        raise FarMachineError(f"{' '.join(argv)}: {done.stderr.strip()}")
+        raise MachineError(f"{' '.join(argv)}: {done.stderr.strip()}")

@@ -44,14 +44,18 @@ class MasterProcess:
         wait_until(lambda: not is_running(self.uri), "the master's end", 5)
         self._start()
 
-    def proxy(self, name: str = "/test") -> rosgraph.Master:
+    def proxy(self, name: str = "/pioneer_harness") -> rosgraph.Master:
+        """Returns a client of the master's API that calls itself ``name``."""
         return rosgraph.Master(name, master_uri=self.uri)
 
     def system_state(self) -> tuple[dict[str, list[str]], ...]:
+        """Returns publishers, subscribers and service providers: each topic's or service's node names."""
         return tuple(dict(rows) for rows in self._client.getSystemState())
 
     def set_param(self, name: str, value: Any) -> None:
+        """Sets a parameter by its full name."""
         self._client.setParam(name, value)
 
     def stop(self) -> None:
+        """Closes our own connection; the process ends with its group."""
         self._client.handle("close")()

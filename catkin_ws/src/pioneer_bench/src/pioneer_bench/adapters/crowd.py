@@ -1,0 +1,252 @@
+"""Many simulated gateways in one process, speaking the protocol of `docs/gateway.md` with a real hub.
+
+Each has two connections of its own and does what a gateway does on the hub: it joins, gives signs of life, offers
+topics to the next one in a ring, and answers the one before. They have no relays: nothing is carried.
+"""
+
+import selectors
+import socket
+import time
+from collections import deque
+from dataclasses import dataclass
+
+from rocon_gateway.core.hub import GATEWAYS_KEY, NAME_KEY, PROTOCOL_KEY, alive_key, letters_key, lost_key, record_key
+from rocon_gateway.core.record import (
+    Letter,
+    Offer,
+    Purpose,
+    Record,
+    Reply,
+    letter_from_text,
+    text_from_letter,
+    text_from_record,
+)
+from rocon_gateway.core.rule import Kind, RemoteRule, Rule
+
+HEARTBEAT, ALIVE = 0.5, 2000
+"""Between signs of life [s]; for how long one counts [ms]."""
+
+
+class Connection:
+    """A connection to Redis that is spoken to in batches; small, because there are thousands."""
+
+    def __init__(self, port: int) -> None:
+        self.socket = socket.create_connection(("127.0.0.1", port), 10)
+        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._data, self._at = b"", 0
+
+    def send(self, *commands: tuple[object, ...]) -> None:
+        """Sends commands, whose replies are read later."""
+        self.socket.sendall(b"".join(map(_encoded, commands)))
+
+    def ask(self, *commands: tuple[object, ...]) -> list[object]:
+        """Sends commands and returns their replies."""
+        self.send(*commands)
+        return [self.reply() for _ in commands]
+
+    def reply(self) -> object:
+        """Returns the next reply. Raises OSError for an error of Redis."""
+        line = self._line()
+        kind, rest = line[:1], line[1:]
+        if kind == b"-":
+            raise OSError(rest.decode())
+        if kind == b"$":
+            return None if rest == b"-1" else self._exactly(int(rest))
+        if kind == b"*":
+            return [self.reply() for _ in range(int(rest))]
+        return rest
+
+    def _line(self) -> bytes:
+        while (end := self._data.find(b"\r\n", self._at)) < 0:
+            self._more()
+        line, self._at = self._data[self._at : end], end + 2
+        return line
+
+    def _exactly(self, size: int) -> bytes:
+        while len(self._data) < self._at + size + 2:
+            self._more()
+        found, self._at = self._data[self._at : self._at + size], self._at + size + 2
+        return found
+
+    def _more(self) -> None:
+        more = self.socket.recv(1 << 16)
+        if not more:
+            raise OSError("the hub closed a connection")
+        self._data, self._at = self._data[self._at :] + more, 0
+
+
+def _encoded(command: tuple[object, ...]) -> bytes:
+    words = [word if isinstance(word, bytes) else str(word).encode() for word in command]
+    return b"*%d\r\n" % len(words) + b"".join(b"$%d\r\n%s\r\n" % (len(word), word) for word in words)
+
+
+def _messages(data: bytes) -> tuple[list[tuple[bytes, bytes]], bytes]:
+    """Returns channel and text of each message that is whole, and the rest; confirmations are left out."""
+    found, begin = [], 0
+    try:
+        while begin < len(data):
+            _, at = _bulk(data, data.index(b"\r\n", begin) + 2)
+            channel, at = _bulk(data, at)
+            if data[at : at + 1] == b":":
+                begin = data.index(b"\r\n", at) + 2
+                continue
+            said, begin = _bulk(data, at)
+            found.append((channel, said))
+    except ValueError:
+        pass  # the rest has not come yet
+    return found, data[begin:]
+
+
+def _bulk(data: bytes, at: int) -> tuple[bytes, int]:
+    """Returns the text that begins at `at` with its length, and where the next thing begins. Raises ValueError."""
+    begin = data.index(b"\r\n", at) + 2
+    end = begin + int(data[at + 1 : begin - 2])
+    if end + 2 > len(data):
+        raise ValueError("the text is not whole yet")
+    return data[begin:end], end + 2
+
+
+@dataclass
+class Member:
+    """One simulated gateway."""
+
+    name: str
+    onward: str
+    speech: Connection
+    events: Connection
+    rest: bytes = b""
+    changes: int = 0
+    answered: int = 0
+    answered_at: float = 0.0
+
+
+class Crowd:
+    """All of them.
+
+    Args:
+        port: the hub's.
+        size: how many.
+        rules: how many each has: flips of publishers to the next one.
+    """
+
+    def __init__(self, port: int, size: int, rules: int) -> None:
+        self._rules = rules
+        self._selector = selectors.DefaultSelector()
+        self._members: dict[str, Member] = {}
+        names = [f"crowd{number:05d}" for number in range(size)]
+        for number, name in enumerate(names):
+            ends = Connection(port), Connection(port)
+            self._members[name] = Member(name, names[(number + 1) % size], *ends)
+        self._beats: deque[tuple[float, Member]] = deque()
+
+    def converge(self, patience: float) -> float:
+        """Has all join, and returns after how long the last rule of the last one was answered [s].
+
+        Raises:
+            OSError: not within `patience` [s].
+        """
+        began = time.monotonic()
+        for member in self._members.values():
+            self._join(member)
+            self.turn(0.0)
+        while any(member.answered < 1 for member in self._members.values()):
+            if time.monotonic() - began > patience:
+                late = sum(member.answered < 1 for member in self._members.values())
+                raise OSError(f"{late} of {len(self._members)} gateways have no answers after {patience:g} s")
+            self.turn(0.05)
+        return time.monotonic() - began
+
+    def change(self, number: int) -> float:
+        """Changes what one gateway offers; returns after how long it has the other's answer [s]."""
+        member = self._members[f"crowd{number % len(self._members):05d}"]
+        member.changes += 1
+        before, asked = member.answered, time.monotonic()
+        self._offer(member)
+        while member.answered == before:
+            if time.monotonic() - asked > 30:
+                raise OSError(f"{member.name} has no answer after 30 s")
+            self.turn(0.05)
+        return member.answered_at - asked
+
+    def turn(self, wait: float) -> None:
+        """Takes what has come, waiting for it at most so long [s], and gives the signs of life that are due."""
+        for key, _ in self._selector.select(wait):
+            self._take(key.data)
+        now = time.monotonic()
+        while self._beats and self._beats[0][0] <= now:
+            _, member = self._beats.popleft()
+            self._beat(member)
+            self._beats.append((now + HEARTBEAT, member))
+
+    def _join(self, member: Member) -> None:
+        name, speech = member.name, member.speech
+        member.events.ask(("SUBSCRIBE", GATEWAYS_KEY), ("SUBSCRIBE", letters_key(name)))
+        flips = tuple(RemoteRule(member.onward, Rule(Kind.PUBLISHER, topic)) for topic in self._topics(member))
+        record = text_from_record(Record(name, "instance", "127.0.0.1", 9, flips=flips))
+        _, present = speech.ask(("MGET", NAME_KEY, PROTOCOL_KEY), ("SMEMBERS", GATEWAYS_KEY))
+        assert isinstance(present, list)
+        speech.ask(
+            ("MGET", *(alive_key(other.decode()) for other in present or [name.encode()])),
+            ("MULTI",),
+            ("SET", record_key(name), record),
+            ("SET", alive_key(name), "instance", "PX", ALIVE),
+            ("DEL", lost_key(name)),
+            ("SADD", GATEWAYS_KEY, name),
+            ("PUBLISH", GATEWAYS_KEY, f'{{"gateway": "{name}", "event": "joined"}}'),
+            ("EXEC",),
+            ("HGETALL", letters_key(name)),
+        )
+        self._selector.register(member.events.socket, selectors.EVENT_READ, member)
+        self._beats.append((time.monotonic() + HEARTBEAT, member))
+        if member.onward.encode() in present:
+            self._meet(member)
+
+    def _meet(self, member: Member) -> None:
+        """The next one is there: follow its record, and tell it what we offer."""
+        member.events.send(("SUBSCRIBE", record_key(member.onward)))
+        member.speech.ask(("MGET", record_key(member.onward)))
+        self._offer(member)
+
+    def _topics(self, member: Member) -> list[str]:
+        return [f"/{member.name}/topic{number}_{member.changes}" for number in range(self._rules)]
+
+    def _offer(self, member: Member) -> None:
+        offers = tuple(Offer(one, "std_msgs/String", "/node", Purpose.FLIP) for one in self._topics(member))
+        self._write(member, member.onward, Letter(offers=offers))
+
+    def _write(self, member: Member, receiver: str, letter: Letter) -> None:
+        key = letters_key(receiver)
+        member.speech.ask(
+            ("MULTI",),
+            ("HSET", key, member.name, text_from_letter(letter)),
+            ("PUBLISH", key, member.name),
+            ("EXEC",),
+        )
+
+    def _beat(self, member: Member) -> None:
+        alive = alive_key(member.name)
+        life = ("GET", alive), ("SISMEMBER", GATEWAYS_KEY, member.name), ("PEXPIRE", alive, ALIVE)
+        replies = member.speech.ask(("MULTI",), *life, ("EXEC",))[-1]
+        if not isinstance(replies, list) or replies[0] != b"instance":
+            raise OSError(f"the hub lost {member.name}")
+
+    def _take(self, member: Member) -> None:
+        data = member.events.socket.recv(1 << 18)
+        if not data:
+            raise OSError(f"the hub closed the connection of {member.name}")
+        messages, member.rest = _messages(member.rest + data)
+        for channel, said in messages:
+            if channel == letters_key(member.name).encode():
+                self._take_letter(member, said.decode())
+            elif channel == GATEWAYS_KEY.encode() and member.onward.encode() in said and b'"joined"' in said:
+                self._meet(member)
+
+    def _take_letter(self, member: Member, sender: str) -> None:
+        ((text,),) = member.speech.ask(("HMGET", letters_key(member.name), sender))
+        letter = letter_from_text(text)
+        if letter.offers:
+            replies = tuple(Reply(Kind.PUBLISHER, one.topic, one.node, "active") for one in letter.offers)
+            self._write(member, sender, Letter(replies=replies))
+        elif {one.topic for one in letter.replies} == set(self._topics(member)):
+            member.answered += 1
+            member.answered_at = time.monotonic()

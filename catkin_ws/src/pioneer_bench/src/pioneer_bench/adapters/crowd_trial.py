@@ -1,0 +1,47 @@
+"""A hub with a thousand gateways on it."""
+
+import time
+
+from pioneer_bench.adapters.fleet import PATIENCE, Fleet, end, resident
+from pioneer_bench.core.gateway import Row
+from pioneer_harness.wait import wait_until
+
+SIZE, RULES, CHANGES = 1000, 20, 20
+
+CROWD_PATIENCE = 180.0
+"""For the crowd to find one another [s], and some more."""
+
+
+def crowd_rows(fleet: Fleet) -> list[Row]:
+    """A thousand simulated gateways on the real hub, beside the two real ones."""
+    name = f"hub with {SIZE:,} gateways × {RULES} rules"
+    crowd = fleet.base.module("crowd", fleet.port, SIZE, RULES, CHANGES)
+    try:
+        wait_until(lambda: "ready" in crowd.lines() or not crowd.lives, "the crowd's convergence", CROWD_PATIENCE)
+        said = [line.split() for line in crowd.lines()]
+        memory = resident(fleet.hub.pid) / 1e6
+        called = [_flip(fleet, number) for number in range(3)] if "ready" in crowd.lines() else []
+        held = crowd.lives
+    finally:
+        end(crowd.pid)
+    converged = tuple(float(words[1]) for words in said if words[0] == "converged")
+    changes = tuple(float(words[1]) for words in said if words[0] == "change")
+    remark = "" if held else "the crowd was lost"
+    return [
+        Row(f"{name}: all rules answered", "s", converged, 30.0, remark=remark),
+        Row(f"{name}: a change → the peer's answer", "s", changes, 0.5),
+        Row(f"{name}: flip call → first message far", "s", tuple(called), 0.5),
+        Row(f"{name}: memory of hub and Redis", "MB", (memory,), 100.0),
+    ]
+
+
+def _flip(fleet: Fleet, number: int) -> float:
+    topic = f"/crowded{number}"
+    with fleet.robot.running("talk", "crowded", topic, 100, 100, 10), fleet.base.running("hear", topic) as ear:
+        wait_until(lambda: fleet.robot.publishers(topic), "the publisher", PATIENCE)
+        wait_until(lambda: topic in fleet.base.master.system_state()[1], "the subscriber", PATIENCE)
+        asked = time.monotonic()
+        fleet.base.ask("flip", "robot", "subscriber", topic)
+        took = ear.first_after(asked)
+        fleet.base.ask("flip", "robot", "subscriber", topic, cancel=True)
+    return took
