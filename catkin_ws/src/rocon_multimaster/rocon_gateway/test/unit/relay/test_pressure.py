@@ -46,3 +46,15 @@ def test_a_subscriber_that_stands_still_stops_neither_the_link_nor_others(sides)
         late = [number(still) for _ in range(60)]
     assert late == sorted(set(late)), "whole messages, in order"
     assert late[-1] > got[0]
+
+
+def test_a_subscriber_that_takes_a_little_at_a_time_does_not_make_its_link_look_dead(sides):
+    source, sink = sides
+    connect(source, sink, ("/flood",))
+    with Subscriber(sink, "/source/talker1", "/flood", receive_buffer=4096) as slow:
+        end = time.monotonic() + 10  # a link that is not read for 7 s is given up
+        while time.monotonic() < end:
+            time.sleep(RESTS)
+            assert slow.socket.recv(500)
+            assert sink.link().subscribers == 1
+    assert sink.link().state is LinkState.ACTIVE

@@ -1,5 +1,6 @@
 """Keeps a stream from bringing more than anybody takes, but waits for nobody who stands still."""
 
+import time
 from collections.abc import Callable
 
 from rocon_gateway.adapters.relay.reactor import Reactor, Timer
@@ -15,15 +16,23 @@ class Brake:
     Where all receivers stand still, the stream goes on, and their backlogs drop the oldest, until one of them takes
     something again: a receiver that has stopped must not stop the sender, nor make its own link look dead.
 
+    Args:
+        reactor: where it looks after itself.
+        fanout: what the stream feeds.
+        longest: receivers that take something, but not all of what waits within so long, are not waited for either [s].
+        changed: called when the stream may go on.
+
     Attributes:
         is_on: whether the stream shall not be read now.
     """
 
-    def __init__(self, reactor: Reactor, fanout: Fanout, changed: Callable[[], None]) -> None:
+    def __init__(self, reactor: Reactor, fanout: Fanout, longest: float, changed: Callable[[], None]) -> None:
         self.is_on = False
         self._reactor = reactor
         self._fanout = fanout
+        self._longest = longest
         self._changed = changed
+        self._since = 0.0
         self._timer: Timer | None = None
         self._acknowledged = -1
         self._yields = False
@@ -32,6 +41,7 @@ class Brake:
     def apply(self) -> None:
         """Holds the stream back, unless its receivers stand still."""
         self.is_on = not self._yields
+        self._since = time.monotonic()
         if self._timer is None:
             self._look_later()
 
@@ -58,9 +68,10 @@ class Brake:
             return
         acknowledged = self._fanout.acknowledged()
         stands_still, self._acknowledged = acknowledged == self._acknowledged, acknowledged
-        if stands_still:
+        yields = stands_still or (self.is_on and time.monotonic() - self._since >= self._longest)
+        if yields:
             self._release()
-        self._yields = stands_still
+        self._yields = yields
         self._look_later()
 
 

@@ -115,6 +115,8 @@ class DialledLink(Stream):
 class TopicLink(DialledLink):
     """A link that messages come on."""
 
+    longest_hold = 2.0  # one that is not read for seven seconds looks dead to its source
+
     def __init__(self, context: Context, owner: TopicOwner, address: Address, hello: Hello) -> None:
         super().__init__(context, owner, address, hello)
         self._topic_owner = owner

@@ -1,6 +1,7 @@
 """A non-blocking TCP connection in the reactor: what arrives is parsed in place, what leaves may wait in a backlog."""
 
 import errno
+import math
 import os
 import select
 import socket
@@ -36,10 +37,12 @@ class Stream:
             read while it is full: so pressure passes from the slowest part of the way to its beginning.
         takes_unseen: see `core.fanout.Outlet`.
         relieved: likewise; called when all that waited has been sent.
+        longest_hold: its peer is left waiting so long at most while it is not read [s].
         is_closed: whether `close` was called.
     """
 
     takes_unseen = True
+    longest_hold = math.inf
 
     def __init__(self, reactor: Reactor, sock: socket.socket, peer: str) -> None:
         self.backlog = Backlog(1, 0)
@@ -272,7 +275,7 @@ class Stream:
         if self.is_closed:
             return
         if self._brake is None:
-            self._brake = Brake(self._reactor, fanout, self._watch_output)
+            self._brake = Brake(self._reactor, fanout, self.longest_hold, self._watch_output)
         self._brake.apply()
         self._watch_output()
 
