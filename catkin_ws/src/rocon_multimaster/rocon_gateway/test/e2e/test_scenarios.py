@@ -39,10 +39,10 @@ def sites(shared_fleet) -> tuple[Any, Any]:
     """`base`, where the five nodes are, and `robot`, which flips to a gateway that comes late."""
     shared_fleet.start_hub()
     base, robot = shared_fleet.site("base"), shared_fleet.site("robot")
-    cast(shared_fleet, base)
     rules = yaml.safe_load(BLACKLIST.read_text())
     base.start(**rules)
     robot.start(default_flips=[LATE_FLIP], **rules)
+    cast(shared_fleet, base)
     wait_until(lambda: five_are_up(base), "the five nodes", 30)
     return base.connected(), robot.connected()
 
@@ -137,7 +137,7 @@ def test_flips_show_exactly_the_five_accepted(sites, ask) -> None:
     base, robot = sites
     assert ask(base, False) == 0
     wait_until(lambda: accepted(base) == FIVE, "five accepted", ACCEPTED_WITHIN)
-    assert robot.publishers("/chatter") == ["/base/talker"]
+    wait_until(lambda: robot.publishers("/chatter") == ["/base/talker"], "the proxy", 5)
     assert ask(base, True) == 0
     wait_until(lambda: not base.info().flipped_connections, "none flipped", GONE_WITHIN)
     wait_until(lambda: not robot.info().flipped_in_connections, "none flipped in", GONE_WITHIN)
@@ -186,6 +186,7 @@ def test_a_service_name_that_is_taken_is_blocked_not_accepted_and_free_again_whe
     local.unregisterService("/add_two_ints", "rosrpc://127.0.0.1:1")
     assert base.flip("robot", "service", "/add_two_ints", cancel=True) == 0
     wait_until(lambda: "/add_two_ints" not in robot.master.system_state()[2], "unregistered", GONE_WITHIN)
+    wait_until(lambda: not base.states()["flip /add_two_ints"], "the rule is gone", 5)
 
 
 def run(site, *command: str) -> str:
@@ -198,7 +199,8 @@ def run(site, *command: str) -> str:
 def test_a_flipped_service_is_known_to_the_tools_and_answers(sites) -> None:
     base, robot = sites
     assert base.flip("robot", "service", "/add_two_ints") == 0
-    wait_until(lambda: base.states()["flip /add_two_ints"] == "active", "active", 5)
+    served = {"/add_two_ints": ["/base/add_two_ints_server"]}
+    wait_until(lambda: served.items() <= robot.master.system_state()[2].items(), "the service at robot", 5)
     described = run(robot, "rosservice", "info", "/add_two_ints")
     assert "Node: /base/add_two_ints_server\n" in described
     assert "Type: gateway_msgs/ConnectHub" in described

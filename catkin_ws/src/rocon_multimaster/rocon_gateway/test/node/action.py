@@ -1,6 +1,7 @@
 """An action: `action.py serve|idle|call NAME`. A goal of n has n steps of feedback; calling tells what comes."""
 
 import sys
+import threading
 
 import actionlib
 import rospy
@@ -29,15 +30,22 @@ class Server:
 
 
 def call(client: actionlib.SimpleActionClient) -> None:
-    """A goal to its end, and one that is cancelled at its first feedback."""
+    """A goal to its end, and one that is cancelled once it is known to be active.
+
+    Not earlier: a status that was sent before the goal arrived, and came after the cancel, would make a client of
+    actionlib's believe that its goal is lost.
+    """
     feedback: list[int] = []
+    active = threading.Event()
     say(f"server {client.wait_for_server(rospy.Duration(20))}")
     client.send_goal(TestGoal(5), feedback_cb=lambda one: feedback.append(one.feedback))
     client.wait_for_result(rospy.Duration(20))
     say(f"{GoalStatus.to_string(client.get_state())} {client.get_result().result} {feedback}")
-    client.send_goal(TestGoal(100000), feedback_cb=lambda _: client.cancel_goal())
-    client.wait_for_result(rospy.Duration(20))
-    say(f"{GoalStatus.to_string(client.get_state())} {client.get_result().result < 100000}")
+    client.send_goal(TestGoal(100000), active_cb=active.set)
+    active.wait(20)
+    client.cancel_goal()
+    ended = client.wait_for_result(rospy.Duration(20))
+    say(f"{GoalStatus.to_string(client.get_state())} {ended}")
 
 
 def say(text: str) -> None:
