@@ -41,6 +41,7 @@ class Site:
         self.log = fleet.folder / f"{name}.log"
         self.pid = 0
         self._prefix = prefix
+        self.patience = 15.0
         self._probes: dict[str, int] = {}
 
     def start(self, environment: Mapping[str, str] | None = None, **parameters: Any) -> "Site":
@@ -51,7 +52,7 @@ class Site:
         environment = {**self.master.environment, **(environment or {})}
         self.pid = self._fleet.group.start(self.name, argv, environment, self.log)
         # The last one that the gateway offers.
-        wait_until(lambda: self._has_service("/gateway/set_watcher_period"), f"{self.name}'s services", 15)
+        wait_until(lambda: self._has_service("/gateway/set_watcher_period"), f"{self.name}'s services", self.patience)
         return self
 
     def _has_service(self, name: str) -> bool:

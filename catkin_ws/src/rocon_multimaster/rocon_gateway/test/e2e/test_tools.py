@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import subprocess
 from typing import Any
 
@@ -13,10 +14,11 @@ from pioneer_harness.wait import wait_until
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 
-def tool(site: Any, *argv: str) -> tuple[int, str]:
-    """Runs a tool on the site's master; returns its status and all that it said."""
+def tool(site: Any, *argv: str, path: str = "") -> tuple[int, str]:
+    """Runs a tool on the site's master, `path` before the PATH; returns its status and all that it said."""
     command = ["rosrun", "rocon_gateway", *argv]
-    done = subprocess.run(command, env=site.master.environment, capture_output=True, text=True, check=False, timeout=60)
+    environment = {**site.master.environment, "PATH": f"{path}{os.pathsep}{os.environ['PATH']}"}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=60)
     return done.returncode, done.stdout + done.stderr
 
 
@@ -46,6 +48,17 @@ def test_the_tools_make_rules_and_say_how_they_do(pair, tmp_path) -> None:
     assert "flip <-> robot" in said
     assert "pull <-- robto  (no such gateway)" in said
     assert '"base" -> "robot" [color=purple' in tool(base, "graph", "--dot")[1]
+
+    picture = tmp_path / "graph.png"
+    if shutil.which("dot") is None:
+        refused = (2, "a picture needs Graphviz: apt install graphviz; --dot works without it\n")
+        assert tool(base, "graph", "--png", str(picture)) == refused
+    drawer = tmp_path / "bin" / "dot"
+    drawer.parent.mkdir()
+    drawer.write_text('#!/bin/sh\n[ "$1 $2" = "-Tpng -o" ] && exec cat > "$3"\n')
+    drawer.chmod(0o755)
+    assert tool(base, "graph", "--png", str(picture), path=str(drawer.parent)) == (0, "")
+    assert picture.read_text().startswith("digraph gateways {")
 
     status, said = tool(base, "doctor")
     assert "gateway 'robot' at 127.0.0.1:" in said

@@ -55,7 +55,7 @@ def _examine(hub: str) -> Iterator[Finding]:
 
 
 def _hub(named: str, info: GatewayInfo | None) -> Iterator[Finding]:
-    """Looks at the hub and at all gateways on it."""
+    """Looks at each hub and at all gateways on it."""
     uris = [named] if named else [*info.hub_uris, *info.discover_hubs_by_uri] if info else []
     if info is not None and not info.connected:
         yield Finding(Level.FAULT, "the gateway is not on a hub", "see the hub's line below, and the gateway's log")
@@ -66,8 +66,13 @@ def _hub(named: str, info: GatewayInfo | None) -> Iterator[Finding]:
         if not seen:
             yield Finding(Level.FAULT, "no hub is named and none announces itself", NO_HUB_FIX)
         return
+    for uri in dict.fromkeys(uris):
+        yield from _one_hub(uri, info)
+
+
+def _one_hub(uri: str, info: GatewayInfo | None) -> Iterator[Finding]:
     try:
-        address = address_from_uri(uris[0])
+        address = address_from_uri(uri)
         (contact,) = examination.contacts([("the hub", address.host, address.port)])
         yield diagnosis.of_contact(contact, HUB_FIX)
         if not contact.error and contact.address:
