@@ -1,27 +1,28 @@
 """The command ``./pioneer bench``."""
 
 import argparse
+import importlib
 import sys
 
-from pioneer_bench import accuracy, gateway, nav, sim
+BENCHES = {
+    "sim": "the simulator: CPU, memory and scans by number of robots",
+    "accuracy": "the simulator: motion, contacts and laser against what they should be",
+    "gateway": "the gateway: how fast rules act, what relaying costs beside peers",
+    "nav": "navigation: success, accuracy and cost of one robot's tours",
+}
+"""Modules of this package, and what they measure."""
 
 
 def main() -> int:
     """Runs the bench that the command line names; returns its exit status."""
     parser = argparse.ArgumentParser(prog="pioneer bench", description="Measurements beside the figures to reach.")
     benches = parser.add_subparsers(required=True, metavar="BENCH")
-    one = benches.add_parser("sim", help="the simulator: CPU, memory and scans by number of robots")
-    sim.add_arguments(one)
-    one.set_defaults(run=sim.run)
-    one = benches.add_parser("accuracy", help="the simulator: motion, contacts and laser against what they should be")
-    accuracy.add_arguments(one)
-    one.set_defaults(run=accuracy.run)
-    one = benches.add_parser("gateway", help="the gateway: how fast rules act, what relaying costs beside peers")
-    gateway.add_arguments(one)
-    one.set_defaults(run=gateway.run)
-    one = benches.add_parser("nav", help="navigation: success, accuracy and cost of one robot's tours")
-    nav.add_arguments(one)
-    one.set_defaults(run=nav.run)
+    for name, text in BENCHES.items():
+        one = benches.add_parser(name, help=text)
+        if name in sys.argv[1:2]:  # the others' engines and nodes are not needed
+            bench = importlib.import_module(f"pioneer_bench.{name}")
+            bench.add_arguments(one)
+            one.set_defaults(run=bench.run)
     options = parser.parse_args()
     return options.run(options)
 
