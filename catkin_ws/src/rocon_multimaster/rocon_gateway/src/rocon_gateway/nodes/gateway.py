@@ -144,7 +144,8 @@ class GatewayNode:
     def _look(self) -> bool:
         try:
             changed = self._master.changed()
-            if changed and self._opened and not self._master.knows_us:
+            # rospy unregisters us when we end, which is no restart of the master.
+            if changed and self._opened and not self._master.knows_us and not rospy.is_shutdown():
                 register_anew()
                 self._relay.refresh()
                 rospy.logwarn("the ROS master was restarted; registered anew")
