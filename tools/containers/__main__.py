@@ -65,11 +65,11 @@ def _project(options: argparse.Namespace, **variables: str) -> Project:
     written = STATE / options.project / "compose.yaml"
     shipped = ROOT / "docker" / "compose.yaml"
     file = written if written.is_file() else shipped
-    password = {"PIONEER_HUB_PASSWORD_FILE": str(_password())}
+    password = {"PIONEER_HUB_PASSWORD_FILE": str(hub_password())}
     return Project(options.project, tuple(compose_command()), file, {**password, **variables})
 
 
-def _password() -> Path:
+def hub_password() -> Path:
     """Returns the file with the hub's password, which is made at the first call."""
     path = STATE / "hub-password"
     if not path.exists():

@@ -1,0 +1,158 @@
+"""Fleets of containers for tests: in a project and on a subnet of their own, beside whatever else runs here."""
+
+import contextlib
+import json
+import os
+import pty
+import subprocess
+import threading
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from containers.engine import Computer, Project, compose_command, output
+from containers.report import REPORT
+
+ROOT = Path(__file__).parents[2]
+PATIENCE = 240.0
+"""Longest wait for anything [s]: the machine may be busy with more than this."""
+
+
+class Fleet:
+    """A project that ``./pioneer`` manages; its containers are gone at the end, whatever happens."""
+
+    def __init__(self, project: str, subnet: str, **variables: str) -> None:
+        self.environment = {**os.environ, "PIONEER_PROJECT": project, "PIONEER_SUBNET": subnet, **variables}
+        self.project = project
+
+    def pioneer(self, *words: str) -> str:
+        """Runs ``./pioneer`` and returns what it says; fails with that where it fails."""
+        done = subprocess.run(
+            [ROOT / "pioneer", *words], env=self.environment, capture_output=True, text=True, check=False, timeout=600.0
+        )
+        assert done.returncode == 0, f"./pioneer {' '.join(words)}:\n{done.stdout[-3000:]}{done.stderr[-3000:]}"
+        return done.stdout
+
+    def computers(self) -> dict[str, Computer]:
+        """Returns the containers by the computers' names."""
+        found = Project(self.project, tuple(compose_command()), Path(), {}).computers()
+        return {one.name: one for one in found}
+
+    def container(self, computer: str) -> str:
+        """Returns a computer's container."""
+        return self.computers()[computer].container
+
+    def docker(self, verb: str, computer: str, *words: str) -> str:
+        """Runs ``docker VERB WORDS CONTAINER``."""
+        return output("docker", verb, *words, self.container(computer))
+
+    def execute(self, computer: str, *command: str) -> str:
+        """Runs a command on a computer and returns what it prints; raises ContainerError where it fails."""
+        return output("docker", "exec", self.container(computer), *command)
+
+    def network(self, verb: str, computer: str, *words: str) -> None:
+        """Runs ``docker network VERB WORDS`` on a computer and the network that all share."""
+        output("docker", "network", verb, *words, f"{self.project}_aadi.robots", self.container(computer))
+
+    def send(self, number: int, x: float, y: float, heading: float = 0.0) -> None:
+        """Sends a waypoint as the tutorial documents it."""
+        self.execute(
+            f"aadi{number}", "rostopic", "pub", "-1", f"/pioneer{number}/map_goal", "geometry_msgs/Twist",
+            f"[{x}, {y}, 0.0]", f"[0.0, 0.0, {heading}]",
+        )  # fmt: skip
+
+    def report(self, computer: str, *words: str, timeout: float = PATIENCE) -> dict[str, Any]:
+        """Returns a computer's last report; fails when it does not come as far as ``words`` ask."""
+        one = self.computers()[computer]
+        command = ["docker", "exec", one.container, REPORT, "--robot", one.robot]
+        done = subprocess.run(
+            [*command, "--settled", "--timeout", f"{timeout:g}", *words], capture_output=True, text=True, check=False
+        )
+        last = json.loads(done.stdout.splitlines()[-1]) if done.stdout.strip() else {}
+        assert done.returncode == 0, f"{computer}: {last or done.stderr[-2000:]}"
+        return last
+
+    def arrived(self, numbers: Sequence[int], count: dict[int, int]) -> dict[int, dict[str, Any]]:
+        """Waits until each robot has dealt with ``count`` waypoints; returns their reports."""
+        results: dict[int, Any] = {}
+
+        def wait(number: int) -> None:
+            with contextlib.suppress(AssertionError):
+                words = ("--until", "ready", "--arrived", str(count[number]))
+                results[number] = self.report(f"aadi{number}", *words)
+
+        threads = [threading.Thread(target=wait, args=(number,)) for number in numbers]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        missing = [number for number in numbers if number not in results]
+        assert not missing, f"robots {missing} have not arrived:\n{self.pioneer('status')}"
+        return results
+
+    def cpu_seconds(self) -> float:
+        """Returns the CPU time that all containers have used."""
+        script = "cat /sys/fs/cgroup/cpu.stat /sys/fs/cgroup/cpuacct/cpuacct.usage 2>/dev/null; true"
+        return sum(_cpu(self.execute(name, "sh", "-c", script)) for name in self.computers())
+
+
+def _cpu(text: str) -> float:
+    for line in text.splitlines():
+        if line.startswith("usage_usec"):
+            return int(line.split()[1]) / 1e6
+    return int(text.split()[-1]) / 1e9
+
+
+@contextlib.contextmanager
+def fleet(project: str, subnet: str, **variables: str) -> Iterator[Fleet]:
+    """A fleet for a while; what an interrupted run left of it goes first."""
+    made = Fleet(project, subnet, **variables)
+    made.pioneer("down")
+    try:
+        yield made
+    finally:
+        made.pioneer("down")
+
+
+class Terminal:
+    """A terminal on a computer, in which a person types one command; Ctrl-C goes through it as through any other."""
+
+    def __init__(self, container: str, command: str) -> None:
+        master, slave = pty.openpty()
+        words = ["docker", "exec", "-it", container, "bash", "-c", command]
+        self._process = subprocess.Popen(words, stdin=slave, stdout=slave, stderr=slave, start_new_session=True)
+        os.close(slave)
+        self._master, self._changed = master, threading.Condition()
+        self.text, self._ended = "", False
+        self._thread = threading.Thread(target=self._read)
+        self._thread.start()
+
+    def _read(self) -> None:
+        ended = False
+        while not ended:
+            try:
+                data = os.read(self._master, 65536)
+            except OSError:  # how Linux says that the other end of a terminal is closed
+                data = b""
+            ended = not data
+            with self._changed:
+                self.text += data.decode(errors="replace")
+                self._ended = ended
+                self._changed.notify_all()
+
+    def wait_for(self, words: str, timeout: float = PATIENCE) -> None:
+        """Returns once ``words`` have been printed; fails when the command ends before, or time is up."""
+        with self._changed:
+            self._changed.wait_for(lambda: words in self.text or self._ended, timeout)
+            assert words in self.text, f"no {words!r} in:\n{self.text[-3000:]}"
+
+    def interrupt(self) -> None:
+        """Presses Ctrl-C."""
+        os.write(self._master, b"\x03")
+
+    def end(self, timeout: float = 60.0) -> int:
+        """Waits for the command's end and returns its status; fails when it does not end."""
+        status = self._process.wait(timeout)
+        self._thread.join(timeout)
+        os.close(self._master)
+        return status
