@@ -146,7 +146,7 @@ def containers() -> Iterator[Check]:
     except ContainerError as error:
         raise StageSkipped(str(error)) from None
     for path in sorted((ROOT / "tools" / "test" / "containers").glob("test_*.py")):
-        yield pytest_check(f"containers-{path.stem.removeprefix('test_')}", [path], timeout=900.0)
+        yield pytest_check(f"containers-{path.stem.removeprefix('test_')}", [path], timeout=1500.0)
 
 
 STAGES: dict[str, Callable[[], Iterator[Check]]] = {

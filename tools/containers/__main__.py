@@ -89,7 +89,7 @@ def _up(options: argparse.Namespace) -> int:
     world = base.environment["WORLD"] if base else options.world
     if base and world != options.world:
         raise ContainerError(f"a fleet runs in {world}: ./pioneer down first")
-    if not base:
+    if not base and "PIONEER_IMAGE" not in os.environ:
         image.ensure_image("pioneer", _say)
     steps = {"PIONEER_STEPS": "idle"} if options.idle else {}
     project = _project(options, PIONEER_WORLD=world, PIONEER_ROBOTS=str(robots), **steps)

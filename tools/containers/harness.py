@@ -1,10 +1,12 @@
 """Fleets of containers for tests: in a project and on a subnet of their own, beside whatever else runs here."""
 
 import contextlib
+import fcntl
 import json
 import os
 import pty
 import subprocess
+import tempfile
 import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -28,10 +30,25 @@ class Fleet:
     def pioneer(self, *words: str) -> str:
         """Runs ``./pioneer`` and returns what it says; fails with that where it fails."""
         done = subprocess.run(
-            [ROOT / "pioneer", *words], env=self.environment, capture_output=True, text=True, check=False, timeout=600.0
+            [ROOT / "pioneer", *words],
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=1200.0,
         )
-        assert done.returncode == 0, f"./pioneer {' '.join(words)}:\n{done.stdout[-3000:]}{done.stderr[-3000:]}"
+        said = f"./pioneer {' '.join(words)}:\n{done.stdout[-3000:]}{done.stderr[-3000:]}"
+        assert done.returncode == 0, f"{said}\n{self.logs()}"
         return done.stdout
+
+    def logs(self) -> str:
+        """Returns the last lines of every container."""
+        found = []
+        for name, one in self.computers().items():
+            command = ["docker", "logs", "--tail", "40", one.container]
+            done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
+            found.append(f"--- {name} ({one.state}, {one.health})\n{done.stdout}")
+        return "\n".join(found)
 
     def computers(self) -> dict[str, Computer]:
         """Returns the containers by the computers' names."""
@@ -105,13 +122,15 @@ def _cpu(text: str) -> float:
 
 @contextlib.contextmanager
 def fleet(project: str, subnet: str, **variables: str) -> Iterator[Fleet]:
-    """A fleet for a while; what an interrupted run left of it goes first."""
+    """A fleet for a while; what an interrupted run left of it goes first, and another checkout's tests wait."""
     made = Fleet(project, subnet, **variables)
-    made.pioneer("down")
-    try:
-        yield made
-    finally:
+    with (Path(tempfile.gettempdir()) / f"{project}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
         made.pioneer("down")
+        try:
+            yield made
+        finally:
+            made.pioneer("down")
 
 
 class Terminal:
