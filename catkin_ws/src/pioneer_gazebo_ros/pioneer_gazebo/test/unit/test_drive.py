@@ -1,5 +1,6 @@
 """From commands to wheel speeds and from wheel angles to odometry."""
 
+import dataclasses
 import itertools
 import math
 
@@ -35,6 +36,23 @@ def test_a_command_that_is_not_finite_is_refused_and_the_one_before_holds(value:
             drive.command(*command)
     follow(drive, 100)
     assert drive.odometry.speed == pytest.approx(0.5)
+
+
+def test_without_a_command_for_the_timeout_the_wheels_stop_until_the_next() -> None:
+    drive = Drive(dataclasses.replace(CONFIG, commandTimeout=0.6))
+
+    def rim_after(seconds: float) -> float:
+        """Speed of a wheel's rim after some time without a command."""
+        sent = [drive.wheel_speeds(STEP) for _ in range(round(seconds / STEP))]
+        told = [speeds for speeds in sent if speeds is not None]
+        return told[-1][0] * 0.0975 if told else math.nan
+
+    for _ in range(2):
+        drive.command(0.5, 0.0)
+        assert rim_after(0.5) == pytest.approx(0.5)
+        drive.command(0.5, 0.0)
+        assert math.isnan(rim_after(0.56))  # nothing new to tell: they go on
+        assert rim_after(0.5) == pytest.approx(0.0)
 
 
 def test_speed_ramps_no_faster_than_the_wheels_acceleration() -> None:

@@ -155,6 +155,8 @@ def _checked_drive(element: Element, drive: DiffDrive) -> DiffDrive:
     for name in ("wheelSeparation", "wheelDiameter", "wheelTorque"):
         if getattr(drive, name) <= 0:
             raise element.error(f"{name} must be above 0, not {getattr(drive, name):g}")
+    if drive.commandTimeout < 0:
+        raise element.error(f"commandTimeout must be 0 or more, not {drive.commandTimeout:g}")
     source = {"0": "encoder", "1": "world"}.get(drive.odometrySource, drive.odometrySource)
     if source not in ("encoder", "world"):
         raise element.error(f"odometrySource must be encoder or world, not {source!r}")

@@ -55,7 +55,8 @@ class Drive:
 
     As in a real drive, an integral term holds the wheels to their speeds: without it a robot at rest creeps by
     millimetres a second, because the engine's solver ends before the last bit of weight is balanced.
-    There is no watchdog: as with gazebo_ros' plugin the last command holds until the next.
+    The last command holds until the next, as with gazebo_ros' plugin, unless ``commandTimeout`` ends it first, as in
+    a real base, whose computer may die while it drives.
     """
 
     def __init__(self, config: DiffDrive, left_scale: float = 1.0, right_scale: float = 1.0) -> None:
@@ -70,6 +71,7 @@ class Drive:
         self._radius = config.wheelDiameter / 2
         self._scales = left_scale, right_scale
         self._target = (0.0, 0.0)
+        self._silence = 0.0
         self._speeds = (0.0, 0.0)
         self._sent = (0.0, 0.0)
         self._behind = (0.0, 0.0)
@@ -83,6 +85,7 @@ class Drive:
             CommandError: a value that is not finite; the command before goes on.
         """
         check_motion(speed, turn)
+        self._silence = 0.0
         half = turn * self.config.wheelSeparation / 2
         self._target = (speed - half) / self._radius, (speed + half) / self._radius
 
@@ -96,6 +99,10 @@ class Drive:
 
         Both wheels ramp in proportion, so that an arc stays the same arc while the robot gains speed.
         """
+        if self.config.commandTimeout:
+            self._silence += step
+            if self._silence > self.config.commandTimeout:
+                self._target = (0.0, 0.0)
         self._ramp(step)
         trimmed = self._speeds[0] + TRIM_GAIN * self._behind[0], self._speeds[1] + TRIM_GAIN * self._behind[1]
         if abs(trimmed[0] - self._sent[0]) < SAME_SPEED and abs(trimmed[1] - self._sent[1]) < SAME_SPEED:

@@ -23,6 +23,7 @@ class DiffDrive:
         wheelDiameter: [m].
         wheelAcceleration: largest change of a wheel's rim speed [m/s²]; 0 for no limit.
         wheelTorque: largest torque at a wheel [N m].
+        commandTimeout: without a command for longer the wheels stop [s]; 0 for never (ours, not gazebo_ros').
         updateRate: of commands and odometry [Hz]; 0 for every step.
         odometrySource: ``encoder`` (integrates the wheels) or ``world`` (the true pose).
     """
@@ -35,6 +36,7 @@ class DiffDrive:
     wheelDiameter: float = 0.15
     wheelAcceleration: float = 0.0
     wheelTorque: float = 5.0
+    commandTimeout: float = 0.0
     updateRate: float = 100.0
     commandTopic: str = "cmd_vel"
     odometryTopic: str = "odom"

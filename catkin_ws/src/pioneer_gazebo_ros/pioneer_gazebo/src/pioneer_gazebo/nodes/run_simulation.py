@@ -34,6 +34,7 @@ class SimulationOptions:
     laser_samples: int = 180
     laser_rate: float = 10.0
     odom_rate: float = 100.0
+    command_timeout: float = 0.6
     camera: bool = False
     sonar: bool = False
     driver: bool = False
@@ -51,6 +52,7 @@ DOCS = {
     "laser_samples": "beams a scan",
     "laser_rate": "scans a second [Hz]",
     "odom_rate": "odometry messages a second [Hz]",
+    "command_timeout": "without a command for longer a robot stops [s]; 0 for never",
     "camera": "robots carry cameras",
     "sonar": "robots carry sonars",
     "driver": "robots have the topics of a real Pioneer's driver: battery, bumpers, sonar ring",
@@ -88,7 +90,7 @@ def launch_files(options: SimulationOptions, world: str, robots: Sequence[str]) 
     }
     description = {
         name: str(getattr(options, name)).lower()
-        for name in ("laser_samples", "laser_rate", "odom_rate", "camera", "sonar", "driver")
+        for name in ("laser_samples", "laser_rate", "odom_rate", "command_timeout", "camera", "sonar", "driver")
     }
     return [
         ("pioneer_gazebo", "multi_pioneer_world.launch", simulator),
