@@ -1,5 +1,6 @@
 """A real hub with a real Redis: it comes back, it never uses somebody else's, and it leaves nothing behind."""
 
+import json
 import os
 import signal
 from collections.abc import Iterator
@@ -12,6 +13,9 @@ from pioneer_harness.masters import Master
 from pioneer_harness.port import PortReservation
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
+from rocon_hub.adapters.redis_server import RedisServer
+from rocon_hub.adapters.registry import Registry
+from rocon_hub.core.setting import HubSetting
 
 # rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
@@ -87,6 +91,36 @@ def test_a_password_is_asked_for_and_kept_out_of_the_log(bench: Bench, tmp_path:
     with bench.client() as client, pytest.raises(redis.AuthenticationError):
         client.get("rocon:hub:name")
     assert "open sesame" not in (bench.folder / "hub.log").read_text()
+
+
+def test_a_gateway_that_joins_while_the_hub_looks_is_not_called_expired(bench: Bench, tmp_path: Path) -> None:
+    # A frozen Redis once came back so: everybody joined, and was declared gone right after, for good.
+    server = RedisServer(HubSetting(port=bench.port), tmp_path / "redis", None)
+    bench.ports.release()
+    server.start()
+    try:
+        client = server.client
+        registry = Registry(client, 60.0)
+        registry.open("Test Hub")
+        client.sadd("rocon:gateways", "sleeper", "ghost")
+        events = client.pubsub(ignore_subscribe_messages=True)
+        events.subscribe("rocon:gateways")
+        read = client.mget
+
+        def read_and_be_overtaken(keys: list[str]) -> list[str | None]:
+            lives = read(keys)
+            client.set("rocon:alive:sleeper", "instance")
+            return lives
+
+        client.mget = read_and_be_overtaken
+        assert registry.look() == {"ghost"}
+        assert client.exists("rocon:lost:ghost", "rocon:lost:sleeper") == 1
+        told = wait_until(lambda: events.get_message() or events.get_message(), "an event", 5)
+        assert json.loads(told["data"]) == {"gateway": "ghost", "event": "expired"}
+        assert events.get_message(timeout=0.1) is None
+        events.close()
+    finally:
+        server.stop()
 
 
 def test_strangers_cannot_reconfigure_the_server(bench: Bench) -> None:

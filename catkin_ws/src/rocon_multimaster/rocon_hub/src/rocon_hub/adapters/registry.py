@@ -35,12 +35,25 @@ class Registry:
         lives = self._client.mget([alive_key(name) for name in names]) if names else []
         alive = [name for name, life in zip(names, lives, strict=True) if life]
         fallen = self._watch.fallen_silent(names, alive, time.monotonic())
-        for name in fallen:
-            with self._client.pipeline() as pipe:
-                pipe.set(lost_key(name), int(time.time()), ex=int(self._patience) + 1)
-                pipe.publish(GATEWAYS_KEY, json.dumps({"gateway": name, "event": "expired"}))
+        return {name for name in fallen if self._expire(name)}
+
+    def _expire(self, name: str) -> bool:
+        """Says that a gateway has fallen silent, unless it has joined again since we looked; returns whether it did.
+
+        "Expired" after its "joined" would have the others drop a gateway that lives, for good.
+        """
+        with self._client.pipeline() as pipe:
+            pipe.watch(alive_key(name))
+            if pipe.exists(alive_key(name)):
+                return False
+            pipe.multi()
+            pipe.set(lost_key(name), int(time.time()), ex=int(self._patience) + 1)
+            pipe.publish(GATEWAYS_KEY, json.dumps({"gateway": name, "event": "expired"}))
+            try:
                 pipe.execute()
-        return fallen
+            except redis.WatchError:
+                return False
+        return True
 
     def _members(self) -> set[str]:
         try:
