@@ -33,7 +33,7 @@ from nav_bundle.core.move_base import (
 )
 from nav_bundle.core.move_base_config import Setup, setup_from_parameters
 from nav_bundle.core.navfn import MEETING_DISTANCE, NavfnSearch
-from nav_bundle.core.planner import Path, PlannerError, Search, path_between
+from nav_bundle.core.planner import GoalOutsideError, NoPathError, Path, PlannerError, Search, path_between
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.recovery import Recovery, Surroundings
 from nav_bundle.core.transform import TransformError
@@ -339,17 +339,20 @@ class MoveBaseNode:
         return status
 
     def _make_plan(self, request: GetPlanRequest) -> GetPlanResponse:
-        """Plans for somebody else while no goal is under way."""
+        """Plans for somebody else while no goal is under way; where nothing leads to the goal, the plan is empty."""
         with self._turn:
             if self._goals.active:
                 raise rospy.ServiceException(_BUSY)
-            try:
-                path = self._plan_for(request)
-            except (PlannerError, TransformError) as error:
-                raise rospy.ServiceException(str(error)) from error
             now = rospy.Time.now()
             response = GetPlanResponse()
             response.plan.header.stamp, response.plan.header.frame_id = now, self._global.frame
+            try:
+                path = self._plan_for(request)
+            except (NoPathError, GoalOutsideError) as error:
+                rospy.logwarn("make_plan: %s", error)
+                return response
+            except (PlannerError, TransformError) as error:
+                raise rospy.ServiceException(str(error)) from error
             response.plan.poses = [stamped_from_pose(Pose(*pose), self._global.frame, now) for pose in path.tolist()]
             return response
 

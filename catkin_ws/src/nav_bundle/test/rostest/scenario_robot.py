@@ -1,0 +1,119 @@
+"""What a scenario does with one robot, and what it sees of it. Times are simulated seconds."""
+
+import math
+
+import rospy
+from actionlib_msgs.msg import GoalID
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist
+from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult, RecoveryStatus
+from nav_msgs.msg import Odometry
+from nav_msgs.srv import GetPlan
+from scenario_world import START_UP, World
+from std_msgs.msg import UInt32
+from std_srvs.srv import Empty
+
+from nav_bundle.conversions import message_from_pose, pose_from_message
+from nav_bundle.core.pose import Pose
+from nav_bundle.core.transform import TransformError
+from nav_bundle.nodes.transform import TransformListener
+
+LONGEST_LAG = 0.5
+"""How long the truth waits for the belief of its time [s of wall time]; without one it is not compared."""
+
+
+class Robot:
+    """One robot: the truth about it, its own belief, and its navigation."""
+
+    def __init__(self, name: str, world: World) -> None:
+        self.name, self.world = name, world
+        self.truth, self.stamp = Pose(), 0.0
+        self.error, self.compared = math.inf, 0.0
+        self.collisions = 0
+        self.recoveries: list[str] = []
+        self.result: MoveBaseActionResult | None = None
+        self._goal = ""
+        self._listener = TransformListener()
+        self._listener.listen("map", f"{name}/base_link")
+        services = {"move_base/clear_costmaps": Empty, "move_base/make_plan": GetPlan}
+        for service in services:
+            rospy.wait_for_service(f"/{name}/{service}", START_UP)
+        self._forget, self._make_plan = (
+            rospy.ServiceProxy(f"/{name}/{service}", kind) for service, kind in services.items()
+        )
+        self._goals = rospy.Publisher(f"/{name}/move_base/goal", MoveBaseActionGoal, queue_size=1)
+        self._cancels = rospy.Publisher(f"/{name}/move_base/cancel", GoalID, queue_size=1)
+        self._told = rospy.Publisher(f"/{name}/initialpose", PoseWithCovarianceStamped, queue_size=1)
+        self._drive = rospy.Publisher(f"/{name}/pioneer/cmd_vel", Twist, queue_size=1)
+        rospy.Subscriber(f"/{name}/base_pose_ground_truth", Odometry, self._on_truth, queue_size=1)
+        rospy.Subscriber(f"/{name}/collisions", UInt32, self._on_collisions)
+        rospy.Subscriber(f"/{name}/move_base/result", MoveBaseActionResult, self._on_result)
+        rospy.Subscriber(f"/{name}/move_base/recovery_status", RecoveryStatus, self._on_recovery)
+
+    def _on_truth(self, message: Odometry) -> None:
+        self.truth, self.stamp = pose_from_message(message.pose.pose), message.header.stamp.to_sec()
+        truth, stamp = self.truth, self.stamp
+        try:
+            belief = self._listener.wait("map", f"{self.name}/base_link", stamp, LONGEST_LAG).planar()
+        except TransformError:
+            return
+        with self.world.changed:
+            self.error, self.compared = belief.distance(truth), stamp
+
+    def _on_collisions(self, message: UInt32) -> None:
+        self.collisions = message.data
+
+    def _on_result(self, message: MoveBaseActionResult) -> None:
+        if message.status.goal_id.id == self._goal:
+            self.result = message
+
+    def _on_recovery(self, message: RecoveryStatus) -> None:
+        self.recoveries.append(message.recovery_behavior_name)
+
+    def up(self) -> bool:
+        """Tells whether the robot knows where it is and can be told what to do."""
+        publishers = (self._goals, self._cancels, self._told, self._drive)
+        return self.error < 1.0 and all(publisher.get_num_connections() for publisher in publishers)
+
+    def place(self, pose: Pose) -> None:
+        """Sets the robot somewhere, tells it so, and waits until it believes it; its costmaps begin anew."""
+        self.carry(pose)
+        since = self.world.time
+        told = PoseWithCovarianceStamped()
+        told.header.frame_id = "map"
+        told.pose.pose = message_from_pose(pose)
+        told.pose.covariance[0] = told.pose.covariance[7] = 0.01
+        told.pose.covariance[35] = 0.01
+        self._told.publish(told)
+        self.world.wait(lambda: self.compared > since and self.error < 0.1, f"{self.name} believing where it is", 10.0)
+        self._forget()
+
+    def carry(self, pose: Pose) -> None:
+        """Sets the robot somewhere without a word to it."""
+        self.world.put(self.name, pose)
+        since = self.world.time
+        self.world.wait(
+            lambda: self.stamp > since and self.truth.distance(pose) < 0.1, f"{self.name} at its place", 5.0
+        )
+
+    def send(self, x: float, y: float) -> None:
+        """Sends move_base a goal."""
+        self.result, self._goal = None, f"{x} {y} {self.world.time}"
+        message = MoveBaseActionGoal()
+        message.goal_id.id = self._goal
+        message.goal.target_pose = _stamped(Pose(x, y))
+        self._goals.publish(message)
+
+    def sees_a_way(self, x: float, y: float) -> bool:
+        """Tells whether move_base, which has no goal, would find a plan."""
+        return bool(self._make_plan(PoseStamped(), _stamped(Pose(x, y)), 0.0).plan.poses)
+
+    def halt(self) -> None:
+        """Ends whatever the robot is at."""
+        self._drive.publish(Twist())
+        self._cancels.publish(GoalID())
+
+
+def _stamped(pose: Pose) -> PoseStamped:
+    message = PoseStamped()
+    message.header.frame_id, message.pose = "map", message_from_pose(pose)
+    return message
