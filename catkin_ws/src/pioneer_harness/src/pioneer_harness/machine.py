@@ -26,9 +26,7 @@ class FarMachine:
         self.name = f"pioneer-{os.getpid()}"
         self._near = f"pnr{os.getpid() % 10**8}"
         self.prefix = ("ip", "netns", "exec", self.name)
-        made = subprocess.run(["ip", "netns", "add", self.name], capture_output=True, text=True, check=False)
-        if made.returncode:
-            raise MachineError(f"no network namespace: {made.stderr.strip()}")
+        _run("ip", "netns", "add", self.name)
         try:
             _run("ip", "link", "add", self._near, "type", "veth", "peer", "name", "eth0", "netns", self.name)
             _run("ip", "address", "add", f"{HERE}/30", "dev", self._near)
@@ -74,6 +72,9 @@ class FarMachine:
 
 
 def _run(*argv: str) -> None:
-    done = subprocess.run(argv, capture_output=True, text=True, check=False)
+    try:
+        done = subprocess.run(argv, capture_output=True, text=True, check=False)
+    except FileNotFoundError:
+        raise MachineError(f"{argv[0]} is not installed: apt install iproute2 iptables") from None
     if done.returncode:
         raise MachineError(f"{' '.join(argv)}: {done.stderr.strip()}")

@@ -101,7 +101,7 @@ class AmclNode:
         self._advertise()
         self._subscribe()
         self._reconfiguration = ReconfigureServer("~", config, self._on_reconfigure, (ParameterError,))
-        rospy.on_shutdown(self._wake)
+        entry.on_shutdown(self._wake)
 
     def _name_frames(self) -> None:
         config = self._config

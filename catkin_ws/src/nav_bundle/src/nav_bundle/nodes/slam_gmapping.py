@@ -66,7 +66,7 @@ class SlamGmappingNode:
         self._broadcaster = TransformBroadcaster()
         self._advertise()
         self._subscriber = rospy.Subscriber("scan", ScanMessage, self._on_scan, queue_size=5, tcp_nodelay=True)
-        rospy.on_shutdown(self._wake)
+        entry.on_shutdown(self._wake)
 
     def _start(self) -> None:
         self._slam = Slam(self._config, np.random.default_rng(self._config.seed))

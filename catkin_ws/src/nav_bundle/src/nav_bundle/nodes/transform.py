@@ -18,6 +18,7 @@ from nav_bundle.conversions import quaternion_from_yaw
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.transform import DisconnectedError, ExtrapolationError, Transform, TransformError, TransformTree
 from pioneer_node.core.frame import resolved, stripped
+from pioneer_node.nodes import entry
 
 
 def robot_frame(frame: str) -> str:
@@ -56,7 +57,7 @@ class TransformListener:
             rospy.Subscriber("/tf", RawTFMessage, self._on_transforms, queue_size=100, tcp_nodelay=True),
             rospy.Subscriber("/tf_static", RawTFMessage, self._on_static, queue_size=100),
         ]
-        rospy.on_shutdown(self._wake)
+        entry.on_shutdown(self._wake)
 
     def listen(self, target: str, source: str) -> None:
         """Keeps from now on what joins the two frames."""

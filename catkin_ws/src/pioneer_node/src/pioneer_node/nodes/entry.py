@@ -57,6 +57,15 @@ def _shut_down(number: int, _frame: object) -> None:
     threading.Thread(target=rospy.signal_shutdown, args=(f"signal-{number}",), name="shutdown").start()
 
 
+def on_shutdown(wake: Callable[[], object]) -> None:
+    """Has ``wake`` called at shutdown, when ``rospy.is_shutdown`` is true already.
+
+    ``rospy.on_shutdown`` calls before that: a loop that is woken then may find that there is no shutdown, and sleep on
+    for ever.
+    """
+    rospy.core.add_shutdown_hook(lambda _reason: wake())
+
+
 def parameters() -> dict[str, Any]:
     """Returns the node's private parameters, an empty dictionary when there are none."""
     values = rospy.get_param("~", {})

@@ -14,7 +14,7 @@ from geometry_msgs.msg import PoseStamped, Twist
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse, Trigger, TriggerRequest, TriggerResponse
 
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
-from pioneer_node.nodes.entry import parameters
+from pioneer_node.nodes.entry import on_shutdown, parameters
 from simple_navigation_goals.adapters.move_base import MoveBase
 from simple_navigation_goals.adapters.patrol_file import read_patrol
 from simple_navigation_goals.conversions import (
@@ -93,7 +93,7 @@ class GoalClientNode:
         if config.patrol:
             self._queue.patrol(self._read_patrol(config.patrol))
         # CPython 3.11 waits for ever in SimpleQueue.get where a signal handler outlasts the timeout: feed it.
-        rospy.on_shutdown(lambda: self._events.put(lambda: None))
+        on_shutdown(lambda: self._events.put(lambda: None))
         self._publish()
 
     def spin(self) -> None:

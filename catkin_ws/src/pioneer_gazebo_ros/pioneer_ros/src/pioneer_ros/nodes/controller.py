@@ -4,7 +4,7 @@ import threading
 
 import rospy
 
-from pioneer_node.nodes.entry import parameters, run
+from pioneer_node.nodes.entry import on_shutdown, parameters, run
 from pioneer_ros.conversions import CommandMessage, message_from_command
 from pioneer_ros.core.controller import ZERO, CommandError, Watchdog, gains_from_parameters
 
@@ -37,14 +37,15 @@ class ControllerNode:
         self._armed = threading.Condition()
         self._complained = False
         self._publisher = rospy.Publisher("pioneer/cmd_vel", CommandMessage, queue_size=1, tcp_nodelay=True)
-        rospy.on_shutdown(self._wake)
+        on_shutdown(self._wake)
         rospy.Subscriber("cmd_vel", CommandMessage, self._on_command, queue_size=1, tcp_nodelay=True)
 
     def spin(self) -> None:
         """Watches for silence until shutdown."""
         while not rospy.is_shutdown():
             with self._armed:
-                self._armed.wait(_LOOK_EVERY if self._watchdog.armed else None)
+                if not rospy.is_shutdown():
+                    self._armed.wait(_LOOK_EVERY if self._watchdog.armed else None)
                 if rospy.is_shutdown() or not self._watchdog.expired(rospy.get_time()):
                     continue
                 self._publisher.publish(message_from_command(ZERO))
