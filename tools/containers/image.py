@@ -81,9 +81,14 @@ def _ensure_wheels(log: Path, say: Callable[[str], None]) -> None:
     target = ["--python-version", "3.11", "--implementation", "cp", "--platform", "manylinux2014_x86_64"]
     if subprocess.run([python, "-m", "pip", "--version"], capture_output=True, check=False).returncode:
         raise ContainerError(f"pip is missing, to fetch {', '.join(missing)}: apt install python3-pip")
-    say(f"fetching {', '.join(missing)}")
-    command = [str(python), "-m", "pip", "download", "--no-deps", "--only-binary", ":all:", *target]
-    _step([*command, "-d", str(WHEELS), *missing], log, say)
+    pip = [str(python), "-m", "pip"]
+    for one in missing:
+        say(f"fetching {one}")
+        try:
+            _step([*pip, "download", "--no-deps", "--only-binary", ":all:", *target, "-d", str(WHEELS), one], log, say)
+        except ContainerError:
+            # PyPI has xacro's source only; without compiled parts, its wheel is the same for every Python.
+            _step([*pip, "wheel", "--no-deps", "-w", str(WHEELS), one], log, say)
 
 
 def _step(command: Sequence[str], log: Path, say: Callable[[str], None]) -> None:
