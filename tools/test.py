@@ -1,61 +1,32 @@
 """Runs every check of the project, quick ones first: one line a stage, one closing line.
 
 Each stage is a list of checks; a check is a command, and where it writes JUnit results those are
-counted, else it counts as one. Logs and results go to .setup/log/test/.
+counted, else it counts as one. The checks of a stage run side by side, as many as there are processors, unless they
+share something. Logs and results go to .setup/log/test/.
 """
 
 import argparse
+import contextlib
+import fcntl
 import os
-import shutil
 import signal
-import subprocess
 import sys
 import time
-import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+from checks import LOG, ROOT, Check, Count, run
+from containers.engine import ContainerError, compose_command
+from pioneer_harness.proc import processors
+
 SOURCE = ROOT / "catkin_ws" / "src"
-LOG = ROOT / ".setup" / "log" / "test"
 VENV = ROOT / ".setup" / "venv" / "bin"
+LAUNCH_FILES = ROOT / "tools" / "test" / "test_launch_files.py"
 SHOWN_LINES = 25
-ENDING_SECONDS = 10.0
-
-
-@dataclass(frozen=True)
-class Check:
-    """One command of a stage. ``results`` is the folder where it leaves JUnit files, if it does.
-
-    The last line of a check that is ``shown`` is its progress, for people to see.
-    """
-
-    name: str
-    command: list[str]
-    results: Path | None = None
-    environment: dict[str, str] = field(default_factory=dict)
-    timeout: float = 600.0
-    shown: bool = False
-
-
-@dataclass
-class Count:
-    """How many tests passed, failed and were skipped."""
-
-    passed: int = 0
-    failed: int = 0
-    skipped: int = 0
-
-    def add(self, other: "Count") -> None:
-        """Adds ``other`` to this count."""
-        self.passed += other.passed
-        self.failed += other.failed
-        self.skipped += other.skipped
-
-    def __str__(self) -> str:
-        skipped = f", {self.skipped} skipped" if self.skipped else ""
-        return f"{self.passed} passed, {self.failed} failed{skipped}"
+MOST_AT_ONCE = 4
+CONTAINERS_ENDING_SECONDS = 60.0
+"""For ./pioneer down, which gives containers 20 s."""
 
 
 def packages() -> list[Path]:
@@ -88,21 +59,22 @@ def types() -> Iterator[Check]:
 
 def pytest_check(name: str, paths: list[Path], timeout: float = 900.0) -> Check:
     """Returns the check that runs pytest over ``paths``."""
-    results = LOG / f"{name}-results"
+    results = LOG / f"{name.replace('/', '-')}-results"
     command = [sys.executable, "-m", "pytest", f"--junitxml={results / 'pytest.xml'}", "-o", "junit_family=xunit1"]
     return Check(name, [*command, "--durations=5", *map(str, paths)], results, timeout=timeout)
 
 
 def unit() -> Iterator[Check]:
-    """Tests without a ROS environment of their own."""
-    folders = sorted(path for path in SOURCE.rglob("test/unit") if path.is_dir())
+    """Tests without a ROS environment of their own, a check a package."""
     tools = ROOT / "tools" / "test"
-    yield pytest_check("unit", [*folders, tools / "test_setup.py", tools / "test_containers.py"])
+    for folder in sorted(path for path in SOURCE.rglob("test/unit") if path.is_dir()):
+        yield pytest_check(f"{folder.parent.parent.name}/unit", [folder])
+    yield pytest_check("tools/unit", [path for path in sorted(tools.glob("test_*.py")) if path != LAUNCH_FILES])
 
 
 def launch() -> Iterator[Check]:
     """Every launch file of every package loads, and what it starts exists."""
-    yield pytest_check("launch", [ROOT / "tools" / "test" / "test_launch_files.py"])
+    yield pytest_check("launch", [LAUNCH_FILES])
 
 
 def rostests() -> Iterator[Check]:
@@ -115,19 +87,24 @@ def rostests() -> Iterator[Check]:
         yield Check(name, ["rostest", package.name, path.name], results, home, timeout=300.0)
 
 
+def end_to_end_files(soak: bool) -> Iterator[tuple[str, Path]]:
+    """Yields package and file of the end-to-end tests: those that take minutes or hours, or the others."""
+    for path in sorted(SOURCE.rglob("test/e2e/test_*.py")):
+        if ("pytest.mark.soak" in path.read_text()) == soak:
+            yield path.parents[2].name, path
+
+
 def end_to_end() -> Iterator[Check]:
-    """Several masters: the gateways between real processes, and the demo itself."""
-    for path in sorted(SOURCE.rglob("test/e2e")):
-        yield pytest_check(f"{path.parent.parent.name}-e2e", [path], timeout=1200.0)
+    """Several masters: the gateways between real processes, and the demo itself; a check a file."""
+    for package, path in end_to_end_files(soak=False):
+        yield pytest_check(f"{package}/{path.stem.removeprefix('test_')}", [path], timeout=1200.0)
 
 
 def soak(minutes: float, seed: int) -> Iterator[Check]:
     """Tests that take long, and a fault every 20 s for so many minutes."""
     variables = {"PIONEER_SOAK_MINUTES": str(minutes), "PIONEER_SOAK_SEED": str(seed)}
-    for path in sorted(SOURCE.rglob("test/e2e")):
-        if not any("pytest.mark.soak" in file.read_text() for file in path.glob("*.py")):
-            continue
-        check = pytest_check(f"{path.parent.parent.name}-soak", [path], timeout=60 * minutes + 1800)
+    for package, path in end_to_end_files(soak=True):
+        check = pytest_check(f"{package}/{path.stem.removeprefix('test_')}", [path], timeout=60 * minutes + 1800)
         command = [*check.command, "-m", "soak", "-s"]
         yield replace(check, command=command, environment=variables, shown=True)
 
@@ -137,159 +114,151 @@ class StageSkipped(Exception):  # noqa: N818 - no error: what the stage needs is
 
 
 def containers() -> Iterator[Check]:
-    """The tutorial's computers as containers, where a Docker engine answers."""
-    sys.path.insert(0, str(ROOT / "tools"))
-    from containers.engine import ContainerError, compose_command
+    """The tutorial's computers as containers."""
+    folder = ROOT / "tools" / "test" / "containers"
+    # First, so that what goes wrong with the images is told as that.
+    yield Check("containers-images", [str(ROOT / "pioneer"), "image", "--desktop"], timeout=1500.0)
+    # The tests of a folder share one fleet; a file beside it has containers of its own.
+    for path in sorted([*folder.glob("*/"), *folder.glob("test_*.py")]):
+        if path.name != "__pycache__":
+            check = pytest_check(f"containers-{path.stem.removeprefix('test_')}", [path], timeout=1500.0)
+            yield replace(check, patience=CONTAINERS_ENDING_SECONDS)
 
+
+def need_docker() -> None:
+    """Raises StageSkipped where no Docker engine answers."""
     try:
         compose_command()
     except ContainerError as error:
         raise StageSkipped(str(error)) from None
-    for path in sorted((ROOT / "tools" / "test" / "containers").glob("test_*.py")):
-        yield pytest_check(f"containers-{path.stem.removeprefix('test_')}", [path], timeout=1500.0)
 
 
-STAGES: dict[str, Callable[[], Iterator[Check]]] = {
-    "lint": lint,
-    "types": types,
-    "unit": unit,
-    "launch": launch,
-    "rostest": rostests,
-    "e2e": end_to_end,
-    "containers": containers,
+def need_nothing() -> None:
+    """Most stages run on every machine."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Checks that belong together.
+
+    ``alone`` where they share something, so that one runs after the other; ``need`` raises StageSkipped where they
+    cannot run.
+    """
+
+    checks: Callable[[], Iterator[Check]]
+    alone: bool = False
+    need: Callable[[], None] = need_nothing
+
+
+STAGES = {
+    "lint": Stage(lint),
+    "types": Stage(types),
+    "unit": Stage(unit),
+    "launch": Stage(launch),
+    "rostest": Stage(rostests),
+    "e2e": Stage(end_to_end),
+    # One engine, and a network of fixed addresses.
+    "containers": Stage(containers, alone=True, need=need_docker),
 }
 
 
-def run(check: Check) -> tuple[Count, Path]:
-    """Runs one check in a session of its own, which is ended whole, and returns its count and its log."""
-    log = LOG / f"{check.name.replace('/', '-').replace(' ', '-')}.log"
-    environment = {**os.environ, **check.environment}
-    if check.results:
-        shutil.rmtree(check.results, ignore_errors=True)
-        check.results.mkdir(parents=True)
-    with log.open("w") as output:
-        process = subprocess.Popen(
-            check.command,
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            cwd=ROOT,
-            env=environment,
-            start_new_session=True,
-        )
-        try:
-            status = wait(process, check, log)
-        except subprocess.TimeoutExpired:
-            output.write(f"\nnot finished after {check.timeout:.0f} s\n")
-            status = 1
-        finally:
-            end_session(process)
-    return counted(check, status), log
-
-
-def wait(process: "subprocess.Popen[bytes]", check: Check, log: Path) -> int:
-    """Waits for the check's end, showing its progress if it wants that; returns its status."""
-    if not check.shown:
-        return process.wait(check.timeout)
-    deadline, said = time.monotonic() + check.timeout, ""
-    while time.monotonic() < deadline:
-        try:
-            return process.wait(1.0)
-        except subprocess.TimeoutExpired:
-            lines = log.read_text(errors="replace").splitlines()
-            if lines and lines[-1] != said:
-                said = lines[-1]
-                print(f"  {said}", flush=True)
-    raise subprocess.TimeoutExpired(check.command, check.timeout)
-
-
-def end_session(process: "subprocess.Popen[bytes]") -> None:
-    """Ends what is left of the check's processes: asks first, insists after."""
-    for number in (signal.SIGINT, signal.SIGKILL):
-        try:
-            os.killpg(process.pid, number)
-            process.wait(ENDING_SECONDS)
-        except ProcessLookupError:
-            return
-        except subprocess.TimeoutExpired:
-            continue
-
-
-def counted(check: Check, status: int) -> Count:
-    """Returns the tests in the check's JUnit files; a failure they do not show, or no test at all, is one more."""
-    total = Count()
-    for path in check.results.rglob("*.xml") if check.results else ():
-        try:
-            suites = list(ElementTree.parse(path).getroot().iter("testsuite"))
-        except ElementTree.ParseError:  # rostest writes what a test printed as it came, control characters too
-            total.failed += 1
-            continue
-        for suite in suites:
-            tests, skipped = int(suite.get("tests", 0)), int(suite.get("skipped", suite.get("skip", 0)) or 0)
-            failed = int(suite.get("failures", 0)) + int(suite.get("errors", 0))
-            total.add(Count(tests - failed - skipped, failed, skipped))
-    if not check.results and not status:
-        total.passed = 1
-    # rostest calls a test whose node died before its first line a success of no tests.
-    if (status or not total.passed) and not total.failed:
-        total.failed = 1
-    return total
-
-
-def run_stage(name: str, only: str) -> Count:
-    """Runs the checks of a stage and prints its line; shows the end of the log of each that failed."""
+def run_stage(name: str, checks: Sequence[Check], at_once: int) -> Count:
+    """Runs these checks of a stage and prints its line; shows the end of the log of each that failed."""
     started = time.monotonic()
     total, failures = Count(), []
     try:
-        checks = list(STAGES[name]())
+        STAGES[name].need()
     except StageSkipped as reason:
         print(f"{name:10} skipped  {reason}", flush=True)
         return Count(skipped=1)
-    for check in checks:
-        if only and only not in check.name:
-            continue
-        show_progress(f"{name}: {check.name} …")
-        count, log = run(check)
+
+    def progress(names: list[str], done: int) -> None:
+        show_progress(f"{name}: {done} of {len(checks)} done; {', '.join(names)} …")
+
+    for check, count in run(checks, 1 if STAGES[name].alone else at_once, progress):
         total.add(count)
         if count.failed:
-            failures.append((check, count, log))
+            failures.append((check, count))
     show_progress("")
     print(f"{name:10} {'FAILED' if failures else 'ok':6}  {total}  ({time.monotonic() - started:.0f} s)", flush=True)
-    for check, count, log in failures:
-        print(f"  {check.name}: {count.failed} failed; log: {log.relative_to(ROOT)}")
-        for line in log.read_text(errors="replace").splitlines()[-SHOWN_LINES:]:
+    for check, count in failures:
+        print(f"  {check.name}: {count.failed} failed; log: {check.log.relative_to(ROOT)}")
+        for line in check.log.read_text(errors="replace").splitlines()[-SHOWN_LINES:]:
             print(f"    {line}")
     return total
 
 
 def show_progress(text: str) -> None:
-    """Shows what runs now, on a terminal."""
+    """Shows what runs now, on a terminal, in the one line that it has."""
     if sys.stdout.isatty():
-        print(f"\r\033[K{text}", end="", flush=True)
+        print(f"\r\033[K{text[: os.get_terminal_size().columns - 1]}", end="", flush=True)
 
 
-def main() -> int:
-    """Runs the stages named on the command line, all by default; returns the exit status."""
+class AnotherRunError(Exception):
+    """The logs and results of this checkout belong to another run."""
+
+
+@contextlib.contextmanager
+def the_only_run() -> Iterator[None]:
+    """Keeps other runs from this checkout's logs and results.
+
+    Raises:
+        AnotherRunError: one is under way.
+    """
+    LOG.mkdir(parents=True, exist_ok=True)
+    with (LOG / "lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise AnotherRunError("another test run is under way in this checkout") from None
+        yield
+
+
+def arguments_from(words: Sequence[str] | None) -> argparse.Namespace:
+    """Returns the command line as checked; with --soak there is a stage of that name."""
     parser = argparse.ArgumentParser(prog="./pioneer test", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("stages", nargs="*", metavar="STAGE", help=f"one of {', '.join(STAGES)}; all by default")
     parser.add_argument("--only", default="", metavar="TEXT", help="only the checks whose name contains TEXT")
+    parser.add_argument("--jobs", type=int, default=min(max(1, int(processors())), MOST_AT_ONCE), metavar="N",
+        help="checks side by side (default here: %(default)s)")  # fmt: skip
     parser.add_argument(
         "--soak", action="store_true", help="only what takes long: tests of minutes, faults for --minutes"
     )
     parser.add_argument("--minutes", type=float, default=180.0, metavar="N", help="of faults with --soak (%(default)g)")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="which faults with --soak (%(default)s)")
-    arguments = parser.parse_args()
-    if arguments.soak:
-        STAGES["soak"] = lambda: soak(arguments.minutes, arguments.seed)
-        arguments.stages = arguments.stages or ["soak"]
+    arguments = parser.parse_args(words)
     unknown = set(arguments.stages) - set(STAGES)
     if unknown:
         parser.error(f"no stage {', '.join(sorted(unknown))}; there are {', '.join(STAGES)}")
-    LOG.mkdir(parents=True, exist_ok=True)
+    if arguments.soak and arguments.stages:
+        parser.error(f"--soak runs only what takes long: it takes no stage, not {', '.join(arguments.stages)}")
+    if arguments.jobs < 1:
+        parser.error(f"--jobs must be 1 or more, not {arguments.jobs}")
+    if arguments.soak:
+        STAGES["soak"] = Stage(lambda: soak(arguments.minutes, arguments.seed))
+        arguments.stages = ["soak"]
+    return arguments
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Runs the stages named on the command line, all by default; returns the exit status."""
+    arguments = arguments_from(words)
+    stages = {
+        name: [check for check in STAGES[name].checks() if arguments.only in check.name]
+        for name in arguments.stages or STAGES
+    }
+    if not any(stages.values()):
+        print(f"no check's name contains {arguments.only!r}", file=sys.stderr)
+        return 2
     total = Count()
     try:
-        for name in arguments.stages or STAGES:
-            total.add(run_stage(name, arguments.only))
+        with the_only_run():
+            for name, checks in stages.items():
+                if checks:
+                    total.add(run_stage(name, checks, arguments.jobs))
+    except AnotherRunError as error:
+        print(error, file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         print("\ninterrupted")
         return 130
@@ -298,4 +267,6 @@ def main() -> int:
 
 
 if __name__ == "__main__":
+    # Who ends this by SIGTERM wants what runs ended in order, too.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     sys.exit(main())

@@ -1,1 +1,10 @@
 """The fleet in containers: ``./pioneer up``, ``down``, ``status``, ``logs``, ``exec``. Needs Python only."""
+
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+SOURCE = ROOT / "catkin_ws" / "src"
+# Read from the sources: this machine needs no workspace.
+for _package in ("pioneer_demo", "pioneer_harness"):
+    sys.path.append(str(SOURCE / _package / "src"))

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+DESKTOP = "desktop"
+"""The service, and the profile that has it, whose container is no computer but a screen of the base station's."""
+
 
 class ContainerError(Exception):
     """Something about containers that one line explains."""
@@ -106,10 +109,10 @@ class Project:
         return {**os.environ, **self.variables}
 
     def computers(self) -> list[Computer]:
-        """Returns the project's containers, the base station first, then robots by number."""
+        """Returns the project's computers, the base station first, then robots by number; the desktop is none."""
         ids = output("docker", "ps", "-aq", "--filter", f"label=com.docker.compose.project={self.name}").split()
         facts = json.loads(output("docker", "inspect", *ids)) if ids else []
-        return sorted(map(_computer, facts), key=lambda one: one.number)
+        return sorted((one for one in map(_computer, facts) if one.name != DESKTOP), key=lambda one: one.number)
 
 
 def _computer(fact: Mapping[str, Any]) -> Computer:

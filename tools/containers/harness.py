@@ -4,11 +4,10 @@ import contextlib
 import fcntl
 import json
 import os
-import pty
 import subprocess
 import tempfile
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +66,25 @@ class Fleet:
         """Runs a command on a computer and returns what it prints; raises ContainerError where it fails."""
         return output("docker", "exec", self.container(computer), *command)
 
+    @contextlib.contextmanager
+    def meanwhile(self, computer: str, *command: str) -> Iterator[Callable[[], str]]:
+        """Runs a command on a computer meanwhile; what is given waits for its end and returns what it printed.
+
+        That fails where the command fails.
+        """
+        words = ["docker", "exec", self.container(computer), *command]
+        with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+
+            def result() -> str:
+                said, _ = process.communicate(timeout=PATIENCE)
+                assert process.returncode == 0, said[-3000:]
+                return said
+
+            try:
+                yield result
+            finally:
+                process.kill()
+
     def network(self, verb: str, computer: str, *words: str) -> None:
         """Runs ``docker network VERB WORDS`` on a computer and the network that all share."""
         output("docker", "network", verb, *words, f"{self.project}_aadi.robots", self.container(computer))
@@ -86,7 +104,7 @@ class Fleet:
             [*command, "--settled", "--timeout", f"{timeout:g}", *words], capture_output=True, text=True, check=False
         )
         last = json.loads(done.stdout.splitlines()[-1]) if done.stdout.strip() else {}
-        assert done.returncode == 0, f"{computer}: {last or done.stderr[-2000:]}"
+        assert done.returncode == 0, f"{computer}: {last or done.stderr[-2000:]}\n{self.logs()}"
         return last
 
     def arrived(self, numbers: Sequence[int], count: dict[int, int]) -> dict[int, dict[str, Any]]:
@@ -106,6 +124,11 @@ class Fleet:
         missing = [number for number in numbers if number not in results]
         assert not missing, f"robots {missing} have not arrived:\n{self.pioneer('status')}"
         return results
+
+    def memory(self, computer: str) -> float:
+        """Returns the memory that a computer's processes hold [bytes], without the files that the kernel keeps."""
+        pids = self.execute(computer, "sh", "-c", "cat /proc/[0-9]*/smaps_rollup 2>/dev/null; true")
+        return sum(int(line.split()[1]) for line in pids.splitlines() if line.startswith("Pss:")) * 1024.0
 
     def cpu_seconds(self) -> float:
         """Returns the CPU time that all containers have used."""
@@ -131,47 +154,3 @@ def fleet(project: str, subnet: str, **variables: str) -> Iterator[Fleet]:
             yield made
         finally:
             made.pioneer("down")
-
-
-class Terminal:
-    """A terminal on a computer, in which a person types one command; Ctrl-C goes through it as through any other."""
-
-    def __init__(self, container: str, command: str) -> None:
-        master, slave = pty.openpty()
-        words = ["docker", "exec", "-it", container, "bash", "-c", command]
-        self._process = subprocess.Popen(words, stdin=slave, stdout=slave, stderr=slave, start_new_session=True)
-        os.close(slave)
-        self._master, self._changed = master, threading.Condition()
-        self.text, self._ended = "", False
-        self._thread = threading.Thread(target=self._read)
-        self._thread.start()
-
-    def _read(self) -> None:
-        ended = False
-        while not ended:
-            try:
-                data = os.read(self._master, 65536)
-            except OSError:  # how Linux says that the other end of a terminal is closed
-                data = b""
-            ended = not data
-            with self._changed:
-                self.text += data.decode(errors="replace")
-                self._ended = ended
-                self._changed.notify_all()
-
-    def wait_for(self, words: str, timeout: float = PATIENCE) -> None:
-        """Returns once ``words`` have been printed; fails when the command ends before, or time is up."""
-        with self._changed:
-            self._changed.wait_for(lambda: words in self.text or self._ended, timeout)
-            assert words in self.text, f"no {words!r} in:\n{self.text[-3000:]}"
-
-    def interrupt(self) -> None:
-        """Presses Ctrl-C."""
-        os.write(self._master, b"\x03")
-
-    def end(self, timeout: float = 60.0) -> int:
-        """Waits for the command's end and returns its status; fails when it does not end."""
-        status = self._process.wait(timeout)
-        self._thread.join(timeout)
-        os.close(self._master)
-        return status

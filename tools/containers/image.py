@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import platform
 import re
 import subprocess
 import sys
@@ -23,6 +24,22 @@ _PARTS = (
     "docker/computer",
     "docker/healthy",
 )
+MACHINES = ("x86_64", "AMD64")
+"""What x86-64 is called: Debian has its packages for others too, but what PyPI gives is fetched for this one."""
+_DESKTOP = ("docker/Dockerfile.desktop", "docker/desktop")
+
+
+def ensure_images(say: Callable[[str], None], desktop: bool, fleet: bool = True) -> None:
+    """Builds what is missing of the ``fleet``'s image, unless ``PIONEER_IMAGE`` names one, and the ``desktop``'s.
+
+    Raises:
+        ContainerError: a step failed.
+    """
+    name = os.environ.get("PIONEER_IMAGE", "pioneer")
+    if fleet and "PIONEER_IMAGE" not in os.environ:
+        ensure_image(name, say)
+    if desktop:
+        ensure_desktop_image(f"{name}-desktop", name, say)
 
 
 def ensure_image(name: str, say: Callable[[str], None]) -> None:
@@ -34,16 +51,41 @@ def ensure_image(name: str, say: Callable[[str], None]) -> None:
     sources = source_hash()
     if _label(name) == sources:
         return
+    if platform.machine() not in MACHINES:
+        raise ContainerError(f"the image {name} is built on x86-64 only; this machine is {platform.machine()}")
+    log = _new_log(name, say)
+    run_step([str(ROOT / "docker" / "base")], log, say)
+    _ensure_wheels(log, say)
+    _build("docker/Dockerfile", name, sources, log, say)
+
+
+def ensure_desktop_image(name: str, base: str, say: Callable[[str], None]) -> None:
+    """Builds the image ``name`` of the desktop upon the image ``base``, unless it was built from these very sources.
+
+    Raises:
+        ContainerError: a step failed.
+    """
+    found = hashlib.sha256(output("docker", "image", "inspect", "-f", "{{.Id}}", base).encode())
+    for part in _DESKTOP:
+        found.update((ROOT / part).read_bytes())
+    sources = found.hexdigest()[:32]
+    if _label(name) != sources:
+        _build(_DESKTOP[0], name, sources, _new_log(name, say), say, "--build-arg", f"IMAGE={base}")
+
+
+def _new_log(name: str, say: Callable[[str], None]) -> Path:
     log = ROOT / ".setup" / "log" / "image.log"
     log.parent.mkdir(parents=True, exist_ok=True)
     log.write_bytes(b"")
     say(f"building the image {name} (the first time takes some minutes; log: {log.relative_to(ROOT)})")
-    _step([str(ROOT / "docker" / "base")], log, say)
-    _ensure_wheels(log, say)
+    return log
+
+
+def _build(file: str, name: str, sources: str, log: Path, say: Callable[[str], None], *options: str) -> None:
     # Docker hands these to the build's commands without their being part of the image.
     proxies = [word for key in PROXIES if os.environ.get(key) for word in ("--build-arg", key)]
-    command = ["docker", "build", "-f", "docker/Dockerfile", "-t", name, "--label", f"{LABEL}={sources}", *proxies, "."]
-    _step(command, log, say)
+    command = ["docker", "build", "-f", file, "-t", name, "--label", f"{LABEL}={sources}", *options, *proxies, "."]
+    run_step(command, log, say)
 
 
 def source_hash() -> str:
@@ -72,12 +114,18 @@ def requirements() -> list[str]:
     return [line for line in section[1].splitlines() if line and not line.startswith("#")] if section else []
 
 
+def _python() -> Path:
+    """Returns the Python whose pip fetches: set-up's, the system's, or the one that runs this."""
+    known = (ROOT / ".setup/venv/bin/python3", Path("/usr/bin/python3"))
+    return next((path for path in known if path.exists()), Path(sys.executable))
+
+
 def _ensure_wheels(log: Path, say: Callable[[str], None]) -> None:
     have = {path.name.split("-")[0].lower() + "==" + path.name.split("-")[1] for path in WHEELS.glob("*.whl")}
     missing = [one for one in requirements() if one.lower() not in have]
     if not missing:
         return
-    python = next(path for path in (ROOT / ".setup/venv/bin/python3", Path("/usr/bin/python3")) if path.exists())
+    python = _python()
     target = ["--python-version", "3.11", "--implementation", "cp", "--platform", "manylinux2014_x86_64"]
     if subprocess.run([python, "-m", "pip", "--version"], capture_output=True, check=False).returncode:
         raise ContainerError(f"pip is missing, to fetch {', '.join(missing)}: apt install python3-pip")
@@ -85,13 +133,15 @@ def _ensure_wheels(log: Path, say: Callable[[str], None]) -> None:
     for one in missing:
         say(f"fetching {one}")
         try:
-            _step([*pip, "download", "--no-deps", "--only-binary", ":all:", *target, "-d", str(WHEELS), one], log, say)
+            run_step(
+                [*pip, "download", "--no-deps", "--only-binary", ":all:", *target, "-d", str(WHEELS), one], log, say
+            )
         except ContainerError:
             # PyPI has xacro's source only; without compiled parts, its wheel is the same for every Python.
-            _step([*pip, "wheel", "--no-deps", "-w", str(WHEELS), one], log, say)
+            run_step([*pip, "wheel", "--no-deps", "-w", str(WHEELS), one], log, say)
 
 
-def _step(command: Sequence[str], log: Path, say: Callable[[str], None]) -> None:
+def run_step(command: Sequence[str], log: Path, say: Callable[[str], None]) -> None:
     """Runs a command with its output in ``log``, showing what it is at."""
     started, shown = time.monotonic(), 0.0
     with (
@@ -110,7 +160,7 @@ def _step(command: Sequence[str], log: Path, say: Callable[[str], None]) -> None
                 shown = time.monotonic()
                 say(f"  {shown - started:4.0f} s  {line.strip()[:80]}")
     if process.returncode:
-        raise ContainerError("\n".join([f"{command[0]} {command[1]} failed:", *lines, f"the whole log is {log}"]))
+        raise ContainerError("\n".join([f"{' '.join(command[:2])} failed:", *lines, f"the whole log is {log}"]))
 
 
 def image_size(name: str) -> int:

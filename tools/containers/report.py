@@ -12,16 +12,16 @@ REPORT = "/opt/pioneer/catkin_ws/devel/lib/pioneer_fleet/report"
 
 
 def follow(
-    computers: Sequence[Computer], arguments: Sequence[str], heard: Callable[[Computer, dict[str, Any]], None]
+    asked: Sequence[tuple[Computer, Sequence[str]]], heard: Callable[[Computer, dict[str, Any]], None]
 ) -> dict[str, bool]:
-    """Runs the report on all computers until each ends; ``heard`` gets every line, one at a time.
+    """Runs the report on computers, each with its arguments, until all end; ``heard`` gets every line, one at a time.
 
     Returns:
         By computer, whether it came as far as was asked.
     """
     lock, results = threading.Lock(), dict[str, bool]()
 
-    def run(computer: Computer) -> None:
+    def run(computer: Computer, arguments: Sequence[str]) -> None:
         command = ["docker", "exec", computer.container, REPORT, "--robot", computer.robot, *arguments]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None
@@ -37,7 +37,7 @@ def follow(
                 )
         results[computer.name] = process.returncode == 0
 
-    threads = [threading.Thread(target=run, args=(computer,)) for computer in computers]
+    threads = [threading.Thread(target=run, args=one) for one in asked]
     for thread in threads:
         thread.start()
     for thread in threads:

@@ -1,16 +1,21 @@
 """The compose file, the image's sources and the tables: what needs no engine."""
 
+import platform
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from containers import image
 from containers.engine import Computer, ContainerError
-from containers.image import requirements
+from containers.image import requirements, run_step
 from containers.layout import compose_text
 from containers.table import status_table
 
-SHIPPED = (Path(__file__).parents[2] / "docker" / "compose.yaml").read_text()
+DOCKER = Path(__file__).parents[2] / "docker"
+SHIPPED = (DOCKER / "compose.yaml").read_text()
 
 
 def test_five_robots_are_the_shipped_file() -> None:
@@ -31,8 +36,40 @@ def test_a_fleet_that_the_addresses_do_not_hold_is_refused(robots: int) -> None:
         compose_text(SHIPPED, robots)
 
 
+def test_the_command_needs_nothing_but_python() -> None:
+    """Neither a workspace nor any package."""
+    script = "import sys; sys.path.insert(0, sys.argv[1]); import containers.__main__"
+    command = ["/usr/bin/python3", "-I", "-S", "-c", script, str(DOCKER.parent / "tools")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_the_image_takes_no_checks_from_pypi() -> None:
     assert [one.split("==")[0] for one in requirements()] == ["pybullet", "xacro"]
+
+
+def test_the_image_is_built_on_no_other_processor(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(image, "_label", lambda name: "")
+    monkeypatch.setattr(image, "run_step", lambda *_: pytest.fail("nothing is to be tried"))
+    monkeypatch.setattr(platform, "machine", lambda: "aarch64")
+    with pytest.raises(ContainerError, match=r"^the image pioneer is built on x86-64 only; this machine is aarch64$"):
+        image.ensure_image("pioneer", pytest.fail)
+
+
+def test_without_a_python_in_the_usual_places_the_one_that_runs_fetches_wheels(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Path, "exists", lambda path: False)
+    assert image._python() == Path(sys.executable)
+
+
+@pytest.mark.parametrize(
+    ("screen", "page", "well"), [("$$", "$$", True), ("$$", "$dead", False), ("$dead", "$$", False)]
+)
+def test_the_desktop_is_up_while_both_screen_and_page_run(screen: str, page: str, well: int) -> None:
+    (function,) = re.findall(r"^up\(\).*$", (DOCKER / "desktop").read_text(), re.M)
+    function = function.replace("/sys/class/net/eth0", "/")
+    script = f"true & dead=$!; wait; screen={screen} page={page}; {function}; up"
+    done = subprocess.run(["bash", "-uc", script], capture_output=True, text=True, check=False)
+    assert (done.returncode == 0, done.stderr) == (well, "")
 
 
 def test_a_computer_that_says_nothing_still_has_its_row() -> None:
@@ -40,3 +77,11 @@ def test_a_computer_that_says_nothing_still_has_its_row() -> None:
     heading, row = status_table([dead], {}).splitlines()
     assert row.split() == ["aadi1", "exited", *["-"] * 7]
     assert heading.startswith("COMPUTER  CONTAINER")
+
+
+def test_a_step_that_fails_is_told_with_its_last_lines_and_its_log(tmp_path: Path) -> None:
+    step = tmp_path / "step"
+    step.write_text("#!/bin/bash\necho a clue\nexit 1\n")
+    step.chmod(0o755)
+    with pytest.raises(ContainerError, match=r"step failed:\na clue\nthe whole log is .*/log$"):
+        run_step([str(step)], tmp_path / "log", lambda _: None)

@@ -59,5 +59,24 @@ def test_each_argument_of_a_launch_file_is_explained(path: Path) -> None:
     assert not unexplained, f"arguments without doc=: {unexplained}"
 
 
+@pytest.mark.parametrize("path", LAUNCH_FILES, ids=NAMES)
+def test_each_argument_of_a_launch_file_is_used_or_says_that_it_changes_nothing(path: Path) -> None:
+    root, text = ElementTree.parse(path).getroot(), path.read_text()
+    passed_on = any(element.get("pass_all_args") == "true" for element in root.iter("include"))
+    declared = {element.get("name"): element.get("doc", "") for element in root.findall("arg")}
+    unused = [
+        name
+        for name, doc in declared.items()
+        if not (passed_on or f"$(arg {name})" in text or f"arg('{name}')" in text or "changes nothing" in doc)
+    ]
+    assert not unused, f"arguments that nothing uses: {unused}"
+
+
+@pytest.mark.parametrize("path", LAUNCH_FILES, ids=NAMES)
+def test_what_is_handed_to_an_included_file_has_a_value(path: Path) -> None:
+    handed = [one for include in ElementTree.parse(path).getroot().iter("include") for one in include.findall("arg")]
+    assert not [one.get("name") for one in handed if "value" not in one.attrib]
+
+
 def test_there_are_launch_files() -> None:
     assert LAUNCH_FILES

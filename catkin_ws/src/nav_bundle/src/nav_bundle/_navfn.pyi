@@ -24,9 +24,10 @@ def spread(
     limits: NDArray[np.float64],
     goal_row: int,
     goal_col: int,
-    pull: float,
+    guide: NDArray[np.float32],
     budget: int,
 ) -> int: ...
+def coarsen(costs: NDArray[np.uint8], weights: NDArray[np.float32], coarse: NDArray[np.uint8]) -> None: ...
 def descend(
     potential: NDArray[np.float32],
     path: NDArray[np.float64],

@@ -17,6 +17,13 @@ def resample(
     table: NDArray[np.int64],
     out: _Floats,
 ) -> int: ...
+def find_cells(
+    cells: NDArray[np.int8],
+    value: int,
+    until_row: NDArray[np.int64],
+    drawn: NDArray[np.int64],
+    out: NDArray[np.int64],
+) -> None: ...
 def cluster(
     poses: _Floats, weights: _Floats, table: NDArray[np.int64], labels: NDArray[np.int64], sums: _Floats
 ) -> int: ...

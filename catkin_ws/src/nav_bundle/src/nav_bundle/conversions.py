@@ -41,7 +41,7 @@ class GridMessage(OccupancyGrid):  # type: ignore[misc]
             self.data = kept
         buff.seek(-4, io.SEEK_CUR)
         buff.write(struct.pack("<I", cells.size))
-        buff.write(cells.tobytes())
+        buff.write(np.ascontiguousarray(cells).data)
 
     def deserialize(self, data: bytes) -> Self:
         """Reads the message from ``data``."""

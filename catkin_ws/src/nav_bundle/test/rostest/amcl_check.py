@@ -51,6 +51,9 @@ class AmclCheck(RoomTest):
         """Tells whether that tf is right to 5 cm."""
         return self.answered() and self.error() < 0.05
 
+    def particles(self) -> int:
+        return len(self.cloud.poses) if self.cloud else 0
+
     def is_spread(self) -> bool:
         """Tells whether the particles fill the room and look everywhere."""
         poses = [pose_from_message(pose) for pose in self.cloud.poses] if self.cloud else [Pose()]
@@ -112,7 +115,7 @@ class AmclCheck(RoomTest):
         client = Client("/pioneer3/amcl", timeout=10)
         held = client.update_configuration({"min_particles": 700, "laser_z_hit": 0.6, "max_particles": 99999})
         assert (held["min_particles"], held["laser_z_hit"], held["max_particles"]) == (700, 0.6, 10000)
-        self.drive_until(lambda: self.answered() and len(self.cloud.poses) >= 700, "a larger cloud", 0.02)
+        self.drive_until(lambda: self.answered() and self.particles() >= 700, "a larger cloud", 0.02)
         held = client.update_configuration({"laser_model_type": "likelihood_field_prob", "odom_model_type": "omni"})
         assert held["laser_model_type"] == "likelihood_field_prob"
         self.drive_until(self.is_localised, "localisation by the other laser model", 0.0, 0.05)

@@ -16,17 +16,18 @@ from nav_bundle.adapters.map_file import read_map, write_map
 from nav_bundle.core.grid import grid_from_text
 
 CELLS = [100, 100, 100, 100, 100, 0, -1, 100, 100, 100, 100, 100]
+TIMEOUT = 30.0
 
 
 class MapServerCheck(unittest.TestCase):
     def test_the_map_is_latched(self) -> None:
-        message = rospy.wait_for_message("map", OccupancyGrid, timeout=10)
+        message = rospy.wait_for_message("map", OccupancyGrid, timeout=TIMEOUT)
         assert list(message.data) == CELLS
         assert message.header.frame_id == "map"
-        assert rospy.wait_for_message("map_metadata", MapMetaData, timeout=10).width == 4
+        assert rospy.wait_for_message("map_metadata", MapMetaData, timeout=TIMEOUT).width == 4
 
     def test_the_map_is_served(self) -> None:
-        rospy.wait_for_service("static_map", timeout=10)
+        rospy.wait_for_service("static_map", timeout=TIMEOUT)
         served = rospy.ServiceProxy("static_map", GetMap)().map
         assert list(served.data) == CELLS
         assert (served.info.origin.position.x, served.info.origin.position.y) == (-1.0, -2.0)
@@ -34,11 +35,11 @@ class MapServerCheck(unittest.TestCase):
     def test_the_map_is_saved(self) -> None:
         with tempfile.TemporaryDirectory() as folder:
             name = Path(folder, "saved")
-            subprocess.run(["rosrun", "nav_bundle", "map_saver", "-f", str(name)], check=True, timeout=15)
+            subprocess.run(["rosrun", "nav_bundle", "map_saver", "-f", str(name)], check=True, timeout=TIMEOUT)
             assert read_map(name.with_suffix(".yaml")).cells.ravel().tolist() == CELLS
 
     def test_the_map_is_changed_and_a_bad_one_is_not_taken(self) -> None:
-        rospy.wait_for_service("change_map", timeout=10)
+        rospy.wait_for_service("change_map", timeout=TIMEOUT)
         change = rospy.ServiceProxy("change_map", LoadMap)
         answer = change("/none.yaml")
         assert answer.result == LoadMapResponse.RESULT_MAP_DOES_NOT_EXIST

@@ -20,6 +20,8 @@ from pioneer_harness.wait import wait_until
 WAYPOINTS = ((-2.5, -0.5), (3.5, -3.0))
 TOLERANCE = 0.25 + 0.1
 """The goal tolerance of the local planner, and what localisation may add to it [m]."""
+LONGEST_LAG = 0.5
+"""How long the truth waits for the belief of its time, which comes after it [s of wall time]."""
 
 
 class Robot:
@@ -55,7 +57,7 @@ class Robot:
             self.length += pose.distance(self.truth)
         self.truth, self.stamp = pose, message.header.stamp.to_sec()
         try:
-            belief = self.listener.lookup("map", "pioneer1/base_link", self.stamp).planar()
+            belief = self.listener.wait("map", "pioneer1/base_link", self.stamp, LONGEST_LAG).planar()
         except TransformError:
             return
         self.errors.append(belief.distance(pose))

@@ -1,16 +1,22 @@
 """What a scenario does with one robot, and what it sees of it. Times are simulated seconds."""
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 
+import numpy as np
 import rospy
 from actionlib_msgs.msg import GoalID
+from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist
 from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult, RecoveryStatus
 from nav_msgs.msg import Odometry
 from nav_msgs.srv import GetPlan
 from scenario_world import START_UP, World
+from sensor_msgs.msg import LaserScan
 from std_msgs.msg import UInt32
 from std_srvs.srv import Empty
+from wanderer import Wanderer
 
 from nav_bundle.conversions import message_from_pose, pose_from_message
 from nav_bundle.core.pose import Pose
@@ -19,6 +25,12 @@ from nav_bundle.nodes.transform import TransformListener
 
 LONGEST_LAG = 0.5
 """How long the truth waits for the belief of its time [s of wall time]; without one it is not compared."""
+PLACING = 30.0
+"""Longest wait for a robot to be where it was set, and to believe it: no test is of that."""
+RIGHT = 0.3
+"""A belief this near the truth [m] is right."""
+SURE = 5.0
+"""A robot that is right for so long knows where it is."""
 
 
 class Robot:
@@ -27,17 +39,17 @@ class Robot:
     def __init__(self, name: str, world: World) -> None:
         self.name, self.world = name, world
         self.truth, self.stamp = Pose(), 0.0
-        self.error, self.compared = math.inf, 0.0
+        self.error, self.compared, self._right_since = math.inf, 0.0, math.inf
         self.collisions = 0
         self.recoveries: list[str] = []
         self.result: MoveBaseActionResult | None = None
         self._goal = ""
         self._listener = TransformListener()
         self._listener.listen("map", f"{name}/base_link")
-        services = {"move_base/clear_costmaps": Empty, "move_base/make_plan": GetPlan}
+        services = {"move_base/clear_costmaps": Empty, "move_base/make_plan": GetPlan, "global_localization": Empty}
         for service in services:
             rospy.wait_for_service(f"/{name}/{service}", START_UP)
-        self._forget, self._make_plan = (
+        self._forget, self._make_plan, self._scatter = (
             rospy.ServiceProxy(f"/{name}/{service}", kind) for service, kind in services.items()
         )
         self._goals = rospy.Publisher(f"/{name}/move_base/goal", MoveBaseActionGoal, queue_size=1)
@@ -58,6 +70,7 @@ class Robot:
             return
         with self.world.changed:
             self.error, self.compared = belief.distance(truth), stamp
+            self._right_since = min(self._right_since, stamp) if self.error < RIGHT else math.inf
 
     def _on_collisions(self, message: UInt32) -> None:
         self.collisions = message.data
@@ -84,7 +97,9 @@ class Robot:
         told.pose.covariance[0] = told.pose.covariance[7] = 0.01
         told.pose.covariance[35] = 0.01
         self._told.publish(told)
-        self.world.wait(lambda: self.compared > since and self.error < 0.1, f"{self.name} believing where it is", 10.0)
+        self.world.wait(
+            lambda: self.compared > since and self.error < 0.1, f"{self.name} believing where it is", PLACING
+        )
         self._forget()
 
     def carry(self, pose: Pose) -> None:
@@ -92,8 +107,44 @@ class Robot:
         self.world.put(self.name, pose)
         since = self.world.time
         self.world.wait(
-            lambda: self.stamp > since and self.truth.distance(pose) < 0.1, f"{self.name} at its place", 5.0
+            lambda: self.stamp > since and self.truth.distance(pose) < 0.1, f"{self.name} at its place", PLACING
         )
+
+    def recover(self, slow: float, fast: float) -> None:
+        """Sets the rates of amcl's averages of likelihood; zeros for no recovery."""
+        client = Client(f"/{self.name}/amcl", timeout=START_UP)
+        client.update_configuration({"recovery_alpha_slow": slow, "recovery_alpha_fast": fast})
+        client.close()
+
+    def lose(self) -> None:
+        """Has the robot forget where it is."""
+        self._scatter()
+
+    def wander_until_found(self, limit: float) -> None:
+        """Lets the robot drive about by its laser until it has been right about where it is for ``SURE``."""
+        with self.world.changed:
+            self._right_since = math.inf
+        with self._wandering():
+            self.world.wait(
+                lambda: self.compared - self._right_since > SURE, f"{self.name} knowing where it is", limit + SURE
+            )
+
+    @contextmanager
+    def _wandering(self) -> Iterator[None]:
+        wanderer = Wanderer()
+
+        def on_scan(scan: LaserScan) -> None:
+            bearings = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
+            command = Twist()
+            command.linear.x, command.angular.z = wanderer.command(np.array(scan.ranges), bearings)
+            self._drive.publish(command)
+
+        scans = rospy.Subscriber(f"/{self.name}/base_scan", LaserScan, on_scan, queue_size=1, tcp_nodelay=True)
+        try:
+            yield
+        finally:
+            scans.unregister()
+            self.halt()
 
     def send(self, x: float, y: float) -> None:
         """Sends move_base a goal."""

@@ -58,6 +58,15 @@ class ScenarioTest(unittest.TestCase):
         self.assert_arrives(self.first, 13.0, -4.2, 25.0)
         assert self.first.recoveries == []
 
+    def test_two_robots_head_on_in_a_corridor_pass_each_other(self) -> None:
+        self.first.place(Pose(1.0, 9.2, 0.0))
+        self.second.place(Pose(9.0, 9.2, math.pi))
+        self.first.send(9.0, 9.2)
+        self.second.send(1.0, 9.2)
+        self.assert_arrives(self.first, 9.0, 9.2, 40.0)
+        self.assert_arrives(self.second, 1.0, 9.2, 40.0)
+        assert self.first.recoveries == self.second.recoveries == []
+
     def test_a_door_as_wide_as_the_robot_and_15_cm_on_each_side_is_passed_both_ways(self) -> None:
         self.first.place(Pose(17.0, 3.0, -math.pi / 2))
         for x, y in ((22.5, 1.0), (17.5, 1.0)):
@@ -88,6 +97,18 @@ class ScenarioTest(unittest.TestCase):
         for robot in self.robots:
             assert self.end(robot, 60.0) == NO_PLAN
             assert [name.split(" ")[0] for name in robot.recoveries] == RECOVERIES
+
+    def test_a_robot_carried_off_finds_out_where_it_is_with_recovery_alpha_on(self) -> None:
+        self.first.place(Pose(1.0, 1.0, 0.0))
+        self.first.recover(0.001, 0.1)
+        self.addCleanup(self.first.recover, 0.0, 0.0)
+        self.first.carry(Pose(8.6, 4.4, 2.0))
+        self.first.wander_until_found(60.0)
+
+    def test_a_robot_that_may_be_anywhere_finds_out_where_it_is(self) -> None:
+        self.first.place(Pose(1.0, 5.5, 1.0))
+        self.first.lose()
+        self.first.wander_until_found(60.0)
 
     def shut_in(self) -> None:
         """Sets the robot into the dead end, and a gate before it, near enough that no recovery forgets it."""

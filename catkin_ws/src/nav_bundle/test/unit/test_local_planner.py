@@ -260,6 +260,35 @@ def test_with_a_wall_in_front_it_backs_up():
     assert world.decide().velocity == Velocity(-0.2)
 
 
+@pytest.mark.parametrize(("gap", "beside", "heading"), [(0.30, 0.4, 0.0), (0.35, 0.25, 0.0), (0.35, 0.4, 0.3)])
+def test_out_of_a_dead_end_it_takes_another_way(gap, beside, heading):
+    """In front of a thin wall, with the goal behind it, the cheapest way led into the wall again and again."""
+    cells = np.zeros((140, 160), np.int8)
+    cells[:75, 79:81] = OCCUPIED
+    world = World(Grid(RESOLUTION, Pose(), cells), Pose(3.95 - gap, 3.75 - beside, heading), config_of())
+    world.drive(Pose(6.5, 1.5), 20.0)
+
+
+def tilted_passage(tilt):
+    """A passage of 1.2 m that opens into a room and lies askew to the cells, so that its walls are stairs."""
+    row, col = np.mgrid[:160, :160]
+    x, y = ((index + 0.5) * RESOLUTION - 4.0 for index in (col, row))
+    along, across = x * math.cos(tilt) + y * math.sin(tilt), y * math.cos(tilt) - x * math.sin(tilt)
+    cells = np.where(((np.abs(across) > 0.6) & (along > -0.5)) | (along > 3.6), OCCUPIED, 0).astype(np.int8)
+    cells[:2] = cells[-2:] = cells[:, :2] = cells[:, -2:] = OCCUPIED
+    return Grid(RESOLUTION, Pose(), cells)
+
+
+@pytest.mark.parametrize(
+    ("tilt", "gap", "into"), [(0.08, 0.255, 0.1), (0.08, 0.265, 0.2), (0.15, 0.265, 0.2), (0.15, 0.28, 0.2)]
+)
+def test_a_robot_close_beside_a_wall_gets_away_from_it(tilt, gap, into):
+    """It went 10 cm back and came to the same place again for good, or found no way back that was free for 1.7 s."""
+    passage = Pose(4.0, 4.0, tilt)
+    world = World(tilted_passage(tilt), passage.compose(Pose(2.3, 0.6 - gap, math.pi - into)), config_of())
+    world.drive(passage.compose(Pose(-2.5, 0.0)), 60.0)
+
+
 def test_near_the_goal_it_stops_turns_and_has_reached_it(configure):
     world = World(world_of(HALL, 0.8), Pose(4.0, 3.2), configure(yaw_goal_tolerance=0.1))
     world.velocity = Velocity(0.5)

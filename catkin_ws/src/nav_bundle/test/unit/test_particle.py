@@ -86,15 +86,27 @@ def test_weights_that_vanish_leave_the_particles_equal() -> None:
     assert particles.weights.tolist() == [0.25] * 4
 
 
-def test_a_fall_in_likelihood_brings_random_particles() -> None:
-    config = AmclConfig(min_particles=200, max_particles=400, recovery_alpha_slow=0.001, recovery_alpha_fast=0.5)
+@pytest.mark.parametrize(("likelihood", "expected"), [(10.0, 0.0), (9.4, 0.03), (1.0, 0.1)])
+def test_a_fall_in_likelihood_brings_as_large_a_share_of_random_particles_but_at_most_a_tenth(
+    likelihood: float, expected: float
+) -> None:
+    config = AmclConfig(min_particles=4000, max_particles=4000, recovery_alpha_slow=0.001, recovery_alpha_fast=0.5)
     particles = a_filter(config)
     particles.replace(np.zeros((400, 3)))
     particles.weigh(np.full(400, 10.0))
-    particles.weigh(np.full(400, 1.0))
+    particles.weigh(np.full(400, likelihood))
     particles.resample(lambda count: np.full((count, 3), 7.0))
     share = np.mean(particles.poses[:, 0] == 7.0)
-    assert 0.35 < share < 0.55
+    assert abs(share - expected) < 0.01
+
+
+def test_the_particles_of_a_place_are_as_many_as_its_weight_says() -> None:
+    particles = a_filter(AmclConfig(min_particles=1000, max_particles=1000))
+    for _ in range(100):
+        particles.replace(np.repeat([[0.0, 0, 0], [5.0, 0, 0]], 500, axis=0))
+        particles.weigh(np.repeat([0.994, 0.006], 500))
+        particles.resample(nowhere)
+        assert abs(np.count_nonzero(particles.poses[:, 0]) - 6) <= 2
 
 
 def test_selective_resampling_keeps_particles_that_are_still_even() -> None:
@@ -104,6 +116,12 @@ def test_selective_resampling_keeps_particles_that_are_still_even() -> None:
     particles.weigh(np.full(len(before), 2.0))
     particles.resample(nowhere)
     assert (particles.poses == before).all()
+
+
+def test_the_likeliest_of_some_random_poses_is_taken() -> None:
+    space = FreeSpace(grid_from_text(["." * 20], 1.0), np.random.default_rng(5))
+    xs = space.draw_likely(500, 9, lambda poses: poses[:, 0])[:, 0]
+    assert abs(xs.mean() - 20.0 * 9 / 10) < 0.3  # the mean of the greatest of nine
 
 
 def test_random_poses_lie_in_free_cells_evenly() -> None:

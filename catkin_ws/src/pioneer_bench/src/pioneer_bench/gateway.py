@@ -11,7 +11,7 @@ from pathlib import Path
 from pioneer_bench.adapters.crowd_trial import crowd_rows
 from pioneer_bench.adapters.cut_trial import cut_rows
 from pioneer_bench.adapters.fleet import Fleet
-from pioneer_bench.adapters.flow_trial import flow_rows, idle_rows
+from pioneer_bench.adapters.flow_trial import flow_rows, idle_rows, tls_rows
 from pioneer_bench.adapters.rule_trial import call_rows, fault_rows, publisher_rows
 from pioneer_bench.adapters.service_trial import service_rows
 from pioneer_bench.core.row import Row, table
@@ -45,6 +45,7 @@ def run(options: argparse.Namespace) -> int:
             "idling": lambda: idle_rows(fleet, 4 * seconds),
             "services": lambda: service_rows(fleet, repetitions),
             "messages": lambda: flow_rows(fleet, repetitions, seconds),
+            "TLS": lambda: tls_rows(Path(folder), repetitions, seconds),
             "faults": lambda: fault_rows(fleet, repetitions),
             "a machine that is gone": lambda: cut_rows(fleet, Path(folder), repetitions),
             "a thousand gateways": lambda: crowd_rows(fleet),

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from pioneer_bench.core.gateway import Flow, large_rows, paced_rows, small_rows, steady_rows
+from pioneer_bench.core.gateway import Flow, encrypted_rows, large_rows, paced_rows, small_rows, steady_rows
 from pioneer_bench.core.row import Row, table
 
 
@@ -30,6 +30,14 @@ def test_what_could_not_be_measured_misses_its_goal() -> None:
 def test_what_is_carried_for_more_cpu_than_the_peer_needs_misses_its_goal(rows_from) -> None:
     assert all(row.holds is not False for row in rows_from(flows(0.5)))
     assert next(row.unit for row in rows_from(flows(2.0)) if row.holds is False).endswith("/CPU-s")
+
+
+def test_what_tls_costs_has_no_goal() -> None:
+    rows = encrypted_rows(flows(0.5)["gateway"])
+    assert [(row.unit, row.samples, row.holds) for row in rows] == [
+        ("MB/s", (950.0,), None),
+        ("MB/CPU-s", (1900.0,), None),
+    ]
 
 
 def test_latency_is_held_against_the_peers() -> None:

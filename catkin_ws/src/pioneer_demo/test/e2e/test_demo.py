@@ -2,6 +2,8 @@
 
 import json
 import os
+import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -9,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+import rospkg
 
 from pioneer_harness.proc import arguments, has_variable, process_states
 from pioneer_harness.wait import wait_until
@@ -72,8 +75,9 @@ def assert_all_gone(demo):
     assert demo.processes() == {}
 
 
-def test_two_robots_reach_their_waypoints_through_the_gateways(start):
-    demo = start("--robots", 2, "--waypoints", 1, "--seed", 4)
+def test_two_robots_reach_their_waypoints_through_the_gateways_and_are_filmed(start, tmp_path):
+    film = tmp_path / "film" / "run.mp4"
+    demo = start("--robots", 2, "--waypoints", 1, "--seed", 4, "--video", film)
     assert demo.process.wait(_WHOLE) == 0, demo.text()
     assert_all_gone(demo)
     numbers = json.loads((demo.report / "report.json").read_text())
@@ -89,6 +93,14 @@ def test_two_robots_reach_their_waypoints_through_the_gateways(start):
     assert {"simulator", "gateways", "amcl", "move_base", "masters"} <= set(numbers["processes"])
     assert numbers["processes"]["masters"]["count"] >= 4
     assert (demo.report / "fleet.png").stat().st_size > 10_000
+    assert 0.0 <= seconds_of(film) - numbers["drive"]["simulated_seconds"] < 120.0, (
+        "from the robots' first sight to the end"
+    )
+
+
+def seconds_of(film):
+    command = ["ffprobe", "-v", "error", "-show_entries", "format=duration", "-of", "csv=p=0", str(film)]
+    return float(subprocess.run(command, capture_output=True, check=True, text=True).stdout)
 
 
 def interrupted_after(demo, words, timeout):
@@ -122,8 +134,21 @@ def test_a_move_base_that_dies_is_named_and_ends_the_demo(start):
     assert not json.loads((demo.report / "report.json").read_text())["success"]
 
 
-def test_a_demo_beside_another_takes_other_ports_and_leaves_it_alone(start):
-    first = start("--robots", 1, "--waypoints", 1)
+@pytest.fixture
+def own_world(tmp_path):
+    """A world that is not pioneer_gazebo's, without a map."""
+    worlds = Path(rospkg.RosPack().get_path("pioneer_gazebo")) / "worlds"
+    return Path(shutil.copy(worlds / "closed_maze.world", tmp_path / "my own.world"))
+
+
+def test_a_demo_in_ones_own_world_wants_its_map_and_one_beside_it_takes_other_ports(start, own_world):
+    lacking = start("--world", own_world)
+    assert lacking.process.wait(60.0) == 2
+    (line,) = lacking.text().splitlines()
+    draw = line.partition("draw it: ./pioneer run ")[2]
+    subprocess.run(shlex.split(draw), check=True, timeout=60, capture_output=True)
+
+    first = start("--world", own_world, "--robots", 1, "--waypoints", 1)
     first.await_words("waiting for", 30.0)
     second = start("--robots", 1)
     interrupted_after(second, "waiting for", 30.0)

@@ -3,25 +3,52 @@
 from pathlib import Path
 
 import pytest
+import yaml
 
+from pioneer_demo.adapters.world_folder import map_names, place_count, places_by_world
 from pioneer_demo.core.error import OptionError
-from pioneer_demo.core.option import DemoConfig, config_from_arguments
+from pioneer_demo.core.option import DemoConfig, check_fleet, config_from_arguments
 
-PLACES = {"closed_maze": 15, "small_world": 6}
+POSES = Path(__file__).parents[3] / "pioneer_gazebo_ros" / "pioneer_description" / "config"
 
-
-def parsed(*arguments):
-    return config_from_arguments(arguments, PLACES)
+PLACES, ELSEWHERE = {"closed_maze": 15, "small_world": 6}, 10
 
 
-def test_without_arguments_two_robots_drive_in_the_closed_maze():
-    assert parsed() == DemoConfig(robots=2, world="closed_maze", waypoints=3, report=Path("demo-report"))
+def parsed(*arguments, processors=2):
+    return config_from_arguments(arguments, PLACES, ELSEWHERE, processors)
+
+
+def test_without_arguments_two_robots_drive_in_the_closed_maze_at_real_time():
+    expected = DemoConfig(robots=2, world="closed_maze", waypoints=3, report=Path("demo-report"), processors=2)
+    assert parsed() == expected
+    assert (expected.real_time_factor, expected.choice) == (1.0, "")
+
+
+@pytest.mark.parametrize(
+    ("robots", "processors", "factor"),
+    [(2, 1, 1.0), (5, 2, 1.0), (10, 2, 0.5), (15, 2, 0.3), (15, 8, 1.0), (3, 1, 0.8), (2, 0.5, 0.6), (15, 0.1, 0.05)],
+)
+def test_a_fleet_drives_as_fast_as_the_processors_carry_and_no_faster_than_real_time(robots, processors, factor):
+    assert parsed("--robots", str(robots), processors=processors).real_time_factor == factor
+
+
+def test_a_factor_that_was_chosen_is_told_in_one_line_and_one_that_was_asked_for_is_kept():
+    chosen, asked = parsed("--robots", "10"), parsed("--robots", "10", "--rtf", "1")
+    assert (
+        chosen.choice == "Real-time factor 0.5: 2 processors carry no more with 10 robots (--rtf R insists on another)"
+    )
+    assert (asked.real_time_factor, asked.choice) == (1.0, "")
 
 
 def test_every_option_arrives():
     line = "--robots 5 --world small_world --seed 7 --rtf 0 --waypoints 4 --report out --limit 99"
     config = parsed(*line.split(" "))
     assert config == DemoConfig(5, "small_world", 7, 0.0, 4, Path("out"), 99.0)
+
+
+def test_any_world_file_may_be_driven_in():
+    assert parsed("--world", "mars.world").is_own_world
+    assert not parsed("--world", "small_world").is_own_world
 
 
 def test_a_world_file_goes_by_the_name_of_its_map():
@@ -36,7 +63,7 @@ def test_a_world_file_goes_by_the_name_of_its_map():
         (["--robots", "7", "--world", "small_world"], "--robots must be 1 to 6 in small_world, not 7"),
         (["--robots", "two"], "--robots: invalid int value: 'two'"),
         (["--world", "mars"], "--world must be one of closed_maze, small_world, or a .world file"),
-        (["--world", "/tmp/mars.world"], "whose map is in pioneer_gazebo/map, not '/tmp/mars.world'"),
+        (["--world", "/tmp/mars.world", "--robots", "11"], "--robots must be 1 to 10 in mars, not 11"),
         (["--rtf", "-1"], "--rtf must be 0"),
         (["--rtf", "nan"], "--rtf must be 0"),
         (["--waypoints", "0"], "--waypoints must be 1 to 50, not 0"),
@@ -50,3 +77,30 @@ def test_a_bad_argument_is_one_line_that_names_it(arguments, words):
         parsed(*arguments)
     assert words in str(raised.value)
     assert "\n" not in str(raised.value)
+
+
+def test_only_who_takes_files_takes_the_path_of_a_known_world():
+    check_fleet(6, "/home/me/small_world.world", PLACES, ELSEWHERE)
+    with pytest.raises(OptionError, match="--world must be one of closed_maze, small_world, not"):
+        check_fleet(6, "a/small_world.world", PLACES)
+
+
+def test_a_world_has_as_many_places_as_its_own_file_of_poses_else_as_the_common_one(tmp_path):
+    for name in ("hall", "room"):
+        (tmp_path / f"{name}.yaml").touch()
+    (tmp_path / "hall.pgm").touch()
+    poses = tmp_path / "config"
+    poses.mkdir()
+    (poses / "pioneer_poses.yaml").write_text("# pioneer0: none\npioneer1: {x: 1}\npioneer2: {x: 2}\n")
+    (poses / "pioneer_poses_room.yaml").write_text("pioneer1: {x: 1}\n")
+    assert map_names(tmp_path) == ["hall", "room"]
+    assert places_by_world(tmp_path, poses) == {"hall": 2, "room": 1}
+    assert place_count(poses) == 2
+
+
+def test_every_shipped_file_of_poses_is_counted_as_yaml_has_it():
+    files = sorted(POSES.glob("pioneer_poses*.yaml"))
+    assert files
+    for path in files:
+        world = path.stem.removeprefix("pioneer_poses").removeprefix("_")
+        assert place_count(POSES, world) == len(yaml.safe_load(path.read_text())), path

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pioneer_demo.adapters.map_file import floor_from_file, map_names
+from pioneer_demo.adapters.map_file import floor_from_file
 from pioneer_demo.adapters.picture import draw_fleet
 from pioneer_demo.core.cost import Cost
 from pioneer_demo.core.error import MapFileError
@@ -81,7 +81,6 @@ def test_a_map_is_read_by_its_thresholds_and_drawn_with_the_fleet(tmp_path, flee
     Image.fromarray(pixels).save(tmp_path / "hall.pgm")
     fields = "image: hall.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196"
     (tmp_path / "hall.yaml").write_text(fields)
-    assert map_names(tmp_path) == ["hall"]
     floor = floor_from_file(tmp_path / "hall.yaml")
     assert floor.occupied[-1, 5]  # the image's first line is the largest y
     assert floor.free[5, 5]

@@ -1,6 +1,8 @@
-"""The film of a run: what is recorded, what a frame shows, what ffmpeg gets."""
+"""The film of a run: what is recorded, what a frame shows, what ffmpeg gets and makes of it."""
 
+import json
 import os
+import subprocess
 import types
 
 import numpy as np
@@ -66,6 +68,21 @@ def test_ffmpeg_gets_every_frame_and_its_failure_is_one_line(recording, tmp_path
     program.write_text("#!/bin/sh\necho first >&2\necho no such encoder >&2\nexit 1\n")
     with pytest.raises(VideoError, match=r"run.mp4: ffmpeg failed: no such encoder"):
         video.write_video(FLOOR, recording, ["pioneer1"], film)
+
+
+def test_the_film_is_h264_of_every_frame_and_shows_the_robot_where_it_ends(recording, tmp_path):
+    film = tmp_path / "run.mp4"
+    frames = video.write_video(FLOOR, recording, ["pioneer1"], film)
+    command = ["ffprobe", "-v", "error", "-show_streams", "-of", "json", str(film)]
+    [stream] = json.loads(subprocess.run(command, capture_output=True, check=True).stdout)["streams"]
+    assert (stream["codec_name"], stream["width"], stream["height"]) == ("h264", 960, 576)
+    assert int(stream["nb_frames"]) == frames == 101
+    assert float(stream["duration"]) == pytest.approx(10.1)
+    command = ["ffmpeg", "-v", "error", "-i", str(film), "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    shown = np.frombuffer(subprocess.run(command, capture_output=True, check=True).stdout, np.uint8)
+    first, last = shown.reshape(frames, 576, 960, 3)[[0, -1], round(3.0 * 96), round((2.0 + 5.0) * 96)]
+    assert first == pytest.approx(ImageColor.getrgb(colour.FREE), abs=12)
+    assert last == pytest.approx(ImageColor.getrgb(colour.of_robot(0)), abs=40), "but for the film's compression"
 
 
 def test_without_ffmpeg_one_line_says_what_to_do(monkeypatch, tmp_path):

@@ -1,11 +1,13 @@
 """Another machine: a network namespace at the other end of a cable that can be cut, narrowed and made to lose."""
 
 import os
+import socket
 import subprocess
 
 from pioneer_harness.error import HarnessError
 
-HERE, THERE = "10.231.77.1", "10.231.77.2"
+_NETWORK, _CABLES = "10.231.77", 64
+"""Each cable takes four of the network's addresses."""
 
 
 class MachineError(HarnessError):
@@ -16,6 +18,8 @@ class FarMachine:
     """A network namespace, joined to ours by a pair of virtual Ethernet devices.
 
     Attributes:
+        here: our address on the cable, which no other machine of ours has.
+        there: that of the other end.
         prefix: a command that runs another one there.
 
     Raises:
@@ -23,15 +27,16 @@ class FarMachine:
     """
 
     def __init__(self) -> None:
-        self.name = f"pioneer-{os.getpid()}"
-        self._near = f"pnr{os.getpid() % 10**8}"
+        number, self._reserved = _free_cable()
+        self.here, self.there = (f"{_NETWORK}.{4 * number + end}" for end in (1, 2))
+        self.name, self._near = f"pioneer-{os.getpid()}-{number}", f"pioneer{number}"
         self.prefix = ("ip", "netns", "exec", self.name)
-        _run("ip", "netns", "add", self.name)
         try:
+            _run("ip", "netns", "add", self.name)
             _run("ip", "link", "add", self._near, "type", "veth", "peer", "name", "eth0", "netns", self.name)
-            _run("ip", "address", "add", f"{HERE}/30", "dev", self._near)
+            _run("ip", "address", "add", f"{self.here}/30", "dev", self._near)
             _run("ip", "link", "set", self._near, "up")
-            self.run("ip", "address", "add", f"{THERE}/30", "dev", "eth0")
+            self.run("ip", "address", "add", f"{self.there}/30", "dev", "eth0")
             self.plug()
             self.run("ip", "link", "set", "lo", "up")
         except MachineError:
@@ -69,6 +74,23 @@ class FarMachine:
         """Takes all of it away; its processes must have ended."""
         subprocess.run(["ip", "link", "delete", self._near], capture_output=True, check=False)
         subprocess.run(["ip", "netns", "delete", self.name], capture_output=True, check=False)
+        self._reserved.close()
+
+
+def _free_cable() -> tuple[int, socket.socket]:
+    """Returns the number of a cable that nobody else of this machine has, and what keeps it so until it is closed.
+
+    As with `PortReservation`, that is a name that lives as long as its socket.
+    """
+    for number in range(_CABLES):
+        name = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            name.bind(f"\0pioneer-cable-{number}")
+        except OSError:
+            name.close()
+        else:
+            return number, name
+    raise MachineError(f"all {_CABLES} addresses for other machines are taken")
 
 
 def _run(*argv: str) -> None:

@@ -10,7 +10,7 @@ import rosgraph
 
 from pioneer_harness.masters import environment, is_running
 from pioneer_harness.process import ProcessGroup
-from pioneer_harness.wait import wait_until
+from pioneer_harness.wait import START, wait_until
 
 
 class MasterProcess:
@@ -36,7 +36,7 @@ class MasterProcess:
 
     def _start(self) -> None:
         self._pid = self._group.start("master", self._argv, self.environment, self._log, may_end=True)
-        wait_until(lambda: is_running(self.uri), f"the master {self.uri}", 15)
+        wait_until(lambda: is_running(self.uri), f"the master {self.uri}", START)
 
     def restart(self) -> None:
         """Kills the master and starts it again, with nothing in it."""

@@ -2,6 +2,7 @@
 
 import ctypes
 import dataclasses
+import math
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 _TICK = 1.0 / os.sysconf("SC_CLK_TCK")
 _PAGE = os.sysconf("SC_PAGE_SIZE")
 _PR_SET_CHILD_SUBREAPER = 36
+_CONTROL_GROUP = Path("/sys/fs/cgroup")
 _libc = ctypes.CDLL(None, use_errno=True)
 
 
@@ -82,6 +84,22 @@ def descendants(states: dict[int, ProcessState], roots: Iterable[int]) -> set[in
             found.add(pid)
             open_.extend(children.get(pid, ()))
     return found
+
+
+def processors(control_group: Path = _CONTROL_GROUP) -> float:
+    """Returns how many processors' time this process may use: those it may run on, or less by its container's quota."""
+    return min(float(len(os.sched_getaffinity(0))), _quota(control_group))
+
+
+def _quota(control_group: Path) -> float:
+    unified, old = control_group / "cpu.max", control_group / "cpu"
+    if unified.is_file():
+        quota, period = unified.read_text().split()
+    elif (old / "cpu.cfs_quota_us").is_file():
+        quota, period = ((old / f"cpu.cfs_{name}_us").read_text().strip() for name in ("quota", "period"))
+    else:
+        return math.inf
+    return math.inf if quota in ("max", "-1") else int(quota) / int(period)
 
 
 def _read(pid: int, name: str) -> bytes:

@@ -25,7 +25,9 @@ from pioneer_harness.proc import (
     process_states,
 )
 
-_VARIABLE = "PIONEER_PROCESS_GROUP"
+# Each group has a variable of its own, so that a process stays recognisable to this group though it was started by
+# another one inside: a test's, under the test runner's.
+_VARIABLE = "PIONEER_PROCESS_GROUP_"
 _POLL_INTERVAL = 0.02
 _LAST_LINES = 15
 # A shell starts background jobs with SIGINT ignored, which children would inherit; and whoever kills this process
@@ -81,7 +83,7 @@ class ProcessGroup:
         """``on_death`` is called from the group's thread for each unexpected end."""
         become_subreaper()
         self._on_death = on_death
-        self._tag = uuid.uuid4().hex
+        self._variable = _VARIABLE + uuid.uuid4().hex
         self._changed = threading.Condition()
         self._members: dict[int, _Member] = {}
         self._deaths: list[Death] = []
@@ -100,6 +102,7 @@ class ProcessGroup:
         env: Mapping[str, str] | None = None,
         log: Path | None = None,
         may_end: bool = False,
+        folder: Path | None = None,
     ) -> int:
         """Starts ``argv`` and returns its pid.
 
@@ -109,18 +112,19 @@ class ProcessGroup:
             env: the whole environment; this process's own where None.
             log: file that its output is appended to; without one it shares this process's output.
             may_end: it is no death when the process ends with status 0.
+            folder: where it runs; this process's own directory where None.
 
         Raises:
-            ProcessStartError: there is no such program, the log cannot be opened, or the group is stopping.
+            ProcessStartError: there is no such program or folder, the log cannot be opened, or the group is stopping.
         """
-        environment = {**(os.environ if env is None else env), _VARIABLE: self._tag}
+        environment = {**(os.environ if env is None else env), self._variable: "1"}
         program = shutil.which(argv[0], path=environment.get("PATH"))
         if program is None:
             raise ProcessStartError(f"{name}: no program '{argv[0]}' on the PATH")
         with self._changed:
             if self._stopping:
                 raise ProcessStartError(f"{name}: not started, the group is stopping")
-            popen = _spawn(name, [*_PREFIX, program, *argv[1:]], environment, log)
+            popen = _spawn(name, [*_PREFIX, program, *argv[1:]], environment, log, folder)
             _wait_for_the_program(popen.pid)
             member = _Member(name, popen, log, may_end, os.pidfd_open(popen.pid))
             self._members[popen.pid] = member
@@ -168,6 +172,8 @@ class ProcessGroup:
     def stop(self, grace: float = 3.0, urgent: Callable[[], bool] = lambda: False) -> tuple[str, ...]:
         """Ends everything: SIGINT to what was started, after ``grace`` [s] SIGKILL to whatever still lives.
 
+        What the started processes leave behind when they end is asked by SIGINT too: nobody else would ask it.
+
         Args:
             grace: time to end in order [s].
             urgent: asked again and again; the grace is over once it returns true.
@@ -198,7 +204,7 @@ class ProcessGroup:
         for state in self.states().values():
             if state.alive:
                 living.append(state)
-            elif state.parent == os.getpid() and state.pid not in self._members:
+            elif self._is_adopted(state):
                 _reap(state.pid)
         return living
 
@@ -206,12 +212,20 @@ class ProcessGroup:
         return (
             (state.pid, state.started) in self._known
             or state.session in sessions
-            or has_variable(state.pid, _VARIABLE, self._tag)
+            or has_variable(state.pid, self._variable, "1")
         )
 
     def _wait_for_the_end(self, deadline: float, urgent: Callable[[], bool]) -> None:
-        while self._living() and time.monotonic() < deadline and not urgent():
+        asked: set[tuple[int, int]] = set()
+        while (living := self._living()) and time.monotonic() < deadline and not urgent():
+            for state in living:
+                if self._is_adopted(state) and (state.pid, state.started) not in asked:
+                    asked.add((state.pid, state.started))
+                    _send(state.pid, signal.SIGINT)
             time.sleep(_POLL_INTERVAL)
+
+    def _is_adopted(self, state: ProcessState) -> bool:
+        return state.parent == os.getpid() and state.pid not in self._members
 
     def _kill_all(self) -> tuple[str, ...]:
         killed: dict[tuple[int, int], str] = {}
@@ -219,7 +233,7 @@ class ProcessGroup:
         while living := self._living():
             for state in living:
                 killed.setdefault((state.pid, state.started), " ".join(arguments(state.pid)))
-                _kill(state.pid)
+                _send(state.pid, signal.SIGKILL)
             time.sleep(_POLL_INTERVAL)
         return tuple(killed.values())
 
@@ -270,7 +284,7 @@ def last_lines(path: Path, count: int = _LAST_LINES) -> str:
 
 
 def _spawn(
-    name: str, argv: Sequence[str], environment: Mapping[str, str], log: Path | None
+    name: str, argv: Sequence[str], environment: Mapping[str, str], log: Path | None, folder: Path | None
 ) -> "subprocess.Popen[bytes]":
     try:
         output = log.open("ab") if log else None
@@ -278,9 +292,11 @@ def _spawn(
         raise ProcessStartError(f"{name}: cannot write {log}: {error.strerror}") from error
     try:
         return subprocess.Popen(
-            argv, env=environment, stdin=subprocess.DEVNULL, stdout=output,
+            argv, env=environment, cwd=folder, stdin=subprocess.DEVNULL, stdout=output,
             stderr=subprocess.STDOUT if output else None, start_new_session=True,
         )  # fmt: skip
+    except FileNotFoundError as error:
+        raise ProcessStartError(f"{name}: there is no folder {folder}") from error
     finally:
         if output:
             output.close()
@@ -296,9 +312,9 @@ def _wait_for_the_program(pid: int) -> None:
         time.sleep(0.001)
 
 
-def _kill(pid: int) -> None:
+def _send(pid: int, number: signal.Signals) -> None:
     try:
-        os.kill(pid, signal.SIGKILL)
+        os.kill(pid, number)
     except ProcessLookupError:
         return
 

@@ -9,6 +9,9 @@ from pioneer_harness.error import WaitError
 
 Value = TypeVar("Value")
 
+START = 60.0
+"""So long a process may take to start [s]: that is the machine's business, and not what is tested."""
+
 _POLL_INTERVAL = 0.02
 
 

@@ -2,7 +2,9 @@
 
 import os
 
-from pioneer_harness.proc import ProcessState, arguments, descendants, has_variable, process_state
+import pytest
+
+from pioneer_harness.proc import ProcessState, arguments, descendants, has_variable, process_state, processors
 
 
 def test_this_process_is_read_as_the_kernel_knows_it():
@@ -28,3 +30,21 @@ def test_descendants_are_the_roots_and_all_below_them():
     states = {pid: ProcessState(pid, parent, pid, True, 0, 0, 0, 0) for pid, parent in tree.items()}
     assert descendants(states, [2]) == {2, 3, 4}
     assert descendants(states, [9]) == set()
+
+
+@pytest.mark.parametrize(
+    ("files", "expected"),
+    [
+        ({}, None),
+        ({"cpu.max": "max 100000\n"}, None),
+        ({"cpu.max": "50000 100000\n"}, 0.5),
+        ({"cpu.max": "100000000 100000\n"}, None),
+        ({"cpu/cpu.cfs_quota_us": "-1\n", "cpu/cpu.cfs_period_us": "100000\n"}, None),
+        ({"cpu/cpu.cfs_quota_us": "25000\n", "cpu/cpu.cfs_period_us": "100000\n"}, 0.25),
+    ],
+)
+def test_processors_are_those_we_may_run_on_or_what_the_control_group_leaves(tmp_path, files, expected):
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    assert processors(tmp_path) == (expected or len(os.sched_getaffinity(0)))

@@ -80,6 +80,45 @@ def test_orphans_in_a_session_of_their_own_end_too(group, tmp_path):
     assert not is_alive(orphan)
 
 
+def test_what_an_ended_process_left_behind_is_asked_before_it_is_killed(group, tmp_path):
+    noted, asked = tmp_path / "pid", tmp_path / "asked"
+    trap = f"trap 'echo 1 > {asked}; exit' INT; echo $$ > {noted}; while :; do sleep 0.01; done"
+    # A shell's background job has SIGINT ignored, and no trap of its own can change that.
+    script = f'setsid env --default-signal=INT bash -c "{trap}" & sleep 0.01'
+    group.start("parent", ["bash", "-c", script], may_end=True)
+    orphan = int(wait_until(lambda: number_in(noted), "the orphan", 5.0))
+    wait_until(lambda: not group.is_running("parent"), "the parent's end", 5.0)
+    assert group.stop(grace=10.0) == ()
+    assert not is_alive(orphan)
+    assert asked.exists()
+
+
+def test_orphans_of_a_group_inside_end_with_the_outer_one(group, tmp_path):
+    noted = tmp_path / "pid"
+    orphan = f"trap '' INT TERM; echo $$ > {noted}; while :; do sleep 1000; done"
+    script = textwrap.dedent(f"""
+        import os, pathlib, signal
+        from pioneer_harness.process import ProcessGroup
+        from pioneer_harness.wait import wait_until
+        noted = pathlib.Path({str(noted)!r})
+        ProcessGroup().start("inner", ["setsid", "--wait", "bash", "-c", {orphan!r}])
+        wait_until(lambda: noted.exists() and noted.read_text(), "the orphan to be", 5.0)
+        os.kill(os.getpid(), signal.SIGKILL)
+    """)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    group.start("outer", [sys.executable, "-c", script], environment, may_end=True)
+    pid = int(wait_until(lambda: number_in(noted), "the orphan", 10.0))
+    wait_until(lambda: not group.is_running("outer"), "the outer's end", 5.0)
+    assert is_alive(pid)
+    assert any("trap" in line for line in group.stop(grace=0.2))
+    assert not is_alive(pid)
+
+
+def test_a_process_runs_in_the_folder_it_is_given(group, tmp_path):
+    group.start("writer", ["touch", "here"], may_end=True, folder=tmp_path)
+    wait_until(lambda: (tmp_path / "here").exists(), "its file", 5.0)
+
+
 def test_processes_of_others_are_left_alone(group):
     with subprocess.Popen(SLEEP, start_new_session=True) as stranger:
         with ProcessGroup() as other:

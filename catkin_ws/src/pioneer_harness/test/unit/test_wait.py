@@ -26,17 +26,19 @@ def test_a_condition_is_looked_at_once_even_without_time():
 def test_a_notification_ends_the_wait_without_polling():
     ready, looks, notified = [], [], threading.Condition()
 
-    def condition():
-        looks.append(time.monotonic())
-        return ready
-
     def announce():
         with notified:
             ready.append(1)
             notified.notify_all()
 
     timer = threading.Timer(0.2, announce)
-    timer.start()
+
+    def condition():
+        if not looks:
+            timer.start()  # not earlier: the first look may be late
+        looks.append(time.monotonic())
+        return ready
+
     assert wait_until(condition, "the announcement", 5.0, notified) == [1]
     timer.join()
     assert len(looks) == 2

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,11 +11,16 @@ import rosgraph
 
 from pioneer_harness.masters import Master
 from pioneer_harness.port import PortReservation
+from pioneer_harness.proc import arguments
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
+from rocon_launch.core.concert import SHORT_LIFE
 
 # rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+
+PATIENCE = 90.0
+"""Longest wait for anything [s]: on a machine that is busy with other things, a roslaunch alone takes twenty."""
 
 # A client as people write them: these imports and request objects are what a gateway's users rely on.
 CLIENT = """
@@ -41,8 +47,6 @@ class Network:
         self.folder, self.group, self.ports, self.robot = folder, ProcessGroup(), PortReservation(), Master()
         self.hub_port, hub_master, gateway_master = (self.ports.take(port) for port in (18380, 18311, 18312))
         self.base = f"http://127.0.0.1:{gateway_master}"
-        # The ports are free by now, and roslaunch needs them so.
-        self.ports.release()
         self.environment = {**os.environ, "ROS_IP": "127.0.0.1", "ROS_HOME": str(folder / "home")}
         # Unlike that of any other hub that is announced on this machine now.
         self.hub_name = f"Pioneer Hub {self.hub_port}"
@@ -76,7 +80,7 @@ class Network:
     def run(self, name: str, argv: list[str], **environment: str) -> str:
         """Runs a command to its end, and returns what it printed; one that fails is a death of the group."""
         self.start(name, argv, True, **environment)
-        wait_until(lambda: not self.group.is_running(name), f"{name}'s end", 20)
+        wait_until(lambda: not self.group.is_running(name), f"{name}'s end", PATIENCE)
         self.group.check()
         return (self.folder / f"{name}.log").read_text()
 
@@ -86,9 +90,16 @@ class Network:
         except OSError:
             return []
 
+    def pid_of(self, node: str) -> int | None:
+        """Returns the process of a node of the base station, if it runs."""
+        alive = [one.pid for one in self.group.states().values() if one.alive]
+        found = [pid for pid in alive if f"__name:={node}" in arguments(pid)]
+        return found[0] if found else None
+
     def close(self) -> None:
         self.group.stop()
         self.robot.stop()
+        self.ports.release()
 
 
 @pytest.fixture
@@ -103,7 +114,7 @@ def test_the_scripts_connect_the_fleet_in_any_order_and_twice(network: Network) 
     network.start("advertise", ["rosrun", "rocon_flip", "advertise-from-hub"], True, **network.at_base)
     network.start_robot()
     network.run("pull", ["rosrun", "rocon_flip", "pull-from-hub"], **network.at_robot)
-    wait_until(lambda: not any(map(network.group.is_running, ("flip", "advertise"))), "both scripts' end", 20)
+    wait_until(lambda: not any(map(network.group.is_running, ("flip", "advertise"))), "both scripts' end", PATIENCE)
     network.group.check()
     again = network.run("again", ["rosrun", "rocon_flip", "flip-from-remote"], **network.at_robot)
     assert again.count("exists already and goes on") == 3
@@ -112,8 +123,8 @@ def test_the_scripts_connect_the_fleet_in_any_order_and_twice(network: Network) 
     network.start("clock", clock, **network.at_base)
     command = ["rostopic", "pub", "-r", "20", "/pioneer1/pioneer/cmd_vel", "geometry_msgs/Twist", "{}"]
     network.start("command", command, **network.at_robot)
-    wait_until(lambda: "/pioneer1/pioneer/cmd_vel" in network.published_at_base(), "cmd_vel at the base", 20)
-    wait_until(lambda: "/clock" in network.robot.system_state()[0], "/clock at the robot", 20)
+    wait_until(lambda: "/pioneer1/pioneer/cmd_vel" in network.published_at_base(), "cmd_vel at the base", PATIENCE)
+    wait_until(lambda: "/clock" in network.robot.system_state()[0], "/clock at the robot", PATIENCE)
 
 
 def test_the_tutorials_second_step_needs_nothing_but_the_hosts_name(network: Network) -> None:
@@ -122,7 +133,7 @@ def test_the_tutorials_second_step_needs_nothing_but_the_hosts_name(network: Net
     gateway.append(f"gateway_hub_whitelist:=['{network.hub_name}']")
     network.start("gateway", gateway, **network.at_robot, HOSTNAME="aadi1", GATEWAY_HUB_URI="")
     log = network.folder / "gateway.log"
-    wait_until(lambda: f"on hub '{network.hub_name}'" in log.read_text(), "the robot's gateway on the hub", 20)
+    wait_until(lambda: f"on hub '{network.hub_name}'" in log.read_text(), "the robot's gateway on the hub", PATIENCE)
     assert "as 'aadi1_gateway'" in log.read_text()
 
 
@@ -141,6 +152,29 @@ def test_a_client_written_for_rocon_works(network: Network) -> None:
 
 
 def test_interrupting_the_concert_ends_all_of_it(network: Network) -> None:
-    wait_until(lambda: "/gateway/gateway_info" in network.published_at_base(), "Hub_Gateway", 20)
+    wait_until(lambda: "/gateway/gateway_info" in network.published_at_base(), "Hub_Gateway", PATIENCE)
     os.kill(network.pid, signal.SIGINT)
-    wait_until(lambda: not [one for one in network.group.states().values() if one.alive], "everything's end", 5)
+    wait_until(lambda: not [one for one in network.group.states().values() if one.alive], "everything's end", PATIENCE)
+
+
+def test_a_hub_that_is_killed_comes_back_and_its_gateway_stays(network: Network) -> None:
+    log = network.folder / "hub.log"
+    wait_until(lambda: f"on hub '{network.hub_name}'" in log.read_text(), "Hub_Gateway on its hub", PATIENCE)
+    hub, gateway = network.pid_of("hub"), network.pid_of("gateway")
+    born = time.monotonic()
+    wait_until(lambda: time.monotonic() - born > SHORT_LIFE, "a hub that has stayed a while", 2 * SHORT_LIFE)
+    os.kill(hub, signal.SIGKILL)
+    wait_until(lambda: log.read_text().count(f"on hub '{network.hub_name}'") == 2, "Hub_Gateway on the next", PATIENCE)
+    assert "starting it again" in log.read_text()
+    assert network.pid_of("hub") != hub
+    assert network.pid_of("gateway") == gateway
+
+
+def test_with_its_gateway_the_concert_ends(network: Network) -> None:
+    gateway = wait_until(lambda: network.pid_of("gateway"), "Hub_Gateway", PATIENCE)
+    os.kill(gateway, signal.SIGKILL)
+    wait_until(lambda: not [one for one in network.group.states().values() if one.alive], "everything's end", PATIENCE)
+    assert "with which everything ends" in (network.folder / "hub.log").read_text()
+    # A process that has ended may not have been waited for yet.
+    (death,) = wait_until(lambda: network.group.deaths, "the end that is told of", PATIENCE)
+    assert "ended, status 1" in str(death)

@@ -1,8 +1,11 @@
 #!/usr/bin/env python3
-"""The spin recovery seen from outside, on a clock that the test sets."""
+"""The spin recovery seen from outside, on a clock that the test sets: it goes on only when the node has come along."""
 
 import unittest
+import xmlrpc.client
+from collections.abc import Callable
 
+import rosgraph
 import rospy
 import rostest
 from actionlib_msgs.msg import GoalStatus, GoalStatusArray
@@ -11,7 +14,7 @@ from rosgraph_msgs.msg import Clock
 
 from pioneer_harness.wait import wait_until
 
-TIMEOUT = 20.0
+TIMEOUT = 60.0
 NODE = "/pioneer1/controller_spin_recover"
 
 
@@ -28,6 +31,7 @@ class SpinRecoverTest(unittest.TestCase):
         wait_until(lambda: all(topic.impl.has_connection(NODE) for topic in topics), "the node to listen", TIMEOUT)
         wait_until(lambda: cls.clock.impl.has_connection(NODE), "the node to hear the clock", TIMEOUT)
         wait_until(lambda: any(link.callerid_pub == NODE for link in cls.own.impl.connections), "its topic", TIMEOUT)
+        cls.node = xmlrpc.client.ServerProxy(rosgraph.Master("/spin_recover_test").lookupNode(NODE))
 
     @classmethod
     def on_command(cls, message: Twist) -> None:
@@ -37,12 +41,27 @@ class SpinRecoverTest(unittest.TestCase):
     def pass_time(self, seconds: float) -> None:
         type(self).time += seconds
 
+    def read_from(self, topic: str) -> int:
+        """Returns how many bytes the node has read from this test."""
+        _, heard, _ = self.node.getBusStats("/spin_recover_test")[2]
+        return sum(connection[1] for name, connections in heard if name == topic for connection in connections)
+
+    def tell(self, topic: str, publish: Callable[[], None]) -> None:
+        """Returns when the node is done with what is published: it reads the second of two when done with the first."""
+        for _ in range(2):
+            before = self.read_from(topic)
+            publish()
+            wait_until(lambda: self.read_from(topic) > before, f"the node to read {topic}", TIMEOUT)  # noqa: B023 - done within the round
+
     def say(self, active: bool) -> None:
         """Sets the clock, lets move_base publish its status, and waits until the node has heard both."""
-        self.clock.publish(Clock(rospy.Time.from_sec(self.time)))
-        wait_until(lambda: abs(rospy.get_time() - self.time) < 1e-6, "the clock", TIMEOUT)
+        self.tell("/clock", lambda: self.clock.publish(Clock(rospy.Time.from_sec(self.time))))
         status = [GoalStatus(status=GoalStatus.ACTIVE)] if active else []
-        self.status.publish(GoalStatusArray(status_list=status))
+        self.tell("/pioneer1/move_base/status", lambda: self.status.publish(GoalStatusArray(status_list=status)))
+
+    def command(self, turn: float) -> None:
+        """Lets move_base command a turn [rad/s], and waits until the node has heard it."""
+        self.tell("/pioneer1/cmd_vel", lambda: self.commands.publish(Twist(Vector3(), Vector3(0.0, 0.0, turn))))
 
     def stand_until_it_turns(self) -> float:
         """Lets time pass in steps with a goal active; returns how long it took until the node turned."""
@@ -67,7 +86,7 @@ class SpinRecoverTest(unittest.TestCase):
 
     def test_a_robot_that_stands_with_a_goal_turns_after_five_seconds_to_the_side_last_commanded(self) -> None:
         self.say(active=True)
-        self.commands.publish(Twist(Vector3(), Vector3(0.0, 0.0, -0.3)))
+        self.command(-0.3)
         assert self.stand_until_it_turns() > 4.0
         assert self.turns[0] == -0.8
 
@@ -76,7 +95,7 @@ class SpinRecoverTest(unittest.TestCase):
         self.stand_until_it_turns()
         turn = self.turns[-1]
         answers = len(self.turns)
-        self.commands.publish(Twist(Vector3(), Vector3(0.0, 0.0, -0.1 * turn)))
+        self.command(-0.1 * turn)
         wait_until(lambda: len(self.turns) > answers, "an answer to the command", TIMEOUT)
         assert abs(turn) == 0.8
         assert self.turns[-1] == turn

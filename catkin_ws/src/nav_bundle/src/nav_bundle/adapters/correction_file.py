@@ -13,25 +13,25 @@ class CorrectionFileError(NavigationError):
     """The file cannot be read or written, or holds something else."""
 
 
-def read_correction(path: Path) -> Pose | None:
-    """Returns the pose of ``odom`` in ``map``; None where there is no file.
+def read_correction(path: Path, odom_frame: str) -> Pose | None:
+    """Returns the pose of ``odom_frame`` in ``map``; None where there is no file, or it is about another robot's.
 
     Raises:
         CorrectionFileError: see there.
     """
     try:
         content = json.loads(path.read_text())
-        pose = Pose(*(float(content[key]) for key in ("x", "y", "yaw")))
+        pose, frame = Pose(*(float(content[key]) for key in ("x", "y", "yaw"))), content["odom"]
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise CorrectionFileError(f"{path} does not hold x, y and yaw of odom in map: {error}") from None
+        raise CorrectionFileError(f"{path} does not hold x, y and yaw in map of an odom frame: {error}") from None
     if not all(map(math.isfinite, (pose.x, pose.y, pose.yaw))):
         raise CorrectionFileError(f"{path} holds a number that is none")
-    return pose
+    return pose if frame == odom_frame else None
 
 
-def write_correction(path: Path, pose: Pose) -> None:
+def write_correction(path: Path, pose: Pose, odom_frame: str) -> None:
     """Replaces the file as a whole, so that a kill at any moment leaves the old one or the new one.
 
     Raises:
@@ -39,7 +39,7 @@ def write_correction(path: Path, pose: Pose) -> None:
     """
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        beside.write_text(json.dumps({"x": pose.x, "y": pose.y, "yaw": pose.yaw}) + "\n")
+        beside.write_text(json.dumps({"odom": odom_frame, "x": pose.x, "y": pose.y, "yaw": pose.yaw}) + "\n")
         beside.replace(path)
     except OSError as error:
         raise CorrectionFileError(f"cannot remember the pose in {path}: {error}") from None

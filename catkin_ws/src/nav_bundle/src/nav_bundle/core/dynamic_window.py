@@ -53,9 +53,11 @@ class DynamicWindow(Rollout):
         cells = situation.costmap.cells
         return bool(kernel.goal_grid(cells, *self._place, points, outline, self._to_front, self._queue) > 0)
 
-    def _search(self, samples: NDArray[np.float64], reach: bool, every: bool) -> tuple[int, NDArray[np.float64]]:
+    def _search(
+        self, samples: NDArray[np.float64], reach: bool, every: bool, time: float = math.inf
+    ) -> tuple[int, NDArray[np.float64]]:
         if not reach:
-            return super()._search(samples, reach, every)
+            return super()._search(samples, reach, every, time)
         results = np.empty((len(samples), 5))
         best = kernel.score(
             self._costmap.cells,
@@ -68,7 +70,7 @@ class DynamicWindow(Rollout):
             self._velocity,
             self._acc,
             samples,
-            self._horizon,
+            self._until(time),
             self._all_scales,
             self._nose,
             self._accelerating,
@@ -77,10 +79,10 @@ class DynamicWindow(Rollout):
         )
         return int(best), results
 
-    def poses(self, velocity: Velocity) -> NDArray[np.float64]:
-        """Returns the poses (n, 3) that ``velocity`` leads through."""
+    def poses(self, velocity: Velocity, time: float = math.inf) -> NDArray[np.float64]:
+        """Returns the poses (n, 3) that ``velocity`` leads through within ``time`` [s], the horizon's at most."""
         poses = np.empty((256, 3))
         sample = np.array([velocity.x, velocity.y, velocity.turn], np.float64)
         motion = (self._pose, self._velocity, self._acc)
-        count = kernel.trace(*motion, sample, self._horizon, self._accelerating, poses)
+        count = kernel.trace(*motion, sample, self._until(time), self._accelerating, poses)
         return poses[:count]

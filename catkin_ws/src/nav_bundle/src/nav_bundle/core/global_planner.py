@@ -8,17 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nav_bundle.core.costmap.cost import UNKNOWN
-from nav_bundle.core.navfn import FAR, NavfnConfig, NavfnPlanner
+from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
 from nav_bundle.core.orientation import Orientation, oriented
 from nav_bundle.core.planner import Path
 from nav_bundle.core.pose import Pose
+from nav_bundle.core.wave import FAR
 from pioneer_node.core.live import Live
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 
 _BLOCKED = -1
-# A* pulls the wave towards the goal by this multiple of what free ground costs: inflation makes most ground dearer than
-# that, and a little too much pull halves the search for paths that are at most a hundredth dearer than Dijkstra's.
-_PULL = 1.2
 
 
 @dataclass(frozen=True)
@@ -105,7 +103,7 @@ class GlobalPlanner(NavfnPlanner):
         self._weights = config.weights()
         self._follow_cells = config.use_grid_path
         self._orientation, self._window = Orientation(config.orientation_mode), config.orientation_window_size
-        self._pull = 0.0 if config.use_dijkstra else _PULL * config.neutral_cost
+        self._guided = not config.use_dijkstra
 
     def _finished(self, start: Pose, path: Path) -> Path:
         return oriented(path, start, self._orientation, self._window)

@@ -79,7 +79,8 @@ changed_window = checked(_costmap.changed_window, "u1[2]", "u1[2]", "i8[1]")
 inflate = checked(_costmap.inflate, "u1[2]", "u1[1]")
 
 begin = checked(_navfn.begin, "f4[2]", "u1[2]", "u1[2]", "f4[1]", "i4[2]", "i8[1]", "f8[1]")
-spread = checked(_navfn.spread, "f4[2]", "u1[2]", "u1[2]", "f4[1]", "i4[2]", "i8[1]", "f8[1]")
+spread = checked(_navfn.spread, "f4[2]", "u1[2]", "u1[2]", "f4[1]", "i4[2]", "i8[1]", "f8[1]", "f4[2]")
+coarsen = checked(_navfn.coarsen, "u1[2]", "f4[1]", "u1[2]")
 descend = checked(_navfn.descend, "f4[2]", "f8[2]")
 nearest_reached = checked(_navfn.nearest_reached, "f4[2]")
 
@@ -99,6 +100,7 @@ score = checked(
 trace = checked(_dynamic_window.trace, "f8[1]", "f8[1]", "f8[1]", "f8[1]", "f8[1]", "f8[2]")
 
 resample = checked(_particle.resample, "f8[2]", "f8[1]", "f8[1]", "u1[1]", "f8[2]", "i8[1]", "f8[2]")
+find_cells = checked(_particle.find_cells, "i1[2]", "i8[1]", "i8[1]", "i8[2]")
 cluster = checked(_particle.cluster, "f8[2]", "f8[1]", "i8[1]", "i8[1]", "f8[2]")
 
 distance_field = checked(_likelihood.distance_field, "i1[2]", "u2[2]")

@@ -1,6 +1,8 @@
 """Adaptive Monte Carlo localisation: odometry and scans in, the robot's pose in the map out. No ROS, no clock."""
 
+import math
 from dataclasses import dataclass, fields, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +12,15 @@ from nav_bundle.core.amcl_config import AmclConfig
 from nav_bundle.core.error import NavigationError
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.motion import MotionModel, motion_model
-from nav_bundle.core.particle import Estimate, FreeSpace, ParticleFilter
+from nav_bundle.core.particle import Estimate, FreeSpace, Judge, ParticleFilter
 from nav_bundle.core.pose import Pose, angle_difference
 from nav_bundle.core.sensor import Beams, LikelihoodField, Scan, SensorModel, sensor_model
 
+RIVALS = 50
+"""Poses of which the likeliest becomes a random particle."""
+DENSITY = 1000.0
+"""Poses [1/m²] that a robot which may be anywhere is looked for at first, where the sensor model can judge as many:
+seven for each 0.5 m by 0.5 m by 10°."""
 REFINING_BEAMS = 180
 """Beams that refine an estimate: more cost little there, since they meet one pose, not hundreds."""
 
@@ -51,7 +58,7 @@ class Localisation:
         self._sensor: SensorModel | None = None
         self._free: FreeSpace | None = None
         self._odom: Pose | None = None
-        self._forced = False
+        self._forced = self._scattered = False
         self._updates = 0
 
     @property
@@ -84,7 +91,7 @@ class Localisation:
     def set_pose(self, pose: Pose, covariance: NDArray[np.float64]) -> None:
         """Starts anew about ``pose`` (map frame); ``covariance`` over x, y, yaw, shape (3, 3)."""
         self._filter.gather(pose, covariance)
-        self._odom = None
+        self._odom, self._scattered = None, False
 
     def scatter(self) -> None:
         """Starts anew with particles all over the free space: the robot may be anywhere.
@@ -95,7 +102,7 @@ class Localisation:
         if self._free is None:
             raise NoMapError("no map yet: cannot spread particles over its free space")
         self._filter.replace(self._free.draw(self._config.max_particles))
-        self._odom = None
+        self._odom, self._scattered = None, True
 
     def force_update(self) -> None:
         """Makes the next scan count although the robot stands."""
@@ -127,11 +134,17 @@ class Localisation:
         self._odom, self._forced = odom, False
         config = self._config
         beams = self._thinned(scan, config.laser_max_beams)
-        self._filter.weigh(self._sensor.likelihoods(self._filter.poses, beams))
+        likelihoods = partial(self._sensor.likelihoods, beams=beams)
+        if self._scattered:  # few poses all over the map miss the right one: the scan says where they are worth it
+            count = config.max_particles
+            rivals = max(RIVALS, math.ceil(DENSITY * self._free.area / count))
+            self._filter.replace(_likely(self._free, likelihoods, rivals, self._sensor.capacity, count))
+            self._scattered = False
+        self._filter.weigh(likelihoods(self._filter.poses))
         self._updates += 1
         resampled = self._updates % config.resample_interval == 0
         if resampled:
-            self._filter.resample(self._free.draw)
+            self._filter.resample(partial(_likely, self._free, likelihoods, RIVALS, self._sensor.capacity // 10))
         if not (resampled or first):
             return Update(None, None)
         estimate = self._refined(self._filter.estimate(), scan)
@@ -145,6 +158,11 @@ class Localisation:
 
     def _thinned(self, scan: Scan, beams: int) -> Beams:
         return scan.thinned(beams, self._config.laser_min_range, self._config.laser_max_range)
+
+
+def _likely(free: FreeSpace, likelihoods: Judge, rivals: int, most: int, count: int) -> NDArray[np.float64]:
+    """Returns ``count`` poses, each the likeliest of ``rivals``; of fewer where more than ``most`` would be judged."""
+    return free.draw_likely(count, max(1, min(rivals, most // max(1, count))), likelihoods)
 
 
 def _motion_model(config: AmclConfig) -> MotionModel:

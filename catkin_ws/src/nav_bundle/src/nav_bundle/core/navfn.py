@@ -13,6 +13,7 @@ from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.geometry import Geometry
 from nav_bundle.core.planner import GoalOutsideError, NoPathError, Path, StartOutsideError
 from nav_bundle.core.pose import Pose
+from nav_bundle.core.wave import FAR, Guide, Wave
 
 NEUTRAL_COST = 50
 """What a free cell costs."""
@@ -26,12 +27,9 @@ MEETING_DISTANCE = 3.0
 _BLOCKED = -1
 # How far apart the wave's urgency bands lie; two steps over free ground, as in navfn, give the best speed at four.
 _BAND = 4.0 * NEUTRAL_COST
-FAR = 1.0e10
-"""The potential of a cell that was not reached."""
 # Strangers are passed on the right: crossing the line to their left, this long and thick [m],
 # costs as much as about a metre of free ground.
 _SHUNNED_LENGTH, _SHUNNED_DEPTH = 2.5, 0.15
-_RUNNING, _DONE, _FULL = 0, 1, 2
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,7 @@ class NavfnPlanner:
     def __init__(self, config: NavfnConfig) -> None:
         self.config = config
         self._weights = weights(config.allow_unknown)
-        self._pull = 0.0
+        self._guided = False
         self._follow_cells = False
 
     def _finished(self, start: Pose, path: Path) -> Path:
@@ -96,7 +94,7 @@ class NavfnPlanner:
             _keep_right(costs, place, start, costmap.strangers(start, MEETING_DISTANCE))
         reach = self.config.default_tolerance if tolerance is None else tolerance
         field = (costs, Geometry(**vars(place)))
-        search = NavfnSearch(*field, start_cell, goal_cell, goal, reach, self._weights, self._pull)
+        search = NavfnSearch(*field, start_cell, goal_cell, goal, reach, self._weights, self._guided)
         search.finish, search.follow_cells = partial(self._finished, start), self._follow_cells
         return search
 
@@ -105,7 +103,6 @@ class NavfnSearch:
     """One search; its wave goes on where the last call left it.
 
     Attributes:
-        potential: float32, shape (rows, cols): cost of the cheapest way from the robot, ``FAR`` where none was found.
         geometry: where the cells lie.
         finish: makes the path that is returned of the one that was found.
         follow_cells: the path leads from cell to cell instead of down the gradient.
@@ -120,30 +117,29 @@ class NavfnSearch:
         goal: Pose,
         tolerance: float,
         weight: NDArray[np.float32],
-        pull: float = 0.0,
+        guided: bool = False,
     ) -> None:
-        self._costs, self.geometry, self._weights = costs, geometry, weight
+        self.geometry = geometry
         self.finish: Callable[[Path], Path] = lambda path: path
         self.follow_cells = False
         self._start, self._goal_cell, self._goal = start, goal_cell, goal
-        self._tolerance, self._pull = tolerance, pull
-        self.potential: NDArray[np.float32] = np.empty(costs.shape, np.float32)
-        self._waiting = np.empty(costs.shape, np.uint8)
-        self._queue = np.empty((3, 4096 + 16 * sum(costs.shape)), np.int32)
-        self._counts = np.zeros(3, np.int64)
-        self._limits = np.array([0.0, _BAND])
-        kernel.begin(self.potential, self._waiting, costs, weight, self._queue, self._counts, self._limits, *start)
-        self._limits[0] += pull * float(np.hypot(goal_cell[0] - start[0], goal_cell[1] - start[1]))
+        self._tolerance = tolerance
+        self._wave = Wave(costs, weight, start, _BAND)
+        self._guide = Guide(costs, weight, start, goal_cell, _BAND) if guided else None
+
+    @property
+    def potential(self) -> NDArray[np.float32]:
+        """Cost of the cheapest way from the robot, float32, shape (rows, cols); ``FAR`` where none was found."""
+        return self._wave.potential
 
     def advance(self, budget: int) -> Path | None:
         """Looks at about ``budget`` more cells; see ``planner.Search``."""
-        while (status := self._spread(budget)) == _FULL:
-            self._queue = np.concatenate([self._queue, np.empty_like(self._queue)], axis=1)
-        return self._path() if status == _DONE else None
-
-    def _spread(self, budget: int) -> int:
-        fields = (self.potential, self._waiting, self._costs, self._weights, self._queue, self._counts, self._limits)
-        return int(kernel.spread(*fields, *self._goal_cell, self._pull, budget))
+        if self._guide:
+            if not self._guide.advance(budget):
+                return None
+            self._wave.follow(*self._guide.result())
+            self._guide = None
+        return self._path() if self._wave.advance(self._goal_cell, budget) else None
 
     def _path(self) -> Path:
         """Returns the path from the robot to the goal, or to the nearest reached place within the tolerance."""

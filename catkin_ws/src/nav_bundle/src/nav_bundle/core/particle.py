@@ -14,6 +14,15 @@ from nav_bundle.core.pose import Pose
 
 PoseSource = Callable[[int], NDArray[np.float64]]
 """Makes that many poses (x, y [m], yaw [rad]; shape (n, 3))."""
+Judge = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""Gives poses, shape (n, 3), their likelihoods, shape (n,)."""
+LARGEST_SHARE = 0.1
+"""Of particles that a resampling draws at random. Particles at the robot's true pose multiply by their likelihood over
+the average and by the share that is not random; a share that follows the fall of the average cancels the first."""
+AT_ONCE = 10_000
+"""Poses drawn and judged together: many calls cost time, many poses memory."""
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+"""Its multiples modulo 1 lie evenly, however many are taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,30 +43,44 @@ class Estimate:
 
 
 class FreeSpace:
-    """The free cells of a map, to draw poses from evenly; keeps one number a row, not one a cell."""
+    """The free cells of a map, to draw poses from evenly; keeps one number a row, not one a cell.
+
+    Attributes:
+        grid: the map.
+        area: of its free cells [m²].
+    """
 
     def __init__(self, grid: Grid, generator: np.random.Generator) -> None:
         self.grid = grid
         self._generator = generator
-        self._until_row = np.cumsum(np.count_nonzero(grid.cells == FREE, axis=1))
+        self._cells = np.ascontiguousarray(grid.cells)
+        self._until_row = np.cumsum(np.count_nonzero(grid.cells == FREE, axis=1), dtype=np.int64)
+        self.area = float(self._until_row[-1]) * grid.resolution**2
 
     def draw(self, count: int) -> NDArray[np.float64]:
         """Returns ``count`` poses, anywhere in free cells and at any heading; anywhere in the map if none is free."""
-        cells = np.empty((count, 2))
-        for index, drawn in enumerate(self._generator.integers(0, max(1, self._until_row[-1]), count)):
-            cells[index] = self._cell(int(drawn))
-        grid = self.grid
-        offsets = self._generator.uniform(-0.5, 0.5, (count, 2))
-        points = grid.points_at(cells + offsets)
-        return np.column_stack([points, self._generator.uniform(-math.pi, math.pi, count)])
+        generator, free = self._generator, int(self._until_row[-1])
+        cells = np.empty((count, 2), np.int64)
+        if free:
+            kernel.find_cells(self._cells, FREE, self._until_row, generator.integers(0, free, count), cells)
+        else:
+            cells[:] = generator.integers(0, self._cells.shape, (count, 2))
+        points = self.grid.points_at(cells + generator.uniform(-0.5, 0.5, (count, 2)))
+        return np.column_stack([points, generator.uniform(-math.pi, math.pi, count)])
 
-    def _cell(self, drawn: int) -> tuple[int, int]:
-        """Returns (row, col) of free cell number ``drawn``."""
-        if self._until_row[-1] == 0:
-            return divmod(int(self._generator.integers(self.grid.cells.size)), self.grid.cols)
-        row = int(np.searchsorted(self._until_row, drawn, side="right"))
-        before = int(self._until_row[row - 1]) if row else 0
-        return row, int(np.flatnonzero(self.grid.cells[row] == FREE)[drawn - before])
+    def draw_likely(self, count: int, rivals: int, likelihoods: Judge) -> NDArray[np.float64]:
+        """Returns ``count`` poses, each the likeliest of ``rivals`` drawn from the free space."""
+        best, heights = np.empty((count, 3)), np.full(count, -np.inf)
+        at_once = max(1, AT_ONCE // max(1, count))
+        for begin in range(0, rivals, at_once):
+            rounds = min(at_once, rivals - begin)
+            poses = self.draw(rounds * count)
+            values = likelihoods(poses).reshape(rounds, count)
+            first, every = values.argmax(axis=0), np.arange(count)
+            better = values[first, every] > heights
+            best[better] = poses.reshape(rounds, count, 3)[first, every][better]
+            heights[better] = values[first, every][better]
+        return best
 
 
 class ParticleFilter:
@@ -113,15 +136,18 @@ class ParticleFilter:
     def resample(self, random_poses: PoseSource) -> None:
         """Draws the particles anew by their weights, as many as their spread needs.
 
-        Where scans have lately become less likely than in the long run, some come from ``random_poses`` instead, until
-        they are as likely again (augmented MCL; Noetic's amcl forgets both averages after the first such draw).
+        Draws lie evenly over the weights (low variance): drawn independently, the few particles of the right place
+        among many can vanish by chance. Where scans have lately become less likely than in the long run, some, at most
+        ``LARGEST_SHARE``, come from ``random_poses`` instead, until they are as likely again (augmented MCL; Noetic's
+        amcl forgets both averages after the first such draw).
         """
         config, generator = self._config, self._generator
         if config.selective_resampling and 1.0 / float((self.weights**2).sum()) > 0.5 * len(self.weights):
             return
         most = config.max_particles
-        share = max(0.0, 1.0 - self._fast / self._slow) if self._slow > 0.0 else 0.0
-        uniforms = generator.random(most)
+        fall = 1.0 - self._fast / self._slow if self._slow > 0.0 else 0.0
+        share = min(max(0.0, fall), LARGEST_SHARE)
+        uniforms = (generator.random() + GOLDEN * np.arange(most)) % 1.0
         renew, fresh = np.zeros(most, np.uint8), np.zeros((most, 3))
         if share > 0.0:
             renew = (generator.random(most) < share).astype(np.uint8)

@@ -1,5 +1,6 @@
 """Velocity samples rolled out over the local costmap and scored, one kernel call a question."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,12 +87,14 @@ class Rollout:
         _, results = self._search(samples, True, True)
         return [_scored(sample, result) for sample, result in zip(samples, results, strict=True) if result[_COST] >= 0]
 
-    def is_free(self, velocity: Velocity) -> bool:
-        """Tells whether the robot touches nothing while it drives ``velocity`` over the whole horizon."""
-        best, _ = self._search(np.array([[velocity.x, velocity.y, velocity.turn]], np.float64), False, True)
-        return best >= 0
+    def is_free(self, velocity: Velocity, time: float = math.inf) -> bool:
+        """Tells whether ``velocity``, driven for ``time`` [s], the horizon's at most, touches nothing."""
+        sample = np.array([[velocity.x, velocity.y, velocity.turn]], np.float64)
+        return self._search(sample, False, True, time)[0] >= 0
 
-    def _search(self, samples: NDArray[np.float64], reach: bool, every: bool) -> tuple[int, NDArray[np.float64]]:
+    def _search(
+        self, samples: NDArray[np.float64], reach: bool, every: bool, time: float = math.inf
+    ) -> tuple[int, NDArray[np.float64]]:
         results = np.empty((len(samples), 5))
         best = kernel.search(
             self._costmap.cells,
@@ -103,7 +106,7 @@ class Rollout:
             self._velocity,
             self._acc,
             samples,
-            self._horizon,
+            self._until(time),
             self._scales,
             reach,
             every,
@@ -113,11 +116,15 @@ class Rollout:
         )
         return int(best), results
 
-    def poses(self, velocity: Velocity) -> NDArray[np.float64]:
-        """Returns the poses (n, 3) that ``velocity`` leads through."""
+    def _until(self, time: float) -> NDArray[np.float64]:
+        """Returns the horizon, cut off at ``time`` [s]."""
+        return np.minimum(self._horizon, (time, math.inf, math.inf))
+
+    def poses(self, velocity: Velocity, time: float = math.inf) -> NDArray[np.float64]:
+        """Returns the poses (n, 3) that ``velocity`` leads through within ``time`` [s], the horizon's at most."""
         poses = np.empty((256, 3))
         sample = np.array([velocity.x, velocity.y, velocity.turn], np.float64)
-        count = kernel.roll_out(self._pose, self._velocity, self._acc, sample, self._horizon, poses)
+        count = kernel.roll_out(self._pose, self._velocity, self._acc, sample, self._until(time), poses)
         return poses[:count]
 
     def goal_distance(self, x: float, y: float) -> int | None:

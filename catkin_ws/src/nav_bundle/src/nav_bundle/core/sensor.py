@@ -70,7 +70,13 @@ class Beams:
 
 
 class SensorModel(Protocol):
-    """Judges particles by a scan."""
+    """Judges particles by a scan.
+
+    Attributes:
+        capacity: poses that it judges in half a second, more or less.
+    """
+
+    capacity: int
 
     def likelihoods(self, particles: NDArray[np.float64], beams: Beams) -> NDArray[np.float64]:
         """Returns how well particles (x, y [m], yaw [rad], map frame; shape (n, 3)) explain the beams: shape (n,)."""
@@ -108,6 +114,8 @@ class LikelihoodField:
     Attributes:
         field: the distances.
     """
+
+    capacity = 600_000
 
     def __init__(self, config: AmclConfig, grid: Grid) -> None:
         self._config = config
@@ -176,6 +184,8 @@ def _gathered(particles: NDArray[np.float64]) -> bool:
 
 class BeamModel:
     """Compares each range with the one that the map predicts: hits, things in the way, nothing seen, and noise."""
+
+    capacity = 20_000
 
     def __init__(self, config: AmclConfig, grid: Grid) -> None:
         self._config = config

@@ -20,6 +20,13 @@ _NO_COMMAND = (
 )
 
 _STANDING = 1.0e-3
+_DEAD_END_RADIUS = 0.2
+"""A way that ends so near [m] to where the robot last could only back up leads there again."""
+_LONGEST_ESCAPE = 0.8
+"""A robot that comes to the same dead end again backs up twice as far as before, up to this [m]."""
+_SHORT_ESCAPES = tuple((time, turn) for time in (0.5, 0.3) for turn in (0.0, 0.2, -0.2, 0.4, -0.4))
+"""Where the way straight back is not free as far as others are looked at: for how long [s], and turning how [rad/s].
+Longer than stopping takes."""
 _HEADING_SCALE = 0.3
 """Cost of a radian between the robot's heading and the plan, with ``heading_scoring``, as in base_local_planner."""
 
@@ -50,7 +57,8 @@ class TrajectoryPlanner:
     ``min_in_place_vel_theta`` and told apart by the distance a little ahead of them. When nothing
     may be driven forward, the robot backs up with ``escape_vel`` until it has moved or turned enough.
     Unlike base_local_planner it never backs into what the costmap calls lethal, and it turns in place
-    where the cheapest sample leads no nearer to the goal: standing still can be the cheapest of all.
+    where the cheapest sample leads no nearer to the goal: standing still can be the cheapest of all,
+    and so can be the way into the dead end that the robot has just backed out of.
     """
 
     def __init__(self, config: TrajectoryConfig, resolution: float) -> None:
@@ -74,6 +82,8 @@ class TrajectoryPlanner:
         self._turning = _Turning()
         self._route: Route | None = None
         self._escape_from: Pose | None = None
+        self._escape_distance = config.escape_reset_dist
+        self._dead_end: Pose | None = None
 
     def set_plan(self, plan: Path) -> None:
         """Takes a new plan; a goal approach begins anew only if the plan leads to another goal."""
@@ -81,7 +91,7 @@ class TrajectoryPlanner:
         if self._route is None or self._route.goal != route.goal:
             self._approach.reset()
             self._turning = _Turning()
-            self._escape_from = None
+            self._escape_from = self._dead_end = None
         self._route = route
 
     def decide(self, situation: Situation) -> Decision:
@@ -97,9 +107,11 @@ class TrajectoryPlanner:
         best = self._best(situation, ahead)
         if best is None:
             raise LocalPlannerError(_NO_COMMAND)
-        return Decision(best, False, self._rollout.poses(best), ahead)
+        velocity, time = best
+        return Decision(velocity, False, self._rollout.poses(velocity, time), ahead)
 
-    def _best(self, situation: Situation, ahead: NDArray[np.float64]) -> Velocity | None:
+    def _best(self, situation: Situation, ahead: NDArray[np.float64]) -> tuple[Velocity, float] | None:
+        """Returns what to drive and for how long [s] it is known to touch nothing, the whole horizon if infinite."""
         if not self._is_escaping(situation.pose):
             goal_distance = math.hypot(ahead[-1, 0] - situation.pose.x, ahead[-1, 1] - situation.pose.y)
             fastest = min(goal_distance / self.config.sim_time, careful_speed(situation))
@@ -110,7 +122,7 @@ class TrajectoryPlanner:
                 chosen = self._turn_in_place(situation.velocity, forward)
             if chosen is not None:
                 self._turning.note(chosen.velocity, situation.pose, self.config.oscillation_reset_dist)
-                return chosen.velocity
+                return chosen.velocity, math.inf
         return self._escape(situation.pose)
 
     def _range(self, velocity: Velocity) -> tuple[float, float, float, float]:
@@ -156,7 +168,12 @@ class TrajectoryPlanner:
         return chosen
 
     def _leads_on(self, scored: Scored, pose: Pose) -> bool:
-        """Tells whether a sample ends nearer to the local goal than the robot is: standing and creeping do not."""
+        """Tells whether a sample ends nearer to the local goal than the robot is, and not in the last dead end.
+
+        Standing and creeping lead nowhere.
+        """
+        if self._dead_end is not None and scored.end.distance(self._dead_end) < _DEAD_END_RADIUS:
+            return False
         before = self._rollout.goal_distance(pose.x, pose.y)
         after = self._rollout.goal_distance(scored.end.x, scored.end.y)
         return before is not None and after is not None and after < before
@@ -175,18 +192,29 @@ class TrajectoryPlanner:
         start = self._escape_from
         if start is None:
             return False
-        moved = pose.distance(start) > self.config.escape_reset_dist
+        moved = pose.distance(start) > self._escape_distance
         turned = abs(angle_difference(pose.yaw, start.yaw)) > self.config.escape_reset_theta
         if moved or turned:
             self._escape_from = None
         return not (moved or turned)
 
-    def _escape(self, pose: Pose) -> Velocity | None:
-        """Returns the velocity that backs up, None where the way back is not free."""
-        back = Velocity(self.config.escape_vel)
-        if self.config.escape_vel == 0.0 or not self._rollout.is_free(back):
+    def _way_back(self) -> tuple[Velocity, float] | None:
+        """Returns the velocity that backs up: straight, else in the arc that is free the longest; and for how long."""
+        speed = self.config.escape_vel
+        ways = [(math.inf, 0.0), *_SHORT_ESCAPES] if speed else []
+        backs = ((Velocity(speed, 0.0, turn), time) for time, turn in ways)
+        return next((back for back in backs if self._rollout.is_free(*back)), None)
+
+    def _escape(self, pose: Pose) -> tuple[Velocity, float] | None:
+        """Returns the velocity that backs up and how long it is free, None where no way back is."""
+        back = self._way_back()
+        if back is None:
             self._escape_from = None
             return None
         if self._escape_from is None:
-            self._escape_from = pose
+            # Beside a wall, as far back as last time is where the robot can only come here again from.
+            again = self._dead_end is not None and pose.distance(self._dead_end) < _DEAD_END_RADIUS
+            longer = min(2.0 * self._escape_distance, max(_LONGEST_ESCAPE, self.config.escape_reset_dist))
+            self._escape_distance = longer if again else self.config.escape_reset_dist
+            self._escape_from = self._dead_end = pose
         return back

@@ -24,30 +24,39 @@ SIGNATURES = {
 
 
 @njit
+def line_between(row_0, col_0, row_1, col_1):
+    """Returns Bresenham's line for ``next_cell``: cells after the first one, those along each axis, directions."""
+    d_row = abs(row_1 - row_0)
+    d_col = abs(col_1 - col_0)
+    return max(d_row, d_col), d_row, d_col, 1 if row_1 > row_0 else -1, 1 if col_1 > col_0 else -1
+
+
+@njit
+def next_cell(row, col, error_row, error_col, line):
+    """Returns the line's next cell and both errors there; they are half of ``line[0]`` in its first cell."""
+    length, d_row, d_col, step_row, step_col = line
+    error_row -= d_row
+    if error_row < 0:
+        error_row += length
+        row += step_row
+    error_col -= d_col
+    if error_col < 0:
+        error_col += length
+        col += step_col
+    return row, col, error_row, error_col
+
+
+@njit
 def _clear_line(cells, row_0, col_0, row_1, col_1):
     """Frees the cells of Bresenham's line, both ends included, until it leaves the grid."""
     rows, cols = cells.shape
-    d_row = abs(row_1 - row_0)
-    d_col = abs(col_1 - col_0)
-    step_row = 1 if row_1 > row_0 else -1
-    step_col = 1 if col_1 > col_0 else -1
-    length = max(d_row, d_col)
-    error_row = length // 2
-    error_col = length // 2
-    row = row_0
-    col = col_0
-    for _ in range(length + 1):
+    line = line_between(row_0, col_0, row_1, col_1)
+    row, col, error_row, error_col = row_0, col_0, line[0] // 2, line[0] // 2
+    for _ in range(line[0] + 1):
         if row < 0 or row >= rows or col < 0 or col >= cols:
             return
         cells[row, col] = FREE
-        error_row -= d_row
-        if error_row < 0:
-            error_row += length
-            row += step_row
-        error_col -= d_col
-        if error_col < 0:
-            error_col += length
-            col += step_col
+        row, col, error_row, error_col = next_cell(row, col, error_row, error_col, line)
 
 
 def clear_rays(cells, origin_x, origin_y, resolution, sensor_x, sensor_y, points, longest):
@@ -101,26 +110,12 @@ def polygon_covers(vertices, x, y):
 def set_line(cells, row_0, col_0, row_1, col_1, value):
     """Writes ``value`` along Bresenham's line, skipping what lies outside the grid."""
     rows, cols = cells.shape
-    d_row = abs(row_1 - row_0)
-    d_col = abs(col_1 - col_0)
-    step_row = 1 if row_1 > row_0 else -1
-    step_col = 1 if col_1 > col_0 else -1
-    length = max(d_row, d_col)
-    error_row = length // 2
-    error_col = length // 2
-    row = row_0
-    col = col_0
-    for _ in range(length + 1):
+    line = line_between(row_0, col_0, row_1, col_1)
+    row, col, error_row, error_col = row_0, col_0, line[0] // 2, line[0] // 2
+    for _ in range(line[0] + 1):
         if 0 <= row < rows and 0 <= col < cols:
             cells[row, col] = value
-        error_row -= d_row
-        if error_row < 0:
-            error_row += length
-            row += step_row
-        error_col -= d_col
-        if error_col < 0:
-            error_col += length
-            col += step_col
+        row, col, error_row, error_col = next_cell(row, col, error_row, error_col, line)
 
 
 @njit

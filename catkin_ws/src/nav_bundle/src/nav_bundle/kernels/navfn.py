@@ -4,6 +4,9 @@ The potential of a cell is the cost of the cheapest way from the source, each me
 cell's cost, from a planar wave through its neighbours (Brock and Khatib, 1999; the quadratic
 approximation is navfn's). The wave front lives in three buffers by urgency, not in a heap, and its
 whole state in arrays, so that one search can be spread over many calls.
+
+A guide says what is still to come: the potential of another wave, which ran from the goal over a grid of
+blocks of ``BLOCK`` x ``BLOCK`` cells, inside a ring of blocks that nothing enters.
 """
 
 import numpy as np
@@ -12,14 +15,16 @@ from numba import njit
 FAR = 1.0e10
 
 # Positions in ``counts`` and ``limits``.
-NOW, NEXT, LATER = 0, 1, 2
-LIMIT, STEP = 0, 1
+NOW, NEXT, LATER, BEYOND = 0, 1, 2, 3
+LIMIT, STEP, BOUND, EXCESS = 0, 1, 2, 3
 RUNNING, DONE, FULL = 0, 1, 2
-_DIAGONAL = np.sqrt(2.0) - 1.0
+BLOCK_BITS = 2
+BLOCK = 1 << BLOCK_BITS
 
 SIGNATURES = {
     "begin": "void(f4[:, ::1], u1[:, ::1], u1[:, ::1], f4[::1], i4[:, ::1], i8[::1], f8[::1], i8, i8)",
-    "spread": "i8(f4[:, ::1], u1[:, ::1], u1[:, ::1], f4[::1], i4[:, ::1], i8[::1], f8[::1], i8, i8, f8, i8)",
+    "spread": "i8(f4[:, ::1], u1[:, ::1], u1[:, ::1], f4[::1], i4[:, ::1], i8[::1], f8[::1], i8, i8, f4[:, ::1], i8)",
+    "coarsen": "void(u1[:, ::1], f4[::1], u1[:, ::1])",
     "descend": "i8(f4[:, ::1], f8[:, ::1], i8, i8, i8, i8)",
     "nearest_reached": "i8(f4[:, ::1], i8, i8, f8)",
 }
@@ -70,14 +75,16 @@ def _wave(across, along, weight):
     return low + weight * (np.float32(-0.2301) * d * d + np.float32(0.5307) * d + np.float32(0.7040))
 
 
-def spread(potential, waiting, costs, weights, queue, counts, limits, goal_row, goal_col, pull, budget):
+def spread(potential, waiting, costs, weights, queue, counts, limits, goal_row, goal_col, guide, budget):
     """Lets the wave run for about ``budget`` cells; returns 0 running, 1 done, 2 buffers too small.
 
-    Done means that the goal's potential is final or that nothing is left to visit. With ``pull``
-    above zero, cells towards the goal come first by ``pull`` a cell of distance along eight directions (A*).
+    Done means that the goal's potential is final or that nothing is left to visit. With a guide that is not empty,
+    cells from which the whole way would, by the guide, be longer than a bound are left for later, and the bound is
+    raised by twice as much each time that the goal cannot be reached within it (A*, by iterations).
     """
     cols = potential.shape[1]
     per_col = 1.0 / cols
+    guided = guide.size > 0
     field = potential.ravel()
     waits = waiting.ravel()
     cost = costs.ravel()
@@ -87,13 +94,18 @@ def spread(potential, waiting, costs, weights, queue, counts, limits, goal_row, 
             if potential[goal_row, goal_col] < limits[LIMIT]:
                 return DONE
             limits[LIMIT] += limits[STEP]
+            following = LATER
             if counts[LATER] == 0:
-                return DONE
-            queue[NOW, : counts[LATER]] = queue[LATER, : counts[LATER]]
-            counts[NOW] = counts[LATER]
-            counts[LATER] = 0
+                if not guided or counts[BEYOND] == 0 or potential[goal_row, goal_col] < FAR:
+                    return DONE
+                limits[BOUND] += limits[EXCESS]
+                limits[EXCESS] *= 2.0
+                following = BEYOND
+            queue[NOW, : counts[following]] = queue[following, : counts[following]]
+            counts[NOW] = counts[following]
+            counts[following] = 0
         count = counts[NOW]
-        if max(4 * count, counts[LATER] + 4 * count) > capacity:
+        if counts[LATER] + 4 * count > capacity or (guided and counts[BEYOND] + count > capacity):
             return FULL
         for i in range(count):
             cell = queue[NOW, i]
@@ -105,14 +117,15 @@ def spread(potential, waiting, costs, weights, queue, counts, limits, goal_row, 
             value = _wave(min(left, right), min(above, below), weights[cost[cell]])
             if value >= field[cell]:
                 continue
-            field[cell] = value
-            urgency = np.float64(value)
-            if pull > 0.0:
+            if guided:
                 row = np.int64((cell + 0.5) * per_col)  # a division of integers costs more than the rest of this
-                rise = abs(row - goal_row)
-                run = abs(cell - row * cols - goal_col)
-                urgency += pull * (max(rise, run) + _DIAGONAL * min(rise, run))
-            which = NEXT if urgency < limits[LIMIT] else LATER
+                col = cell - row * cols
+                if value + guide[(row >> BLOCK_BITS) + 1, (col >> BLOCK_BITS) + 1] > limits[BOUND]:
+                    queue[BEYOND, counts[BEYOND]] = cell
+                    counts[BEYOND] += 1
+                    continue
+            field[cell] = value
+            which = NEXT if value < limits[LIMIT] else LATER
             _offer(queue, counts, which, waits, weights, cost, cell + 1, right, value)
             _offer(queue, counts, which, waits, weights, cost, cell - 1, left, value)
             _offer(queue, counts, which, waits, weights, cost, cell + cols, above, value)
@@ -122,6 +135,32 @@ def spread(potential, waiting, costs, weights, queue, counts, limits, goal_row, 
         counts[NOW] = counts[NEXT]
         counts[NEXT] = 0
     return RUNNING
+
+
+def coarsen(costs, weights, coarse):
+    """Writes what a cell of each block adds into ``coarse``, shape (blocks + 2, blocks + 2) with its ring.
+
+    That lies halfway between the least and the mean of its cells, as ways keep to cheap ones. Only cells that may be
+    crossed count; a block without any is left as it is. So no passage is lost, and a wall of less than twice ``BLOCK``
+    cells may have gaps.
+    """
+    rows, cols = costs.shape
+    for block_row in range(coarse.shape[0] - 2):
+        first_row = block_row << BLOCK_BITS
+        for block_col in range(coarse.shape[1] - 2):
+            first_col = block_col << BLOCK_BITS
+            total = np.float32(0.0)
+            least = np.float32(FAR)
+            count = 0
+            for row in range(first_row, min(first_row + BLOCK, rows)):
+                for col in range(first_col, min(first_col + BLOCK, cols)):
+                    weight = weights[costs[row, col]]
+                    if weight >= 0.0:
+                        total += weight
+                        least = min(least, weight)
+                        count += 1
+            if count:
+                coarse[block_row + 1, block_col + 1] = np.uint8(np.float32(0.5) * (least + total / count))
 
 
 @njit

@@ -1,4 +1,4 @@
-"""Resampling of particles whose number follows the spread of their histogram, and its clusters.
+"""Resampling of particles whose number follows the spread of their histogram, its clusters, and draws of cells.
 
 The histogram has bins of ``BINS``; a bin's key packs its column, row and heading into one integer, kept in a hash
 table with open addressing whose length is a power of two at least twice the number of particles.
@@ -14,6 +14,7 @@ SIGNATURES = {
         "int64(float64[:, ::1], float64[::1], float64[::1], uint8[::1], float64[:, ::1],"
         " int64, float64, float64, int64[::1], float64[:, ::1])"
     ),
+    "find_cells": "void(int8[:, ::1], int64, int64[::1], int64[::1], int64[:, ::1])",
     "cluster": "int64(float64[:, ::1], float64[::1], int64[::1], int64[::1], float64[:, ::1])",
 }
 
@@ -89,6 +90,22 @@ def resample(poses, cumulative, uniforms, renew, fresh, least, error, quantile, 
         if count + 1 >= max(wanted, least):
             return count + 1
     return most
+
+
+def find_cells(cells, value, until_row, drawn, out):
+    """Writes (row, col), shape (n, 2), of the cells of ``value`` whose numbers, row by row from 0, are ``drawn``.
+
+    ``until_row`` has for each row how many such cells there are up to its end.
+    """
+    for index in range(drawn.shape[0]):
+        row = np.searchsorted(until_row, drawn[index], side="right")
+        left = drawn[index] - (until_row[row - 1] if row > 0 else 0)
+        col = 0
+        while left > 0 or cells[row, col] != value:
+            if cells[row, col] == value:
+                left -= 1
+            col += 1
+        out[index, 0], out[index, 1] = row, col
 
 
 def cluster(poses, weights, table, labels, sums):

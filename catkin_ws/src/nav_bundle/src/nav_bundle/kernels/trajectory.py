@@ -9,9 +9,7 @@ the search ends as soon as no bound is below the best score. The winner is the s
 import numpy as np
 from numba import njit
 
-INSCRIBED = 253
-LETHAL = 254
-UNKNOWN = 255
+from nav_bundle.kernels.costmap import INSCRIBED, LETHAL, line_between, next_cell
 
 HIT = -1.0
 UNREACHED = -2.0
@@ -33,29 +31,15 @@ SIGNATURES = {
 @njit
 def _line_cost(costs, row_0, col_0, row_1, col_1):
     """Returns the highest cost along Bresenham's line, -1 if it meets a lethal cell, -2 an unknown one."""
-    d_row = abs(row_1 - row_0)
-    d_col = abs(col_1 - col_0)
-    step_row = 1 if row_1 > row_0 else -1
-    step_col = 1 if col_1 > col_0 else -1
-    length = max(d_row, d_col)
-    error_row = length // 2
-    error_col = length // 2
-    row = row_0
-    col = col_0
+    line = line_between(row_0, col_0, row_1, col_1)
+    row, col, error_row, error_col = row_0, col_0, line[0] // 2, line[0] // 2
     highest = 0
-    for _ in range(length + 1):
+    for _ in range(line[0] + 1):
         cost = costs[row, col]
         if cost >= LETHAL:
             return -1 if cost == LETHAL else -2
         highest = max(highest, np.int64(cost))
-        error_row -= d_row
-        if error_row < 0:
-            error_row += length
-            row += step_row
-        error_col -= d_col
-        if error_col < 0:
-            error_col += length
-            col += step_col
+        row, col, error_row, error_col = next_cell(row, col, error_row, error_col, line)
     return highest
 
 

@@ -94,9 +94,9 @@ class AmclNode:
         self._map_from_odom: Pose | None = None
         self._now = self._next_cloud = 0.0
         self._start_at_initial_pose()
-        self._remembered = self._read_correction()
         self._listener = TransformListener()
         self._name_frames()
+        self._remembered = self._read_correction()
         self._broadcaster = TransformBroadcaster()
         self._advertise()
         self._subscribe()
@@ -274,11 +274,12 @@ class AmclNode:
         self._estimate = self._map_from_odom = None
 
     def _read_correction(self) -> Pose | None:
-        return read_correction(Path(self._config.correction_file)) if self._config.correction_file else None
+        path = self._config.correction_file
+        return read_correction(Path(path), self._odom_frame) if path else None
 
     def _write_correction(self) -> None:
         if self._config.correction_file and self._map_from_odom is not None:
-            write_correction(Path(self._config.correction_file), self._map_from_odom)
+            write_correction(Path(self._config.correction_file), self._map_from_odom, self._odom_frame)
 
     def _go_on(self, pose: Pose) -> None:
         """Starts where odometry says the robot is by now, once: it was somewhere when another amcl ended."""

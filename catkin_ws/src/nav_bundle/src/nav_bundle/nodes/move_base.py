@@ -173,6 +173,7 @@ class MoveBaseNode:
         for costmap in (self._global, self._local):
             costmap.forget()
         self._odometry.forget()
+        self._goals.forget()
         if self._goal is not None:
             self._state, _, events = advance(self._state, Inputs(new_goal=True), now, self._setup.limits)
             self._handle(events)

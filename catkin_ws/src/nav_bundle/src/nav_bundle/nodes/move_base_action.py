@@ -1,5 +1,7 @@
 """Goals of move_base: its action, and the topic for those who have no action client."""
 
+from typing import Any
+
 import actionlib
 import rospy
 from geometry_msgs.msg import PoseStamped, Quaternion
@@ -15,6 +17,35 @@ from nav_bundle.nodes.transform import TransformListener
 from pioneer_node.core.frame import stripped
 
 _INVALID = "Aborting on goal because it was sent with an invalid quaternion"
+
+
+class _ActionServer(actionlib.SimpleActionServer):
+    """actionlib's, which a clock that jumps back leaves without a status and refusing every goal for the time it left.
+
+    Its timer ends at the jump; and it takes a goal whose stamp is before that of the last goal for an old one.
+    """
+
+    def start(self) -> None:
+        """Starts, with a timer that outlives the jump."""
+        super().start()
+        server = self.action_server
+        if server.status_frequency > 0.0:
+            server.status_timer.shutdown()
+            period = rospy.Duration(1.0 / server.status_frequency)
+            self._status_timer = rospy.Timer(period, server.publish_status_async, reset=True)
+
+    def internal_goal_callback(self, goal: Any) -> None:
+        """Takes a goal; earlier goals with a stamp that is still to come are of a time that the clock has left."""
+        with self.lock:
+            for earlier in (self.current_goal, self.next_goal):
+                if earlier.get_goal() and earlier.get_goal_id().stamp > rospy.Time.now():
+                    earlier.get_goal_id().stamp = rospy.Time()
+        super().internal_goal_callback(goal)
+
+    def forget(self) -> None:
+        """Forgets until when goals were cancelled, for a clock that jumped back."""
+        with self.action_server.lock:
+            self.action_server.last_cancel = rospy.Time()
 
 
 class GoalServer:
@@ -39,7 +70,7 @@ class GoalServer:
         self._frame, self._listener = global_frame, listener
         self._goal_publisher = rospy.Publisher("~current_goal", PoseStamped, queue_size=1)
         self._action_goal_publisher = rospy.Publisher(f"{name}/goal", MoveBaseActionGoal, queue_size=1)
-        self._server = actionlib.SimpleActionServer(name, MoveBaseAction, auto_start=False)
+        self._server = _ActionServer(name, MoveBaseAction, auto_start=False)
         self._server.start()
         self._simple = rospy.Subscriber("move_base_simple/goal", PoseStamped, self._on_simple_goal, queue_size=1)
 
@@ -48,6 +79,10 @@ class GoalServer:
         action_goal.header.stamp = rospy.Time.now()
         action_goal.goal.target_pose = goal
         self._action_goal_publisher.publish(action_goal)
+
+    def forget(self) -> None:
+        """Forgets what was of the time before a clock jumped back; the goal under way stays."""
+        self._server.forget()
 
     @property
     def active(self) -> bool:

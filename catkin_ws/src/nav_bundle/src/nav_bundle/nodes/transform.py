@@ -15,6 +15,7 @@ from tf2_msgs.msg import TFMessage
 
 from nav_bundle.adapters.tf_message import RawTFMessage, StampedTransform, TransformPicker, transforms_of
 from nav_bundle.conversions import quaternion_from_yaw
+from nav_bundle.core.clock_jump import ClockJump
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.transform import DisconnectedError, ExtrapolationError, Transform, TransformError, TransformTree
 from pioneer_node.core.frame import resolved, stripped
@@ -36,7 +37,8 @@ class TransformListener:
     """Transforms between the frames asked for, from /tf and /tf_static.
 
     A pair of frames is kept from its first ``lookup``, ``wait`` or ``listen`` on: call ``listen`` early.
-    When time jumps back, all but the static transforms are forgotten. Thread-safe.
+    When time jumps back, all but the static transforms are forgotten, and what of the time before still comes is left
+    out. Thread-safe.
 
     Subscribes: /tf, /tf_static (tf2_msgs/TFMessage).
 
@@ -50,7 +52,7 @@ class TransformListener:
         self._tree = TransformTree(keep)
         self._picker = TransformPicker()
         self._pairs: set[tuple[str, str]] = set()
-        self._now = 0.0
+        self._clock = ClockJump()
         self._arrived = threading.Condition()
         # A robot's edges may be published one a message by several nodes: a short queue would lose some.
         self._subscribers = [
@@ -136,7 +138,7 @@ class TransformListener:
             picked = self._picker.pick(message.buffer)
             if picked:
                 self._forget_if_time_jumped()
-                self._insert(picked, static=False)
+                self._insert([one for one in picked if not self._clock.is_of_before(one[2])], static=False)
 
     def _on_static(self, message: RawTFMessage) -> None:
         with self._arrived:
@@ -149,11 +151,10 @@ class TransformListener:
         self._arrived.notify_all()
 
     def _forget_if_time_jumped(self) -> None:
-        now = rospy.get_time()
-        if now < self._now:
-            rospy.logwarn("time jumped back from %.3f to %.3f s: transforms forgotten", self._now, now)
+        last, now = self._clock.now, rospy.get_time()
+        if self._clock.jumped(now):
+            rospy.logwarn("time jumped back from %.3f to %.3f s: transforms forgotten", last, now)
             self._tree.clear()
-        self._now = now
 
     def _wake(self) -> None:
         with self._arrived:

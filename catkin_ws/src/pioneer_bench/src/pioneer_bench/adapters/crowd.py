@@ -188,6 +188,7 @@ class Crowd:
         speech.ask(
             ("MGET", *(alive_key(other.decode()) for other in present or [name.encode()])),
             ("MULTI",),
+            *(("HDEL", letters_key(other.decode()), name) for other in present),
             ("SET", record_key(name), record),
             ("SET", alive_key(name), "instance", "PX", ALIVE),
             ("DEL", lost_key(name)),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pioneer_bench.adapters.fleet import PATIENCE, Fleet, Process, end, module_argv
 from pioneer_bench.core.gateway import Row
-from pioneer_harness.machine import HERE, THERE, FarMachine, MachineError
+from pioneer_harness.machine import FarMachine, MachineError
 from pioneer_harness.master_process import MasterProcess
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
@@ -30,8 +30,8 @@ def cut_rows(fleet: Fleet, folder: Path, repetitions: int) -> list[Row]:
 
 def _cut(fleet: Fleet, folder: Path, machine: FarMachine, group: ProcessGroup, repetitions: int) -> list[float]:
     with fleet.open_hub():
-        master = MasterProcess(group, 11311, folder, THERE, machine.prefix)
-        uri = fleet.hub_uri.replace("127.0.0.1", HERE)
+        master = MasterProcess(group, 11311, folder, machine.there, machine.prefix)
+        uri = fleet.hub_uri.replace("127.0.0.1", machine.here)
         master.set_param("/gateway", {"name": "far", "disable_uuids": True, "firewall": False, "hub_uri": uri})
         gateway = ["rosrun", "rocon_gateway", "gateway"]
         for name, argv in (("gateway", gateway), ("talk", module_argv("talk", "far", "/far", 100, 100, 10))):

@@ -127,10 +127,16 @@ class Site:
 
 
 class Fleet:
-    """The hub, `base` and `robot`."""
+    """The hub, `base` and `robot`.
 
-    def __init__(self, folder: Path) -> None:
+    Args:
+        folder: for logs.
+        certificates: a directory with the fleet's; None for no TLS.
+    """
+
+    def __init__(self, folder: Path, certificates: Path | None = None) -> None:
         self._folder = folder
+        self._variables = {"ROCON_TLS_DIRECTORY": str(certificates)} if certificates else {}
         self._group = ProcessGroup()
         self._ports = PortReservation()
         self._port = self._ports.take(PREFERRED_PORT)
@@ -172,7 +178,8 @@ class Fleet:
     def run(self, name: str, argv: list[str], master: Master) -> Process:
         """Starts a process with a log of its own."""
         log = self._folder / f"{next(self._number)}-{name}.log"
-        return Process(self._group.start(name, argv, master.environment, log, may_end=True), log)
+        environment = {**master.environment, **self._variables}
+        return Process(self._group.start(name, argv, environment, log, may_end=True), log)
 
     def close(self) -> None:
         """Ends everything."""

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pioneer_bench.adapters.fleet import PATIENCE, Fleet, Process, cpu
-from pioneer_bench.core.gateway import Flow, Flows, large_rows, paced_rows, small_rows, steady_rows
+from pioneer_bench.core.gateway import Flow, Flows, encrypted_rows, large_rows, paced_rows, small_rows, steady_rows
 from pioneer_bench.core.row import Row
 from pioneer_harness.wait import wait_until
+from rocon_gateway.adapters.authority import Authority
 
 TOPIC_TOOLS_RELAY = "/usr/lib/topic_tools/relay"
 
@@ -32,6 +33,18 @@ def flow_rows(fleet: Fleet, repetitions: int, seconds: float) -> list[Row]:
                     flows[way].append(_flow(fleet, site, heard, carriers, seconds))
         rows += rows_from(flows)
     return rows
+
+
+def tls_rows(folder: Path, repetitions: int, seconds: float) -> list[Row]:
+    """Messages of 1 MB as fast as they go, through a fleet of its own whose hub and links speak TLS."""
+    fleet = Fleet(folder, Authority(folder / "authority").certify("bench"))
+    try:
+        fleet.start()
+        with _carriers(fleet, "/large", (1_000_000, 0, 0)) as ways:
+            site, heard, carriers = ways["gateway"]
+            return encrypted_rows([_flow(fleet, site, heard, carriers, seconds) for _ in range(repetitions)])
+    finally:
+        fleet.close()
 
 
 def idle_rows(fleet: Fleet, seconds: float) -> list[Row]:

@@ -63,6 +63,14 @@ def large_rows(flows: Flows) -> list[Row]:
     ]
 
 
+def encrypted_rows(flows: Sequence[Flow]) -> list[Row]:
+    """Returns the rows of long messages sent as fast as they go through gateways with TLS; there is no goal."""
+    return [
+        Row("1 MB flat out, gateways with TLS", "MB/s", _samples(flows, "bytes", scale=1e-6)),
+        Row("1 MB flat out, gateways with TLS (both)", "MB/CPU-s", _samples(flows, "bytes", "cpu", 1e-6)),
+    ]
+
+
 def paced_rows(flows: Flows) -> list[Row]:
     """Returns the rows of long messages at a rate that everybody follows."""
     per_cpu = {way: _samples(flows[way], "bytes", "cpu", 1e-6) for way in ("topic_tools", "gateway")}

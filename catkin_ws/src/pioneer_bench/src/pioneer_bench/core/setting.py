@@ -13,7 +13,7 @@ class Rates:
         beams: of a scan.
         scan_rate: [Hz].
         odometry_rate: of odom and tf [Hz].
-        other_rate: of joint states and ground truth [Hz].
+        other_rate: of joint states and ground truth [Hz]; 0: nobody subscribes to them.
         clock_rate: of ``/clock`` [Hz].
         real_time_factor: to keep to; 0: as fast as possible.
         goals: CPU-s a simulated second to reach, by number of robots.
@@ -27,7 +27,7 @@ class Rates:
     beams: int = 180
     scan_rate: float = 10.0
     odometry_rate: float = 50.0
-    other_rate: float = 20.0
+    other_rate: float = 0.0
     clock_rate: float = 100.0
     real_time_factor: float = 1.0
     goals: dict[int, float] = field(default_factory=dict)
@@ -36,6 +36,7 @@ class Rates:
     peer: str = ""
 
 
+_GAZEBO = "Gazebo Classic 11.1 at its default step, publishing nothing"
 _STAGE = "Stage (2-D, no wheels, no contacts), every topic subscribed; the goal is 1.5 times its cost"
 
 SETTINGS = {
@@ -44,14 +45,18 @@ SETTINGS = {
         (1, 2, 5, 10, 20, 50),
         goals={5: 0.06, 20: 0.25, 50: 0.65},
         peers={1: 0.080, 5: 0.341, 10: 0.720, 20: 1.57, 50: 4.32},
-        peer="Gazebo Classic 11.1 at its default step, publishing nothing",
+        peer=_GAZEBO,
+    ),
+    "fleet-all": Rates(
+        "The same with joint states and ground truth at 20 Hz", (5, 50), other_rate=20.0,
+        peers={5: 0.341, 50: 4.32}, peer=_GAZEBO,
     ),
     "original": Rates(
-        "The original's sensors: 720 beams at 40 Hz, odometry at 100 Hz", (10,), 720, 40.0, 100.0
+        "The original's sensors: 720 beams at 40 Hz, odometry at 100 Hz", (10,), 720, 40.0, 100.0, 20.0
     ),
     "original-fast": Rates(
         "The original's sensors, as fast as possible; subscribers, on the same cores, may lose messages",
-        (10,), 720, 40.0, 100.0, real_time_factor=0.0, least_factor=1.0,
+        (10,), 720, 40.0, 100.0, 20.0, real_time_factor=0.0, least_factor=1.0,
     ),
     "stage": Rates(
         "Stage's rates: everything at 10 Hz, 180 beams", (10, 50), 180, 10.0, 10.0, 10.0, 10.0,

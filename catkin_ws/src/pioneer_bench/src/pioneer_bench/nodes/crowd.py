@@ -3,10 +3,10 @@
 Prints ``converged SECONDS``, ``change SECONDS`` for each change, then ``ready``.
 """
 
-import resource
 import sys
 
 from pioneer_bench.adapters.crowd import Crowd
+from rocon_gateway.adapters.descriptor import raise_limit
 
 PATIENCE = 120.0
 """For all to find one another [s]."""
@@ -15,8 +15,7 @@ PATIENCE = 120.0
 def main() -> int:
     """Entry point."""
     port, size, rules, changes = map(int, sys.argv[1:])
-    hard = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
-    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+    raise_limit()
     crowd = Crowd(port, size, rules)
     print(f"converged {crowd.converge(PATIENCE):.3f}", flush=True)
     for number in range(changes):

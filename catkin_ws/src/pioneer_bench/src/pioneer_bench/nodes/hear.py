@@ -5,6 +5,7 @@ deserialised.
 """
 
 import json
+import os
 import sys
 import threading
 import time
@@ -12,6 +13,7 @@ import time
 import rospy
 
 from pioneer_bench.nodes.talk import STAMP
+from pioneer_node.nodes import entry
 
 WARM_UP = 0.5
 """Left out at the beginning [s]."""
@@ -22,8 +24,8 @@ _BEFORE_STAMP = 12  # of a std_msgs/UInt8MultiArray: no dimensions, offset 0, le
 class Window:
     """Counts what comes in a window of time; `finished` is set at its end."""
 
-    def __init__(self, seconds: float) -> None:
-        self.finished = threading.Event()
+    def __init__(self, seconds: float, finished: threading.Event) -> None:
+        self.finished = finished
         self._seconds = seconds
         self._first = self._begin = 0.0
         self._bytes = 0
@@ -55,24 +57,32 @@ class Window:
         print(json.dumps(result), flush=True)
 
 
-def tell(message: rospy.AnyMsg) -> None:
-    """Prints when a message came."""
-    print(time.monotonic(), flush=True)
+class Hearer:
+    """Prints when each message comes, or measures until its window is over."""
+
+    def __init__(self, topic: str, seconds: float | None) -> None:
+        self._finished = threading.Event()
+        entry.on_shutdown(self._finished.set)
+        if seconds is None:
+            rospy.Subscriber(topic, rospy.AnyMsg, self._tell, tcp_nodelay=True)
+        else:
+            take = Window(seconds, self._finished).take
+            rospy.Subscriber(topic, rospy.AnyMsg, take, tcp_nodelay=True, buff_size=2**20)
+
+    def spin(self) -> None:
+        """Runs until shutdown, or until the window is over."""
+        self._finished.wait()
+
+    def _tell(self, _message: rospy.AnyMsg) -> None:
+        print(time.monotonic(), flush=True)
 
 
-def main() -> None:
-    """Runs until shutdown, or until the window is over."""
+def main() -> int:
+    """Entry point."""
     topic, *seconds = rospy.myargv(sys.argv)[1:]
-    rospy.init_node("hear", anonymous=True)
-    if not seconds:
-        rospy.Subscriber(topic, rospy.AnyMsg, tell, tcp_nodelay=True)
-        rospy.spin()
-        return
-    window = Window(float(seconds[0]))
-    rospy.core.add_preshutdown_hook(lambda _reason: window.finished.set())
-    rospy.Subscriber(topic, rospy.AnyMsg, window.take, tcp_nodelay=True, buff_size=2**20)
-    window.finished.wait()
+    # Several may listen at one master.
+    return entry.run(f"hear_{os.getpid()}", lambda: Hearer(topic, float(seconds[0]) if seconds else None))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -35,7 +35,7 @@ PATIENCE = 60.0
 WARM_UP = 2.0
 """Simulated seconds before the window."""
 
-TOPICS = ("odom", "joint_states", "base_pose_ground_truth")
+OTHER_TOPICS = ("joint_states", "base_pose_ground_truth")
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,13 +112,13 @@ class Driver:
 
 def robot_description(setting: Setting) -> str:
     """Returns the Pioneer's URDF with the setting's sensors."""
+    others = {"joint_rate": setting.other_rate, "ground_truth_rate": setting.other_rate} if setting.other_rate else {}
     return pioneer_urdf(
         laser_samples=setting.beams,
         laser_rate=setting.scan_rate,
         laser_max_range=8.0,
         odom_rate=setting.odometry_rate,
-        joint_rate=setting.other_rate,
-        ground_truth_rate=setting.other_rate,
+        **others,
     )
 
 
@@ -148,7 +148,7 @@ class Bench:
         first_step, _ = cpu_and_rss(self._pid)
         names = self._spawn()
         for name in names:
-            for topic in TOPICS:
+            for topic in ("odom", *(OTHER_TOPICS if self._setting.other_rate else ())):
                 full = f"/{name}/{topic}"
                 rospy.Subscriber(full, rospy.AnyMsg, self._tally.counter(full), queue_size=5, tcp_nodelay=True)
             Driver(name, self._tally)

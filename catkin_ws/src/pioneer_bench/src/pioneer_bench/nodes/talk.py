@@ -13,6 +13,8 @@ from typing import Any
 import rospy
 from std_msgs.msg import UInt8MultiArray
 
+from pioneer_node.nodes import entry
+
 STAMP = struct.Struct("<d")
 
 
@@ -25,11 +27,19 @@ class Raw(rospy.AnyMsg):
 
 
 class Demand(rospy.SubscribeListener):
-    """Whether somebody subscribes."""
+    """Whether somebody subscribes, until the end."""
 
     def __init__(self) -> None:
         super().__init__()
         self.is_there = threading.Event()
+        self._lock = threading.Lock()
+        self._over = False
+
+    def end(self) -> None:
+        """Lets go whoever waits, for good: subscribers leave during the shutdown."""
+        with self._lock:
+            self._over = True
+            self.is_there.set()
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
         """See rospy."""
@@ -37,29 +47,41 @@ class Demand(rospy.SubscribeListener):
 
     def peer_unsubscribe(self, topic_name: str, num_peers: int) -> None:
         """See rospy."""
-        if not num_peers:
-            self.is_there.clear()
+        with self._lock:
+            if not num_peers and not self._over:
+                self.is_there.clear()
 
 
-def main() -> None:
-    """Runs until shutdown."""
+class Talker:
+    """Sends, as fast as asked and no faster than it goes, while somebody subscribes."""
+
+    def __init__(self, topic: str, size: int, rate: float, queue: int) -> None:
+        self._demand = Demand()
+        entry.on_shutdown(self._demand.end)
+        self._head, self._body = struct.pack("<III", 0, 0, size), bytes(size - STAMP.size)
+        self._publisher = rospy.Publisher(topic, Raw, self._demand, tcp_nodelay=True, queue_size=queue or None)
+        self._period = 1 / rate if rate else 0.0
+        print(time.monotonic(), flush=True)
+
+    def spin(self) -> None:
+        """Runs until shutdown."""
+        message, due = Raw(), 0.0
+        while True:
+            self._demand.is_there.wait()
+            if rospy.is_shutdown():
+                return
+            if self._period:
+                due = max(due + self._period, time.monotonic())
+                rospy.rostime.wallsleep(max(0.0, due - time.monotonic()))
+            message._buff = self._head + STAMP.pack(time.monotonic()) + self._body
+            self._publisher.publish(message)
+
+
+def main() -> int:
+    """Entry point."""
     name, topic, size, rate, queue = rospy.myargv(sys.argv)[1:]
-    rospy.init_node(name)
-    demand = Demand()
-    rospy.core.add_preshutdown_hook(lambda _reason: demand.is_there.set())
-    head, body = struct.pack("<III", 0, 0, int(size)), bytes(int(size) - STAMP.size)
-    publisher = rospy.Publisher(topic, Raw, demand, tcp_nodelay=True, queue_size=int(queue) or None)
-    print(time.monotonic(), flush=True)
-    period, due = 1 / float(rate) if float(rate) else 0.0, 0.0
-    message = Raw()
-    while not rospy.is_shutdown():
-        demand.is_there.wait()
-        if period:
-            due = max(due + period, time.monotonic())
-            rospy.rostime.wallsleep(max(0.0, due - time.monotonic()))
-        message._buff = head + STAMP.pack(time.monotonic()) + body
-        publisher.publish(message)
+    return entry.run(name, lambda: Talker(topic, int(size), float(rate), int(queue)))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

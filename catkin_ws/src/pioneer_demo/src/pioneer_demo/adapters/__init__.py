@@ -1,1 +1,1 @@
-"""One foreign thing each: map files, the terminal, the picture, the processes of a fleet, the gateway."""
+"""One foreign thing each: map files, folders of worlds, the terminal, the picture, a fleet's processes, the gateway."""

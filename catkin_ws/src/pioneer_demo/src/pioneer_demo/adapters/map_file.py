@@ -30,8 +30,3 @@ def floor_from_file(path: Path) -> Floor:
     if yaw:
         raise MapFileError(f"the map {path} is turned by {yaw:g} rad; the demo needs one that is not")
     return Floor(resolution, x, y, free[::-1], occupied[::-1])
-
-
-def map_names(folder: Path) -> list[str]:
-    """Returns the names of the maps in ``folder``, sorted; none where there is no such folder."""
-    return sorted(path.stem for path in folder.glob("*.yaml"))

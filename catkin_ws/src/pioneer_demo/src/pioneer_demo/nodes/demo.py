@@ -37,7 +37,8 @@ _SAMPLE = 1.0
 _START_UP, _START_UP_PER_ROBOT = 90.0, 20.0
 _DELIVERY = 20.0
 _CLOCK_STANDS_STILL = 30.0
-_GRACE, _GRACE_IN_A_HURRY = 15.0, 3.0
+# roslaunch itself gives a node 15 s before it sends the next signal.
+_GRACE, _GRACE_IN_A_HURRY = 30.0, 3.0
 
 
 class Demo:

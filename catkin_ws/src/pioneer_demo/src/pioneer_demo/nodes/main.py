@@ -1,20 +1,21 @@
 """The command: arguments in, exit status out."""
 
 import dataclasses
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import rospkg
-import yaml
 
 from pioneer_demo.adapters.interrupt import Interrupt, Interrupted
-from pioneer_demo.adapters.map_file import map_names
 from pioneer_demo.adapters.processes import FleetProcesses
 from pioneer_demo.adapters.stopwatch import Stopwatch
+from pioneer_demo.adapters.world_folder import place_count, places_by_world
 from pioneer_demo.core.error import DemoError, OptionError
 from pioneer_demo.core.option import DemoConfig, config_from_arguments
 from pioneer_harness.error import HarnessError
+from pioneer_harness.proc import processors
 
 _FAILED, _BAD_ARGUMENTS = 1, 2
 
@@ -23,8 +24,8 @@ def main(arguments: Sequence[str]) -> int:
     """Runs a demo and returns its exit status: 0, 1 for a failure, 2 for bad arguments, 130 after Ctrl-C."""
     watch, interrupt = Stopwatch(), Interrupt()
     try:
-        config, maps = _configured(arguments)
-        return _run(config, maps / f"{config.map_name}.yaml", watch, interrupt)
+        config, map_file = _configured(arguments)
+        return _run(config, map_file, watch, interrupt)
     except Interrupted as error:
         print(f"{error}: every process of this demo has ended.")
         return error.status
@@ -46,6 +47,8 @@ def _run(config: DemoConfig, map_file: Path, watch: Stopwatch, interrupt: Interr
     with FleetProcesses(config, config.report / "log") as processes:
         ports = processes.ports
         print(f"Ports: {ports}" + ("" if ports.are_the_tutorials else " (some of the tutorial's are busy)"), flush=True)
+        if config.choice:
+            print(config.choice, flush=True)
         processes.start()
         watch.note("processes started")
         # Imported while the processes start, because numpy and the like take their time.
@@ -55,24 +58,34 @@ def _run(config: DemoConfig, map_file: Path, watch: Stopwatch, interrupt: Interr
 
 
 def _configured(arguments: Sequence[str]) -> tuple[DemoConfig, Path]:
-    """Returns the configuration and the folder of maps."""
+    """Returns the configuration and the map's YAML file."""
     packages = rospkg.RosPack()
     try:
-        maps = Path(packages.get_path("pioneer_gazebo")) / "map"
+        simulator = Path(packages.get_path("pioneer_gazebo"))
         poses = Path(packages.get_path("pioneer_description")) / "config"
-        places = {world: _count(poses, world) for world in map_names(maps)}
+        places = places_by_world(simulator / "map", poses)
+        places_elsewhere = place_count(poses)
     except (rospkg.ResourceNotFound, OSError) as error:
         raise DemoError(f"the workspace is not built or not sourced: {error}") from error
-    config = config_from_arguments(arguments, places)
-    if "/" in config.world or config.world.endswith(".world"):
-        path = Path(config.world).expanduser().resolve()
-        if not path.is_file():
-            raise OptionError(f"--world: there is no file {path}")
-        config = dataclasses.replace(config, world=str(path))
-    return config, maps
+    config = config_from_arguments(arguments, places, places_elsewhere, processors())
+    if not config.is_own_world:
+        return config, simulator / "map" / f"{config.map_name}.yaml"
+    world = Path(config.world).expanduser().resolve()
+    return dataclasses.replace(config, world=str(world)), _map_of_file(world, simulator)
 
 
-def _count(poses: Path, world: str) -> int:
-    """Returns how many robots have an initial pose in a world: its own file's, else those of the common one."""
-    own = poses / f"pioneer_poses_{world}.yaml"
-    return len(yaml.safe_load((own if own.is_file() else poses / "pioneer_poses.yaml").read_text()))
+def _map_of_file(world: Path, simulator: Path) -> Path:
+    """Returns the map of a world's file, which is where ``run-multi-pioneer-gazebo-master`` finds it.
+
+    Args:
+        world: the file, resolved.
+        simulator: the folder of pioneer_gazebo, whose own worlds have their maps beside theirs.
+    """
+    if not world.is_file():
+        raise OptionError(f"--world: there is no file {world}")
+    folder = simulator / "map" if world.parent == (simulator / "worlds").resolve() else world.parent
+    path = folder / f"{world.stem}.yaml"
+    if not path.is_file():
+        draw = f"./pioneer run rosrun pioneer_gazebo world_to_map {shlex.quote(str(world))}"
+        raise OptionError(f"--world: it has no map {path}; draw it: {draw}")
+    return path

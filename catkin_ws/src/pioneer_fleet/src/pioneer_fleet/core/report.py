@@ -8,6 +8,9 @@ from typing import Any
 MOVING_SPEED = 0.02
 """Slower than this [m/s], and turning slower than this [rad/s] times five, is standing."""
 
+CARRYING = ("active", "rate-limited")
+"""States of a rule in force (docs/gateway.md): an option that thins messages out is no fault."""
+
 
 class Stage(enum.IntEnum):
     """How far a computer has come; each stage includes the ones before."""
@@ -31,7 +34,9 @@ class Report:
         hub: the hub it is connected to; empty for none.
         rules: state of each rule, by what it is about.
         odom_at, scan_at: when the last one came, monotonic [s].
-        odom_gap: the longest time between two of them while somebody listened [s].
+        odom_stamp, scan_stamp: their stamps [s of simulated time].
+        odom_gap, scan_gap: the longest time between two stamps so far [s of simulated time]: a simulator that stands
+            still leaves no gap, a link that does not carry does.
         linear, angular: the robot's speed [m/s, rad/s].
         pose: x, y [m] and heading [rad] in ``map``, by amcl.
         deviation: standard deviation of that position [m].
@@ -48,7 +53,10 @@ class Report:
     rules: dict[str, str] = dataclasses.field(default_factory=dict)
     odom_at: float | None = None
     scan_at: float | None = None
+    odom_stamp: float | None = None
+    scan_stamp: float | None = None
     odom_gap: float = 0.0
+    scan_gap: float = 0.0
     linear: float = 0.0
     angular: float = 0.0
     pose: tuple[float, float, float] | None = None
@@ -74,7 +82,7 @@ class Report:
     @property
     def active(self) -> int:
         """How many rules carry, or could."""
-        return sum(state == "active" for state in self.rules.values())
+        return sum(state in CARRYING for state in self.rules.values())
 
     @property
     def stage(self) -> Stage:
@@ -100,7 +108,7 @@ class Report:
             return f"{self.gateway} has not found the hub"
         if not self.rules:
             return "no rules yet"
-        idle = [f"{about}: {state}" for about, state in sorted(self.rules.items()) if state != "active"]
+        idle = [f"{about}: {state}" for about, state in sorted(self.rules.items()) if state not in CARRYING]
         if idle:
             return idle[0] + (f" (and {len(idle) - 1} more)" if len(idle) > 1 else "")
         if not self.robot:
@@ -110,6 +118,21 @@ class Report:
         if self.pose is None:
             return "amcl has not localised the robot"
         return "" if self.waypoint is not None else "no waypoint client yet"
+
+    def has_come(self, until: Stage) -> bool:
+        """Returns whether it has come so far; a robot that has reached its waypoints and stands there has moved."""
+        has_driven = self.stage is Stage.READY and self.reached > 0 and not self.waiting
+        return self.stage >= until or (until is Stage.MOVING and has_driven)
+
+    def hear_odom(self, now: float, stamp: float) -> None:
+        """Takes note of odometry that came ``now`` (monotonic [s]) and is of ``stamp`` [s]."""
+        self.odom_gap = _longer_gap(self.odom_gap, self.odom_stamp, stamp)
+        self.odom_at, self.odom_stamp = now, stamp
+
+    def hear_scan(self, now: float, stamp: float) -> None:
+        """The same for a scan."""
+        self.scan_gap = _longer_gap(self.scan_gap, self.scan_stamp, stamp)
+        self.scan_at, self.scan_stamp = now, stamp
 
     def has_arrived(self, count: int) -> bool:
         """Returns whether ``count`` waypoints came and none of them waits; with 0, always."""
@@ -133,6 +156,7 @@ class Report:
             "odom_age": age(self.odom_at),
             "odom_gap": round(self.odom_gap, 2),
             "scan_age": age(self.scan_at),
+            "scan_gap": round(self.scan_gap, 2),
             "moving": self.moving,
             "speed": round(self.linear, 2),
             "pose": None if self.pose is None else [round(value, 3) for value in self.pose],
@@ -145,6 +169,10 @@ class Report:
             "real_time_factor": self.real_time_factor,
             "models": list(self.models),
         }
+
+
+def _longer_gap(gap: float, last: float | None, stamp: float) -> float:
+    return gap if last is None else max(gap, stamp - last)
 
 
 def deviation_from_covariance(covariance: "list[float] | tuple[float, ...]") -> float:

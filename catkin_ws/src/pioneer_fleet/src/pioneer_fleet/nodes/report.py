@@ -1,6 +1,7 @@
 """``report``: how this computer does, as lines of JSON, until it has come as far as asked or time is up."""
 
 import argparse
+import dataclasses
 import json
 import math
 import os
@@ -17,16 +18,28 @@ from gateway_msgs.msg import GatewayInfo
 from gazebo_msgs.msg import ModelStates
 from geometry_msgs.msg import PoseWithCovarianceStamped, Twist
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import LaserScan
 from simple_navigation_goals.msg import WaypointQueue
 from std_msgs.msg import Float64
 
 from pioneer_fleet.core.report import Report, Stage, deviation_from_covariance
-from pioneer_fleet.core.tour import places_from_mapping, tour
+from pioneer_fleet.core.tour import Place, places_from_mapping, tour
 
 MASTER_LOOK = 0.2
 """How often a master that does not answer yet is asked again [s]: it cannot tell that it has come."""
+QUEUE = 1000
+"""Messages that wait for us: none may be lost of those between which gaps are looked for."""
 LINE_EVERY = 0.5
 """At most one line in so many seconds, but for the last."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Errand:
+    """Where to send the robot: to ``places``, else to ``waypoints`` places of a tour of ``robots`` if it has none."""
+
+    places: list[Place] = dataclasses.field(default_factory=list)
+    waypoints: int = 0
+    robots: int = 1
 
 
 class ReportNode:
@@ -38,8 +51,8 @@ class ReportNode:
     Threads: callbacks write under a lock and wake the main thread, which prints.
     """
 
-    def __init__(self, report: Report, waypoints: int, robots: int) -> None:
-        self._report, self._waypoints, self._robots = report, waypoints, robots
+    def __init__(self, report: Report, errand: Errand) -> None:
+        self._report, self._errand, self._sent, self._due = report, errand, False, 0
         self._changed = threading.Condition()
         self._listen("/gateway/gateway_info", GatewayInfo, self._on_info)
         self._listen("/gateway/rules", DiagnosticArray, self._on_rules)
@@ -47,7 +60,7 @@ class ReportNode:
         if report.robot:
             self._goals = rospy.Publisher(f"/{report.robot}/map_goal", Twist, queue_size=20)
             self._listen(f"/{report.robot}/odom", Odometry, self._on_odom)
-            self._listen(f"/{report.robot}/base_scan", rospy.AnyMsg, self._on_scan)
+            self._listen(f"/{report.robot}/base_scan", LaserScan, self._on_scan)
             self._listen(f"/{report.robot}/amcl_pose", PoseWithCovarianceStamped, self._on_pose)
             self._listen(f"/{report.robot}/map_goal_client/queue", WaypointQueue, self._on_queue)
         else:
@@ -57,15 +70,15 @@ class ReportNode:
     def follow(self, until: Stage, arrived: int, timeout: float, settled: bool) -> bool:
         """Prints a line whenever something that matters changes; returns whether it came so far in time.
 
-        That is stage ``until``, and ``arrived`` waypoints dealt with and none waiting. ``settled`` prints nothing but
-        the last line.
+        That is stage ``until``, the errand's own places and ``arrived`` waypoints dealt with and none waiting.
+        ``settled`` prints nothing but the last line.
         """
         deadline, printed, last = time.monotonic() + timeout, "", -math.inf
         with self._changed:
             while not rospy.is_shutdown():
                 now = time.monotonic()
                 self._drive()
-                done, late = self._report.stage >= until and self._report.has_arrived(arrived), now >= deadline
+                done, late = self._report.has_come(until) and self._has_arrived(arrived), now >= deadline
                 key = f"{self._report.stage}{self._report.lacks}"
                 if done or late or (not settled and key != printed and now - last >= LINE_EVERY):
                     _tell(self._report.as_json(now))
@@ -75,21 +88,30 @@ class ReportNode:
                 self._changed.wait(min(deadline - now, LINE_EVERY))
         return False
 
+    def _has_arrived(self, count: int) -> bool:
+        under_way = bool(self._errand.places) and not self._sent
+        return not under_way and self._report.has_arrived(max(count, self._due))
+
     def _drive(self) -> None:
-        """Sends the tour once the robot can take it, unless somebody has given it waypoints."""
-        if not self._waypoints or self._report.stage < Stage.READY:
+        """Sends the robot on its errand once it can take it."""
+        if self._sent or self._report.stage < Stage.READY or self._goals is None:
             return
-        if self._goals is None or not self._goals.get_num_connections():
+        if not self._goals.get_num_connections():
             return
-        count, self._waypoints = self._waypoints, 0
-        if self._report.received:
-            return
-        places = places_from_mapping(rospy.get_param("/"))
-        number = int(re.sub(r"\D", "", self._report.robot) or 1)
-        for x, y, heading in tour(places, number, self._robots, count) if places else ():
+        self._sent, places = True, self._errand.places
+        if places:
+            self._due = self._report.received + len(places)
+        elif self._errand.waypoints and not self._report.received:
+            places = self._tour()
+        for x, y, heading in places:
             goal = Twist()
             goal.linear.x, goal.linear.y, goal.angular.z = x, y, math.degrees(heading)
             self._goals.publish(goal)
+
+    def _tour(self) -> list[Place]:
+        number = int(re.sub(r"\D", "", self._report.robot) or 1)
+        places = places_from_mapping(rospy.get_param("/"))
+        return tour(places, number, self._errand.robots, self._errand.waypoints) if places else []
 
     def _listen(self, topic: str, kind: Any, callback: Any) -> None:
         def locked(message: Any) -> None:
@@ -99,7 +121,7 @@ class ReportNode:
                 if (self._report.stage, self._report.waiting) != before:
                     self._changed.notify()
 
-        rospy.Subscriber(topic, kind, locked, queue_size=1, tcp_nodelay=True)
+        rospy.Subscriber(topic, kind, locked, queue_size=QUEUE, tcp_nodelay=True)
 
     def _on_info(self, message: GatewayInfo) -> None:
         self._report.gateway = message.name
@@ -109,13 +131,11 @@ class ReportNode:
         self._report.rules = dict(_rule(status) for status in message.status)
 
     def _on_odom(self, message: Odometry) -> None:
-        now, last = time.monotonic(), self._report.odom_at
-        self._report.odom_at = now
-        self._report.odom_gap = max(self._report.odom_gap, now - last if last is not None else 0.0)
+        self._report.hear_odom(time.monotonic(), message.header.stamp.to_sec())
         self._report.linear, self._report.angular = message.twist.twist.linear.x, message.twist.twist.angular.z
 
-    def _on_scan(self, _: rospy.AnyMsg) -> None:
-        self._report.scan_at = time.monotonic()
+    def _on_scan(self, message: LaserScan) -> None:
+        self._report.hear_scan(time.monotonic(), message.header.stamp.to_sec())
 
     def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
         pose = message.pose.pose
@@ -142,6 +162,14 @@ def _rule(status: DiagnosticStatus) -> tuple[str, str]:
     return about, values.get("state", status.message)
 
 
+def _place(text: str) -> Place:
+    try:
+        x, y, *heading = (float(word) for word in text.split(","))
+        return (x, y, heading[0] if heading else 0.0)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"a place is X,Y or X,Y,HEADING, not {text!r}") from None
+
+
 def _tell(line: dict[str, Any]) -> None:
     sys.stdout.write(json.dumps(line) + "\n")
     sys.stdout.flush()
@@ -154,6 +182,10 @@ def main() -> int:
     parser.add_argument("--robot", default="", help="robot driven from this computer; none on the base station")
     parser.add_argument("--until", choices=stages, default=stages[-1], help="end once it has come so far")
     parser.add_argument("--arrived", type=int, default=0, help="and so many waypoints are dealt with, none waiting")
+    parser.add_argument(
+        "--to", type=_place, action="append", default=[], metavar="X,Y[,HEADING]",
+        help="send the robot there [m, rad], and end not before that is dealt with; several times for several places",
+    )  # fmt: skip
     parser.add_argument("--timeout", type=float, default=2.0, help="end after so many seconds at the latest")
     parser.add_argument("--settled", action="store_true", help="print the last line only")
     parser.add_argument("--waypoints", type=int, default=0, help="send a robot that has none to so many places")
@@ -165,7 +197,7 @@ def main() -> int:
         _tell({**report.as_json(time.monotonic()), "lacks": "no ROS master on this computer"})
         return 1
     rospy.init_node("fleet_report", anonymous=True, disable_rostime=True, log_level=rospy.ERROR)
-    node = ReportNode(report, options.waypoints, options.robots)
+    node = ReportNode(report, Errand(options.to, options.waypoints, options.robots))
     left = max(0.1, deadline - time.monotonic())
     return 0 if node.follow(Stage[options.until.upper()], options.arrived, left, options.settled) else 1
 

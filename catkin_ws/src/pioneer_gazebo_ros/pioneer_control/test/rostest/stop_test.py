@@ -18,7 +18,7 @@ from simple_navigation_goals.msg import WaypointQueue
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 
-TIMEOUT = 10.0
+TIMEOUT = 30.0
 
 
 class StopTest(unittest.TestCase):
@@ -83,8 +83,8 @@ class StopTest(unittest.TestCase):
             self.commands.publish(Twist(Vector3(1.0, 0.0, 0.0), Vector3()))
             wait_until(lambda: Twist(Vector3(1.0, 0.0, 0.0), Vector3()) in self.driven, "the command", TIMEOUT)
             wait_until(lambda: self.driven[-1] == Twist(), "the stop after it", TIMEOUT)
-            self.waypoints.publish(Twist(Vector3(3.0, 0.0, 0.0), Vector3()))
             received = self.status.received
+            self.waypoints.publish(Twist(Vector3(3.0, 0.0, 0.0), Vector3()))
             wait_until(lambda: self.status.received > received, "the waypoint to be received", TIMEOUT)
             wait_until(self.stands, "the new waypoint to be cancelled", TIMEOUT)
             os.kill(pid, signal.SIGINT)

@@ -43,6 +43,8 @@ def test_the_shipped_configuration_shows_six_displays_of_five_robots_and_the_map
     assert [sum(mark.robot == f"pioneer{number}" for mark in marks) for number in range(1, 7)] == [5, 5, 5, 5, 5, 0]
     assert view_of(CONFIG).scale > 0
     assert alone(CONFIG)["Panels"] == []
+    assert alone(CONFIG)["Visualization Manager"]["Global Options"]["Frame Rate"] == 2
+    assert CONFIG["Visualization Manager"]["Global Options"]["Frame Rate"] > 2
 
 
 def test_each_robot_has_a_goal_and_an_initial_pose_tool():
@@ -63,6 +65,14 @@ def test_what_is_painted_over_is_named(colour, named):
     image = picture()
     image[(image == colour).all(axis=-1)] = FREE
     assert lacking(image, (5.0, 2.0)) == named
+
+
+@pytest.mark.parametrize(("off", "seen"), [(6, True), (-6, True), (7, False), (-7, False)])
+@pytest.mark.parametrize("channel", [0, 1, 2])
+def test_a_colour_may_be_off_by_six_in_each_channel(channel, off, seen):
+    image = picture()
+    image[20:24, 20:24, channel] += np.uint8(off % 256)
+    assert (lacking(image, (5.0, 2.0)) == []) is seen
 
 
 def test_a_robot_that_is_drawn_elsewhere_or_has_no_position_is_not_seen():

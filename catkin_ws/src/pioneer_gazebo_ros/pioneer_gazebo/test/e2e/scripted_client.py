@@ -1,10 +1,12 @@
 """A client that follows a script to the step, and writes down every message that the simulator sends.
 
-Usage: scripted_client.py ROBOTS SECONDS OUTPUT. The simulator is paused at the start. Commands are sent while time
-stands and counted as sent when the simulator has read them; then time goes on by single steps, later at its own pace.
+Usage: scripted_client.py ROBOTS SECONDS RATES OUTPUT, with RATES [Hz] as a JSON object by topic. The simulator is
+paused at the start. Commands are sent while time stands and counted as sent when the simulator has read them; then time
+goes on by single steps, later at its own pace. It ends when every topic has come up to SECONDS.
 """
 
 import json
+import socket
 import sys
 import threading
 import xmlrpc.client
@@ -29,6 +31,8 @@ SCRIPT = {0: (0.6, 0.3), 31: (0.9, -0.4), 60: (0.0, 1.5)}
 
 LAST = (0.5, 0.2)
 TOPICS = ("base_scan", "odom", "base_pose_ground_truth", "joint_states")
+ROOM = 4 * 2**20
+"""For what comes while this client does not run [bytes]: the simulator drops what a full connection does not take."""
 
 
 class Recorder:
@@ -37,10 +41,19 @@ class Recorder:
     def __init__(self) -> None:
         self.messages: dict[str, list[bytes]] = {}
         self.changed = threading.Condition()
+        self._subscribers: list[rospy.Subscriber] = []
 
     def subscribe(self, topic: str) -> None:
         self.messages[topic] = []
-        rospy.Subscriber(topic, rospy.AnyMsg, self._keep, callback_args=topic, tcp_nodelay=True)
+        self._subscribers.append(
+            rospy.Subscriber(topic, rospy.AnyMsg, self._keep, callback_args=topic, tcp_nodelay=True)
+        )
+
+    def make_room(self) -> None:
+        """Gives every connection, all of which stand by now, room for what is not read at once."""
+        for subscriber in self._subscribers:
+            for connection in subscriber.impl.connections:
+                connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM)
 
     def _keep(self, message: Any, topic: str) -> None:
         with self.changed:
@@ -53,6 +66,15 @@ class Recorder:
             return bool(newest) and Clock().deserialize(newest[0]).clock.to_sec() >= seconds
 
         wait_until(come, f"{seconds} s of simulated time", PATIENCE, self.changed)
+
+    def wait_for_all(self, seconds: float, rates: dict[str, float]) -> None:
+        """Waits for every topic's messages: each comes on a connection of its own, the clock's ahead of others'."""
+
+        def missing() -> list[str]:
+            due = {topic: int(seconds * rates[topic.rpartition("/")[2]]) for topic in self.messages}
+            return [topic for topic, messages in self.messages.items() if len(messages) < due[topic]]
+
+        wait_until(lambda: not missing(), f"all messages of {seconds} s", PATIENCE, self.changed)
 
 
 def statistics(kind: int) -> list[Any]:
@@ -102,7 +124,7 @@ def spawn(name: str) -> None:
 
 def main() -> None:
     """Runs the script."""
-    robots, seconds, output = sys.argv[1], float(sys.argv[2]), sys.argv[3]
+    robots, seconds, rates, output = sys.argv[1], float(sys.argv[2]), json.loads(sys.argv[3]), sys.argv[4]
     rospy.init_node("client", disable_rostime=True)
     rospy.wait_for_service("/gazebo/step", PATIENCE)
     recorder = Recorder()
@@ -114,6 +136,7 @@ def main() -> None:
         recorder.subscribe(topic)
     for topic in recorder.messages:
         wait_until(lambda: is_heard(topic), f"the simulator to know of {topic}'s listener", PATIENCE)  # noqa: B023
+    recorder.make_room()
     pilots = [Pilot(name) for name in robots]
     step = rospy.ServiceProxy("/gazebo/step", Trigger)
     for number in range(75):
@@ -126,6 +149,7 @@ def main() -> None:
     rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
     recorder.wait_for_time(seconds + 0.2)
     rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
+    recorder.wait_for_all(seconds, rates)
     recorded = {topic: [message.hex() for message in messages] for topic, messages in recorder.messages.items()}
     Path(output).write_text(json.dumps(recorded))
 

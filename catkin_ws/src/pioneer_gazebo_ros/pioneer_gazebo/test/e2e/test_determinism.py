@@ -53,7 +53,7 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
                 log,
             )
             output = folder / "messages"
-            command = [sys.executable, str(CLIENT), robots, str(SECONDS), str(output)]
+            command = [sys.executable, str(CLIENT), robots, str(SECONDS), json.dumps(RATES), str(output)]
             done = subprocess.run(
                 command, env=master.environment, capture_output=True, text=True, timeout=120, check=False
             )

@@ -14,7 +14,7 @@ from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
 from nav_msgs.msg import Odometry
 from std_msgs.msg import Bool
 
-PATIENCE = 20.0
+PATIENCE = 60.0
 
 SDF = """<sdf version="1.6"><model name="m"><link name="l"><collision name="c"><geometry>{}</geometry></collision>
 </link></model></sdf>"""

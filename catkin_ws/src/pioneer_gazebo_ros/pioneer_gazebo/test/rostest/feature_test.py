@@ -16,7 +16,7 @@ from pioneer_msgs.msg import BumperState
 from sensor_msgs.msg import BatteryState, CameraInfo, Image, PointCloud, Range
 from std_msgs.msg import Bool, Float32, Float64, Int8, UInt32
 
-PATIENCE = 20.0
+PATIENCE = 60.0
 START = Pose(Point(-3.5, 0.0, 0.0), Quaternion(0.0, 0.0, -0.7071, 0.7071))
 """In the way of person_1, with the back to it."""
 

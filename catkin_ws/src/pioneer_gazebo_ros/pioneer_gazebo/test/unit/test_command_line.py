@@ -1,16 +1,21 @@
+import shlex
+import shutil
 from pathlib import Path
 
 import pytest
 
+from pioneer_gazebo.adapters.resource import world_path
 from pioneer_gazebo.core.argument import ArgumentError
 from pioneer_gazebo.core.fleet import FleetError, InitialPose, initial_pose, robot_names, robot_of_host
 from pioneer_gazebo.nodes import run_navigation, run_simulation, world_to_map
 from pioneer_gazebo.nodes.run_simulation import SimulationOptions
+from pioneer_gazebo.nodes.session import SessionError
 
 
 def test_environment_gives_defaults_and_arguments_win():
     options = run_simulation.options_from(["robots:=3"], {"ROBOTS": "7", "WORLD": "closed_maze"})
     assert (options.robots, options.world_name) == (3, "closed_maze")
+    assert run_simulation.options_from([], {"REAL_TIME_FACTOR": "0.5"}).real_time_factor == 0.5
     assert run_simulation.options_from([], {}) == SimulationOptions("utm_0", 15)
 
 
@@ -22,6 +27,7 @@ def test_environment_gives_defaults_and_arguments_win():
         (["robots:=many"], "robots must be a whole number, not 'many'"),
         (["real_time_factor:=fast"], "must be a number"),
         (["gateway:=perhaps"], "must be true or false"),
+        (["map_name:=utm_0", "map_file:=my.yaml"], "map_name and map_file are two maps: give one"),
     ],
 )
 def test_bad_argument_is_refused(words, message):
@@ -61,9 +67,68 @@ def test_initial_pose_that_is_missing_or_broken_is_refused():
 def test_fifteen_robots_have_their_launch_files():
     options = SimulationOptions()
     poses = run_simulation.fleet_poses(options, "utm_0")
-    files = run_simulation.launch_files(options, "utm_0", list(poses))
+    files = run_simulation.launch_files(options, Path("utm_0.world"), Path("utm_0.yaml"), list(poses))
     assert len(files) == 2 + 15 + 1
     assert files[0][2]["paused"] == "true"
+
+
+@pytest.fixture
+def own_world(tmp_path: Path) -> Path:
+    """A user's world, which has no map yet."""
+    source = world_path("small_world")
+    return Path(shutil.copy(source, tmp_path / "my own.world"))
+
+
+def test_the_map_of_your_own_world_is_beside_it_once_the_command_in_the_error_has_run(own_world, capsys):
+    options = run_simulation.options_from([f"world_name:={own_world}"], {})
+    with pytest.raises(SessionError) as raised:
+        run_simulation.map_file(options, own_world)
+    package, tool, *words = shlex.split(str(raised.value).partition("(rosrun ")[2].partition(")")[0])
+    assert (package, tool) == ("pioneer_gazebo", "world_to_map")
+    assert world_to_map.main(words) == 0
+    assert f"{own_world.with_suffix('.yaml')}: 260 × 220 cells" in capsys.readouterr().out
+    assert run_simulation.map_file(options, own_world) == own_world.with_suffix(".yaml")
+
+
+def test_the_map_of_a_world_of_the_package_is_the_packages_though_its_path_is_given():
+    path = world_path("small_world")
+    assert run_simulation.map_file(SimulationOptions(str(path)), path) == path.parents[1] / "map" / "small_world.yaml"
+
+
+def test_a_map_by_name_or_path_wins_over_the_worlds(own_world):
+    path = world_path("utm_0")
+    named = run_simulation.map_file(SimulationOptions(map_name="blank"), path)
+    assert named == path.parents[1] / "map" / "blank.yaml"
+    assert run_simulation.map_file(SimulationOptions(map_file=str(named)), own_world) == named
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("map_name:=mars", "there is no map 'mars' in /.*/pioneer_gazebo/map; map_file:=PATH takes one from elsewhere"),
+        ("map_file:=/mars.yaml", "map_file: there is no file /mars.yaml"),
+    ],
+)
+def test_a_map_that_does_not_exist_is_named(word, message):
+    with pytest.raises(SessionError, match=message):
+        run_simulation.map_file(run_simulation.options_from([word], {}), world_path("utm_0"))
+
+
+def test_nodes_get_whole_paths_of_files_given_from_here(own_world, monkeypatch):
+    monkeypatch.chdir(own_world.parent)
+    world_to_map.main([own_world.name])
+    options = SimulationOptions(own_world.name, map_file="my own.yaml")
+    world, *_, grid = run_simulation.launch_files(options, own_world, run_simulation.map_file(options, own_world), [])
+    assert world[2]["world_name"] == str(own_world)
+    assert grid[2] == {"map_file": str(own_world.with_suffix(".yaml"))}
+
+
+def test_world_to_map_says_in_one_line_that_it_cannot_write(tmp_path, capsys):
+    (tmp_path / "file").touch()
+    assert world_to_map.main(["blank", "-o", str(tmp_path / "file" / "blank")]) == 1
+    line = capsys.readouterr().err
+    assert line.startswith(f"world_to_map: cannot write {tmp_path / 'file'}")
+    assert line.endswith("-o PATH writes elsewhere\n")
 
 
 def test_world_to_map_writes_a_map_of_the_size_asked_for(tmp_path, capsys):

@@ -11,7 +11,7 @@ from rosgraph_msgs.msg import Clock
 
 from pioneer_harness.wait import wait_until
 
-TIMEOUT = 10.0
+TIMEOUT = 30.0
 
 
 class ControllerTest(unittest.TestCase):

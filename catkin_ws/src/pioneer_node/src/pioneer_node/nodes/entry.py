@@ -1,5 +1,6 @@
 """The one way a node of this workspace starts and ends."""
 
+import http.client
 import io
 import logging
 import signal
@@ -11,6 +12,9 @@ from typing import Any
 import rospy
 
 from pioneer_node.core.parameter import ParameterError
+
+_ending = threading.Event()
+"""Set as soon as a signal asks the process to end; rospy knows of a shutdown a moment later."""
 
 
 def run(
@@ -31,6 +35,8 @@ def run(
         sys.stdout.reconfigure(line_buffering=True)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _shut_down)
+    # Before is_shutdown() says so, rospy closes topics; a callback that publishes then is no fault of its node's.
+    rospy.topics.is_shutdown = rospy.core.is_shutdown_requested
     rospy.init_node(name, disable_rostime=wall_time, disable_signals=True)
     try:
         node = build()
@@ -41,11 +47,20 @@ def run(
         rospy.logfatal("%s", error)
         rospy.signal_shutdown(str(error))
         return 1
-    except Exception:  # the outermost loop: whatever arrives here is a fault of ours and is told whole
+    except Exception as error:  # the outermost loop: whatever arrives here is a fault of ours and is told whole
+        if is_ending() and isinstance(error, OSError | http.client.HTTPException):
+            # Whoever ends may have lost its master, or its peers, before.
+            logging.getLogger(__name__).info("%s ended while it lost a connection: %s", name, error)
+            return 0
         logging.getLogger("rosout").critical("%s ended by an error", name, exc_info=True)
         rospy.signal_shutdown("internal error")
         return 1
     return 0
+
+
+def is_ending() -> bool:
+    """Tells whether the node ends: from the signal on, where ``rospy.is_shutdown`` does so later."""
+    return _ending.is_set() or bool(rospy.is_shutdown())
 
 
 def _shut_down(number: int, _frame: object) -> None:
@@ -54,6 +69,7 @@ def _shut_down(number: int, _frame: object) -> None:
     rospy's own handler does it in the interrupted main thread, where it waits for ever for a lock that this thread
     may hold. The thread is no daemon: the process ends when the node is unregistered.
     """
+    _ending.set()
     threading.Thread(target=rospy.signal_shutdown, args=(f"signal-{number}",), name="shutdown").start()
 
 

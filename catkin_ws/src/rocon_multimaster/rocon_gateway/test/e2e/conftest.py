@@ -20,13 +20,14 @@ import rosgraph.network
 from diagnostic_msgs.msg import DiagnosticArray
 from gateway_msgs import msg, srv
 
+from pioneer_harness.machine import FarMachine, MachineError
 from pioneer_harness.masters import Master
 from pioneer_harness.port import PortReservation
 from pioneer_harness.proc import arguments, descendants, process_state
 from pioneer_harness.process import ProcessGroup
-from pioneer_harness.wait import wait_until
+from pioneer_harness.wait import START, wait_until
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent.parent / "unit")]
 PROBE = Path(__file__).with_name("probe.py")
 
 
@@ -41,7 +42,6 @@ class Site:
         self.log = fleet.folder / f"{name}.log"
         self.pid = 0
         self._prefix = prefix
-        self.patience = 15.0
         self._probes: dict[str, int] = {}
 
     def start(self, environment: Mapping[str, str] | None = None, **parameters: Any) -> "Site":
@@ -50,16 +50,21 @@ class Site:
         self.master.set_param("/gateway", {**defaults, **parameters})
         argv = [*self._prefix, "rosrun", "rocon_gateway", "gateway"]
         environment = {**self.master.environment, **(environment or {})}
+        before = self._starts()
         self.pid = self._fleet.group.start(self.name, argv, environment, self.log)
-        # The last one that the gateway offers.
-        wait_until(lambda: self._has_service("/gateway/set_watcher_period"), f"{self.name}'s services", self.patience)
+        # Services alone would not do: those of a killed gateway stay on the master. The line comes after the last one.
+        wait_until(lambda: self._starts() > before, f"{self.name}'s start", START)
         return self
 
-    def _has_service(self, name: str) -> bool:
-        return name in self.master.system_state()[2]
+    def _starts(self) -> int:
+        """How often a gateway here has said that it is ready."""
+        return len(self._relay_ports())
+
+    def _relay_ports(self) -> list[str]:
+        return re.findall(r"relay on port (\d+)", self.log.read_text()) if self.log.exists() else []
 
     def connected(self) -> "Site":
-        wait_until(lambda: self.info().connected, f"{self.name} on the hub", 10)
+        wait_until(lambda: self.info().connected, f"{self.name} on the hub", START)
         return self
 
     def call(self, service: str, kind: type, **fields: Any) -> Any:
@@ -128,19 +133,19 @@ class Site:
 
     def relay_port(self) -> int:
         """Where the gateway's relay listens, as it says itself."""
-        return int(re.findall(r"relay on port (\d+)", self.log.read_text())[-1])
+        return int(self._relay_ports()[-1])
 
     def talk(self, topic: str, name: str = "talker") -> int:
         """Starts a node that publishes its name on `topic`, and waits until the master knows."""
         pid = self.probe("talk", name, topic)
-        wait_until(lambda: f"/{name}" in self.master.system_state()[0].get(topic, []), f"{topic} of {name}", 10)
+        wait_until(lambda: f"/{name}" in self.master.system_state()[0].get(topic, []), f"{topic} of {name}", START)
         return pid
 
     def hear(self, topic: str, name: str = "listener") -> "Ear":
         """Starts a node that listens to `topic`, and waits until the master knows."""
         log = self._fleet.folder / f"{self.name}-{name}.log"
         pid = self.probe("hear", name, topic, log=log)
-        wait_until(lambda: f"/{name}" in self.master.system_state()[1].get(topic, []), f"{name} on {topic}", 10)
+        wait_until(lambda: f"/{name}" in self.master.system_state()[1].get(topic, []), f"{name} on {topic}", START)
         return Ear(log, pid)
 
     def probe(self, what: str, name: str, *arguments: object, log: Path | None = None) -> int:
@@ -183,7 +188,7 @@ def _end(pids: list[int]) -> None:
     for pid in pids:
         with contextlib.suppress(ProcessLookupError):
             os.kill(pid, signal.SIGINT)
-    wait_until(lambda: not any(lives(pid) for pid in pids), "the end of what was interrupted", 15)
+    wait_until(lambda: not any(lives(pid) for pid in pids), "the end of what was interrupted", START)
 
 
 def lives(pid: int) -> bool:
@@ -299,6 +304,17 @@ def _fleet(folder: Path) -> Iterator[Fleet]:
     made.close()
     for log in folder.glob("*.log"):
         assert "Traceback" not in log.read_text(), log.read_text()
+
+
+@pytest.fixture(scope="module")
+def machine() -> Iterator[FarMachine]:
+    """Another machine on the network, for all tests of a file."""
+    try:
+        made = FarMachine()
+    except MachineError as error:
+        pytest.skip(f"the network between machines is not tested here: {error}")
+    yield made
+    made.close()
 
 
 @pytest.fixture(scope="module")

@@ -35,12 +35,13 @@ def test_a_gateway_whose_hub_is_gone_ends_at_once(fleet, pair, report, how) -> N
     base.flip("robot", "subscriber", "/a")
     wait_until(lambda: base.publishers("/a"), "the proxy", 10)
     before = base.log.read_text()
-    hubs = [pid for pid, state in fleet.group.states().items() if "redis-server" in _command(pid)]
+    # A Redis that is killed alone is there again before everybody has missed it.
+    hubs = fleet.family(fleet.hub_pid) if how == signal.SIGKILL else {fleet.redis_pid()}
     for pid in hubs:
         os.kill(pid, how)
     wait_until(lambda: not base.info().connected, "hub lost", 8)
     took = interrupted(base, fleet)
-    for pid in hubs if how == signal.SIGSTOP else []:
+    for pid in hubs if how == signal.SIGSTOP else ():
         os.kill(pid, signal.SIGCONT)
     report(f"end without a hub ({how.name})", took)
     assert took < 3.0
@@ -61,7 +62,7 @@ def test_a_gateway_whose_master_is_gone_says_so_once_and_ends(fleet, tmp_path, r
         fleet.start_hub()
         argv = ["rosrun", "rocon_gateway", "gateway", "_name:=orphan", f"_hub_uri:={fleet.hub_uri}"]
         gateway = group.start("gateway", argv, environment, log, True)
-        wait_until(lambda: "relay on port" in _text(log) and "on hub" in _text(log), "the gateway on its hub", 20)
+        wait_until(lambda: "relay on port" in _text(log) and "on hub" in _text(log), "the gateway on its hub", 60)
         os.kill(master, signal.SIGKILL)
         wait_until(lambda: "does not answer" in _text(log), "the loss", 10)
         before = _text(log)
@@ -80,10 +81,3 @@ def test_a_gateway_whose_master_is_gone_says_so_once_and_ends(fleet, tmp_path, r
 
 def _text(path: Path) -> str:
     return path.read_text() if path.exists() else ""
-
-
-def _command(pid: int) -> str:
-    try:
-        return Path(f"/proc/{pid}/cmdline").read_text()
-    except OSError:
-        return ""

@@ -6,12 +6,12 @@ import signal
 import time
 
 import pytest
-from measure import longest_gap
+from measure import checked, longest_gap
 
 from pioneer_harness.master_process import MasterProcess
 from pioneer_harness.port import PortReservation
 from pioneer_harness.process import ProcessGroup
-from pioneer_harness.wait import wait_until
+from pioneer_harness.wait import START, wait_until
 
 # rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
@@ -95,6 +95,7 @@ def test_a_jump_of_simulated_time_changes_nothing(standing_fleet, standing) -> N
     site = standing_fleet.site("simulated")
     site.master.set_param("/use_sim_time", True)
     clock = site.probe("clock", "clock", "/clock", 50)
+    wait_until(lambda: site.publishers("/clock"), "the clock, which signals would end before it is there", START)
     site.start().connected()
     robot.talk("/before")
     ear = site.hear("/before")
@@ -146,10 +147,11 @@ def test_in_a_ring_of_three_that_flips_everything_each_message_comes_once(standi
     for site in ring:
         all_of_them = sorted(["/source", *(f"/{other.name}/source" for other in ring if other is not site)])
         wait_until(lambda s=site, o=all_of_them: s.publishers("/ring") == o, "each of the others once", 15)
+        wait_until(lambda s=site: checked(ears[s]), f"messages at {site.name}", START)
     began = time.monotonic()
     wait_until(lambda: time.monotonic() - began > 1.0, "some time for echoes", 3)
     for site in ring:
         assert site.publishers("/ring").count("/source") == 1
-        numbers = [line.split()[1] for line in ears[site].read_text().splitlines() if line[:1].isdigit()]
+        numbers = [number for _, number, _ in checked(ears[site])]
         # Three sources count from 0 on: a number may come three times, an echo would be a fourth.
         assert max(numbers.count(one) for one in set(numbers)) <= 3

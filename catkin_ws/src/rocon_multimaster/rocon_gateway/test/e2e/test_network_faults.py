@@ -7,42 +7,32 @@ from pathlib import Path
 
 import pytest
 from measure import MB, checked, memory
-from proxy import TcpProxy
 
-from pioneer_harness.machine import HERE, THERE, FarMachine, MachineError
+from pioneer_harness.machine import MachineError
 from pioneer_harness.master_process import MasterProcess
-from pioneer_harness.wait import wait_until
+from pioneer_harness.tcp_proxy import TcpProxy
+from pioneer_harness.wait import START, wait_until
 
 # rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 
 @pytest.fixture(scope="module")
-def machine() -> Iterator[FarMachine]:
-    try:
-        made = FarMachine()
-    except MachineError as error:
-        pytest.skip(f"the network between machines is not tested here: {error}")
-    yield made
-    made.close()
-
-
-@pytest.fixture(scope="module")
 def far(machine, shared_fleet):
     """A base station here and a robot on another machine, with its stream of small messages flipped here."""
     fleet = shared_fleet
-    fleet.hub_uri = f"http://{HERE}:{fleet.hub_port}"
+    fleet.hub_uri = f"http://{machine.here}:{fleet.hub_port}"
     fleet.start_hub(insecure=True)
-    master = MasterProcess(fleet.group, 11311, fleet.folder, THERE, machine.prefix)
+    master = MasterProcess(fleet.group, 11311, fleet.folder, machine.there, machine.prefix)
     base, robot = fleet.site("base"), fleet.site("robot", master, machine.prefix)
-    base.start({"ROS_IP": HERE})
+    base.start({"ROS_IP": machine.here})
     robot.start().connected()
     base.connected()
     robot.probe("load", "small_source", "/small", 64, 20)
     log = fleet.folder / "small.log"
     base.probe("check", "small_sink", "/small", log=log)
     assert base.flip("robot", "subscriber", "/small") == 0
-    wait_until(lambda: log.exists() and checked(log), "messages of the other machine", 15)
+    wait_until(lambda: log.exists() and checked(log), "messages of the other machine", START)
     return base, robot, log
 
 
@@ -58,7 +48,7 @@ def test_on_1_mbit_small_messages_go_on_beside_too_many_large_ones(machine, far)
     machine.narrow("1mbit")
     try:
         assert base.flip("robot", "subscriber", "/big") == 0
-        wait_until(lambda: big.exists() and checked(big), "large messages", 15)
+        wait_until(lambda: big.exists() and checked(big), "large messages", START)
         before, began = memory(robot.pid), time.monotonic()
         wait_until(lambda: time.monotonic() - began > 6.0, "6 s of narrowness", 8)
         assert len(since(log, began)) > 30
@@ -106,6 +96,32 @@ def test_a_machine_that_is_gone_without_a_packet_is_noticed_within_10_s_and_welc
     assert noticed <= 10.0
     numbers = [number for _, number, _ in checked(log)]
     assert numbers == sorted(set(numbers)), "none came twice"
+
+
+def test_a_link_that_a_middlebox_drops_while_both_are_on_the_hub_is_noticed_within_10_s(machine, far, report) -> None:
+    base, robot, log = far
+    port = str(robot.relay_port())
+    rules = [("INPUT", "-p", "tcp", "--dport", port), ("OUTPUT", "-p", "tcp", "--sport", port)]
+    done = []
+    cut = time.monotonic()
+    try:
+        for rule in rules:
+            try:
+                machine.run("iptables", "-A", *rule, "-j", "DROP")
+            except MachineError as error:
+                pytest.skip(f"a port cannot be blocked here: {error}")
+            done.append(rule)
+        wait_until(lambda: base.publishers("/small") == [], "the far side is unregistered", 15)
+        noticed = time.monotonic() - cut
+        wait_until(lambda: base.states()["flip /small"].startswith("unreachable"), "the rule says so", 5)
+        assert (base.info().connected, robot.info().connected) == (True, True)
+    finally:
+        for rule in done:
+            machine.run("iptables", "-D", *rule, "-j", "DROP")
+    report("link dropped on the way, noticed", noticed)
+    back = time.monotonic()
+    wait_until(lambda: since(log, back), "messages again", 20)
+    assert noticed <= 10.0
 
 
 @pytest.fixture

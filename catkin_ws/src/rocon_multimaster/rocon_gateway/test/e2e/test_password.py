@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pioneer_harness.wait import wait_until
+from pioneer_harness.wait import START, wait_until
 
 # rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
@@ -42,7 +42,7 @@ def test_gateways_with_the_hubs_password_connect_and_keep_it_to_themselves(fleet
 def test_a_password_that_does_not_fit_is_one_line(fleet, tmp_path, hubs, ours, said) -> None:
     fleet.start_hub(variables(tmp_path, hubs) if hubs else None)
     site = fleet.site("base").start(variables(tmp_path, ours) if ours else None)
-    wait_until(lambda: said in site.log.read_text(), said, 10)
+    wait_until(lambda: said in site.log.read_text(), said, START)
     # It goes on trying, twice a second.
     told = time.monotonic()
     wait_until(lambda: time.monotonic() - told > 2.5, "some more tries", 5)

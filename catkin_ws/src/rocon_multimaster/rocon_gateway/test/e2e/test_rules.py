@@ -56,14 +56,14 @@ def test_a_flipped_publisher_goes_the_other_way_and_only_the_named_node_hears(pa
     assert robot.flip("base", "publisher", "/cmd") == 0
     other.first_after(asked)
     wait_until(lambda: [one.status for one in robot.info().flipped_connections] == ["accepted"], "accepted", 5)
-    assert [one.rule.name for one in base.info().flipped_in_connections] == ["/cmd"]
+    wait_until(lambda: [one.rule.name for one in base.info().flipped_in_connections] == ["/cmd"], "flipped in", 5)
 
 
 def test_rules_may_come_before_gateways_topics_and_hub(fleet, report) -> None:
     base = fleet.site("base").start()
     assert base.flip("robot", "subscriber", "/late") == 0
     assert base.pull("robot", "publisher", "/late") == msg.ErrorCodes.NO_HUB_CONNECTION
-    assert base.states() == {"flip /late": "pending: waiting for a hub"}
+    wait_until(lambda: base.states() == {"flip /late": "pending: waiting for a hub"}, "the rule's state", 5)
     ear = base.hear("/late")
     fleet.start_hub()
     base.connected()
@@ -74,6 +74,27 @@ def test_rules_may_come_before_gateways_topics_and_hub(fleet, report) -> None:
     born = time.monotonic()
     report("new publisher", ear.first_after(born))
     wait_until(lambda: base.states() == {"flip /late": "active"}, "active", 5)
+
+
+def test_a_pattern_brings_nothing_of_another_robot_whatever_it_is_called_before_or_after_its_gateway_comes(
+    fleet,
+) -> None:
+    fleet.start_hub()
+    base = fleet.site("base").start(robot_namespaces="carol").connected()
+    alice = fleet.site("alice_gateway").start(namespace="alice").connected()
+    for name in ("alice", "bob", "carol"):
+        base.talk(f"/{name}/odom", f"{name}_source")
+    assert base.call("advertise_all", srv.AdvertiseAll, cancel=False).result == 0
+    assert alice.pull("base", "publisher", ".*/odom") == 0
+    wait_until(lambda: alice.publishers("/alice/odom") and alice.publishers("/bob/odom"), "what it may have", 10)
+    assert alice.publishers("/carol/odom") == [], "the base station has told of carol"
+    bob = fleet.site("bob_gateway").start(namespace="bob").connected()
+    wait_until(lambda: alice.publishers("/bob/odom") == [], "bob is a robot now", 5)
+    assert alice.publishers("/alice/odom") == ["/base/alice_source"]
+    bob.stop()
+    assert alice.pull("base", "publisher", "/bob/odom") == 0
+    wait_until(lambda: alice.publishers("/bob/odom"), "what spells it out", 5)
+    wait_until(lambda: alice.states()["pull .*/odom"] == "active", "active", 5)
 
 
 def test_bad_requests_are_refused_and_everything_goes_on(pair) -> None:
@@ -148,7 +169,8 @@ def test_shutting_down_in_any_order_leaves_nothing_behind(pair, report) -> None:
     wait_until(lambda: base.publishers("/a") == [], "the proxy is gone", 5)
     report("clean leave noticed", time.monotonic() - left)
     wait_until(lambda: robot.publishers("/gateway/gateway_info") == [], "robot's gateway gone", 5)
-    assert all("/gateway" not in nodes for nodes in robot.master.system_state()[1].values())
+    subscribers = robot.master.system_state
+    wait_until(lambda: all("/gateway" not in nodes for nodes in subscribers()[1].values()), "nothing of it", 5)
 
 
 def _is_hub(pid: int) -> bool:

@@ -43,7 +43,7 @@ def sites(shared_fleet) -> tuple[Any, Any]:
     base.start(**rules)
     robot.start(default_flips=[LATE_FLIP], **rules)
     cast(shared_fleet, base)
-    wait_until(lambda: five_are_up(base), "the five nodes", 30)
+    wait_until(lambda: five_are_up(base), "the five nodes", 60)
     return base.connected(), robot.connected()
 
 
@@ -225,7 +225,7 @@ def test_a_whole_action_works_across(sites, connect) -> None:
     base, robot = sites
     connect(base, robot, False)
     told = run(robot, sys.executable, str(NODES / "action.py"), "call", "/fibonacci/server").splitlines()
-    assert told == ["server True", "SUCCEEDED 5 [0, 1, 2, 3, 4]", "PREEMPTED True"]
+    assert told == ["server True", "SUCCEEDED 5 [0, 1, 2, 3, 4]", "active True", "PREEMPTED"]
     connect(base, robot, True)
     wait_until(lambda: not robot.publishers("/fibonacci/server/status"), "gone", GONE_WITHIN)
 
@@ -247,7 +247,7 @@ def test_a_parameter_is_copied_by_its_name_only(sites) -> None:
 
 def test_a_default_flip_by_base_name_stands_before_and_after_its_gateway_comes(shared_fleet, sites) -> None:
     _, robot = sites
-    watched = [("late", "publisher", "/nothing")]
+    watched = [("late", "publisher", "/nothing", "")]
     assert flip_watchlist(robot) == watched
     assert robot.states()["flip /nothing"].startswith("no such gateway")
     late = shared_fleet.site("late").start(hub_uri="", disable_zeroconf=True, disable_uuids=False)
@@ -258,5 +258,5 @@ def test_a_default_flip_by_base_name_stands_before_and_after_its_gateway_comes(s
     assert flip_watchlist(robot) == watched
 
 
-def flip_watchlist(site) -> list[tuple[str, str, str]]:
-    return [(one.gateway, one.rule.type, one.rule.name) for one in site.info().flip_watchlist]
+def flip_watchlist(site) -> list[tuple[str, str, str, str]]:
+    return [(one.gateway, one.rule.type, one.rule.name, one.rule.node) for one in site.info().flip_watchlist]

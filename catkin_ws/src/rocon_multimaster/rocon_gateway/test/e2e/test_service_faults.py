@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pioneer_harness.wait import wait_until
+from pioneer_harness.wait import START, wait_until
 
 # rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
@@ -31,13 +31,13 @@ def test_a_frozen_or_killed_gateway_is_an_error_to_who_has_called_and_its_return
     base, robot = pair
     log = fleet.folder / "server.log"
     fleet.group.start("server", [sys.executable, str(SERVER)], base.master.environment, log)
-    wait_until(lambda: "/echo" in base.master.system_state()[2], "the server", 15)
+    wait_until(lambda: "/echo" in base.master.system_state()[2], "the server", START)
     endings = ((signal.SIGSTOP, signal.SIGCONT, 15), (signal.SIGKILL, None, 5))
     for number, (ending, back, bound) in enumerate(endings, 1):
         assert base.flip("robot", "service", "/echo") == 0
         wait_until(lambda: base.states()["flip /echo"] == "active", "active", 10)
         called = begin_call(robot)
-        wait_until(lambda n=number: log.read_text().count("waiting") == n, "the call under way", 15)
+        wait_until(lambda n=number: log.read_text().count("waiting") == n, "the call under way", START)
         os.kill(base.pid, ending)
         ended = time.monotonic()
         said, _ = called.communicate(timeout=60)

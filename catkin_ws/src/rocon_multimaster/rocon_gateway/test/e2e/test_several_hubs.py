@@ -7,8 +7,8 @@ import signal
 import pytest
 from gateway_msgs import srv
 
-from pioneer_harness.port import is_free
-from pioneer_harness.wait import wait_until
+from pioneer_harness.masters import is_running
+from pioneer_harness.wait import START, wait_until
 
 # rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
@@ -21,7 +21,7 @@ def hubs_of(site) -> list[str]:
 def test_connect_hub_adds_a_hub_and_losing_one_changes_nothing_for_who_is_on_the_other(fleet, pair) -> None:
     base, robot = pair
     second, uri = fleet.start_second_hub()
-    wait_until(lambda: not is_free(int(uri.rpartition(":")[2])), "the second hub's port", 10)
+    wait_until(lambda: is_running(uri), "the second hub's port", START)
     both = sorted([fleet.hub_uri, uri])
     for site in pair:
         assert wait_until(lambda s=site: s.call("connect_hub", srv.ConnectHub, uri=uri).result == 0, "joined", 10)
@@ -51,7 +51,7 @@ def test_connect_hub_adds_a_hub_and_losing_one_changes_nothing_for_who_is_on_the
     wait_until(lambda: all(hubs_of(site) == both for site in pair), "the first hub is back", 10)
     os.kill(second, signal.SIGKILL)
     wait_until(lambda: all(hubs_of(site) == [fleet.hub_uri] for site in pair), "the second hub is missed", 8)
-    assert base.states() == {"flip /a": "active", "flip /b": "active"}
+    wait_until(lambda: base.states() == {"flip /a": "active", "flip /b": "active"}, "both active", 5)
     times = ear.times()
     assert max(late - early for early, late in itertools.pairwise(times)) < 1.0
     assert base.pull("nobody", "publisher", "/c") == 0

@@ -61,8 +61,7 @@ def test_the_tools_make_rules_and_say_how_they_do(pair, tmp_path) -> None:
     assert picture.read_text().startswith("digraph gateways {")
 
     status, said = tool(base, "doctor")
-    assert "gateway 'robot' at 127.0.0.1:" in said
-    assert "2 of 4 rules" not in said
+    assert all(f"1 relays answer at gateway '{site.name}'" in said for site in pair)
     assert "1 of 3 rules are active\n         → rosrun rocon_gateway rules says why" in said
     assert status == 0, said
 

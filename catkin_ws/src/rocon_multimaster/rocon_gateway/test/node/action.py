@@ -5,7 +5,7 @@ import threading
 
 import actionlib
 import rospy
-from actionlib.msg import TestAction, TestFeedback, TestGoal, TestResult
+from actionlib.msg import TestAction, TestActionFeedback, TestFeedback, TestGoal, TestResult
 from actionlib_msgs.msg import GoalStatus
 
 STEP = 0.02
@@ -29,23 +29,51 @@ class Server:
         self._server.set_succeeded(TestResult(goal.goal))
 
 
-def call(client: actionlib.SimpleActionClient) -> None:
+class Goal:
+    """A goal, and what comes of it.
+
+    It stands on ActionClient: SimpleActionClient drops what a server says before `send_goal` has returned, which
+    happens where this process waits for the processor. And feedback is taken from its topic, because a client drops
+    what comes after the result; nobody says which of two topics comes first.
+    """
+
+    def __init__(self, client: actionlib.ActionClient, steps: int) -> None:
+        self.active, self.done, self.told_all = threading.Event(), threading.Event(), threading.Event()
+        self.feedback: list[int] = []
+        self._steps = steps
+        rospy.Subscriber(f"{client.ns}/feedback", TestActionFeedback, self._on_feedback)
+        self.handle = client.send_goal(TestGoal(steps), self._on_transition)
+
+    def _on_transition(self, goal: actionlib.ClientGoalHandle) -> None:
+        if goal.get_comm_state() == actionlib.CommState.ACTIVE:
+            self.active.set()
+        if goal.get_comm_state() == actionlib.CommState.DONE:
+            self.done.set()
+
+    def _on_feedback(self, one: TestActionFeedback) -> None:
+        self.feedback.append(one.feedback.feedback)
+        if len(self.feedback) == self._steps:
+            self.told_all.set()
+
+    def end(self) -> str:
+        """Waits for the end; returns its state, or that there was none."""
+        return GoalStatus.to_string(self.handle.get_terminal_state()) if self.done.wait(20) else "no end"
+
+
+def call(client: actionlib.ActionClient) -> None:
     """A goal to its end, and one that is cancelled once it is known to be active.
 
     Not earlier: a status that was sent before the goal arrived, and came after the cancel, would make a client of
     actionlib's believe that its goal is lost.
     """
-    feedback: list[int] = []
-    active = threading.Event()
     say(f"server {client.wait_for_server(rospy.Duration(20))}")
-    client.send_goal(TestGoal(5), feedback_cb=lambda one: feedback.append(one.feedback))
-    client.wait_for_result(rospy.Duration(20))
-    say(f"{GoalStatus.to_string(client.get_state())} {client.get_result().result} {feedback}")
-    client.send_goal(TestGoal(100000), active_cb=active.set)
-    active.wait(20)
-    client.cancel_goal()
-    ended = client.wait_for_result(rospy.Duration(20))
-    say(f"{GoalStatus.to_string(client.get_state())} {ended}")
+    goal = Goal(client, 5)
+    goal.told_all.wait(20)
+    say(f"{goal.end()} {goal.handle.get_result().result} {goal.feedback}")
+    goal = Goal(client, 100000)
+    say(f"active {goal.active.wait(20)}")
+    goal.handle.cancel()
+    say(goal.end())
 
 
 def say(text: str) -> None:
@@ -59,7 +87,7 @@ def main() -> None:
     if what == "serve":
         held: object = Server(name)
     else:
-        held = actionlib.SimpleActionClient(name, TestAction)
+        held = actionlib.ActionClient(name, TestAction)
         if what == "call":
             call(held)
             return

@@ -1,10 +1,16 @@
-"""Serves /echo: answers with the text that it gets; some texts make it fail, wait, die or tell who calls."""
+"""Serves /echo: answers with the text that it gets; some texts make it fail, wait, die or tell who calls.
+
+"hold" waits until somebody else says "release".
+"""
 
 import os
 import sys
+import threading
 
 import rospy
 from gateway_msgs.srv import ConnectHub, ConnectHubRequest, ConnectHubResponse
+
+RELEASED = threading.Event()
 
 
 def echo(request: ConnectHubRequest) -> ConnectHubResponse:
@@ -17,6 +23,10 @@ def echo(request: ConnectHubRequest) -> ConnectHubResponse:
         sys.stdout.write("waiting\n")
         sys.stdout.flush()
         rospy.rostime.wallsleep(float(number))
+    if what == "hold":
+        RELEASED.wait(60)
+    if what == "release":
+        RELEASED.set()
     if what == "who":
         return ConnectHubResponse(0, request._connection_header["callerid"])
     return ConnectHubResponse(len(request.uri) % 100, request.uri)

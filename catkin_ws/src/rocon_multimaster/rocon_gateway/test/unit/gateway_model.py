@@ -91,6 +91,7 @@ class Fleet:
             links=gateway.links,
             options=gateway.options,
             namespace=gateway.namespace,
+            robots=frozenset(one.namespace for one in self.gateways.values() if one.namespace),
         )
 
     def check(self) -> None:

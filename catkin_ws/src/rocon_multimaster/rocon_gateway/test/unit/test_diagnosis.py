@@ -3,7 +3,8 @@
 import pytest
 
 from rocon_gateway.core import diagnosis
-from rocon_gateway.core.diagnosis import Contact, Finding, Level
+from rocon_gateway.core.diagnosis import Finding, Level
+from rocon_gateway.core.examination import Contact, Examination
 from rocon_gateway.core.table import listing, table
 
 
@@ -17,10 +18,9 @@ from rocon_gateway.core.table import listing, table
             Level.FAULT,
             "open",
         ),
-        (diagnosis.of_own_name("aadi1", "", True), Level.FAULT, "/etc/hosts"),
-        (diagnosis.of_own_name("aadi1", "127.0.1.1", True), Level.OK, ""),
-        (diagnosis.of_advertised_host("127.0.0.1", ["127.0.0.1"]), Level.OK, ""),
-        (diagnosis.of_advertised_host("127.0.0.1", ["10.0.0.2"]), Level.FAULT, "ROS_IP"),
+        (diagnosis.of_own_name("aadi1", ""), Level.FAULT, "/etc/hosts"),
+        (diagnosis.of_own_name("aadi1", "127.0.1.1"), Level.OK, ""),
+        (*diagnosis.of_advertised_host("robot", "127.0.0.1", ["127.0.0.1", "10.0.0.2"]), Level.FAULT, "ROS_IP"),
         (diagnosis.of_clock(-0.05), Level.OK, ""),
         (diagnosis.of_clock(3.0), Level.WARNING, "chrony"),
         (diagnosis.of_python("/opt/conda/bin/python3", False, "/usr/bin/python3"), Level.WARNING, "PATH=/usr/bin:"),
@@ -31,6 +31,48 @@ def test_every_fault_has_a_fix(finding: Finding, level: Level, fix: str) -> None
     assert finding.level == level
     assert fix in finding.fix
     assert bool(finding.fix) == (level != Level.OK)
+
+
+def test_a_relay_on_the_loopback_is_well_as_long_as_all_gateways_are_there() -> None:
+    assert diagnosis.of_advertised_host("robot", "127.0.0.1", ["127.0.0.1", "localhost"]) == []
+    assert diagnosis.of_advertised_host("robot", "10.0.0.1", ["127.0.0.1"]) == []
+
+
+def seen(gateway: str, *contacts: Contact, clock: float = 0.0, works: bool = True) -> Examination:
+    return Examination(gateway, clock, gateway, "10.0.0.1", "/usr/bin/python3", works, "/usr/bin/python3", contacts)
+
+
+def test_what_each_gateway_sees_becomes_one_line_a_fault_and_one_cell_a_link() -> None:
+    reached = Contact("b", "10.0.0.2", 7000, "10.0.0.2")
+    cut = Contact("a", "alpha", 7000, "10.0.0.1", "timed out")
+    unnamed = Contact("a", "alpha", 7000)
+    views = [seen("a", reached, clock=-3.0), seen("b", cut, works=False), seen("c", unnamed)]
+    alive = ["a", "b", "c", "d"]
+    assert diagnosis.matrix(views, alive).splitlines() == [
+        "   FROM \\ TO  1        2   3  4",
+        "1  a          -        ok  ?  ?",
+        "2  b          NO       -   ?  ?",
+        "3  c          no name  ?   -  ?",
+        "4  d          ?        ?   ?  ?",
+    ]
+    text = diagnosis.report(diagnosis.of_examinations(views, alive))
+    for fault in (
+        "gateway 'd' is on the hub, but does not answer the doctor\n         → look into its log",
+        "gateway 'a', seen at gateway 'b', at alpha:7000: timed out\n         → let TCP port 7000 through the firewall",
+        "gateway 'a', seen at gateway 'c', at alpha:7000: the name does not resolve\n         → put 'alpha'",
+        "the hub's clock is 3.000 s behind that at gateway 'a'\n         → let chrony",
+        "/usr/bin/python3, cannot import rospy\n         → export PATH=/usr/bin:$PATH at gateway 'b'",
+        "gateway 'c' is not known at gateway 'b'\n         → run the doctor again",
+    ):
+        assert fault in text, text
+
+
+def test_a_view_from_here_is_a_row_of_its_own_and_all_well_is_one_line() -> None:
+    here = seen(diagnosis.HERE, Contact("a", "x", 1, "y"))
+    assert diagnosis.matrix([here], ["a"]).splitlines()[-1] == "   (here)     ok"
+    findings = diagnosis.of_examinations([here, seen("a")], ["a"])
+    assert diagnosis.status(findings) == 0
+    assert "1 relays answer here" in diagnosis.report(findings)
 
 
 def test_gateways_of_one_name_are_found_by_their_base_name() -> None:

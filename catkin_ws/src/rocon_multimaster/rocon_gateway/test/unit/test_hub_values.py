@@ -15,6 +15,13 @@ def test_an_address_may_be_written_in_several_ways(uri: str) -> None:
     assert address_from_uri(uri) == HUB
 
 
+def test_a_hub_with_tls_is_the_same_hub_and_says_so() -> None:
+    address = address_from_uri("rediss://192.168.2.100:6380")
+    assert (address, address.tls, str(address)) == (HUB, True, "rediss://192.168.2.100:6380")
+    assert not address_from_uri("http://192.168.2.100:6380").tls
+    check_lists(address, "Pioneer Hub", ["192.168.2.100"], [])
+
+
 def test_an_ipv6_address_is_written_in_brackets() -> None:
     assert address_from_uri("http://[::1]:6390") == HubAddress("::1", 6390)
 
@@ -75,6 +82,37 @@ def test_a_restarted_hub_gives_everybody_time_to_register() -> None:
     presence.settle(set(), 10.0 + Presence.RESTART_GRACE)
     assert presence.names == {"a"}
     assert not presence.waiting
+
+
+def test_who_returns_late_to_a_restarted_hub_stays_longer_if_links_stand() -> None:
+    presence = Presence()
+    presence.start({"a", "b"}, 0.0)
+    presence.start(set(), 10.0)
+    late = 10.0 + Presence.RESTART_GRACE
+    assert presence.settle({"b"}, late)
+    assert presence.names == {"b"}
+    assert presence.settle({"b"}, late + Presence.LINKED_GRACE)
+
+
+def test_a_hub_that_is_restarted_twice_gives_time_twice() -> None:
+    """Redis and then the hub were killed: who was on neither was dropped, though there had been no hub meanwhile."""
+    presence = Presence()
+    presence.start({"a", "b"}, 0.0)
+    presence.start(set(), 10.0)
+    presence.start(set(), 20.0)
+    assert not presence.settle(set(), 20.1)
+    presence.join("a")
+    assert presence.names == {"a", "b"}
+
+
+def test_names_are_the_same_object_while_nobody_comes_or_goes() -> None:
+    presence = Presence()
+    presence.start({"a", "b"}, 0.0)
+    names = presence.names
+    presence.join("a")
+    assert presence.names is names
+    presence.join("c")
+    assert presence.names == names | {"c"}
 
 
 def test_a_name_that_was_never_there_cannot_expire() -> None:

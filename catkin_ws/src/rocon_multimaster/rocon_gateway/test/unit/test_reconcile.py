@@ -52,22 +52,20 @@ def test_a_flipped_subscriber_brings_the_publishers_for_its_node_only() -> None:
     robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/p1/scan", "/amcl.*")])
     fleet_of(hub, robot)
     assert robot.imported() == {("/p1/scan", "hub", "/gazebo"), ("/p1/scan", "hub", "/other")}
-    assert {one.allowed_nodes for one in robot.outcome.imports} == {"/amcl.*"}
+    assert {one.allowed_nodes for one in robot.outcome.imports} == {("/amcl.*",)}
     assert robot.states() == {"flip /p1/scan": "active"}
 
 
 def test_two_rules_for_two_nodes_make_one_import_for_both() -> None:
     hub, robot = gateway("hub", publisher("/scan")), gateway("robot")
-    robot.book = robot.book.flipped(
-        [to("hub", Kind.SUBSCRIBER, "/scan", node) for node in ("/b", "/a", "/a)|(?:c")][:2]
-    )
+    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/scan", node) for node in ("/b", "/a")])
     fleet_of(hub, robot)
     (only,) = robot.outcome.imports
-    assert only.allowed_nodes == "(?:/a)|(?:/b)"
+    assert only.allowed_nodes == ("/a", "/b")
     robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/scan")])
     fleet_of(hub, robot)
     (only,) = robot.outcome.imports
-    assert only.allowed_nodes == ""
+    assert only.allowed_nodes == ()
 
 
 def test_a_pattern_of_subscribers_means_subscribers_that_exist() -> None:
@@ -86,7 +84,7 @@ def test_a_pulled_subscriber_gets_the_pullers_publishers() -> None:
     robot.book = robot.book.pulled([to("hub", Kind.SUBSCRIBER, "/a")])
     fleet_of(hub, robot)
     (only,) = hub.outcome.imports
-    assert (only.source_gateway, only.allowed_nodes) == ("robot", "/listener")
+    assert (only.source_gateway, only.allowed_nodes) == ("robot", ("/listener",))
     assert robot.states() == {"pull /a": "active"}
 
 
@@ -182,6 +180,20 @@ def test_a_typo_is_answered_with_what_exists(rule: RemoteRule, state: State, rea
     assert reason in hub.reason(rule.rule.name)
 
 
+def test_a_topic_for_a_node_that_does_not_listen_says_so_and_who_does() -> None:
+    hub, robot = gateway("hub", subscriber("/a", "/rviz")), gateway("robot", publisher("/a"), publisher("/b"))
+    hub.book = hub.book.flipped(
+        [to("robot", Kind.SUBSCRIBER, "/a", "/rvzi"), to("robot", Kind.SUBSCRIBER, "/b", "/rviz")]
+    )
+    fleet_of(hub, robot)
+    assert hub.states() == {"flip /a": State.ACTIVE, "flip /b": State.ACTIVE}
+    assert hub.reason("/a") == "for /rvzi, which does not listen yet; here it is subscribed by /rviz"
+    assert hub.reason("/b") == "for /rviz, which does not listen yet"
+    hub.local = frozenset({subscriber("/a", "/rvzi"), subscriber("/b", "/rviz")})
+    fleet_of(hub, robot)
+    assert hub.reason("/a") == hub.reason("/b") == ""
+
+
 def test_rules_wait_for_a_hub() -> None:
     book = RuleBook("hub").flipped([to("robot", Kind.PUBLISHER, "/a")])
     (state,) = reconcile(Situation(book, False, frozenset(), connected=False)).states
@@ -203,6 +215,16 @@ def test_three_that_flip_everything_in_a_ring_carry_each_publisher_once() -> Non
     Fleet(*ring).settle()
     for this, before in zip(ring, ring[-1:] + ring[:-1], strict=True):
         assert this.imported() == {("/tf", before.name, f"/from_{before.name}")}
+
+
+def test_two_that_advertise_and_pull_everything_carry_each_publisher_once() -> None:
+    left, right = gateway("left", publisher("/a", "/left_node")), gateway("right", publisher("/a", "/right_node"))
+    for one, other in ((left, right), (right, left)):
+        one.book = one.book.advertising_all([]).pulling_all(other.name, [])
+    fleet_of(left, right)
+    assert left.imported() == {("/a", "right", "/right_node")}
+    assert right.imported() == {("/a", "left", "/left_node")}
+    assert [one.node for one in left.outcome.advertised] == ["/left_node"]
 
 
 def test_a_cancelled_rule_takes_everything_back() -> None:
@@ -300,6 +322,22 @@ def test_a_pattern_flips_nothing_of_another_robots_namespace_and_says_so() -> No
     hub.book = hub.book.flipped([to("aadi1", Kind.PUBLISHER, "/pioneer2/odom")])
     fleet_of(hub, robot)
     assert hub.states()["flip /pioneer2/odom"] == "active"
+
+
+def test_robots_of_any_name_are_kept_apart_once_their_gateways_are_known() -> None:
+    hub = gateway("hub", *(publisher(f"/{name}/odom", "/gazebo") for name in ("alice", "bob", "map_server")))
+    hub.book = hub.book.advertising_all([])
+    hub.book = hub.book.flipped([to("alice_gw", Kind.PUBLISHER, "/b.*/odom")])
+    alice, bob = gateway("alice_gw"), gateway("bob_gw")
+    alice.namespace, bob.namespace = "alice", "bob"
+    alice.book = alice.book.pulled([to("hub", Kind.PUBLISHER, ".*/odom")])
+    bob.book = bob.book.pulled([to("hub", Kind.PUBLISHER, "/alice/.*")])
+    Fleet(hub, alice, bob).settle()
+    assert {topic for topic, _, _ in alice.imported()} == {"/alice/odom", "/map_server/odom"}
+    assert hub.states()["flip /b.*/odom"] == "refused"
+    assert {topic for topic, _, _ in bob.imported()} == {"/alice/odom"}, "what spells the namespace out is asked for"
+    Fleet(hub, alice).settle()
+    assert "/bob/odom" in {topic for topic, _, _ in alice.imported()}, "nobody has told of bob"
 
 
 def test_a_gateway_without_a_robots_namespace_gets_everything() -> None:

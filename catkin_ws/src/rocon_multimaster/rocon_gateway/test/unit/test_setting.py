@@ -67,3 +67,12 @@ def test_a_custom_rules_file_appends_rules_and_replaces_the_rest() -> None:
     assert with_custom_rules({"name": "a"}, None) == {"name": "a"}
     with pytest.raises(SettingError):
         with_custom_rules({}, ["rules"])
+
+
+def test_namespaces_of_robots_may_be_declared_and_must_be_names() -> None:
+    setting = GatewaySetting(namespace="/pioneer1", robot_namespaces="alice; /bob")
+    assert (setting.own_namespace, setting.known_namespaces) == ("pioneer1", {"pioneer1", "alice", "bob"})
+    assert GatewaySetting().known_namespaces == set()
+    for wrong in ({"namespace": "a/b"}, {"robot_namespaces": ["a b"]}, {"robot_namespaces": 3}, {"namespace": "7"}):
+        with pytest.raises(SettingError):
+            GatewaySetting(**wrong)

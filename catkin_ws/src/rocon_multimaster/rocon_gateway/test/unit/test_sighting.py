@@ -32,6 +32,12 @@ def test_a_far_hub_that_is_on_its_loopback_only_cannot_be_reached() -> None:
     assert ways(LOOPBACK, stack="theirs") == []
 
 
+@pytest.mark.parametrize("tls", [True, False])
+def test_what_an_announcement_says_of_tls_goes_with_its_addresses(tls: bool) -> None:
+    local, far = (Sighting("Hub", 1, ("10.0.0.7",), stack, tls) for stack in ("mine", "theirs"))
+    assert {one.tls for sight in (local, far) for one in (*sight.hubs, *sight.ways(OWN, "mine"))} == {tls}
+
+
 def test_lists_see_all_addresses() -> None:
     assert Sighting("Hub", 1, ("10.0.0.7",)).hubs == (HubAddress("10.0.0.7", 1),)
 

@@ -1,8 +1,11 @@
 """A real hub with a real Redis: it comes back, it never uses somebody else's, and it leaves nothing behind."""
 
+import contextlib
+import itertools
 import json
 import os
 import signal
+import socket
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,10 +15,12 @@ import redis
 from pioneer_harness.masters import Master
 from pioneer_harness.port import PortReservation
 from pioneer_harness.process import ProcessGroup
-from pioneer_harness.wait import wait_until
+from pioneer_harness.wait import START, wait_until
+from rocon_gateway.adapters.descriptor import raise_limit
+from rocon_gateway.adapters.redis_client import OPEN
 from rocon_hub.adapters.redis_server import RedisServer
 from rocon_hub.adapters.registry import Registry
-from rocon_hub.core.setting import HubSetting
+from rocon_hub.core.setting import HubSetting, quoted
 
 # rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
@@ -42,9 +47,12 @@ class Bench:
                 return None
 
     def redis_pid(self) -> int:
-        wait_until(self.name, "the hub's name", 10)
-        with self.client() as client:
-            return client.info("server")["process_id"]
+        def pid() -> int:
+            with self.client() as client, contextlib.suppress(redis.ConnectionError):
+                return int(client.info("server")["process_id"]) if client.get("rocon:hub:name") else 0
+            return 0
+
+        return wait_until(pid, "the hub's name", START)
 
     def close(self) -> None:
         self.group.stop()
@@ -63,7 +71,7 @@ def test_a_killed_redis_is_started_again(bench: Bench) -> None:
     bench.start()
     first = bench.redis_pid()
     os.kill(first, signal.SIGKILL)
-    wait_until(lambda: bench.name() and bench.redis_pid() != first, "another Redis", 10)
+    wait_until(lambda: bench.redis_pid() != first, "another Redis", 10)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
@@ -78,7 +86,7 @@ def test_a_busy_port_is_one_clear_line_and_the_first_hub_goes_on(bench: Bench) -
     bench.start()
     first = bench.redis_pid()
     bench.start("second")
-    wait_until(lambda: not bench.group.is_running("second"), "the second hub's end", 10)
+    wait_until(lambda: not bench.group.is_running("second"), "the second hub's end", START)
     assert f"port {bench.port} is in use" in (bench.folder / "second.log").read_text()
     assert bench.redis_pid() == first
 
@@ -87,40 +95,151 @@ def test_a_password_is_asked_for_and_kept_out_of_the_log(bench: Bench, tmp_path:
     secret = tmp_path / "secret"
     secret.write_text("open sesame\n")
     bench.start(ROCON_HUB_PASSWORD_FILE=str(secret))
-    wait_until(lambda: bench.name("open sesame"), "the hub's name", 10)
+    wait_until(lambda: bench.name("open sesame"), "the hub's name", START)
     with bench.client() as client, pytest.raises(redis.AuthenticationError):
         client.get("rocon:hub:name")
     assert "open sesame" not in (bench.folder / "hub.log").read_text()
 
 
-def test_a_gateway_that_joins_while_the_hub_looks_is_not_called_expired(bench: Bench, tmp_path: Path) -> None:
+@pytest.fixture
+def server(bench: Bench, tmp_path: Path) -> Iterator[RedisServer]:
+    """A hub's Redis, as it is by default, without the hub."""
+    made = RedisServer(HubSetting(port=bench.port), tmp_path / "redis", OPEN)
+    made.start()
+    yield made
+    made.stop()
+
+
+def test_a_gateway_that_joins_while_the_hub_looks_is_not_called_expired(server: RedisServer) -> None:
     # A frozen Redis once came back so: everybody joined, and was declared gone right after, for good.
-    server = RedisServer(HubSetting(port=bench.port), tmp_path / "redis", None)
-    bench.ports.release()
-    server.start()
-    try:
-        client = server.client
-        registry = Registry(client, 60.0)
-        registry.open("Test Hub")
-        client.sadd("rocon:gateways", "sleeper", "ghost")
+    client = server.client
+    registry = Registry(client, 60.0)
+    registry.open("Test Hub")
+    client.sadd("rocon:gateways", "sleeper", "ghost")
+    events = client.pubsub(ignore_subscribe_messages=True)
+    events.subscribe("rocon:gateways")
+    read = client.mget
+
+    def read_and_be_overtaken(keys: list[str]) -> list[str | None]:
+        lives = read(keys)
+        client.set("rocon:alive:sleeper", "instance")
+        return lives
+
+    client.mget = read_and_be_overtaken
+    assert list(registry.look()) == ["ghost"]
+    assert client.exists("rocon:lost:ghost", "rocon:lost:sleeper") == 1
+    told = wait_until(lambda: events.get_message() or events.get_message(), "an event", 5)
+    assert json.loads(told["data"]) == {"gateway": "ghost", "event": "expired"}
+    assert events.get_message(timeout=0.1) is None
+    events.close()
+
+
+def test_of_whom_an_error_kept_the_hub_from_telling_it_tells_with_the_next_look(server: RedisServer) -> None:
+    client = server.client
+    registry = Registry(client, 60.0)
+    registry.open("Test Hub")
+    client.sadd("rocon:gateways", "first", "second")
+    working, asked = client.eval, itertools.count()
+
+    def fails_once(*arguments: object) -> object:
+        if next(asked) == 1:
+            raise redis.TimeoutError("Timeout reading from socket")
+        return working(*arguments)
+
+    client.eval = fails_once
+    with pytest.raises(redis.TimeoutError):
+        list(registry.look())
+    assert list(registry.look()) == ["second"]
+    assert list(registry.look()) == []
+
+
+def test_a_thousand_gateways_find_room_when_they_come_back_at_once(server: RedisServer) -> None:
+    raise_limit()
+    count, port = 1000, server.client.connection_pool.connection_kwargs["port"]
+    with contextlib.ExitStack() as stack:
+        ends = [stack.enter_context(socket.create_connection(("127.0.0.1", port), 30)) for _ in range(2 * count)]
+        listening, speaking = ends[::2], ends[1::2]
+        for one in listening:
+            one.sendall(b"subscribe rocon:gateways\r\n")
+        for number, one in enumerate(speaking):
+            told = json.dumps({"gateway": f"gateway{number:04}" + "0" * 32, "event": "joined"}).replace('"', "'")
+            said = [
+                "multi",
+                f"set rocon:gateway:{number} {'x' * 2000}",
+                f"publish rocon:gateways {quoted(told)}",
+                "exec\r\n",
+            ]
+            one.sendall("\r\n".join(said).encode())
+        # Nobody has read a word, so all that everybody says to everybody waits in Redis.
+        answers = [stack.enter_context(one.makefile("rb")) for one in speaking]
+        said = [line for answer in answers for line in (answer.readline() for _ in range(6))]
+        assert not [line for line in said if line.startswith(b"-")]
+        used = server.client.info("memory")["used_memory_peak"]
+    assert used > 64 * 2**20, "this was no crowd"
+
+
+def test_a_hub_whose_redis_is_full_says_so_once_and_lets_gateways_in_when_there_is_room(bench: Bench) -> None:
+    bench.master.set_param("/hub/max_memory", "8mb")
+    bench.start()
+    first = bench.redis_pid()
+    log = bench.folder / "hub.log"
+    with bench.client() as client:
         events = client.pubsub(ignore_subscribe_messages=True)
         events.subscribe("rocon:gateways")
-        read = client.mget
-
-        def read_and_be_overtaken(keys: list[str]) -> list[str | None]:
-            lives = read(keys)
-            client.set("rocon:alive:sleeper", "instance")
-            return lives
-
-        client.mget = read_and_be_overtaken
-        assert registry.look() == {"ghost"}
-        assert client.exists("rocon:lost:ghost", "rocon:lost:sleeper") == 1
-        told = wait_until(lambda: events.get_message() or events.get_message(), "an event", 5)
-        assert json.loads(told["data"]) == {"gateway": "ghost", "event": "expired"}
-        assert events.get_message(timeout=0.1) is None
+        client.sadd("rocon:gateways", "ghost")
+        client.set("rocon:alive:ghost", "instance", px=1500)
+        fill(client)
+        # Each is told once, and not both at the same moment.
+        wait_until(events.get_message, "the event of the ghost's expiry", 10)
+        wait_until(lambda: "ghost" in log.read_text(), "the line of it", 10)
+        wait_until(lambda: "is full (8mb)" in log.read_text(), "the hub says that it is full", 15)
+        late = start_gateway(bench, "late")
+        wait_until(lambda: "OOM" in late.read_text(), "the gateway is not let in", START)
+        client.delete(*client.keys("junk*"))
+        wait_until(lambda: client.exists("rocon:gateway:late"), "the gateway is let in", 10)
+        wait_until(lambda: "works again" in log.read_text(), "the hub says that all is well", 15)
         events.close()
-    finally:
-        server.stop()
+    assert log.read_text().count("is full") == 1
+    assert "Traceback" not in log.read_text()
+    assert bench.redis_pid() == first
+
+
+def test_a_full_redis_keeps_the_gateways_it_has_and_forgets_those_that_are_gone(bench: Bench) -> None:
+    bench.master.set_param("/hub/max_memory", "8mb")
+    bench.master.set_param("/hub/gateway_gone_timeout", 2.0)
+    bench.start()
+    bench.redis_pid()
+    early = start_gateway(bench, "early")
+    with bench.client() as client:
+        wait_until(lambda: client.exists("rocon:gateway:early"), "the gateway is let in", START)
+        client.sadd("rocon:gateways", "ghost")
+        client.set("rocon:gateway:ghost", "{}")
+        fill(client)
+        # A sign of life counts for two seconds: the ghost goes later than a gateway would that gives none.
+        wait_until(lambda: not client.exists("rocon:gateway:ghost"), "the ghost is forgotten", 30)
+        assert client.smembers("rocon:gateways") == {"early"}
+        assert client.exists("rocon:alive:early")
+    assert "lost" not in early.read_text()
+
+
+def start_gateway(bench: Bench, name: str) -> Path:
+    """Starts a gateway on the bench's hub; returns its log."""
+    uri, log = f"http://127.0.0.1:{bench.port}", bench.folder / f"{name}.log"
+    bench.master.set_param("/gateway", {"name": name, "disable_uuids": True, "hub_uri": uri})
+    bench.group.start(name, ["rosrun", "rocon_gateway", "gateway"], bench.master.environment, log)
+    return log
+
+
+def fill(client: redis.Redis) -> None:
+    """Fills a Redis to some megabytes beyond its limit: it looks before a command, not after it."""
+    client.setrange("junk", 3_000_000, "x")
+    with contextlib.suppress(redis.ResponseError):
+        for number in itertools.count():
+            client.set(f"junk{number}", "x" * 10_000)
+    client.delete(*(f"junk{number}" for number in range(20)))
+    client.copy("junk", "junk of junk")
+    with pytest.raises(redis.ResponseError, match="OOM"):
+        client.set("junk0", "x")
 
 
 def test_strangers_cannot_reconfigure_the_server(bench: Bench) -> None:

@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 
 from rocon_hub.core.error import HubNodeError
-from rocon_hub.core.setting import HubSetting, quoted, redis_configuration
+from rocon_hub.core.setting import Guard, HubSetting, quoted, redis_configuration
 from rocon_hub.core.watch import Watch
 
 DIRECTORY = Path("/tmp/a b")
 
 
 def lines(setting: HubSetting, password: str | None = None) -> list[str]:
-    return redis_configuration(setting, DIRECTORY, password).splitlines()
+    return redis_configuration(setting, DIRECTORY, Guard(password)).splitlines()
 
 
 def test_without_a_password_only_this_machine_may_connect() -> None:
@@ -25,6 +25,14 @@ def test_a_password_or_insistence_opens_the_hub(setting: HubSetting, password: s
     assert "bind * -::*" in lines(setting, password)
     assert "protected-mode no" in lines(setting, password)
     assert ('requirepass "secret"' in lines(setting, password)) is (password is not None)
+
+
+def test_certificates_open_the_hub_to_who_has_one_and_leave_no_plain_port() -> None:
+    guard = Guard(None, "/tls/tls.crt", "/a b/tls.key", "/tls/ca.crt")
+    text = redis_configuration(HubSetting(port=1234), DIRECTORY, guard).splitlines()
+    assert {"bind * -::*", "port 0", "tls-port 1234", "tls-auth-clients yes", 'tls-key-file "/a b/tls.key"'} <= set(
+        text
+    )
 
 
 def test_nothing_is_saved_and_strangers_cannot_reconfigure() -> None:
@@ -51,15 +59,23 @@ def test_two_hubs_of_one_name_have_two_directories() -> None:
 
 def test_a_gateway_falls_silent_once_and_is_gone_after_the_patience() -> None:
     watch = Watch(30.0)
-    assert watch.fallen_silent({"a", "b"}, {"a"}, 0.0) == {"b"}
-    assert watch.fallen_silent({"a", "b"}, {"a"}, 1.0) == set()
+    assert watch.fallen_silent({"a", "b"}, {"a"}) == {"b"}
+    watch.note("b", 0.0)
+    assert watch.fallen_silent({"a", "b"}, {"a"}) == set()
     assert watch.gone(29.9) == set()
     assert watch.gone(30.0) == {"b"}
 
 
 def test_a_gateway_that_comes_back_may_fall_silent_again() -> None:
     watch = Watch(30.0)
-    watch.fallen_silent({"a"}, set(), 0.0)
-    watch.fallen_silent({"a"}, {"a"}, 1.0)
+    watch.note("a", 0.0)
+    watch.fallen_silent({"a"}, {"a"})
     assert watch.gone(100.0) == set()
-    assert watch.fallen_silent({"a"}, set(), 2.0) == {"a"}
+    assert watch.fallen_silent({"a"}, set()) == {"a"}
+
+
+def test_a_gateway_of_whose_silence_nobody_could_be_told_is_told_of_later() -> None:
+    watch = Watch(30.0)
+    assert watch.fallen_silent({"a", "b"}, set()) == {"a", "b"}
+    watch.note("a", 0.0)
+    assert watch.fallen_silent({"a", "b"}, set()) == {"b"}

@@ -54,6 +54,8 @@ def test_the_command_line_goes_before_default_and_value() -> None:
         ('<concert><launch name="a" port="x"/></concert>', "is not a port"),
         ('<concert><launch name="a" port="70000"/></concert>', "is not a port"),
         ('<concert><launch name="a"><arg name="b" default="1"/></launch></concert>', "may hold only"),
+        ('<concert><launch name="a" respawn="yes"/></concert>', "respawn must be true or false, not 'yes'"),
+        ('<concert><launch name="a" respawn="true" required="true"/></concert>', "cannot be both"),
     ],
 )
 def test_what_is_wrong_with_a_file_is_said(text: str, what: str) -> None:
@@ -64,3 +66,19 @@ def test_what_is_wrong_with_a_file_is_said(text: str, what: str) -> None:
 def test_an_argument_that_is_not_there_is_refused_with_those_that_are() -> None:
     with pytest.raises(ConcertError, match="no argument 'prot'; there are name, port"):
         launches(CONCERT, prot="1")
+
+
+@pytest.mark.parametrize(
+    ("attribute", "lived", "again", "all_end"),
+    [
+        ("", 3600.0, False, False),
+        ("", 0.0, False, False),
+        ('required="true"', 3600.0, False, True),
+        ('respawn="true"', 3600.0, True, False),
+        ('respawn="true"', 1.0, False, True),
+        ('respawn="false" required="false"', 1.0, False, False),
+    ],
+)
+def test_what_the_end_of_a_launch_means(attribute: str, lived: float, again: bool, all_end: bool) -> None:
+    (launch,) = launches(f'<concert><launch name="a" {attribute}/></concert>')
+    assert (launch.starts_again(lived), launch.ends_all(lived)) == (again, all_end)

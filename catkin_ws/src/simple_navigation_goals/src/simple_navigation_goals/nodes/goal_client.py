@@ -14,7 +14,7 @@ from geometry_msgs.msg import PoseStamped, Twist
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse, Trigger, TriggerRequest, TriggerResponse
 
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
-from pioneer_node.nodes.entry import on_shutdown, parameters
+from pioneer_node.nodes.entry import is_ending, on_shutdown, parameters
 from simple_navigation_goals.adapters.move_base import MoveBase
 from simple_navigation_goals.adapters.patrol_file import read_patrol
 from simple_navigation_goals.conversions import (
@@ -98,11 +98,11 @@ class GoalClientNode:
 
     def spin(self) -> None:
         """Handles events until shutdown."""
-        while not rospy.is_shutdown():
+        while not is_ending():
             with contextlib.suppress(queue.Empty):
                 self._events.get(timeout=_TICK)()
             # A shutdown closes move_base's connections first; connecting anew then would wait for a master for ever.
-            if rospy.is_shutdown():
+            if is_ending():
                 return
             self._tell()
             self._rest()

@@ -15,6 +15,8 @@ Image = NDArray[np.uint8]
 """Shape (height, width, 3), red, green, blue."""
 Point = tuple[float, float]
 
+FRAME_RATE = 2
+"""Drawn on the processor, more frames than somebody looks at would take a core from the robots [1/s]."""
 TOLERANCE = 6
 """Of each channel; llvmpipe rounds, and blends lines with their background at the edges."""
 FREE = (253, 253, 253)
@@ -126,11 +128,14 @@ def size_of(config: Mapping[str, Any]) -> tuple[int, int]:
 
 
 def alone(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the configuration without panels: all of the window is the scene."""
+    """Returns the configuration without panels, so that all is scene, drawn `FRAME_RATE` times a second."""
     # Without a window manager nobody else gives the window its size, in full screen neither.
     width, height = size_of(config)
     window = {"Width": width, "Height": height, "X": 0, "Y": 0, "Hide Left Dock": True, "Hide Right Dock": True}
-    return {**config, "Panels": [], "Window Geometry": window}
+    manager = config.get("Visualization Manager", {})
+    options = {**manager.get("Global Options", {}), "Frame Rate": FRAME_RATE}
+    manager = {**manager, "Global Options": options}
+    return {**config, "Panels": [], "Window Geometry": window, "Visualization Manager": manager}
 
 
 def missing(image: Image, view: View, marks: list[Mark], positions: Mapping[str, Point]) -> list[Mark]:
@@ -155,7 +160,14 @@ def _is_seen(image: Image, view: View, mark: Mark, position: Point | None) -> bo
 
 
 def _near(image: Image, colour: tuple[int, int, int]) -> NDArray[np.bool_]:
-    return (np.abs(image.astype(np.int16) - np.array(colour, np.int16)) <= TOLERANCE).all(axis=-1)
+    """Returns which pixels are of a colour, shape (pixels that have its green,)."""
+    # One channel leaves few pixels to look at more closely.
+    few = image[_within(image[..., 1], colour[1])]
+    return _within(few[..., 0], colour[0]) & _within(few[..., 2], colour[2])
+
+
+def _within(channel: Image, value: int) -> NDArray[np.bool_]:
+    return (channel >= max(0, value - TOLERANCE)) & (channel <= min(255, value + TOLERANCE))
 
 
 def _costs(image: Image) -> NDArray[np.bool_]:

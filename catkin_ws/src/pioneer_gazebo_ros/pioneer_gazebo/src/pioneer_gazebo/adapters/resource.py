@@ -52,6 +52,18 @@ def world_path(name: str, environ: Mapping[str, str] = os.environ) -> Path:
     raise DescriptionError(f"no world {name!r}: give the path of a .world file or one of {', '.join(known) or 'none'}")
 
 
+def map_path(world: Path) -> Path:
+    """Returns where the map of a world's file belongs: this package's ``map`` for its own worlds, else beside the file.
+
+    Args:
+        world: as ``world_path`` returns it.
+    """
+    here = package_directory()
+    own = here is not None and world.parent == (here / "worlds").resolve()
+    folder = here / "map" if here is not None and own else world.parent
+    return folder / f"{world.stem}.yaml"
+
+
 def file_of_uri(uri: str, relative_to: Path, models: Sequence[Path]) -> Path | None:
     """Returns the file or directory of a URI, or None where nothing is found.
 

@@ -1,6 +1,7 @@
 """``run-multi-pioneer-gazebo-master``: the world, its robots, its map, and their topics on the network."""
 
 import os
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from pathlib import Path
 import rospy
 
 from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses
-from pioneer_gazebo.adapters.resource import package_directory, world_path
+from pioneer_gazebo.adapters.resource import map_path, package_directory, world_path
 from pioneer_gazebo.core.argument import ArgumentError, options_from_arguments, usage, value_from_text
 from pioneer_gazebo.core.error import SimulatorError
 from pioneer_gazebo.core.fleet import InitialPose, initial_pose, robot_names
@@ -28,6 +29,7 @@ class SimulationOptions:
     real_time_factor: float = 1.0
     seed: int = 0
     map_name: str = ""
+    map_file: str = ""
     poses: str = ""
     paused: bool = False
     gateway: bool = True
@@ -43,9 +45,10 @@ class SimulationOptions:
 DOCS = {
     "world_name": "name of a world or path of a .world file; environment: WORLD",
     "robots": "number of robots; environment: ROBOTS",
-    "real_time_factor": "speed of simulated time; 0 for as fast as possible",
+    "real_time_factor": "speed of simulated time; 0 for as fast as possible; environment: REAL_TIME_FACTOR",
     "seed": "of every random number of the simulation",
-    "map_name": "map in pioneer_gazebo/map; empty for the world's",
+    "map_name": "map in pioneer_gazebo/map; empty for the world's, which is beside a .world file of your own",
+    "map_file": "path of a map's YAML file, for a map from elsewhere",
     "poses": "YAML file of initial poses; empty for pioneer_description's",
     "paused": "leave the simulation paused",
     "gateway": "put the topics on the network through this master's gateway",
@@ -60,17 +63,22 @@ DOCS = {
 
 
 def options_from(arguments: Sequence[str], environ: Mapping[str, str]) -> SimulationOptions:
-    """Returns the options of a command line; WORLD and ROBOTS of the environment are defaults.
+    """Returns the options of a command line; WORLD, ROBOTS and REAL_TIME_FACTOR of the environment are defaults.
 
     Raises:
-        ArgumentError: an unknown name or a bad value.
+        ArgumentError: an unknown name, a bad value, or two maps.
     """
-    defaults: dict[str, str | int] = {}
+    defaults: dict[str, str | int | float] = {}
     if environ.get("WORLD"):
         defaults["world_name"] = environ["WORLD"]
     if environ.get("ROBOTS"):
         defaults["robots"] = value_from_text(int, environ["ROBOTS"], "ROBOTS")
-    return options_from_arguments(SimulationOptions, arguments, **defaults)
+    if environ.get("REAL_TIME_FACTOR"):
+        defaults["real_time_factor"] = value_from_text(float, environ["REAL_TIME_FACTOR"], "REAL_TIME_FACTOR")
+    options = options_from_arguments(SimulationOptions, arguments, **defaults)
+    if options.map_name and options.map_file:
+        raise ArgumentError("map_name and map_file are two maps: give one")
+    return options
 
 
 def fleet_poses(options: SimulationOptions, world: str) -> dict[str, InitialPose]:
@@ -80,10 +88,19 @@ def fleet_poses(options: SimulationOptions, world: str) -> dict[str, InitialPose
     return {name: initial_pose(content, name, str(path)) for name in robot_names(options.robots)}
 
 
-def launch_files(options: SimulationOptions, world: str, robots: Sequence[str]) -> list[LaunchFile]:
-    """Returns all launch files: the world, paused until the robots stand in it, descriptions, robots and the map."""
+def launch_files(options: SimulationOptions, world: Path, grid: Path, robots: Sequence[str]) -> list[LaunchFile]:
+    """Returns all launch files: the world, paused until the robots stand in it, descriptions, robots and the map.
+
+    Args:
+        options: the command line.
+        world: the world's file.
+        grid: the map's YAML file.
+        robots: their names.
+    """
+    given_by_path = Path(options.world_name).expanduser().is_file()
     simulator = {
-        "world_name": options.world_name,
+        # Nodes run in another directory than this command.
+        "world_name": str(world) if given_by_path else options.world_name,
         "real_time_factor": str(options.real_time_factor),
         "seed": str(options.seed),
         "paused": "true",
@@ -96,26 +113,39 @@ def launch_files(options: SimulationOptions, world: str, robots: Sequence[str]) 
         ("pioneer_gazebo", "multi_pioneer_world.launch", simulator),
         ("pioneer_description", "robot_description.launch", description),
         *(("pioneer_description", "generic_pioneer.launch", {"name": name, "spawn": "false"}) for name in robots),
-        ("nav_bundle", "map_server.launch", {"map_name": options.map_name or world}),
+        ("nav_bundle", "map_server.launch", {"map_file": str(grid)}),
     ]
 
 
-def _check_map(name: str) -> None:
-    package = package_directory()
-    if package is None or not (package / "map" / f"{name}.yaml").is_file():
-        raise SessionError(
-            f"there is no map {name!r}: draw it (rosrun pioneer_gazebo world_to_map), or give map_name:="
-        )
+def map_file(options: SimulationOptions, world: Path) -> Path:
+    """Returns the YAML file of the map that the command line asks for, else of the world's.
+
+    Raises:
+        SessionError: there is none; the message says how to get one.
+    """
+    if options.map_file:
+        path = Path(options.map_file).expanduser().resolve()
+        missing = f"map_file: there is no file {path}"
+    elif options.map_name:
+        path = (package_directory() or Path()) / "map" / f"{options.map_name}.yaml"
+        missing = f"there is no map {options.map_name!r} in {path.parent}; map_file:=PATH takes one from elsewhere"
+    else:
+        path = map_path(world)
+        draw = f"rosrun pioneer_gazebo world_to_map {shlex.quote(str(world))}"
+        missing = f"the world has no map {path}: draw it ({draw}), or give map_file:=PATH"
+    if not path.is_file():
+        raise SessionError(missing)
+    return path
 
 
 def simulate(session: Session, options: SimulationOptions) -> None:
     """Brings everything up in order and keeps it running until the end is asked for."""
-    world = world_path(options.world_name).stem
-    _check_map(options.map_name or world)
+    path = world_path(options.world_name)
+    world, grid = path.stem, map_file(options, path)
     poses = fleet_poses(options, world)
     session.wait_for_master()
     session.say(f"starting {world} with {len(poses)} robots")
-    session.launch(launch_files(options, world, list(poses)))
+    session.launch(launch_files(options, path, grid, list(poses)))
     rospy.init_node(NAME.replace("-", "_"), anonymous=True, disable_signals=True)
     try:
         client = SimulatorClient()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pioneer_gazebo.adapters.map_file import write_map
 from pioneer_gazebo.adapters.mesh import triangles_of_mesh
-from pioneer_gazebo.adapters.resource import model_path, package_directory, world_path
+from pioneer_gazebo.adapters.resource import map_path, model_path, world_path
 from pioneer_gazebo.adapters.sdf import world_from_sdf
 from pioneer_gazebo.core.error import DescriptionError
 from pioneer_gazebo.core.raster import Extent, grey_map, occupied_cells
@@ -67,16 +67,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     for warning in world.warnings:
         print(f"world_to_map: {warning}", file=sys.stderr)
-    target = Path(options.output) if options.output else _default_target(path)
-    write_map(target, grey, extent)
+    target = Path(options.output) if options.output else map_path(path)
+    try:
+        write_map(target, grey, extent)
+    except OSError as error:
+        print(
+            f"world_to_map: cannot write {error.filename}: {error.strerror}; -o PATH writes elsewhere", file=sys.stderr
+        )
+        return 1
     print(f"{target.with_suffix('.yaml')}: {extent.cols} × {extent.rows} cells of {extent.resolution:g} m")
     return 0
-
-
-def _default_target(path: Path) -> Path:
-    package = package_directory()
-    folder = package / "map" if package is not None and path.parent == package / "worlds" else Path.cwd()
-    return folder / path.stem
 
 
 def _extent(options: argparse.Namespace) -> Extent | None:
@@ -99,7 +99,8 @@ def _parser() -> argparse.ArgumentParser:
         "world_to_map", description="Draws a world's map: what stands in it at one height."
     )
     parser.add_argument("world", help="name of a world of this package, or the path of a .world file")
-    parser.add_argument("-o", "--output", help="path of the map without suffix (default: this package's map/NAME)")
+    parser.add_argument("-o", "--output", help="path of the map without suffix (default: beside the world's file, "
+        "where run-multi-pioneer-gazebo-master looks; this package's map/NAME for its own worlds)")  # fmt: skip
     parser.add_argument("--height", type=float, default=LASER_HEIGHT, help="of the cut [m] (default %(default)s)")
     parser.add_argument("--resolution", type=_positive, default=0.05, help="side of a cell [m] (default %(default)s)")
     parser.add_argument("--margin", type=float, default=0.5, help="around the world [m] (default %(default)s)")

@@ -12,18 +12,21 @@ from rocon_gateway.core.setting import SettingError
 def own_address(towards: str) -> str:
     """Returns ROS_HOSTNAME or ROS_IP if set; else the address of the interface that leads to host `towards`.
 
-    Where that is the loopback (a hub on this machine, or none), any other address of this machine is better for
+    One on the loopback does not count where `towards` is another machine: it keeps a computer's own nodes to itself
+    (docs/several-hosts.md), and the gateway's relay is what the others have to reach all the same.
+
+    Where the way is the loopback (a hub on this machine, or none), any other address of this machine is better for
     others; where there is none, the loopback it is.
     """
     named = os.environ.get("ROS_HOSTNAME") or os.environ.get("ROS_IP")
-    if named:
+    if named and not (towards and _is_loopback(named)):
         return named
     if towards:
         with contextlib.suppress(OSError):
             address = _route(towards)
-            if not address.startswith("127.") and address != "::1":
+            if not _is_loopback(address):
                 return address
-    return rosgraph.network.get_local_address()
+    return named or rosgraph.network.get_local_address()
 
 
 def interface_address(interface: str) -> str:
@@ -41,6 +44,11 @@ def interface_address(interface: str) -> str:
             f"gateway: ~network_interface: no interface {interface!r} with an address here, only {known}"
         )
     return str(addresses[interface][0])
+
+
+def _is_loopback(host: str) -> bool:
+    # Names are not looked up: Debian gives a computer's own name the address 127.0.1.1 on that computer only.
+    return host.startswith("127.") or host in ("localhost", "::1")
 
 
 def _route(host: str) -> str:

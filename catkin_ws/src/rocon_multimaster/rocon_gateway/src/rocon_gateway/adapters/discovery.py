@@ -89,7 +89,7 @@ class Discovery:
 
     def _close(self) -> None:
         if self._zeroconf is not None:
-            self._zeroconf.close()
+            close_zeroconf(self._zeroconf)
         self._zeroconf = None
         with self._lock:
             self._sightings.clear()
@@ -107,6 +107,13 @@ class Discovery:
         self._on_change()
 
 
+def close_zeroconf(instance: Any) -> None:
+    """Ends a ``zeroconf.Zeroconf`` with its event loop, which it leaves open: at exit that can be a stack trace."""
+    instance.close()
+    if instance.loop is not None and not instance.loop.is_running():
+        instance.loop.close()
+
+
 def _sighting(info: Any) -> Sighting | None:
     """Returns what an announcement says, None if it names no address and port."""
     if info is None or not info.port:
@@ -115,4 +122,5 @@ def _sighting(info: Any) -> Sighting | None:
 
     addresses = tuple(info.parsed_addresses(zeroconf.IPVersion.V4Only))
     stack = (info.properties.get(b"stack") or b"").decode(errors="replace")
-    return Sighting(info.name.removesuffix(f".{SERVICE}"), info.port, addresses, stack) if addresses else None
+    tls = info.properties.get(b"tls") == b"1"
+    return Sighting(info.name.removesuffix(f".{SERVICE}"), info.port, addresses, stack, tls) if addresses else None

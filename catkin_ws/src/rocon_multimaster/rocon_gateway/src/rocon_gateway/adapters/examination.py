@@ -7,16 +7,26 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
+import uuid
+from collections.abc import Collection, Iterable
+from concurrent.futures import ThreadPoolExecutor, wait
 
-from rocon_gateway.adapters.discovery import Discovery, own_interfaces
+import rosgraph.network
+
+from rocon_gateway.adapters.discovery import Discovery
 from rocon_gateway.adapters.hub_session import HubSession
-from rocon_gateway.core.diagnosis import Contact
+from rocon_gateway.core.examination import Contact, Examination, ExaminationError, examination_from_text
+from rocon_gateway.core.hub import EXAMINE_KEY, examined_key
 from rocon_gateway.core.sighting import Sighting
 
 PATIENCE = 2.0
 """For how long a port or an announcement is waited for [s]."""
+
+LIMIT = 5.0
+"""For how long names and ports together are waited for [s]."""
+
+ANSWER_LIMIT = 10.0
+"""For how long the doctor waits for what gateways see [s]: `LIMIT`, and a first import on a slow computer."""
 
 
 def address_of(host: str) -> str:
@@ -28,10 +38,17 @@ def address_of(host: str) -> str:
 
 
 def contacts(wanted: Iterable[tuple[str, str, int]]) -> list[Contact]:
-    """Tries to reach ports, given as description, host and port, all at the same time."""
+    """Tries to reach ports, given as description, host and port, at the same time; returns within `LIMIT`."""
     wanted = list(wanted)
-    with ThreadPoolExecutor(max_workers=max(1, min(32, len(wanted)))) as pool:
-        return list(pool.map(lambda one: _contact(*one), wanted))
+    pool = ThreadPoolExecutor(max_workers=max(1, min(32, len(wanted))))
+    tries = [pool.submit(_contact, *one) for one in wanted]
+    done, _ = wait(tries, LIMIT)
+    pool.shutdown(wait=False, cancel_futures=True)
+    late = f"was not found out within {LIMIT:.0f} s"
+    return [
+        one.result() if one in done else Contact(what, host, port, "?", late)
+        for one, (what, host, port) in zip(tries, wanted, strict=True)
+    ]
 
 
 def _contact(what: str, host: str, port: int) -> Contact:
@@ -81,6 +98,42 @@ def announced_hubs() -> list[Sighting]:
         os.close(writer)
 
 
-def own_addresses() -> set[str]:
-    """Returns this machine's IPv4 addresses."""
-    return {str(interface.ip) for interface in own_interfaces()}
+def examination(session: HubSession, gateway: str) -> Examination:
+    """Returns what is seen from here of all gateways that live on a hub.
+
+    Args:
+        session: on that hub.
+        gateway: whose unique name the answer bears, and which is not tried.
+    """
+    name = rosgraph.network.get_host_name()
+    name = name if name != "localhost" else socket.gethostname()
+    alive = [one.record for one in session.describe(()) if not one.silence and one.record.name != gateway]
+    return Examination(
+        gateway,
+        clock_offset(session),
+        name,
+        address_of(name),
+        *first_python(),
+        tuple(contacts((one.name, one.host, one.port) for one in alive)),
+    )
+
+
+def ask(session: HubSession, gateways: Collection[str]) -> list[Examination]:
+    """Has all gateways of a hub look at their links; returns what those of these names answer within `ANSWER_LIMIT`."""
+    request, seen = uuid.uuid4().hex, dict[str, Examination]()
+    deadline = time.monotonic() + ANSWER_LIMIT
+    with session.client.pubsub(ignore_subscribe_messages=True) as answers:
+        answers.subscribe(examined_key(request))
+        answers.get_message(timeout=PATIENCE)
+        session.client.publish(EXAMINE_KEY, request)
+        while seen.keys() != set(gateways) and time.monotonic() < deadline:
+            message = answers.get_message(timeout=max(0.0, deadline - time.monotonic()))
+            if message is None:
+                continue
+            try:
+                one = examination_from_text(message["data"])
+            except ExaminationError:
+                continue
+            if one.gateway in gateways:
+                seen.setdefault(one.gateway, one)
+    return list(seen.values())

@@ -5,7 +5,7 @@ import dataclasses
 import json
 import logging
 import os
-import select
+import random
 import threading
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -14,15 +14,16 @@ from dataclasses import dataclass
 import redis
 
 from rocon_gateway.adapters.address import own_address
+from rocon_gateway.adapters.descriptor import readable
 from rocon_gateway.adapters.hub_session import HEARTBEAT, Description, HubSession
 from rocon_gateway.core.code import Code, HubError
-from rocon_gateway.core.hub import GATEWAYS_KEY, Candidate, HubView, Presence, letters_key, record_key
-from rocon_gateway.core.record import EMPTY, Letter, Record, is_text
-from rocon_gateway.core.rule import gateway_matches
+from rocon_gateway.core.hub import EXAMINE_KEY, GATEWAYS_KEY, Candidate, HubView, Presence, letters_key, record_key
+from rocon_gateway.core.record import EMPTY, Letter, Record, is_text, sound_namespaces
+from rocon_gateway.core.rule import gateways_meant
 from rocon_gateway.core.situation import Remote
 
 RETRY = 0.5
-"""Pause between two tries to reach a hub [s]."""
+"""Pause between two tries to reach a hub [s], on the average; see `retry_pause`."""
 
 RETRY_REFUSED = 5.0
 """Pause after a hub that is there did not want us, or we not it [s]."""
@@ -32,6 +33,11 @@ _REFUSALS = (
     Code.HUB_CONNECTION_BLACKLISTED,
     Code.HUB_CONNECTION_NOT_IN_NONEMPTY_WHITELIST,
 )
+
+
+def retry_pause() -> float:
+    """Returns a pause that is another one each time, so that a fleet whose hub is back does not come all at once."""
+    return RETRY * random.uniform(0.5, 1.5)
 
 
 @dataclass(frozen=True)
@@ -59,8 +65,10 @@ class HubContext:
         linked: returns the gateways to which data links stand.
         take: called from the hub's thread with each new view, None when it ends.
         complain: called with an address and why there is no hub.
+        examine: called with a session and the number of a request to look at our links; returns at once.
         logger: takes one line when a hub is found and one when it is lost.
         host: our address for others; empty: the one on the way to the hub.
+        namespaces: of robots, to be told to all.
     """
 
     open: Callable[[Candidate], HubSession]
@@ -68,8 +76,18 @@ class HubContext:
     linked: Callable[[], Collection[str]]
     take: Callable[["Hub", HubView | None], None]
     complain: Callable[[object, str], None]
+    examine: Callable[[HubSession, str], None]
     logger: logging.Logger
     host: str = ""
+    namespaces: frozenset[str] = frozenset()
+
+
+@dataclass
+class _News:
+    """Of which gateways events say that there is something to read: letters to us, and records."""
+
+    senders: set[str] = dataclasses.field(default_factory=set)
+    records: set[str] = dataclasses.field(default_factory=set)
 
 
 class Hub:
@@ -99,17 +117,15 @@ class Hub:
         self._view = HubView()
         self._presence = Presence()
         self._session: HubSession | None = None
+        self._namespaces: frozenset[str] = frozenset()
         self._displaced = False
+        self._told_lost = False
+        self._nameless: set[Candidate] = set()
         self._stopping = False
         self._pipe = threading.Lock()
         self._wake_reader, self._wake_writer = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         self._thread = threading.Thread(target=self._run, name=f"hub {self.ways[0].address}", daemon=True)
         self._thread.start()
-
-    @property
-    def is_on(self) -> bool:
-        """Whether we are on the hub now."""
-        return self._view.connected
 
     def publish(self, said: Publication) -> None:
         """Sets what we tell."""
@@ -149,7 +165,7 @@ class Hub:
             self.refused = all(verdicts)
             if self.refused and not self.named:
                 break
-            self._pause(RETRY_REFUSED if self.refused else RETRY)
+            self._pause(RETRY_REFUSED if self.refused else retry_pause())
         self._context.take(self, None)
         with self._pipe:
             os.close(self._wake_reader)
@@ -158,7 +174,7 @@ class Hub:
 
     def _pause(self, seconds: float) -> None:
         if not self._stopping:
-            select.select([self._wake_reader], [], [], seconds)
+            readable([self._wake_reader], seconds)
         self._drain()
 
     def _drain(self) -> None:
@@ -175,19 +191,32 @@ class Hub:
             self._context.claim(self, session)
             self._enter(session)
         except (HubError, redis.RedisError, OSError) as error:
-            self._context.complain(way.address, str(error))
+            code = error.code if isinstance(error, HubError) else Code.HUB_CONNECTION_UNRESOLVABLE
+            if self._is_news(way, code):
+                self._context.complain(way.address, str(error))
             if session:
                 session.close()
-            return isinstance(error, HubError) and error.code in _REFUSALS
+            return code in _REFUSALS
         try:
             self._stay(session)
         except (HubError, redis.RedisError, OSError) as error:
             if not self._stopping:
+                self._told_lost = True
                 text = "hub '%s' lost (%s); running links go on, reconnecting"
                 self._context.logger.warning(text, session.hub_name, error)
         finally:
             self._exit(session)
         return False
+
+    def _is_news(self, way: Candidate, code: Code) -> bool:
+        if code == Code.HUB_NAME_NOT_FOUND:
+            # A hub that starts has a Redis first and a name a moment later: it is none if that is still so next time.
+            is_known = way in self._nameless
+            self._nameless.add(way)
+            return is_known
+        self._nameless.discard(way)
+        # That nothing answers there is no news of a hub that we have just said is lost.
+        return not (self._told_lost and code == Code.HUB_CONNECTION_UNRESOLVABLE)
 
     def _enter(self, session: HubSession) -> None:
         if self._displaced and session.holder not in (None, session.instance):
@@ -195,12 +224,15 @@ class Hub:
         self._displaced = False
         self._host = self._context.host or own_address(session.address.host)
         self._presence.start(session.present(), time.monotonic())
-        session.join(self._record, self._letters)
-        self._session = session
+        session.join(self._record, self._letters, self._context.namespaces)
+        self._namespaces |= session.namespaces()
+        self._session, self._told_lost = session, False
+        self._nameless.clear()
         self._watched: set[str] = set()
+        # A letter of who is listed is on the hub or was withdrawn; the others have not had the time to write theirs.
         known = {name: remote for name, remote in self._view.remotes.items() if name in self._presence.names}
         self._records: dict[str, Record] = {name: remote.record for name, remote in known.items()}
-        self._inbox: dict[str, Letter] = {name: remote.letter for name, remote in known.items()}
+        self._inbox: dict[str, Letter] = {name: known[name].letter for name in known.keys() - self._presence.listed}
         self._take_letters(session, None)
         self._context.logger.info("on hub '%s' at %s as '%s'", session.hub_name, session.address, session.name)
 
@@ -228,20 +260,34 @@ class Hub:
         while not self._stopping:
             self._look(session)
             session.write(self._record, self._letters)
-            now = time.monotonic()
-            if now >= beat:
+            if time.monotonic() >= beat:
                 self._live(session)
-                beat = now + HEARTBEAT
-            wait = 0.1 if self._presence.waiting else max(0.0, beat - now)
-            # Something may have been read from the socket already, together with the answer to a subscription.
-            ready = select.select([session.events.connection._sock, self._wake_reader], [], [], wait)[0]
-            if self._wake_reader in ready:
-                self._drain()
-            for channel, text in self._events(session):
-                self._take_event(session, channel, text)
+                # From its end: however slow the hub is, there is time for events before the next one.
+                beat = time.monotonic() + HEARTBEAT
+            self._wait(session, 0.1 if self._presence.waiting else max(0.0, beat - time.monotonic()))
+            self._take_events(session, beat)
 
-    def _events(self, session: HubSession) -> Iterator[tuple[str, str]]:
-        while True:
+    def _wait(self, session: HubSession, seconds: float) -> None:
+        # Events may have been read from the socket already: together with others, or with the answer to a subscription.
+        if session.events.connection.can_read():
+            return
+        ready = readable([session.events.connection._sock, self._wake_reader], seconds)
+        if self._wake_reader in ready:
+            self._drain()
+
+    def _take_events(self, session: HubSession, beat: float) -> None:
+        """Takes the events that have come, and reads what they tell of: once, however many there are."""
+        news = _News()
+        for channel, text in self._events(session, beat):
+            self._take_event(session, channel, text, news)
+        if news.records:
+            self._records.update(session.records(news.records))
+        if news.senders:
+            self._take_letters(session, news.senders)
+
+    def _events(self, session: HubSession, beat: float) -> Iterator[tuple[str, str]]:
+        """Yields channel and text of what has come, until the next sign of life is due."""
+        while time.monotonic() < beat:
             message = session.events.get_message()
             if message is None and not session.events.connection.can_read():
                 return
@@ -256,20 +302,22 @@ class Hub:
         holder, listed = session.live()
         if holder is None or (holder == session.instance and not listed):
             # The hub has forgotten us: it was emptied, or we were silent for too long.
-            session.join(self._record, self._letters)
+            session.join(self._record, self._letters, self._context.namespaces)
         elif holder != session.instance:
             self._displaced = True
             raise HubError(Code.HUB_CONNECTION_LOST, f"another gateway took our name '{session.name}'")
 
-    def _take_event(self, session: HubSession, channel: str, text: str) -> None:
+    def _take_event(self, session: HubSession, channel: str, text: str, news: _News) -> None:
         if channel == GATEWAYS_KEY:
-            self._take_gateway_event(session, text)
+            self._take_gateway_event(session, text, news)
         elif channel == letters_key(session.name):
-            self._take_letters(session, {text})
+            news.senders.add(text)
+        elif channel == EXAMINE_KEY:
+            self._context.examine(session, text)
         elif channel == record_key(text):
-            self._records.update(session.records([text]))
+            news.records.add(text)
 
-    def _take_gateway_event(self, session: HubSession, text: str) -> None:
+    def _take_gateway_event(self, session: HubSession, text: str, news: _News) -> None:
         try:
             event = json.loads(text)
             name, what = event["gateway"], event["event"]
@@ -279,10 +327,11 @@ class Hub:
             return
         if what == "joined":
             self._presence.join(name)
+            self._namespaces |= sound_namespaces(event.get("namespaces"))
             session.forget(name)
+            news.senders.add(name)
             if name in self._watched:
-                self._records.update(session.records([name]))
-            self._take_letters(session, {name})
+                news.records.add(name)
         elif what == "left":
             self._presence.leave(name)
         elif what == "expired":
@@ -300,9 +349,7 @@ class Hub:
         if self._presence.waiting:
             self._presence.settle(self._context.linked(), time.monotonic())
         names, interest = self._presence.names, self._said.interest
-        concerned = {
-            name for name in names if name in self._inbox or any(gateway_matches(one, name) for one in interest)
-        }
+        concerned = (self._inbox.keys() & names).union(*(gateways_meant(one, names) for one in interest))
         self._follow(session, concerned)
         for gone in {*self._inbox, *self._records} - names:
             self._inbox.pop(gone, None)
@@ -313,7 +360,8 @@ class Hub:
             if name in self._records
         }
         listed = frozenset(self._presence.listed)
-        self._show(HubView(True, session.hub_name, str(session.address), self._host, listed, names, remotes))
+        told = session.hub_name, str(session.address), self._host
+        self._show(HubView(True, *told, listed, names, remotes, self._namespaces))
 
     def _follow(self, session: HubSession, concerned: set[str]) -> None:
         new = concerned - self._watched

@@ -1,5 +1,8 @@
-"""One connection to one hub, from registration to farewell. Every call may block for `TIMEOUT`, none longer."""
+"""One connection to one hub, from registration to farewell. Every call may block for `redis_client.TIMEOUT`, none
+longer, the first one apart, which may look twice why it does not get in.
+"""
 
+import dataclasses
 import json
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
@@ -7,10 +10,13 @@ from dataclasses import dataclass
 import redis
 
 from rocon_gateway.adapters.password import FILE_VARIABLE
+from rocon_gateway.adapters.redis_client import TIMEOUT, Access, needs_certificate, redis_client, unreachable
 from rocon_gateway.core.code import Code, HubError
 from rocon_gateway.core.hub import (
+    EXAMINE_KEY,
     GATEWAYS_KEY,
     NAME_KEY,
+    NAMESPACES_KEY,
     PROTOCOL_KEY,
     HubAddress,
     alive_key,
@@ -25,12 +31,10 @@ from rocon_gateway.core.record import (
     RecordError,
     letter_from_text,
     record_from_text,
+    sound_namespaces,
     text_from_letter,
     text_from_record,
 )
-
-TIMEOUT = 2.0
-"""Within which the hub must have answered [s]."""
 
 ALIVE = 2.0
 """For how long one sign of life counts [s]."""
@@ -47,21 +51,6 @@ class Description:
     silence: float
 
 
-def redis_client(address: HubAddress, password: str | None) -> redis.Redis:
-    """Returns a client that has not connected yet."""
-    return redis.Redis(
-        host=address.host,
-        port=address.port,
-        password=password,
-        socket_timeout=TIMEOUT,
-        socket_connect_timeout=TIMEOUT,
-        socket_keepalive=True,
-        decode_responses=True,
-        # What is no text is then no JSON either, and counts as not written.
-        encoding_errors="replace",
-    )
-
-
 class HubSession:
     """Registers a gateway on a hub and speaks for it; used by one thread, `describe` apart.
 
@@ -69,11 +58,13 @@ class HubSession:
         HubError: 12 if nobody answers, 14 if whoever answers will not have us, 16 if it is not a hub.
     """
 
-    def __init__(self, address: HubAddress, password: str | None, name: str, instance: str) -> None:
-        self.address = address
+    def __init__(self, address: HubAddress, access: Access, name: str, instance: str) -> None:
+        if address.tls and access.certificates is None:
+            raise needs_certificate(address)
+        self.address = dataclasses.replace(address, tls=access.certificates is not None)
         self.name = name
         self.instance = instance
-        self.client = redis_client(address, password)
+        self.client = redis_client(address, access)
         self._written: dict[str, Letter] = {}
         self._record = ""
         try:
@@ -81,14 +72,15 @@ class HubSession:
             # Of the server's process: one hub has several addresses, and must be joined but once.
             self.identity = str(self.client.info("server")["run_id"])
             self.events = self.client.pubsub()
-            self.events.subscribe(GATEWAYS_KEY, letters_key(name))
+            channels = (GATEWAYS_KEY, letters_key(name), EXAMINE_KEY)
+            self.events.subscribe(*channels)
             # What is read from now on cannot miss a change: it is either in what is read or told.
-            for _ in range(2):
+            for _ in channels:
                 self.events.get_message(timeout=TIMEOUT)
         except (redis.exceptions.AuthenticationError, redis.exceptions.ResponseError) as error:
             raise HubError(Code.HUB_CONNECTION_FAILED, f"the hub at {address} {_refusal(error)}") from None
         except (redis.RedisError, OSError) as error:
-            raise HubError(Code.HUB_CONNECTION_UNRESOLVABLE, f"no hub at {address}: {error}") from None
+            raise unreachable(self.address, access, error) from None
 
     def _introduce(self) -> str:
         name, protocol = self.client.mget(NAME_KEY, PROTOCOL_KEY)
@@ -104,26 +96,60 @@ class HubSession:
         """The instance that lives under our name, if any."""
         return self.client.get(alive_key(self.name))
 
-    def join(self, record: Record, letters: Mapping[str, Letter]) -> None:
-        """Registers us, in place of whoever bore our name; whoever hears of it finds record and letters there."""
+    def join(self, record: Record, letters: Mapping[str, Letter], namespaces: Collection[str] = ()) -> None:
+        """Registers us, in place of whoever bore our name; whoever hears of it finds record and letters there.
+
+        Letters that we, or who bore our name, wrote before are withdrawn from those to whom we have nothing to say.
+
+        Args:
+            record: how we describe ourselves.
+            letters: to each other gateway.
+            namespaces: of robots, which nobody forgets before the hub does.
+        """
+        self._tell_namespaces(namespaces)
         self._record = text_from_record(record)
         self._written = dict(letters)
+        others = sorted(self.client.smembers(GATEWAYS_KEY) - {self.name, *letters})
         with self.client.pipeline() as pipe:
+            for receiver in others:
+                pipe.hdel(letters_key(receiver), self.name)
             pipe.set(record_key(self.name), self._record)
             pipe.set(alive_key(self.name), self.instance, px=int(ALIVE * 1000))
             pipe.delete(lost_key(self.name))
             pipe.sadd(GATEWAYS_KEY, self.name)
             for receiver, letter in letters.items():
                 pipe.hset(letters_key(receiver), self.name, text_from_letter(letter))
-            self._tell(pipe, "joined")
-            pipe.execute()
+            self._tell(pipe, "joined", namespaces)
+            results = pipe.execute(raise_on_error=False)
+        # What is no hash, because a stranger wrote it, has no letters of ours to delete.
+        for error in results[len(others) :]:
+            if isinstance(error, redis.RedisError):
+                raise error
 
-    def _tell(self, pipe: redis.client.Pipeline, event: str) -> None:
-        pipe.publish(GATEWAYS_KEY, json.dumps({"gateway": self.name, "event": event}))
+    def _tell(self, pipe: redis.client.Pipeline, event: str, namespaces: Collection[str] = ()) -> None:
+        said = {"gateway": self.name, "event": event, **({"namespaces": sorted(namespaces)} if namespaces else {})}
+        pipe.publish(GATEWAYS_KEY, json.dumps(said))
+
+    def _tell_namespaces(self, namespaces: Collection[str]) -> None:
+        if not namespaces:
+            return
+        try:
+            self.client.sadd(NAMESPACES_KEY, *namespaces)
+        except redis.ResponseError:  # a stranger wrote no set in its place
+            self.client.delete(NAMESPACES_KEY)
+            self.client.sadd(NAMESPACES_KEY, *namespaces)
+
+    def namespaces(self) -> frozenset[str]:
+        """Returns the namespaces of all robots that the hub was told of."""
+        try:
+            return sound_namespaces(list(self.client.smembers(NAMESPACES_KEY)))
+        except redis.ResponseError:  # likewise; who has one to tell mends it
+            return frozenset()
 
     def live(self) -> tuple[str | None, bool]:
         """Gives a sign of life; returns the instance that lived under our name until now, and if the hub lists it."""
-        with self.client.pipeline() as pipe:
+        # No transaction: a Redis that is full refuses those, and whoever is on the hub would drop off it.
+        with self.client.pipeline(transaction=False) as pipe:
             pipe.get(alive_key(self.name))
             pipe.sismember(GATEWAYS_KEY, self.name)
             pipe.pexpire(alive_key(self.name), int(ALIVE * 1000))
@@ -214,7 +240,8 @@ class HubSession:
         if self.holder not in (None, self.instance):
             return
         with self.client.pipeline() as pipe:
-            pipe.delete(record_key(self.name), alive_key(self.name))
+            # The letters to us too: who wrote one and is away now could not withdraw it before we return.
+            pipe.delete(record_key(self.name), alive_key(self.name), letters_key(self.name))
             pipe.srem(GATEWAYS_KEY, self.name)
             for receiver in self._written:
                 pipe.hdel(letters_key(receiver), self.name)

@@ -4,11 +4,13 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from rocon_gateway.adapters.discovery import Discovery
+from rocon_gateway.adapters.examiner import Examiner
 from rocon_gateway.adapters.hub import RETRY, Hub, HubContext, Publication
 from rocon_gateway.adapters.hub_session import Description, HubSession
+from rocon_gateway.adapters.redis_client import OPEN, Access
 from rocon_gateway.core.code import Code, HubError
 from rocon_gateway.core.hub import Candidate, HubView, address_from_uri, check_lists
 from rocon_gateway.core.membership import Memberships, Overview
@@ -36,16 +38,18 @@ class HubConfig:
         whitelist: hub names or addresses; empty allows all.
         blacklist: hub names or addresses; goes before the whitelist.
         discover: also join hubs that announce themselves by mDNS.
-        password: what the hubs' Redis asks for. Not shown by repr.
+        access: what the hubs' Redis asks for.
         host: our address for others; empty: the one on the way to the hub.
+        namespaces: of robots, to be told to all.
     """
 
     uris: tuple[str, ...] = ()
     whitelist: tuple[str, ...] = ()
     blacklist: tuple[str, ...] = ()
     discover: bool = False
-    password: str | None = field(default=None, repr=False)
+    access: Access = OPEN
     host: str = ""
+    namespaces: frozenset[str] = frozenset()
 
 
 class Hubs:
@@ -74,7 +78,17 @@ class Hubs:
         self._on_change = on_change
         self._logger = logger
         self._said = Publication(record)
-        self._context = HubContext(self._open, self._claim, linked, self._take, self._complain, logger, config.host)
+        self._context = HubContext(
+            open=self._open,
+            claim=self._claim,
+            linked=linked,
+            take=self._take,
+            complain=self._complain,
+            examine=Examiner().asked,
+            logger=logger,
+            host=config.host,
+            namespaces=config.namespaces,
+        )
         self._changed = threading.Condition()
         self._memberships = Memberships()
         self._view = Overview()
@@ -157,13 +171,13 @@ class Hubs:
 
     def _is_on(self, identity: str) -> bool:
         hub = self._claims.get(identity)
-        return hub is not None and hub.is_on
+        return hub is not None and self._memberships.is_on(hub)
 
     # What a hub's thread asks and tells
 
     def _open(self, way: Candidate) -> HubSession:
         record, config = self._said.record, self._config
-        session = HubSession(way.address, config.password, record.name, record.instance)
+        session = HubSession(way.address, config.access, record.name, record.instance)
         try:
             check_lists(way.address, session.hub_name, config.whitelist, config.blacklist, way.aliases)
         except HubError:
@@ -221,7 +235,10 @@ class Hubs:
             if not self.view().connected:
                 rest_at = now + LOOK
             if now < rest_at:
-                self._follow(discovery)
+                try:
+                    self._follow(discovery)
+                except OSError as error:  # out of descriptors
+                    self._complain(Hub, f"cannot join a hub that was found: {error}")
                 self._woken.wait(RETRY)
             else:
                 discovery.rest()
@@ -238,7 +255,8 @@ class Hubs:
             for ways in seen:
                 if ways not in self._refused and not any(set(ways) & set(hub.ways) for hub in self._hubs):
                     self._add(ways, named=False)
-            lost = [hub for hub in self._hubs if not hub.named and not hub.is_on] if self._view.connected else []
+            found = [hub for hub in self._hubs if not hub.named] if self._view.connected else []
+            lost = [hub for hub in found if not self._memberships.is_on(hub)]
         for hub in lost:
             if time.monotonic() - hub.lost_since > PATIENCE:
                 hub.stop()

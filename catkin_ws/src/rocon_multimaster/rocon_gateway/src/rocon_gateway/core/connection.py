@@ -109,8 +109,9 @@ class Import:
         source_gateway: unique name of the gateway that exports.
         source_node: resolved name of the publishing node on that gateway's master.
         address: where that gateway's relay listens.
-        allowed_nodes: regular expression that the whole name of a subscribing node must match; "" is any.
-            Several rules for one key are the control plane's to join: `(?:a)|(?:b)`.
+        allowed_nodes: regular expressions, sorted, of which the whole name of a subscribing node must match one; none
+            is any. They stay apart: flags, groups and references of one would mean something else, or nothing, in
+            an expression that joins several.
         options: what our rules ask of the link; the source does it.
     """
 
@@ -120,7 +121,7 @@ class Import:
     source_gateway: str
     source_node: str
     address: Address
-    allowed_nodes: str = ""
+    allowed_nodes: tuple[str, ...] = ()
     options: LinkOptions = NO_OPTIONS
 
     @property
@@ -191,6 +192,8 @@ class RelayConfig:
         credential: secret shared by all gateways, None is none: see `docs/gateway.md`, Links. Not shown by repr.
         max_links: links that one other gateway may have open here at once, calls of services included.
         ping_period: between two measurements of the way to a gateway and back.
+        silence: for how long nothing may come on a topic's link, whose far end is asked to say something meanwhile; it
+            is noticed within a third more than this.
         max_message_size: longest message that is carried [bytes]; a longer one closes its connection.
         queue_size: messages that wait for one slow receiver at most.
         queue_bytes: their bytes at most, though one message may always wait.
@@ -212,6 +215,7 @@ class RelayConfig:
     max_message_size: int = 256 * 2**20
     max_links: int = 1024
     ping_period: float = 5.0
+    silence: float = 7.0
     queue_size: int = 1000
     queue_bytes: int = 16 * 2**20
     handshake_timeout: float = 5.0
@@ -244,7 +248,7 @@ class Relay(Protocol):
 
         Raises:
             ConnectionConflictError: two exports or two imports have the same key. Nothing was changed.
-            re.error: an `allowed_nodes` is no regular expression. Nothing was changed.
+            re.error: one of `allowed_nodes` is no regular expression. Nothing was changed.
         """
 
     def refresh(self) -> None:

@@ -9,10 +9,17 @@ from rocon_gateway.core.situation import Remote
 
 DEFAULT_PORT = 6380
 
+TLS_SCHEME = "rediss"
+"""The scheme of the address of a hub with TLS, as Redis' clients write it."""
+
 NAME_KEY = "rocon:hub:name"
 PROTOCOL_KEY = "rocon:hub:protocol"
 GATEWAYS_KEY = "rocon:gateways"
 """The set of all gateways' names, and the channel on which joining and leaving is told."""
+NAMESPACES_KEY = "rocon:namespaces"
+"""The set of the namespaces of all robots that gateways told of since the hub was started."""
+EXAMINE_KEY = "rocon:examine"
+"""The channel on which all gateways are asked to look at their links; the message is a request's number."""
 
 
 def record_key(gateway: str) -> str:
@@ -35,30 +42,42 @@ def lost_key(gateway: str) -> str:
     return f"rocon:lost:{gateway}"
 
 
+def examined_key(request: str) -> str:
+    """Returns the channel on which gateways answer the request of that number."""
+    return f"rocon:examined:{request}"
+
+
 @dataclass(frozen=True, slots=True)
 class HubAddress:
-    """Where a hub's Redis listens."""
+    """Where a hub's Redis listens.
+
+    Attributes:
+        host: its machine.
+        port: its port.
+        tls: whether it is known to speak TLS; no part of the address.
+    """
 
     host: str
     port: int
+    tls: bool = field(default=False, compare=False)
 
     def __str__(self) -> str:
-        return f"http://{self.host}:{self.port}"
+        return f"{TLS_SCHEME if self.tls else 'http'}://{self.host}:{self.port}"
 
 
 def address_from_uri(uri: str) -> HubAddress:
-    """Returns the address in `http://host:port`, `host:port` or `host`.
+    """Returns the address in `http://host:port`, `host:port` or `host`; `rediss://host:port` for one with TLS.
 
     Raises:
         HubError: 12 for what is none of these.
     """
-    found = re.fullmatch(r"(?:[a-z]+://)?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+)(?::(\d{1,5}))?/?", uri.strip())
+    found = re.fullmatch(r"(?:([a-z]+)://)?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+)(?::(\d{1,5}))?/?", uri.strip())
     if not found:
         raise HubError(Code.HUB_CONNECTION_UNRESOLVABLE, f"'{uri}' is not a hub's address; write http://host:port")
-    port = int(found[2] or DEFAULT_PORT)
+    port = int(found[3] or DEFAULT_PORT)
     if not 0 < port < 65536:
         raise HubError(Code.HUB_CONNECTION_UNRESOLVABLE, f"'{uri}': there is no port {port}")
-    return HubAddress(found[1].strip("[]"), port)
+    return HubAddress(found[2].strip("[]"), port, found[1] == TLS_SCHEME)
 
 
 def check_lists(
@@ -121,6 +140,7 @@ class HubView:
         listed: unique names of all gateways that the hub says are alive, ourselves apart.
         names: unique names of all that count as present: those, and some that it has just stopped listing.
         remotes: those of them that our rules or their letters concern.
+        namespaces: of all robots that were told of there.
     """
 
     connected: bool = False
@@ -130,6 +150,7 @@ class HubView:
     listed: frozenset[str] = frozenset()
     names: frozenset[str] = frozenset()
     remotes: Mapping[str, Remote] = field(default_factory=dict)
+    namespaces: frozenset[str] = frozenset()
 
 
 class Presence:
@@ -138,7 +159,7 @@ class Presence:
     A gateway that takes its leave is gone at once. One that the hub merely stopped hearing of is gone at once
     too, unless our links to it still stand: then it, or its way to the hub, may only be slow, and it stays for
     `LINKED_GRACE`. A hub that was restarted knows nobody yet, so whoever was there before stays for
-    `RESTART_GRACE`. All times are monotonic [s].
+    `RESTART_GRACE`, and for `LINKED_GRACE` more if links stand. All times are monotonic [s].
     """
 
     LINKED_GRACE = 6.0
@@ -146,12 +167,17 @@ class Presence:
 
     def __init__(self) -> None:
         self.listed: set[str] = set()
-        self._retained: dict[str, tuple[float, bool]] = {}
+        # Until when each stays without links, and until when with some.
+        self._retained: dict[str, tuple[float, float]] = {}
+        self._names: frozenset[str] = frozenset()
 
     @property
     def names(self) -> frozenset[str]:
-        """All that are present."""
-        return frozenset(self.listed) | frozenset(self._retained)
+        """All that are present; the same object as long as they are the same."""
+        names = frozenset((*self.listed, *self._retained))
+        if names != self._names:
+            self._names = names
+        return self._names
 
     @property
     def waiting(self) -> bool:
@@ -160,8 +186,10 @@ class Presence:
 
     def start(self, listed: Collection[str], now: float) -> None:
         """Takes the list of a hub to which we have just connected."""
-        for name in self.listed - set(listed):
-            self._retained[name] = (now + self.RESTART_GRACE, False)
+        alone = now + self.RESTART_GRACE
+        # Who was retained already, too: while there was no hub, it could not return to it.
+        for name in self.names - set(listed):
+            self._retained[name] = (alone, alone + self.LINKED_GRACE)
         self.listed = set(listed)
         self._drop(self.listed)
 
@@ -179,14 +207,12 @@ class Presence:
         """The hub has not heard of somebody for too long."""
         if name in self.listed:
             self.listed.discard(name)
-            self._retained[name] = (now + self.LINKED_GRACE, True)
+            self._retained[name] = (now, now + self.LINKED_GRACE)
 
     def settle(self, linked: Collection[str], now: float) -> bool:
         """Lets go of those whose time is over or whose links are down; tells whether there were any."""
         over = [
-            name
-            for name, (deadline, only_linked) in self._retained.items()
-            if now >= deadline or (only_linked and name not in linked)
+            name for name, (alone, together) in self._retained.items() if now >= (together if name in linked else alone)
         ]
         self._drop(over)
         return bool(over)

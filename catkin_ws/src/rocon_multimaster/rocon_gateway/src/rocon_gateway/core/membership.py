@@ -16,11 +16,13 @@ class Overview:
         hubs: those that we are on now.
         names: unique names of all gateways that are present on any of them, or were on one that is lost.
         remotes: those of them that our rules or their letters concern; each once, however many hubs it is on.
+        namespaces: of all robots that were told of on any of them.
     """
 
     hubs: tuple[HubView, ...] = ()
     names: frozenset[str] = frozenset()
     remotes: Mapping[str, Remote] = field(default_factory=dict)
+    namespaces: frozenset[str] = frozenset()
 
     @property
     def connected(self) -> bool:
@@ -50,14 +52,23 @@ class Memberships:
         self._views.pop(hub, None)
         return self._overview()
 
+    def is_on(self, hub: Hashable) -> bool:
+        """Whether we are on `hub`, as the last overview has it."""
+        return hub in self._views and self._views[hub].connected
+
     def _overview(self) -> Overview:
+        if len(self._views) == 1:
+            ((hub, view),) = self._views.items()
+            self._way = dict.fromkeys(view.names, hub)
+            return Overview((view,) if view.connected else (), view.names, view.remotes, view.namespaces)
         hubs = tuple(view for view in self._views.values() if view.connected)
         present = frozenset[str]().union(*(view.names for view in hubs))
         self._views = {hub: view if view.connected else _without(view, present) for hub, view in self._views.items()}
         names = present.union(*(view.names for view in self._views.values()))
         self._way = {name: self._best(name) for name in sorted(names)}
         told = {name: self._views[hub].remotes.get(name) for name, hub in self._way.items()}
-        return Overview(hubs, names, {name: remote for name, remote in told.items() if remote is not None})
+        namespaces = frozenset[str]().union(*(view.namespaces for view in self._views.values()))
+        return Overview(hubs, names, {name: one for name, one in told.items() if one is not None}, namespaces)
 
     def _best(self, name: str) -> Hashable:
         """Returns the hub that speaks for a gateway; of equals the one that did so until now, or the first."""

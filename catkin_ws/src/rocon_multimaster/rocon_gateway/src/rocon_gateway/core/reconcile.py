@@ -19,6 +19,7 @@ Offers, wants and the replies to them travel as letters through the hub.
 
 import re
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 
 from rocon_gateway.core import verdict
 from rocon_gateway.core.action import ACTION_KINDS, actions, parts
@@ -35,7 +36,7 @@ from rocon_gateway.core.rule import (
     asks_for,
     blacklisting,
     foreign_namespace,
-    gateway_matches,
+    gateways_meant,
     is_literal,
     rule_matches,
 )
@@ -59,6 +60,8 @@ class _Reconciler:
         self.situation = situation
         self.book = situation.book
         self.name = situation.book.name
+        # The same object as long as it is the same set: what is remembered of it is found at once.
+        self.others = situation.names if self.name not in situation.names else situation.names - {self.name}
         found = actions(situation.local)
         self.local = sorted(situation.local | found)
         self.action_topics = {part for action in found for part in map(_key, parts(action))}
@@ -135,24 +138,18 @@ class _Reconciler:
     def _towards(self, action: str, remote: RemoteRule, act: Callable[..., Iterator[Judge]]) -> None:
         """Does one rule towards every gateway that it matches, and keeps how to judge it."""
         judges: list[Judge] = []
-        for gateway in self._targets(remote.gateway):
+        targets = gateways_meant(remote.gateway, self.others)
+        for gateway in targets:
             other = self.situation.remotes.get(gateway)
             if other is not None:
                 judges.extend(act(remote, gateway, other))
-        otherwise = self._no_target(remote.gateway)
+        otherwise = verdict.NO_ANSWER if targets else self._no_target(remote.gateway)
         self.pending.append(
             (action, remote.gateway, remote.rule, lambda: verdict.best([judge() for judge in judges], otherwise))
         )
 
-    def _targets(self, pattern: str) -> list[str]:
-        return sorted(name for name in self.situation.names if name != self.name and gateway_matches(pattern, name))
-
     def _no_target(self, pattern: str) -> Verdict:
-        if self._targets(pattern):
-            return verdict.NO_ANSWER
-        if not self.situation.connected:
-            return verdict.NO_HUB
-        return verdict.no_gateway(pattern, self.situation.names - {self.name})
+        return verdict.no_gateway(pattern, self.others) if self.situation.connected else verdict.NO_HUB
 
     def _flip(self, remote: RemoteRule, gateway: str, other: Remote) -> Iterator[Judge]:
         rule = remote.rule
@@ -166,12 +163,12 @@ class _Reconciler:
             yield always(self._no_local(rule))
         elif rule.kind in ACTION_KINDS:
             for action in allowed:
-                namespace = _unasked(rule, other.record.namespace, action)
+                namespace = self._unasked(rule, other.record.namespace, action)
                 foreign = always(verdict.foreign(namespace, gateway))
                 yield foreign if namespace else self._flip_action(gateway, other, action)
         else:
             for connection in allowed:
-                namespace = _unasked(rule, other.record.namespace, connection)
+                namespace = self._unasked(rule, other.record.namespace, connection)
                 if namespace:
                     yield always(verdict.foreign(namespace, gateway))
                     continue
@@ -188,9 +185,10 @@ class _Reconciler:
             yield always(self._no_local(rule))
         for topic in sorted(topics):
             answer, judge = self._wanted(gateway, other, topic, rule.node)
-            for connection in (one for one in allowed if one.name == topic):
+            listening = [one for one in allowed if one.name == topic]
+            for connection in listening:
                 self._flipped_to(gateway, other, connection, answer)
-            yield judge
+            yield judge if listening or not rule.node else partial(verdict.unheard, judge, topic, rule.node, self.local)
 
     def _flip_action(self, gateway: str, other: Remote, action: Connection) -> Judge:
         answers, judges = [], []
@@ -239,7 +237,7 @@ class _Reconciler:
         excluded = (*self.book.blacklist, *self.book.pulls.excluded(remote)) if rule.name == ALL else ()
         for connection in offered:
             barrier = _barrier(excluded, connection)
-            namespace = _unasked(rule, self.situation.namespace, connection)
+            namespace = self._unasked(rule, self.situation.namespace, connection)
             if barrier:
                 yield always(verdict.blacklisted(barrier, connection))
             elif namespace:
@@ -250,6 +248,11 @@ class _Reconciler:
         if not offered:
             names = {one.name for one in other.record.advertisements if one.kind == rule.kind}
             yield always(verdict.nothing(rule.kind, rule.name, names, f"advertised by {gateway}"))
+
+    def _unasked(self, rule: Rule, own: str, connection: Connection) -> str:
+        """Returns the other robot's namespace out of which `rule` would bring `connection` without spelling it out."""
+        namespace = foreign_namespace(own, connection.name, self.situation.robots)
+        return "" if asks_for(rule.name, namespace) else namespace
 
     def _pull_connection(self, gateway: str, other: Remote, connection: Connection) -> Judge:
         name, node = connection.name, connection.node
@@ -336,12 +339,6 @@ class _Reconciler:
 
 _PULLED = {Purpose.PULL: Kind.PUBLISHER, Purpose.SERVICE: Kind.SERVICE, Purpose.PARAMETER: Kind.PARAMETER}
 """What a want means, by its purpose."""
-
-
-def _unasked(rule: Rule, own: str, connection: Connection) -> str:
-    """Returns the other robot's namespace out of which `rule` would bring `connection` without spelling it out."""
-    namespace = foreign_namespace(own, connection.name)
-    return "" if asks_for(rule.name, namespace) else namespace
 
 
 def _key(connection: Connection) -> tuple[Kind, str, str]:

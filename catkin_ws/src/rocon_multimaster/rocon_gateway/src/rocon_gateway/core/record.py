@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from rocon_gateway.core.code import GatewayError
-from rocon_gateway.core.rule import Connection, Kind, RemoteRule, Rule
+from rocon_gateway.core.rule import Connection, Kind, RemoteRule, Rule, is_namespace
 
 PROTOCOL = 1
 """The number of this layout, in `rocon:hub:protocol`."""
@@ -146,6 +146,11 @@ def is_text(value: object) -> bool:
     except UnicodeEncodeError:
         return False
     return True
+
+
+def sound_namespaces(told: object) -> frozenset[str]:
+    """Returns those of a list, as somebody wrote it, that can be robots' namespaces."""
+    return frozenset(filter(is_namespace, told)) if isinstance(told, list) else frozenset()
 
 
 def text_from_record(record: Record) -> str:

@@ -7,7 +7,7 @@ Everything "matches" by regular expression over the whole text. Besides, a gatew
 import enum
 import functools
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from rocon_gateway.core.code import Code, RequestError
@@ -87,19 +87,20 @@ def rule_from_text(kind: str, name: str, node: str, code: Code) -> Rule:
 def check_pattern(what: str, pattern: str, code: Code) -> None:
     """Raises RequestError with `code` if `pattern` is no regular expression."""
     try:
-        _compiled(pattern)
+        compiled(pattern)
     except (re.error, RecursionError, OverflowError) as error:
         raise RequestError(code, f"the {what} '{pattern}' is not a regular expression: {error}") from None
 
 
 @functools.lru_cache(maxsize=4096)
-def _compiled(pattern: str) -> re.Pattern[str]:
+def compiled(pattern: str) -> re.Pattern[str]:
+    """Returns a pattern, compiled once. Raises re.error, RecursionError or OverflowError for what is none."""
     return re.compile(pattern)
 
 
 def matches_whole(pattern: str, text: str) -> bool:
     """Tells whether the whole of `text` matches; `pattern` must be a regular expression."""
-    return _compiled(pattern).fullmatch(text) is not None
+    return compiled(pattern).fullmatch(text) is not None
 
 
 def is_literal(pattern: str) -> bool:
@@ -150,17 +151,26 @@ def blacklisting(blacklist: Iterable[Rule], connection: Connection) -> Rule | No
     return None
 
 
-def foreign_namespace(own: str, name: str) -> str:
+def is_namespace(text: object) -> bool:
+    """Tells whether this can be a robot's namespace: one ROS name, without slashes."""
+    return isinstance(text, str) and re.fullmatch("[A-Za-z][A-Za-z0-9_]{0,255}", text) is not None
+
+
+def foreign_namespace(own: str, name: str, robots: Collection[str] = ()) -> str:
     """Returns the namespace at the beginning of `name` if it is another robot's, else "".
 
     Args:
-        own: our robot's namespace, `pioneer1`; another robot's differs in the number at its end only. "" knows none.
+        own: our robot's namespace, `pioneer1`; one that differs in the number at its end only is another robot's. ""
+            knows none.
         name: a resolved name.
+        robots: namespaces of robots, whatever they are called.
     """
     first = name.lstrip("/").partition("/")[0]
     stem = own.rstrip("0123456789")
-    is_foreign = own and stem != own and first != own and re.fullmatch(re.escape(stem) + "[0-9]+", first)
-    return first if is_foreign else ""
+    if not own or first == own:
+        return ""
+    differs_in_number = stem != own and re.fullmatch(re.escape(stem) + "[0-9]+", first)
+    return first if differs_in_number or first in robots else ""
 
 
 def asks_for(pattern: str, namespace: str) -> bool:
@@ -168,6 +178,7 @@ def asks_for(pattern: str, namespace: str) -> bool:
     return pattern.lstrip("/").startswith(f"{namespace}/")
 
 
+@functools.lru_cache(maxsize=4096)
 def base_name(gateway: str) -> str:
     """Returns a gateway's name without the unique suffix, if it has one."""
     head, tail = gateway[:-SUFFIX_LENGTH], gateway[-SUFFIX_LENGTH:]
@@ -177,3 +188,12 @@ def base_name(gateway: str) -> str:
 def gateway_matches(pattern: str, gateway: str) -> bool:
     """Tells whether a rule's `pattern` means `gateway`: all of its unique name, or literally its base name."""
     return pattern in (gateway, base_name(gateway)) or matches_whole(pattern, gateway)
+
+
+@functools.lru_cache(maxsize=512)
+def gateways_meant(pattern: str, gateways: frozenset[str]) -> tuple[str, ...]:
+    """Returns, sorted, those of `gateways` that a rule's `pattern` means.
+
+    Remembered: it is asked many times a second, for all rules, and there may be a thousand gateways that seldom change.
+    """
+    return tuple(sorted(one for one in gateways if gateway_matches(pattern, one)))

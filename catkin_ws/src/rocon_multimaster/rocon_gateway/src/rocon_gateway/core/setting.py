@@ -1,6 +1,5 @@
 """The gateway's parameters, and the rules that they bring."""
 
-import re
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,7 +7,7 @@ from typing import Any
 
 from rocon_gateway.core.code import Code, GatewayError
 from rocon_gateway.core.option import OptionRule, option_rule
-from rocon_gateway.core.rule import ALL, Kind, RemoteRule, Rule, rule_from_text
+from rocon_gateway.core.rule import ALL, Kind, RemoteRule, Rule, is_namespace, rule_from_text
 from rocon_gateway.core.rulebook import RuleBook, remote_rule
 
 APPENDED = ("default_flips", "default_advertisements", "default_pulls", "rule_options")
@@ -26,10 +25,13 @@ class GatewaySetting:
     Attributes:
         name: the gateway's name for people.
         disable_uuids: whether that is its unique name too; otherwise 32 hexadecimal digits follow.
-        hub_uri: the hub's address, `http://host:port` or `host:port`; several divided by semicolons, or a list.
+        hub_uri: the hub's address, `http://host:port` (`rediss://` for one with TLS) or `host:port`; several divided by
+            semicolons, or a list.
         hub_whitelist: names or addresses of the only hubs to join; empty allows all.
         hub_blacklist: names or addresses of hubs never to join.
         hub_password_file: a file that holds the hub's password; empty for none, or the environment's.
+        tls_directory: a directory with the fleet's certificates, for TLS with hubs and gateways; empty for none, or the
+            environment's.
         disable_zeroconf: do not look for hubs by mDNS, which only a gateway without `hub_uri` does.
         firewall: refuse flips to here.
         watch_loop_period: at the latest after so long, all is compared anew even if nothing seems to change [s].
@@ -44,7 +46,10 @@ class GatewaySetting:
         custom_rules_file: YAML with more of these; empty for none.
         network_interface: the interface whose address other gateways are told; empty for the one that leads to the hub.
         namespace: the robot's own namespace, `pioneer1`: rules whose name is a pattern then bring nothing here out of
-            namespaces that differ from it in the number only, unless the pattern spells one out; empty: no such guard.
+            other robots' namespaces, unless the pattern spells one out; empty: no such guard. Other robots' are those
+            that differ from it in the number at their end only, and those that any gateway has told the hub.
+        robot_namespaces: more robots' namespaces to tell the hub, `alice; bob`, so that all gateways know them before
+            the robots' own gateways come.
         relay_port: TCP port for links from other gateways; 0 is any free one.
         max_message_size: the longest message that is carried [bytes].
     """
@@ -55,6 +60,7 @@ class GatewaySetting:
     hub_whitelist: Any = ()
     hub_blacklist: Any = ()
     hub_password_file: str = ""
+    tls_directory: str = ""
     disable_zeroconf: bool = False
     firewall: bool = True
     watch_loop_period: float = 10.0
@@ -67,6 +73,7 @@ class GatewaySetting:
     custom_rules_file: str = ""
     network_interface: str = ""
     namespace: str = ""
+    robot_namespaces: Any = ()
     relay_port: int = 0
     max_message_size: int = 256 * 2**20
 
@@ -78,8 +85,11 @@ class GatewaySetting:
             raise SettingError("gateway: ~watch_loop_period must be greater than 0")
         if not 0 <= self.relay_port < 65536:
             raise SettingError(f"gateway: ~relay_port must be 0 to 65535, not {self.relay_port}")
-        if not re.fullmatch(r"/?([A-Za-z][A-Za-z0-9_]*)?", self.namespace):
-            raise SettingError(f"gateway: ~namespace must be one ROS name, not {self.namespace!r}")
+        for parameter, value in [("namespace", self.namespace)] * bool(self.namespace.strip("/")) + [
+            ("robot_namespaces", one) for one in _entries("robot_namespaces", self.robot_namespaces)
+        ]:
+            if not is_namespace(value.removeprefix("/")):
+                raise SettingError(f"gateway: ~{parameter} must be one ROS name, not {value!r}")
         self.options()
 
     def options(self) -> tuple[OptionRule, ...]:
@@ -92,6 +102,17 @@ class GatewaySetting:
     def unique_name(self) -> str:
         """Returns a unique name; a new one with each call unless `disable_uuids`."""
         return self.name if self.disable_uuids else self.name + uuid.uuid4().hex
+
+    @property
+    def own_namespace(self) -> str:
+        """The robot's namespace without a slash; "" for none."""
+        return self.namespace.strip("/")
+
+    @property
+    def known_namespaces(self) -> frozenset[str]:
+        """The robot's namespace and the others that are told."""
+        told = (self.namespace, *_entries("robot_namespaces", self.robot_namespaces))
+        return frozenset(one.removeprefix("/") for one in told) - {""}
 
     @property
     def discovers(self) -> bool:

@@ -24,17 +24,19 @@ class Sighting:
         port: the hub's port.
         addresses: its machine's IPv4 addresses.
         stack: a text that only programs of the same machine (and network namespace) share; empty if unknown.
+        tls: whether it says that it speaks TLS.
     """
 
     name: str
     port: int
     addresses: tuple[str, ...]
     stack: str = ""
+    tls: bool = False
 
     @property
     def hubs(self) -> tuple[HubAddress, ...]:
         """All addresses, as they may stand in a list of allowed or refused hubs."""
-        return tuple(HubAddress(address, self.port) for address in self.addresses)
+        return tuple(self._at(address) for address in self.addresses)
 
     def is_local(self, own: Collection[IPv4Interface], stack: str) -> bool:
         """Tells whether the hub runs on this machine.
@@ -53,11 +55,14 @@ class Sighting:
         ours before others. Empty if the hub cannot be reached from here.
         """
         if self.is_local(own, stack):
-            return (HubAddress(LOOPBACK, self.port),)
+            return (self._at(LOOPBACK),)
         mine = {one.ip for one in own}
         far = [one for one in map(IPv4Address, self.addresses) if not one.is_loopback and one not in mine]
         far.sort(key=lambda address: not any(address in one.network for one in own))
-        return tuple(HubAddress(str(address), self.port) for address in far)
+        return tuple(self._at(str(address)) for address in far)
+
+    def _at(self, address: str) -> HubAddress:
+        return HubAddress(address, self.port, self.tls)
 
 
 def instance_name(hub: str, host: str, port: int) -> str:

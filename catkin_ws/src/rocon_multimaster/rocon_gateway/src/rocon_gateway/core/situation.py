@@ -82,6 +82,7 @@ class Situation:
         remotes: those of them that our rules or their letters concern, by unique name.
         links: how our imports do.
         namespace: our robot's; patterns bring nothing out of another robot's. "" where there is none.
+        robots: namespaces of all robots that we have heard of.
         options: what is asked of links; the first that means a connection counts.
     """
 
@@ -94,6 +95,7 @@ class Situation:
     links: Mapping[AnyImport, LinkStatus] = field(default_factory=dict)
     options: tuple[OptionRule, ...] = ()
     namespace: str = ""
+    robots: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Words for rule states: the best of several, and what to say when a name does not exist."""
 
-import difflib
-from collections.abc import Collection, Iterable, Mapping
+import functools
+from collections.abc import Callable, Collection, Iterable, Mapping
 
 from rocon_gateway.core.connection import LinkState, LinkStatus
 from rocon_gateway.core.rule import (
@@ -15,6 +15,7 @@ from rocon_gateway.core.rule import (
 )
 from rocon_gateway.core.service import AnyImport
 from rocon_gateway.core.situation import State, Verdict
+from rocon_gateway.core.spelling import spelling_of
 
 _ORDER = (
     State.ACTIVE,
@@ -101,9 +102,15 @@ def of_action(action: Connection, at: str, said: Iterable[tuple[Kind, Verdict]])
     return best(wrong, Verdict(State.ACTIVE))
 
 
-def no_gateway(pattern: str, names: Collection[str]) -> Verdict:
+@functools.lru_cache(maxsize=512)
+def no_gateway(pattern: str, names: frozenset[str]) -> Verdict:
     """Returns the state of a rule whose gateway is not on the hub, with those that are and are spelt alike."""
-    return Verdict(State.NO_GATEWAY, _nearest(pattern, {base_name(name) for name in names}, "on the hub", "gateway"))
+    return Verdict(State.NO_GATEWAY, _nearest(pattern, _base_names(names), "on the hub", "gateway"))
+
+
+@functools.lru_cache(maxsize=4)
+def _base_names(names: frozenset[str]) -> frozenset[str]:
+    return frozenset(map(base_name, names))
 
 
 def no_local(rule: Rule, own_gateway: str, local: Iterable[Connection]) -> Verdict:
@@ -123,6 +130,16 @@ def nothing(kind: Kind, pattern: str, names: Collection[str], where: str) -> Ver
     return Verdict(state, _nearest(name, names, where, what))
 
 
+def unheard(judge: Callable[[], Verdict], topic: str, node: str, local: Iterable[Connection]) -> Verdict:
+    """Returns the state of a topic that comes for one node: while that does not listen, the reason says who does."""
+    said = judge()
+    if said.state != State.ACTIVE:
+        return said
+    nodes = sorted({one.node for one in local if one.kind == Kind.SUBSCRIBER and one.name == topic})
+    others = f"; here it is subscribed by {', '.join(nodes)}" if nodes else ""
+    return Verdict(said.state, f"for {node}, which does not listen yet{others}")
+
+
 def no_publisher(topic: str, local: Iterable[Connection]) -> Verdict:
     """Returns what we answer who wants our publishers of `topic` when there are none."""
     local = list(local)
@@ -137,7 +154,7 @@ def mismatch(topic: str, types: Mapping[str, str]) -> Verdict:
 
 
 def _nearest(name: str, known: Collection[str], where: str, what: str) -> str:
-    near = difflib.get_close_matches(name, sorted(known), n=3)
+    near = spelling_of(name, where).nearest(frozenset(known))
     if near:
         return f"nearest {where}: {', '.join(near)}"
     return f"no {what} {where} has a similar name" if known else f"there is no {what} {where}"

@@ -1,4 +1,4 @@
-"""The gateway's services: they check, change the rules as a whole or not at all, and answer at once."""
+"""The gateway's services: they check, change the rules as a whole or not at all, and answer when that shows."""
 
 import threading
 from collections.abc import Callable
@@ -21,7 +21,7 @@ class Desk:
         book: the rules to start with.
         hubs: our hubs.
         relay: knows how long the way to other gateways takes.
-        on_change: called after each change, from a service's thread.
+        settle: called after each change, from a service's thread; returns when topics tell what has become of it.
         set_period: sets the period of the safety net [s] and returns the old one.
     """
 
@@ -30,13 +30,13 @@ class Desk:
         book: RuleBook,
         hubs: Hubs,
         relay: Relay,
-        on_change: Callable[[], None],
+        settle: Callable[[], None],
         set_period: Callable[[float], float],
     ) -> None:
         self._book = book
         self._hubs = hubs
         self._relay = relay
-        self._on_change = on_change
+        self._settle = settle
         self._set_period = set_period
         self._lock = threading.Lock()
 
@@ -68,7 +68,7 @@ class Desk:
         except GatewayError as error:
             rospy.logwarn("refused: %s", error)
             return int(error.code if isinstance(error, RequestError) else Code.HUB_UNKNOWN_ERROR), str(error)
-        self._on_change()
+        self._settle()
         return int(Code.SUCCESS), ""
 
     def _need_hub(self) -> None:
@@ -139,6 +139,7 @@ class Desk:
             self._hubs.connect(request.uri)
         except HubError as error:
             return srv.ConnectHubResponse(int(error.code), str(error))
+        self._settle()
         return srv.ConnectHubResponse(int(Code.SUCCESS), "")
 
     def _remote_gateway_info(self, request: srv.RemoteGatewayInfoRequest) -> srv.RemoteGatewayInfoResponse:

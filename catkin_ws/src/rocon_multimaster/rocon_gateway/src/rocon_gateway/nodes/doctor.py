@@ -1,7 +1,6 @@
-"""The command `doctor`: what keeps this machine's gateway from working, and what to do about it."""
+"""The command `doctor`: what keeps gateways from working, seen from each of them, and what to do about it."""
 
 import argparse
-import socket
 import sys
 import urllib.parse
 from collections.abc import Iterator
@@ -13,8 +12,10 @@ from gateway_msgs.msg import GatewayInfo
 
 from rocon_gateway.adapters import examination
 from rocon_gateway.adapters.client import ClientError, GatewayClient
-from rocon_gateway.adapters.hub_session import Description, HubSession
+from rocon_gateway.adapters.hub_session import HubSession
 from rocon_gateway.adapters.password import password_from
+from rocon_gateway.adapters.redis_client import Access
+from rocon_gateway.adapters.tls import certificates_from
 from rocon_gateway.core import diagnosis
 from rocon_gateway.core.code import GatewayError
 from rocon_gateway.core.diagnosis import Finding, Level
@@ -32,12 +33,15 @@ def main() -> int:
     parser = argparse.ArgumentParser("doctor", description=__doc__)
     parser.add_argument("--hub", default="", help="the hub, host:port; else the gateway's, else those announced")
     options = parser.parse_args([one for one in sys.argv[1:] if ":=" not in one])
-    findings = list(_examine(options.hub))
-    sys.stdout.write(diagnosis.report(findings) + "\n")
+    findings, tables = [], []
+    for one in _examine(options.hub):
+        (findings if isinstance(one, Finding) else tables).append(one)
+    sys.stdout.write("\n\n".join([*tables, diagnosis.report(findings)]) + "\n")
     return diagnosis.status(findings)
 
 
-def _examine(hub: str) -> Iterator[Finding]:
+def _examine(hub: str) -> Iterator[Finding | str]:
+    """Yields findings, and the tables to be shown before them."""
     yield diagnosis.of_python(*examination.first_python())
     master = urllib.parse.urlsplit(rosgraph.get_master_uri())
     (contact,) = examination.contacts([("the ROS master", master.hostname or "localhost", master.port or 11311)])
@@ -54,7 +58,7 @@ def _examine(hub: str) -> Iterator[Finding]:
         yield _rules(client)
 
 
-def _hub(named: str, info: GatewayInfo | None) -> Iterator[Finding]:
+def _hub(named: str, info: GatewayInfo | None) -> Iterator[Finding | str]:
     """Looks at each hub and at all gateways on it."""
     uris = [named] if named else [*info.hub_uris, *info.discover_hubs_by_uri] if info else []
     if info is not None and not info.connected:
@@ -70,13 +74,14 @@ def _hub(named: str, info: GatewayInfo | None) -> Iterator[Finding]:
         yield from _one_hub(uri, info)
 
 
-def _one_hub(uri: str, info: GatewayInfo | None) -> Iterator[Finding]:
+def _one_hub(uri: str, info: GatewayInfo | None) -> Iterator[Finding | str]:
     try:
         address = address_from_uri(uri)
         (contact,) = examination.contacts([("the hub", address.host, address.port)])
         yield diagnosis.of_contact(contact, HUB_FIX)
         if not contact.error and contact.address:
-            session = HubSession(address, password_from(""), "doctor", "")
+            access = Access(password_from(""), certificates_from(""))
+            session = HubSession(address, access, "doctor", "")
             try:
                 yield from _members(session, info)
             finally:
@@ -85,39 +90,26 @@ def _one_hub(uri: str, info: GatewayInfo | None) -> Iterator[Finding]:
         yield Finding(Level.FAULT, str(error), "give the doctor and the gateway what the hub asks for")
 
 
-def _members(session: HubSession, info: GatewayInfo | None) -> Iterator[Finding]:
+def _members(session: HubSession, info: GatewayInfo | None) -> Iterator[Finding | str]:
+    """Has every gateway of the hub look at every link, and looks from here too if there is no gateway here."""
     yield Finding(Level.OK, f"the hub is '{session.hub_name}'")
-    yield diagnosis.of_clock(examination.clock_offset(session))
     described = session.describe(())
-    own = info.name if info else ""
-    others = [one for one in described if one.record.name != own]
-    hosts = [one.record.host for one in others]
-    name = rosgraph.network.get_host_name()
-    name = name if name != "localhost" else socket.gethostname()
-    yield diagnosis.of_own_name(name, examination.address_of(name), any(host not in _own() for host in hosts))
     yield from diagnosis.of_duplicates(one.record.name for one in described)
-    for one in described:
-        if one.record.name == own:
-            yield diagnosis.of_advertised_host(one.record.host, hosts)
-    yield from _relays(described)
-
-
-def _own() -> set[str]:
-    return {"localhost", *examination.own_addresses()}
-
-
-def _relays(described: list[Description]) -> Iterator[Finding]:
     for one in described:
         if one.silence:
             cure = "start it again, or wait: the hub forgets it soon"
             yield Finding(Level.WARNING, f"gateway '{one.record.name}' was last heard of {one.silence:.0f} s ago", cure)
     alive = [one.record for one in described if not one.silence]
-    for contact in examination.contacts((f"gateway '{one.name}'", one.host, one.port) for one in alive):
-        cure = (
-            f"let TCP port {contact.port} through the firewall of {contact.host} (relay_port:=N fixes the number); "
-            "if that is not its address, set ROS_IP there"
-        )
-        yield diagnosis.of_contact(contact, cure)
+    for record in alive:
+        hosts = [other.host for other in alive if other is not record]
+        yield from diagnosis.of_advertised_host(record.name, record.host, hosts)
+    names = sorted(record.name for record in alive)
+    seen = examination.ask(session, names)
+    if info is None:
+        seen.append(examination.examination(session, diagnosis.HERE))
+    if names:
+        yield diagnosis.matrix(seen, names)
+    yield from diagnosis.of_examinations(seen, names)
 
 
 def _rules(client: GatewayClient) -> Finding:

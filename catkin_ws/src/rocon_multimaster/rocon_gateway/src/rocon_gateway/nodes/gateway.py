@@ -3,7 +3,7 @@
 import contextlib
 import logging
 import os
-import select
+import threading
 import time
 import uuid
 from typing import Any
@@ -13,15 +13,19 @@ import rospy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from gateway_msgs.msg import GatewayInfo
+from std_msgs.msg import Empty
 
 from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes import entry
 from rocon_gateway import conversions
 from rocon_gateway.adapters.address import interface_address, own_address
+from rocon_gateway.adapters.descriptor import raise_limit, readable
 from rocon_gateway.adapters.hubs import HubConfig, Hubs
 from rocon_gateway.adapters.master import MasterError, MasterWatch
 from rocon_gateway.adapters.password import password_from
+from rocon_gateway.adapters.redis_client import Access
 from rocon_gateway.adapters.relay.relay import TcpRelay
+from rocon_gateway.adapters.tls import Certificates, certificates_from
 from rocon_gateway.core.code import GatewayError
 from rocon_gateway.core.connection import LinkState, RelayConfig
 from rocon_gateway.core.membership import Overview
@@ -37,6 +41,9 @@ from rocon_gateway.nodes.registration import register_anew
 LOOK_PERIOD = 0.15
 """Time between two looks at the master [s]."""
 
+SETTLE = 1.0
+"""The longest that a service waits for topics to tell what it has changed [s]: the master may keep us from telling."""
+
 DIAGNOSTIC_PERIOD = 1.0
 """Time between two messages on `/diagnostics` [s]."""
 
@@ -44,7 +51,7 @@ DIAGNOSTIC_PERIOD = 1.0
 class GatewayNode:
     """Connects this master's topics, services and actions with other masters', by rules.
 
-    Subscribes: nothing by itself; the relay subscribes what is exported while somebody fetches it.
+    Subscribes: `~force_update` (Empty): compares at once. The relay subscribes what is exported while it is fetched.
 
     Publishes: `~gateway_info` (GatewayInfo, latched, on change), `~rules` (DiagnosticArray, latched, on change: one
     status a rule, with state and reason), `/diagnostics` (the same, and one status a connection with what flows on it,
@@ -82,11 +89,21 @@ class GatewayNode:
         self._traffic = Traffic()
         self._outcome = Outcome()
         self._said: tuple[object, object] = (None, None)
-        password = password_from(self._setting.hub_password_file)
-        self._relay = TcpRelay(self._relay_config(password), self._wake, self._logger)
-        self._hubs = Hubs(self._hub_config(password), self._record(), self._linked, self._wake, self._logger)
-        self._desk = Desk(book, self._hubs, self._relay, self._wake, self._set_period)
+        access = Access(password_from(self._setting.hub_password_file), self._certificates())
+        self._relay = TcpRelay(self._relay_config(access.password), self._wake, self._logger, access.certificates)
+        self._hubs = Hubs(self._hub_config(access), self._record(), self._linked, self._wake, self._logger)
+        self._turned, self._begun, self._done = threading.Condition(), 0, 0
+        self._desk = Desk(book, self._hubs, self._relay, self._settle, self._set_period)
+        rospy.Subscriber("~force_update", Empty, lambda _: self._wake())
         rospy.on_shutdown(self._stop)
+
+    def _certificates(self) -> Certificates | None:
+        found = certificates_from(self._setting.tls_directory)
+        fault = found.fault() if found else ""
+        if fault:
+            # A clock that is not set yet may be the reason, so this is not the end.
+            rospy.logerr("no other gateway accepts our certificate (%s in %s)", fault, found and found.directory)
+        return found
 
     def _relay_config(self, password: str | None) -> RelayConfig:
         return RelayConfig(
@@ -102,14 +119,15 @@ class GatewayNode:
             max_message_size=self._setting.max_message_size,
         )
 
-    def _hub_config(self, password: str | None) -> HubConfig:
+    def _hub_config(self, access: Access) -> HubConfig:
         return HubConfig(
             uris=self._setting.hub_uris,
             whitelist=self._setting.hubs_allowed,
             blacklist=self._setting.hubs_refused,
             discover=self._setting.discovers,
-            password=password,
+            access=access,
             host=self._fixed_host,
+            namespaces=self._setting.known_namespaces,
         )
 
     def spin(self) -> None:
@@ -128,7 +146,7 @@ class GatewayNode:
     def _loop(self) -> None:
         full = diagnose = 0.0
         while not self._stopping:
-            woken = bool(select.select([self._reader], [], [], LOOK_PERIOD)[0])
+            woken = bool(readable([self._reader], LOOK_PERIOD))
             if woken:
                 with contextlib.suppress(BlockingIOError):
                     os.read(self._reader, 4096)
@@ -144,8 +162,9 @@ class GatewayNode:
     def _look(self) -> bool:
         try:
             changed = self._master.changed()
-            # rospy unregisters us when we end, which is no restart of the master.
-            if changed and self._opened and not self._master.knows_us and not rospy.is_shutdown():
+            # rospy unregisters us when we end, which is no restart of the master; it does so before is_shutdown() says
+            # so. What did not work is tried again.
+            if self._opened and not self._master.knows_us and not self._stopping:
                 register_anew()
                 self._relay.refresh()
                 rospy.logwarn("the ROS master was restarted; registered anew")
@@ -161,7 +180,9 @@ class GatewayNode:
         return changed
 
     def _turn(self) -> None:
-        """Compares what is wanted with what is, and sees to the difference."""
+        """Compares what is wanted with what is, sees to the difference, and tells."""
+        with self._turned:
+            self._begun += 1
         view = self._hubs.view()
         book = self._desk.book
         situation = Situation(
@@ -173,13 +194,26 @@ class GatewayNode:
             remotes=view.remotes,
             links=self._relay.status().imports,
             options=self._options,
-            namespace=self._setting.namespace.lstrip("/"),
+            namespace=self._setting.own_namespace,
+            robots=view.namespaces,
         )
         self._outcome = outcome = reconcile(situation)
         self._relay.apply(outcome.exports, outcome.imports)
         interest = frozenset(remote.gateway for remote in (*book.flips.rules, *book.pulls.rules))
         self._hubs.publish(self._record(outcome), outcome.letters, interest)
         self._tell(view)
+        with self._turned:
+            self._done = self._begun
+            self._turned.notify_all()
+
+    def _settle(self) -> None:
+        """Has the main thread compare, and waits until it has told; not for ever."""
+        with self._turned:
+            # One that is under way may have read the rules before they were changed.
+            due = self._begun + 1
+        self._wake()
+        with self._turned:
+            self._turned.wait_for(lambda: self._done >= due or self._stopping, SETTLE)
 
     def _record(self, outcome: Outcome | None = None) -> Record:
         book = self._desk.book if outcome else None
@@ -192,7 +226,7 @@ class GatewayNode:
             advertisements=outcome.advertised if outcome else (),
             flips=book.flips.rules if book else (),
             pulls=book.pulls.rules if book else (),
-            namespace=self._setting.namespace.lstrip("/"),
+            namespace=self._setting.own_namespace,
         )
 
     def _linked(self) -> set[str]:
@@ -256,6 +290,8 @@ class GatewayNode:
 
     def _stop(self) -> None:
         self._stopping = True
+        with self._turned:
+            self._turned.notify_all()
         self._wake()
 
     def _wake(self) -> None:
@@ -281,4 +317,5 @@ def _parameters() -> dict[str, Any]:
 
 def main() -> int:
     """Entry point of the executables `gateway` and `gateway.py`."""
+    raise_limit()
     return entry.run("gateway", GatewayNode, (GatewayError,))

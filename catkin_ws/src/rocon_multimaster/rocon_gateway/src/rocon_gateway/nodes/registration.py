@@ -1,17 +1,28 @@
 """Our own topics and services on a master that has forgotten them."""
 
+import http.client
+
 import rosgraph
 import rospy
 from rospy.impl import registration
+
+from rocon_gateway.adapters.master import NONSENSE, MasterError
 
 
 def register_anew() -> None:
     """Tells the master what this node offers and subscribes; rospy does that once, at the node's start.
 
     Raises:
+        MasterError: the master answers nonsense.
         OSError: the master does not answer.
     """
-    master, uri = rosgraph.Master(rospy.get_name()), rospy.get_node_uri()
+    try:
+        _register(rosgraph.Master(rospy.get_name()), rospy.get_node_uri())
+    except (rosgraph.MasterException, http.client.HTTPException, *NONSENSE) as error:
+        raise MasterError(f"the ROS master does not register us: {error}") from None
+
+
+def _register(master: rosgraph.Master, uri: str) -> None:
     for topic, kind in registration.get_topic_manager().get_publications():
         master.registerPublisher(topic, kind, uri)
     for topic, kind in registration.get_topic_manager().get_subscriptions():

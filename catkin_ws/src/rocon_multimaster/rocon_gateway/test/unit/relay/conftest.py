@@ -7,7 +7,7 @@ import pytest
 
 from pioneer_harness.masters import Master
 from pioneer_harness.process import ProcessGroup
-from pioneer_harness.wait import wait_until
+from pioneer_harness.wait import START, wait_until
 
 sys.path.insert(0, str(Path(__file__).parent))
 from relay_side import NODES, Side
@@ -33,17 +33,24 @@ def talkers(source_master, tmp_path_factory):
         for name in ("talker1", "talker2"):
             argv = [sys.executable, str(NODES / "talker.py"), "last", "of", name, f"__name:={name}"]
             group.start(name, argv, source_master.environment, logs / name)
-        wait_until(lambda: len(source_master.system_state()[0].get("/latched", [])) == 2, "two talkers", 15)
+        wait_until(lambda: len(source_master.system_state()[0].get("/latched", [])) == 2, "two talkers", START)
         yield group
 
 
 @pytest.fixture
-def relays(source_master, sink_master):
+def certificates():
+    """What relays have that are not told otherwise."""
+    return
+
+
+@pytest.fixture
+def relays(source_master, sink_master, certificates):
     """Makes relays, and ends them."""
     made = []
 
     def make(name, **settings):
-        made.append(Side(name, source_master if name == "source" else sink_master, **settings))
+        master = source_master if name == "source" else sink_master
+        made.append(Side(name, master, **{"certificates": certificates, **settings}))
         return made[-1]
 
     yield make

@@ -33,12 +33,12 @@ STRING_MD5 = "992ce8a1687cec8c8bd883ec73ca41d1"
 class Side:
     """A master with its relay."""
 
-    def __init__(self, name, master, **settings):
+    def __init__(self, name, master, certificates=None, **settings):
         self.name = name
         self.master = master
         self.changes = threading.Event()
         config = RelayConfig(name, f"/gateway_{name}", master.uri, "127.0.0.1", **settings)
-        self.relay = TcpRelay(config, self.changes.set, logging.getLogger(f"relay.{name}"))
+        self.relay = TcpRelay(config, self.changes.set, logging.getLogger(f"relay.{name}"), certificates)
 
     @property
     def address(self):
@@ -132,7 +132,7 @@ def export(topic="/chatter", node="/talker1", type_=STRING, options=NO_OPTIONS):
     return Export(topic, type_, node, "sink", options)
 
 
-def imported(source, topic="/chatter", node="/talker1", type_=STRING, md5sum=ANY, allowed="", options=None):
+def imported(source, topic="/chatter", node="/talker1", type_=STRING, md5sum=ANY, allowed=(), options=None):
     return Import(topic, type_, md5sum, "source", node, source.address, allowed, options or NO_OPTIONS)
 
 

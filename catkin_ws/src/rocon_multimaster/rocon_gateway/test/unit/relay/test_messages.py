@@ -19,7 +19,7 @@ from relay_side import (
 )
 
 from pioneer_harness.process import ProcessGroup
-from pioneer_harness.wait import wait_until
+from pioneer_harness.wait import START, wait_until
 from rocon_gateway.adapters.relay.pipe import Pipe
 from rocon_gateway.core.connection import (
     LinkState,
@@ -36,7 +36,7 @@ def test_messages_reach_a_rospy_subscriber_unchanged_and_stop_after_the_cancel(s
     connect(source, sink, (topic,))
     with ProcessGroup() as group:
         listener(group, sink, topic, tmp_path / "log")
-        wait_until(lambda: len(lines(tmp_path / "log")) > 10, "messages", 15)
+        wait_until(lambda: len(lines(tmp_path / "log")) > 10, "messages", START)
         sink.relay.apply(set(), set())
         wait_until(lambda: not sink.publishers(topic), "no registration", 2)
         wait_until(lambda: not subscribers_of_talker(source.master, topic), "no subscription", 1)
@@ -52,10 +52,10 @@ def test_a_roscpp_node_subscribes(sides, tmp_path):
     with ProcessGroup() as group:
         argv = ["/usr/lib/topic_tools/relay", "/chatter", "/copy", "__name:=copier"]
         listener(group, sink, "", tmp_path / "relay", argv)
-        wait_until(lambda: sink.publishers("/copy"), "roscpp's relay knows the type", 10)
+        wait_until(lambda: sink.publishers("/copy"), "roscpp's relay knows the type", START)
         with Subscriber(sink, "/copier", "/copy", type_=STRING, md5sum=STRING_MD5) as copy:
-            first = int(copy.text_of_message()[:8])
-            assert int(copy.text_of_message()[:8]) == first + 1
+            # Its own queue holds ten messages, a tenth of a second: what it drops is none of ours.
+            assert number_of_good(copy) < number_of_good(copy)
 
 
 def test_the_proxy_answers_as_a_node(sides):
@@ -104,6 +104,8 @@ def test_newcomers_get_the_last_latched_message_of_each_source(sides):
 
 def test_a_topic_is_subscribed_at_its_source_only_while_somebody_listens(sides):
     source, sink = sides
+    # The talker sees that a connection has ended when it publishes next.
+    wait_until(lambda: not subscribers_of_talker(source.master), "those of other tests are gone", 5)
     connect(source, sink)
     assert subscribers_of_talker(source.master) == []
     with Subscriber(sink, "/source/talker1", "/chatter") as one, Subscriber(sink, "/source/talker1", "/chatter") as two:

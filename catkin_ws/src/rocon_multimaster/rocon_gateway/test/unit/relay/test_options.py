@@ -86,7 +86,8 @@ def test_a_queue_drops_the_oldest_at_the_source_where_the_link_is_slow(sides):
     connect(source, sink, ("/flood",), options=LinkOptions(queue_size=1))
     with Subscriber(sink, "/source/talker1", "/flood", receive_buffer=4096) as slow:
         first = number_of_flood(slow)
-        wait_until(lambda: source.link().drops > 20, "drops at the source", 10)
+        # Only until the sink does not wait any more for who takes nothing, a second or two: how many, the pace decides.
+        wait_until(lambda: source.link().drops > 3, "drops at the source", 10)
         late = [number_of_flood(slow) for _ in range(60)]
     assert late == sorted(set(late))
     assert late[0] > first

@@ -39,8 +39,11 @@ def test_a_subscriber_that_stands_still_stops_neither_the_link_nor_others(sides)
         first = number(still)
         wait_until(lambda: sink.link().drops > 20, "what it does not take is dropped", 10)
         with Subscriber(sink, "/source/talker1", "/flood", "/other") as other:
+            # Of what was under way when it came, the source may have dropped some while nobody took anything.
+            lost_before = source.link().drops
             got = [number(other) for _ in range(100)]
-        assert got == list(range(got[0], got[0] + 100))
+        assert got == sorted(set(got))
+        assert got[-1] - got[0] + 1 - len(got) <= lost_before
         assert got[0] > first + 20
         assert sink.link().state is LinkState.ACTIVE
         late = [number(still) for _ in range(60)]

@@ -14,7 +14,7 @@ from gateway_msgs.srv import ConnectHub, ConnectHubRequest, ConnectHubResponse
 from relay_side import NODES, node_at, wait_for
 
 from pioneer_harness.process import ProcessGroup
-from pioneer_harness.wait import wait_until
+from pioneer_harness.wait import START, wait_until
 from rocon_gateway.adapters.relay import service_import
 from rocon_gateway.core.connection import LinkState
 from rocon_gateway.core.header import header_bytes, header_fields
@@ -73,7 +73,7 @@ class Client:
 def start_server(group, master, log, name="server", service="/echo"):
     argv = [sys.executable, str(NODES / "server.py"), f"__name:={name}", f"/echo:={service}"]
     group.start(name, argv, master.environment, log, may_end=True)
-    wait_until(lambda: f"/{name}" in master.system_state()[2].get(service, []), name, 15)
+    wait_until(lambda: f"/{name}" in master.system_state()[2].get(service, []), name, START)
 
 
 @pytest.fixture(scope="module")
@@ -151,23 +151,24 @@ def test_a_client_that_reads_late_gets_everything_and_holds_up_nobody(sink):
 
 
 def test_a_slow_call_holds_up_no_other(sink):
-    done = threading.Event()
+    done = []
 
     def slow():
         with Client(sink) as client:
-            client.call("wait 1.5")
-        done.set()
+            done.append(client.call("hold"))
 
     threads = [threading.Thread(target=slow) for _ in range(8)]
     for thread in threads:
         thread.start()
-    wait_until(lambda: sink.link().subscribers == 8, "eight calls under way", 5)
+    wait_until(lambda: sink.link().subscribers == 8, "eight calls under way", 10)
     with Client(sink) as client:
         assert client.call("quick") == "quick"
-    assert not done.is_set()
+    assert not done
+    with Client(sink) as client:
+        assert client.call("release") == "release"
     for thread in threads:
         thread.join(10)
-    assert done.is_set()
+    assert done == ["hold"] * 8
 
 
 def test_one_client_too_many_is_refused_and_told(sink, monkeypatch):
@@ -206,10 +207,21 @@ def test_a_lost_link_ends_a_call_with_an_error(relays, server):
 
 def test_taking_a_rule_back_ends_calls_and_registration(sink):
     with Client(sink) as client:
-        threading.Timer(0.3, lambda: sink.relay.apply(set(), set())).start()
+        thread = threading.Thread(target=take_back_during_a_call, args=(sink,))
+        thread.start()
         with pytest.raises(ServiceFailedError, match="not relayed any more"):
             client.call("wait 20")
-    assert sink.master.system_state()[2] == {}
+        thread.join()
+    wait_until(lambda: sink.master.system_state()[2] == {}, "no registration", 2)
+
+
+def take_back_during_a_call(sink):
+    def is_called():
+        (end,) = sink.relay._imports.values()
+        return any(call.pipe and call.pipe.conversation.is_waiting for call in tuple(end.service.calls))
+
+    wait_until(is_called, "the call under way", 10)
+    sink.relay.apply(set(), set())
 
 
 def test_garbage_and_half_handshakes_end_their_own_connection_only(sink, caplog):

@@ -1,20 +1,23 @@
 """Who may have what, what is missing or ends, and what comes back."""
 
+import dataclasses
 import re
 import socket
 import sys
 
 import pytest
+from gateway_model import fleet_of, gateway, publisher, to
 from relay_side import NODES, STRING, Subscriber, connect, export, imported, node_at, wait_for
 
 from pioneer_harness.process import ProcessGroup
-from pioneer_harness.wait import wait_until
+from pioneer_harness.wait import START, wait_until
 from rocon_gateway.core.connection import (
     ANY,
     ConnectionConflictError,
     LinkState,
 )
 from rocon_gateway.core.header import header_bytes
+from rocon_gateway.core.rule import Kind
 
 # rosmaster leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -22,15 +25,34 @@ pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptio
 
 def test_only_allowed_nodes_may_subscribe(sides):
     source, sink = sides
-    connect(source, sink, allowed="/good.*")
+    connect(source, sink, allowed=("/good.*",))
     with Subscriber(sink, "/source/talker1", "/chatter", "/bad") as bad:
         assert bad.header is None
         assert "/good.*" in bad.text
     with Subscriber(sink, "/source/talker1", "/chatter", "/good1") as good:
         assert good.text_of_message()
-        sink.relay.apply(set(), {imported(source, allowed="/better")})
+        sink.relay.apply(set(), {imported(source, allowed=("/better",))})
         assert good.is_ended(1)
         assert sink.link().state is LinkState.ACTIVE
+
+
+def test_rules_with_flags_groups_and_references_hold_beside_one_another(sides):
+    """Two of them, joined into one expression, were none, and ended the gateway."""
+    source, sink = sides
+    hub, robot = gateway("source", publisher("/chatter", "/talker1")), gateway("sink")
+    nodes = "(?i)/viewer", r"/(?P<twice>ab)(?P=twice)", r"/(?P<twice>c)\1"
+    robot.book = robot.book.flipped([to("source", Kind.SUBSCRIBER, "/chatter", node) for node in nodes])
+    fleet_of(hub, robot)
+    (wanted,) = robot.outcome.imports
+    source.relay.apply({export()}, set())
+    sink.relay.apply(set(), {dataclasses.replace(wanted, address=source.address)})
+    wait_for(sink, LinkState.ACTIVE)
+    for name in ("/VIEWER", "/abab", "/cc"):
+        with Subscriber(sink, "/source/talker1", "/chatter", name) as allowed:
+            assert allowed.text_of_message()
+    for name in ("/ABAB", "/abc", "/viewer2"):
+        with Subscriber(sink, "/source/talker1", "/chatter", name) as barred:
+            assert f"not for {name}" in barred.text
 
 
 def test_a_subscriber_of_another_type_is_told_so(sides):
@@ -71,11 +93,13 @@ def test_a_missing_publisher_is_a_state(sides):
         assert "/nobody" in sink.link().reason
 
 
-def test_an_export_may_come_later_than_the_question_for_it(sides):
-    source, sink = sides
+def test_an_export_may_come_later_than_the_question_for_it(relays, talkers):
+    # Who asks is not refused before the end of the test, nor tires of waiting.
+    source, sink = relays("source", patience=60.0), relays("sink", handshake_timeout=60.0)
     sink.relay.apply(set(), {imported(source)})
+    wait_until(lambda: source.relay._parked, "the question", 5)
     source.relay.apply({export()}, set())
-    wait_for(sink, LinkState.ACTIVE, 1)
+    wait_for(sink, LinkState.ACTIVE)
 
 
 def test_what_is_not_exported_is_refused(relays, talkers):
@@ -118,14 +142,14 @@ def test_a_restarted_publisher_flows_again(sides, tmp_path):
     argv = [sys.executable, str(NODES / "talker.py"), "__name:=mortal"]
     with ProcessGroup() as group:
         group.start("mortal", argv, source.master.environment, tmp_path / "first")
-        wait_until(lambda: "/mortal" in source.publishers("/latched"), "the publisher", 10)
+        wait_until(lambda: "/mortal" in source.publishers("/latched"), "the publisher", START)
         connect(source, sink, nodes=("/mortal",))
         subscriber = Subscriber(sink, "/source/mortal", "/chatter")
         assert subscriber.text_of_message()
     wait_for(sink, LinkState.NO_PUBLISHER)
     with ProcessGroup() as group, subscriber:
         group.start("mortal", argv, source.master.environment, tmp_path / "second")
-        wait_for(sink, LinkState.ACTIVE, 15)
+        wait_for(sink, LinkState.ACTIVE, START)
         assert subscriber.text_of_message()
 
 
@@ -165,9 +189,9 @@ def test_one_connection_asked_for_twice_is_an_error_and_changes_nothing(sides):
     source, sink = sides
     connect(source, sink)
     with pytest.raises(ConnectionConflictError):
-        sink.relay.apply(set(), {imported(source), imported(source, allowed="/x")})
+        sink.relay.apply(set(), {imported(source), imported(source, allowed=("/x",))})
     with pytest.raises(re.error):
-        sink.relay.apply(set(), {imported(source, allowed="(")})
+        sink.relay.apply(set(), {imported(source, allowed=("(",))})
     assert sink.state() == [LinkState.ACTIVE]
 
 

@@ -3,11 +3,11 @@
 import contextlib
 import itertools
 import logging
-import random
 import socket
-import struct
 
+import nonsense
 import pytest
+from nonsense import drawn
 from relay_side import (
     STRING,
     Subscriber,
@@ -76,13 +76,11 @@ def test_a_loop_is_refused(relays, talkers):
 def test_garbage_ends_its_own_connection_only(sides, caplog):
     source, sink = sides
     connect(source, sink)
-    seeded = random.Random(7)
     with Subscriber(sink, "/source/talker1", "/chatter") as subscriber:
         assert subscriber.text_of_message()
         proxy = int(subscriber.uri.split(":")[2].split("/")[0])
         heads = [b"\xff\xff\xff\xff", b"POST / HTTP/1.1\r\nContent-Length: 5\r\n\r\n<boo>", b"GET / HTTP/1.0\r\n\r\n"]
-        heads += [b"POST " + b"x" * 20000, header_bytes({"relay": "2"}), header_bytes({"topic": "/chatter"}) * 2]
-        heads += [struct.pack("<I", seeded.randrange(64)) + seeded.randbytes(80) for _ in range(40)]
+        heads += [header_bytes({"topic": "/chatter"}) * 2, *drawn(nonsense.heads, 60)]
         for port, head in itertools.product((source.relay.port, proxy), heads):
             with socket.create_connection(("127.0.0.1", port), 5) as stranger, contextlib.suppress(ConnectionError):
                 stranger.sendall(head)

@@ -5,7 +5,7 @@ import socket
 from ipaddress import IPv4Interface
 from typing import Any
 
-from rocon_gateway.adapters.discovery import network_stack, own_interfaces
+from rocon_gateway.adapters.discovery import close_zeroconf, network_stack, own_interfaces
 from rocon_gateway.core.sighting import LOOPBACK, SERVICE, instance_name
 from rocon_hub.core.error import AnnouncementError
 
@@ -17,10 +17,11 @@ class Announcement:
         name: the hub's name.
         port: its port.
         everywhere: whether other machines may connect; otherwise only this machine hears of the hub.
+        tls: whether the hub speaks TLS.
     """
 
-    def __init__(self, name: str, port: int, everywhere: bool) -> None:
-        self._name, self._port, self._everywhere = name, port, everywhere
+    def __init__(self, name: str, port: int, everywhere: bool, tls: bool) -> None:
+        self._name, self._port, self._everywhere, self._tls = name, port, everywhere, tls
         self._zeroconf: Any = None
         self._interfaces: frozenset[IPv4Interface] = frozenset()
 
@@ -51,7 +52,7 @@ class Announcement:
             f"{instance_name(self._name, socket.gethostname(), self._port)}.{SERVICE}",
             port=self._port,
             parsed_addresses=reachable,
-            properties={"name": self._name, "stack": network_stack()},
+            properties={"name": self._name, "stack": network_stack(), **({"tls": "1"} if self._tls else {})},
         )
         try:
             self._zeroconf = zeroconf.Zeroconf(addresses, ip_version=zeroconf.IPVersion.V4Only)
@@ -63,5 +64,5 @@ class Announcement:
     def close(self) -> None:
         """Takes the announcement back."""
         if self._zeroconf is not None:
-            self._zeroconf.close()
+            close_zeroconf(self._zeroconf)
         self._zeroconf = None

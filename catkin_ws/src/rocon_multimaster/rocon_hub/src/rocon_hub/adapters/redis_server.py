@@ -10,11 +10,22 @@ from pathlib import Path
 
 import redis
 
+from rocon_gateway.adapters.redis_client import Access, redis_client
+from rocon_gateway.adapters.tls import AUTHORITY, CERTIFICATE, KEY
+from rocon_gateway.core.hub import HubAddress
 from rocon_hub.core.error import PortBusyError, RedisError
-from rocon_hub.core.setting import HubSetting, is_open, redis_configuration
+from rocon_hub.core.setting import Guard, HubSetting, is_open, redis_configuration
 
 START_TIMEOUT = 10.0
 """Within which a new server must answer [s]."""
+
+
+def guard_from(access: Access) -> Guard:
+    """Returns what Redis asks of its clients so that only who has this access gets in."""
+    if access.certificates is None:
+        return Guard(access.password)
+    files = (str(access.certificates.directory / name) for name in (CERTIFICATE, KEY, AUTHORITY))
+    return Guard(access.password, *files)
 
 
 class RedisServer:
@@ -23,24 +34,17 @@ class RedisServer:
     Args:
         setting: the hub's parameters.
         directory: for configuration and log; made if absent, readable by us only.
-        password: what clients must say, None for nothing.
+        access: what clients must say and show; we are one ourselves.
     """
 
-    def __init__(self, setting: HubSetting, directory: Path, password: str | None) -> None:
+    def __init__(self, setting: HubSetting, directory: Path, access: Access) -> None:
         self._setting = setting
         self._directory = directory
-        self._password = password
+        self._guard = guard_from(access)
         self._process: subprocess.Popen[bytes] | None = None
         self.log = directory / "redis-server.log"
-        self.client = redis.Redis(
-            port=setting.port,
-            password=password,
-            socket_timeout=2.0,
-            socket_connect_timeout=2.0,
-            decode_responses=True,
-            # A name that is no text is nobody's, and goes the way of all that fall silent.
-            encoding_errors="surrogateescape",
-        )
+        # A name that is no text is nobody's, and goes the way of all that fall silent.
+        self.client = redis_client(HubAddress("127.0.0.1", setting.port), access, "surrogateescape")
 
     @property
     def pid(self) -> int | None:
@@ -71,7 +75,7 @@ class RedisServer:
         self._await()
 
     def _check_port(self) -> None:
-        address = "" if is_open(self._setting, self._password) else "127.0.0.1"
+        address = "" if is_open(self._setting, self._guard) else "127.0.0.1"
         with socket.socket() as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
@@ -86,7 +90,7 @@ class RedisServer:
         self._directory.chmod(0o700)
         path = self._directory / "redis.conf"
         path.touch(mode=0o600)
-        path.write_text(redis_configuration(self._setting, self._directory, self._password))
+        path.write_text(redis_configuration(self._setting, self._directory, self._guard))
         return path
 
     def _await(self) -> None:

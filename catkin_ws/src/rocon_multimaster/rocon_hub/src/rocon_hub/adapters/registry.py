@@ -2,13 +2,21 @@
 
 import json
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import redis
 
 from rocon_gateway.core.hub import GATEWAYS_KEY, NAME_KEY, PROTOCOL_KEY, alive_key, letters_key, lost_key, record_key
 from rocon_gateway.core.record import PROTOCOL
 from rocon_hub.core.watch import Watch
+
+_EXPIRE = """
+if redis.call('exists', KEYS[1]) == 1 then return 0 end
+redis.pcall('set', KEYS[2], ARGV[1], 'ex', ARGV[2])
+redis.call('publish', KEYS[3], ARGV[3])
+return 1
+"""
+"""A Redis that is full takes no time of the loss, and queues nothing for a transaction; this tells all the same."""
 
 
 class Registry:
@@ -23,37 +31,39 @@ class Registry:
         self._client = client
         self._patience = patience
         self._watch = Watch(patience)
+        self._name = ""
 
     def open(self, name: str) -> None:
         """Writes the name by which gateways know that this is a hub; all silences are forgotten."""
         self._watch = Watch(self._patience)
-        self._client.mset({PROTOCOL_KEY: PROTOCOL, NAME_KEY: name})
+        self._name = name
+        self.write()
 
-    def look(self) -> set[str]:
-        """Tells everybody of gateways that have just fallen silent, and returns them."""
+    def write(self) -> None:
+        """Writes what makes this a hub, once more if it is there; raises redis.ResponseError if Redis is full."""
+        self._client.mset({PROTOCOL_KEY: PROTOCOL, NAME_KEY: self._name})
+
+    def look(self) -> Iterator[str]:
+        """Tells everybody of gateways that have just fallen silent, and yields each when that is done.
+
+        Those that an error left untold are told of by the next look.
+        """
         names = sorted(self._members())
         lives = self._client.mget([alive_key(name) for name in names]) if names else []
         alive = [name for name, life in zip(names, lives, strict=True) if life]
-        fallen = self._watch.fallen_silent(names, alive, time.monotonic())
-        return {name for name in fallen if self._expire(name)}
+        for name in sorted(self._watch.fallen_silent(names, alive)):
+            if self._expire(name):
+                self._watch.note(name, time.monotonic())
+                yield name
 
     def _expire(self, name: str) -> bool:
         """Says that a gateway has fallen silent, unless it has joined again since we looked; returns whether it did.
 
         "Expired" after its "joined" would have the others drop a gateway that lives, for good.
         """
-        with self._client.pipeline() as pipe:
-            pipe.watch(alive_key(name))
-            if pipe.exists(alive_key(name)):
-                return False
-            pipe.multi()
-            pipe.set(lost_key(name), int(time.time()), ex=int(self._patience) + 1)
-            pipe.publish(GATEWAYS_KEY, json.dumps({"gateway": name, "event": "expired"}))
-            try:
-                pipe.execute()
-            except redis.WatchError:
-                return False
-        return True
+        since = int(time.time()), int(self._patience) + 1
+        event = json.dumps({"gateway": name, "event": "expired"})
+        return bool(self._client.eval(_EXPIRE, 3, alive_key(name), lost_key(name), GATEWAYS_KEY, *since, event))
 
     def _members(self) -> set[str]:
         try:
@@ -71,12 +81,13 @@ class Registry:
         return gone
 
     def _delete(self, gone: Iterable[str], everybody: Iterable[str]) -> None:
-        everybody = list(everybody)
-        with self._client.pipeline() as pipe:
+        gone = sorted(gone)
+        # No transaction: a Redis that is full refuses those, but lets itself be emptied.
+        with self._client.pipeline(transaction=False) as pipe:
+            pipe.srem(GATEWAYS_KEY, *gone)
             for name in gone:
                 pipe.delete(record_key(name), letters_key(name), lost_key(name))
-                pipe.srem(GATEWAYS_KEY, name)
-                for receiver in everybody:
-                    pipe.hdel(letters_key(receiver), name)
+            for receiver in everybody:
+                pipe.hdel(letters_key(receiver), *gone)
             # What is no hash, because a stranger wrote it, has no letters to delete.
             pipe.execute(raise_on_error=False)

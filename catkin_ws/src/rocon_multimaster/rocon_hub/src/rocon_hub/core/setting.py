@@ -1,7 +1,7 @@
 """The hub's parameters, and the Redis configuration that follows from them."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from rocon_hub.core.error import HubNodeError
@@ -32,20 +32,24 @@ class HubSetting:
         name: what gateways see as the hub's name.
         port: TCP port of the hub's own Redis.
         zeroconf: whether to announce the hub by mDNS.
-        max_memory: what Redis may use for data, in its notation.
+        max_memory: what Redis may use for data and connections, in its notation: a limit, of which a thousand gateways
+            that come back at once take 80 MB for a moment, and more where they are slow to read.
         gateway_gone_timeout: time after which the record of a gateway that is not heard of is deleted [s].
         watcher_thread_rate: how often records are looked over for that [Hz].
         password_file: a file that holds the hub's password; empty for none, or the environment's.
+        tls_directory: a directory with the fleet's certificates; only who has one then connects. Empty for no TLS, or
+            the environment's.
         insecure: accept everybody on the network without a password.
     """
 
     name: str = "Gateway Hub"
     port: int = 6380
     zeroconf: bool = True
-    max_memory: str = "64mb"
+    max_memory: str = "256mb"
     gateway_gone_timeout: float = 300.0
     watcher_thread_rate: float = 0.2
     password_file: str = ""
+    tls_directory: str = ""
     insecure: bool = False
 
     def __post_init__(self) -> None:
@@ -65,17 +69,34 @@ class HubSetting:
         return re.sub(r"[^a-z0-9]+", "_", self.name.lower()).strip("_") + f"_{self.port}"
 
 
-def is_open(setting: HubSetting, password: str | None) -> bool:
-    """Tells whether other machines may connect: only with a password, or where the user insists."""
-    return bool(password) or setting.insecure
+@dataclass(frozen=True)
+class Guard:
+    """What keeps strangers out of the hub.
+
+    Attributes:
+        password: what clients must say; None for nothing. Not shown by repr.
+        certificate: our own, a file; empty for no TLS. With it, clients must show one of the same authority.
+        key: its key.
+        authority: the authority's certificate.
+    """
+
+    password: str | None = field(default=None, repr=False)
+    certificate: str = ""
+    key: str = ""
+    authority: str = ""
 
 
-def redis_configuration(setting: HubSetting, directory: Path, password: str | None) -> str:
+def is_open(setting: HubSetting, guard: Guard) -> bool:
+    """Tells whether other machines may connect: with a password or a certificate, or where the user insists."""
+    return bool(guard.password or guard.certificate) or setting.insecure
+
+
+def redis_configuration(setting: HubSetting, directory: Path, guard: Guard) -> str:
     """Returns the text of a redis.conf for a private server that keeps nothing on disk."""
     lines = [
-        f"bind {_EVERYWHERE if is_open(setting, password) else _LOOPBACK}",
-        f"protected-mode {'no' if is_open(setting, password) else 'yes'}",
-        f"port {setting.port}",
+        f"bind {_EVERYWHERE if is_open(setting, guard) else _LOOPBACK}",
+        f"protected-mode {'no' if is_open(setting, guard) else 'yes'}",
+        *_ports(setting, guard),
         "daemonize no",
         "supervised no",
         "databases 1",
@@ -89,9 +110,24 @@ def redis_configuration(setting: HubSetting, directory: Path, password: str | No
         "client-output-buffer-limit pubsub 8mb 2mb 30",
         *(f'rename-command {command} ""' for command in _DISABLED),
     ]
-    if password:
-        lines.append(f"requirepass {quoted(password)}")
+    if guard.password:
+        lines.append(f"requirepass {quoted(guard.password)}")
     return "\n".join(lines) + "\n"
+
+
+def _ports(setting: HubSetting, guard: Guard) -> list[str]:
+    if not guard.certificate:
+        return [f"port {setting.port}"]
+    return [
+        "port 0",
+        f"tls-port {setting.port}",
+        f"tls-cert-file {quoted(guard.certificate)}",
+        f"tls-key-file {quoted(guard.key)}",
+        f"tls-ca-cert-file {quoted(guard.authority)}",
+        "tls-auth-clients yes",
+        "tls-protocols TLSv1.3",
+        "tls-session-caching no",
+    ]
 
 
 def quoted(text: str) -> str:

@@ -19,13 +19,15 @@ class Watch:
         """Gateways that are not heard of, and since when."""
         return self._silent
 
-    def fallen_silent(self, registered: Collection[str], alive: Collection[str], now: float) -> set[str]:
-        """Returns those who are registered, not alive, and were not returned since they last lived."""
+    def fallen_silent(self, registered: Collection[str], alive: Collection[str]) -> set[str]:
+        """Returns those who are registered, not alive, and were not noted since they last lived."""
         silent = set(registered) - set(alive)
         self._silent = {name: since for name, since in self._silent.items() if name in silent}
-        new = silent - set(self._silent)
-        self._silent.update(dict.fromkeys(new, now))
-        return new
+        return silent - set(self._silent)
+
+    def note(self, name: str, now: float) -> None:
+        """Takes note of a gateway whose silence everybody was told of."""
+        self._silent[name] = now
 
     def gone(self, now: float) -> set[str]:
         """Returns those whose time is over."""

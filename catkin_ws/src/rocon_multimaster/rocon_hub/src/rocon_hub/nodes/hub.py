@@ -1,6 +1,5 @@
 """The node `hub`."""
 
-import contextlib
 import threading
 import time
 from pathlib import Path
@@ -12,9 +11,11 @@ import rospy
 from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes import entry
 from rocon_gateway.adapters.password import password_from
+from rocon_gateway.adapters.redis_client import OPEN, Access
+from rocon_gateway.adapters.tls import certificates_from
 from rocon_gateway.core.code import GatewayError
 from rocon_hub.adapters.announcement import Announcement
-from rocon_hub.adapters.redis_server import RedisServer
+from rocon_hub.adapters.redis_server import RedisServer, guard_from
 from rocon_hub.adapters.registry import Registry
 from rocon_hub.core.error import AnnouncementError, HubNodeError, RedisError
 from rocon_hub.core.setting import HubSetting, is_open
@@ -42,33 +43,40 @@ class HubNode:
     Threads: the main thread alone, but for rospy's own and those of the mDNS announcement.
 
     On error: a port in use, a missing redis-server or an unreadable password file end the node with one line; a
-    Redis that dies is started again, and gateways register anew; a network that takes no announcement is one line.
+    Redis that dies is started again, and gateways register anew; one that is full or does not answer is one line, and
+    so is a network that takes no announcement.
     """
 
     def __init__(self) -> None:
         self._setting = config_from_mapping(HubSetting, entry.parameters(), rospy.get_name())
-        password = password_from(self._setting.password_file)
+        access = Access(password_from(self._setting.password_file), certificates_from(self._setting.tls_directory))
         directory = Path(rospkg.get_ros_home()) / "redis" / self._setting.directory_name
-        self._server = RedisServer(self._setting, directory, password)
+        self._server = RedisServer(self._setting, directory, access)
         self._registry = Registry(self._server.client, self._setting.gateway_gone_timeout)
         self._stop = threading.Event()
         rospy.on_shutdown(self._stop.set)
-        self._open = is_open(self._setting, password)
-        self._announcement = Announcement(self._setting.name, self._setting.port, self._open)
+        self._open = is_open(self._setting, guard_from(access))
+        tls = access.certificates is not None
+        self._announcement = Announcement(self._setting.name, self._setting.port, self._open, tls)
         self._unannounced = ""
         self._failures = 0
-        self._warn(password)
+        self._complaint = ""
+        self._next_clear = 0.0
+        self._warn(access)
 
-    def _warn(self, password: str | None) -> None:
-        if self._setting.insecure and not password:
+    def _warn(self, access: Access) -> None:
+        fault = access.certificates.fault() if access.certificates else ""
+        if fault:
+            rospy.logerr("no gateway accepts our certificate (%s)", fault)
+        if self._setting.insecure and access == OPEN:
             rospy.logwarn(
                 "INSECURE: anybody on the network can connect to this hub and through it to every gateway. "
                 "Use it on a network of your own only, or set a password"
             )
         elif not self._open:
             rospy.logwarn(
-                "no password is set, so only this machine can reach the hub. For robots on other machines set "
-                "ROCON_HUB_PASSWORD_FILE (or hub_password_file:=) here and there, or hub_insecure:=true here"
+                "neither password nor certificate is set, so only this machine can reach the hub. For robots on other "
+                "machines set ROCON_HUB_PASSWORD_FILE or ROCON_TLS_DIRECTORY here and there, or hub_insecure:=true here"
             )
 
     def spin(self) -> None:
@@ -82,25 +90,51 @@ class HubNode:
 
     def _start(self) -> None:
         self._server.start()
-        self._registry.open(self._setting.name)
         self._started = time.monotonic()
+        try:
+            self._registry.open(self._setting.name)
+        except redis.ResponseError as error:
+            text = f"hub: redis-server does not take the hub's name ({error}); is ~max_memory too small?"
+            raise RedisError(text) from None
         rospy.loginfo("hub '%s' on port %d (redis-server %d)", self._setting.name, self._setting.port, self._server.pid)
 
     def _watch(self) -> None:
-        next_clear = next_announcement = 0.0
+        next_announcement = 0.0
         while not self._stop.wait(LOOK_PERIOD):
             if self._setting.zeroconf and time.monotonic() >= next_announcement:
                 self._announce()
                 next_announcement = time.monotonic() + ANNOUNCEMENT_PERIOD
-            if self._server.pid is None:
-                self._restart()
-            with contextlib.suppress(redis.ConnectionError, redis.TimeoutError):
-                for name in self._registry.look():
-                    rospy.logwarn("gateway %r is not heard of any more", name)
-                if time.monotonic() >= next_clear:
-                    next_clear = time.monotonic() + 1.0 / self._setting.watcher_thread_rate
-                    for name in self._registry.clear():
-                        rospy.loginfo("gateway %r removed", name)
+            try:
+                if self._server.pid is None:
+                    self._restart()
+                self._look()
+            except redis.ConnectionError:
+                continue  # it has died, or is about to: that is told when it is started again
+            except redis.RedisError as error:
+                self._complain(error)
+
+    def _look(self) -> None:
+        for name in self._registry.look():
+            rospy.logwarn("gateway %r is not heard of any more", name)
+        if time.monotonic() < self._next_clear:
+            return
+        self._next_clear = time.monotonic() + 1.0 / self._setting.watcher_thread_rate
+        for name in self._registry.clear():
+            rospy.loginfo("gateway %r removed", name)
+        self._registry.write()
+        if self._complaint:
+            self._complaint = ""
+            rospy.logwarn("redis-server works again")
+
+    def _complain(self, error: redis.RedisError) -> None:
+        """Says what is wrong with our Redis: once, until it changes or all is well again."""
+        complaint = f"redis-server: {error}"
+        if "OOM command not allowed" in str(error):
+            limit = self._setting.max_memory
+            complaint = f"redis-server is full ({limit}), so gateways cannot join or change rules: raise ~max_memory"
+        if complaint != self._complaint:
+            rospy.logerr("%s; going on", complaint)
+        self._complaint = complaint
 
     def _announce(self) -> None:
         try:
@@ -116,6 +150,7 @@ class HubNode:
         if self._failures >= FAILURES:
             raise RedisError(f"hub: redis-server died {self._failures} times in a row (log: {self._server.log})")
         rospy.logerr("redis-server died; starting it again (log: %s)", self._server.log)
+        self._next_clear = 0.0
         self._start()
 
 

@@ -31,9 +31,14 @@ class ConcertRunner:
         self._stop = threading.Event()
         self._lock = threading.Lock()
         self._processes: list[RoslaunchProcess] = []
+        self._told: list[RoslaunchProcess] = []
 
     def run(self) -> int:
-        """Returns 0 after an interrupt or when all launches ended well, else the status of the first that did not."""
+        """Returns 0 after an interrupt or when all launches ended well, else the status of the first that did not.
+
+        The end of a launch that is ``required`` ends all, with a status of 1 at least; one with ``respawn`` is started
+        again.
+        """
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, lambda *_: self._stop.set())
         try:
@@ -41,10 +46,28 @@ class ConcertRunner:
                 if not self._stop.is_set():
                     self._processes.append(self._start(launch))
             while not self._stop.wait(0.2) and any(process.status is None for process in self._processes):
-                pass
+                if self._look():
+                    return next((p.status for p in self._processes if p.status), 1)
             return 0 if self._stop.is_set() else next((p.status or 0 for p in self._processes if p.status), 0)
         finally:
             self._end()
+
+    def _look(self) -> bool:
+        """Does what the end of each launch asks for; returns whether that is the end of all."""
+        for index, process in enumerate(self._processes):
+            if process.status is None or process in self._told:
+                continue
+            launch, lived = process.launch, process.lived
+            self._told.append(process)
+            if launch.ends_all(lived):
+                self._show(launch.title, f"has ended after {lived:.0f} s, with which everything ends")
+                return True
+            if launch.starts_again(lived):
+                self._show(launch.title, f"has ended after {lived:.0f} s; starting it again")
+                self._processes[index] = self._start(launch)
+            else:
+                self._show(launch.title, f"has ended after {lived:.0f} s with status {process.status}")
+        return False
 
     def _start(self, launch: Launch) -> RoslaunchProcess:
         command = ["roslaunch", *(["--screen"] if self._screen else []), *(["--wait"] if launch.waits else [])]

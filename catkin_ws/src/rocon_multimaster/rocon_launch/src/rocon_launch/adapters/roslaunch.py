@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 
 from rocon_launch.core.concert import Launch
@@ -31,6 +32,7 @@ class RoslaunchProcess:
         show: Callable[[str, str], None],
     ) -> None:
         self.launch = launch
+        self._started, self._ended = time.monotonic(), 0.0
         self._process = subprocess.Popen(
             # The kernel tells roslaunch when we die without a word, and roslaunch ends its nodes.
             ["setpriv", "--pdeathsig", "TERM", "--", *command],
@@ -53,6 +55,13 @@ class RoslaunchProcess:
     def status(self) -> int | None:
         """The exit status, None while it runs."""
         return self._process.poll()
+
+    @property
+    def lived(self) -> float:
+        """How long it ran [s], up to the first look at it after its end."""
+        if self.status is not None and not self._ended:
+            self._ended = time.monotonic()
+        return (self._ended or time.monotonic()) - self._started
 
     def interrupt(self) -> None:
         """Asks it to end; roslaunch then ends its nodes and its master."""

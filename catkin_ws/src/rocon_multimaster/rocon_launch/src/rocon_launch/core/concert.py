@@ -2,8 +2,9 @@
 
 An `<arg>` has a name and exactly one of `default` and `value`; both give way to the command line. A `<launch>` has
 a `name` (of a launch file), a `package` that it is in (or `name` is a path), a `port` for its ROS master, a
-`title`, and `<arg name= value=>` children. Substitutions (`$(arg x)`, `$(find pkg)`, `$(env X)`, `$(optenv X y)`)
-are the caller's: the reader is given a function for them.
+`title`, and `<arg name= value=>` children; `respawn` and `required`, `true` or `false`, say what its end means.
+Substitutions (`$(arg x)`, `$(find pkg)`, `$(env X)`, `$(optenv X y)`) are the caller's: the reader is given a function
+for them.
 """
 
 import xml.etree.ElementTree as ET
@@ -14,6 +15,9 @@ from rocon_launch.core.error import ConcertError
 
 Substitute = Callable[[str, Mapping[str, str]], str]
 """Resolves the substitutions in a text, given the arguments so far."""
+
+SHORT_LIFE = 10.0
+"""What ends sooner than this after its start [s], such as a hub whose port is taken, would end again."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,8 @@ class Launch:
         title: what its lines of output begin with.
         arguments: its arguments, by name.
         waits: whether an earlier one starts the master on that port.
+        respawn: whether it is started again when it ends.
+        required: whether its end is the end of all.
     """
 
     package: str
@@ -35,6 +41,16 @@ class Launch:
     title: str
     arguments: Mapping[str, str]
     waits: bool = False
+    respawn: bool = False
+    required: bool = False
+
+    def starts_again(self, lived: float) -> bool:
+        """Returns whether it is to be started again after it ended by itself, having run for ``lived`` seconds."""
+        return self.respawn and lived >= SHORT_LIFE
+
+    def ends_all(self, lived: float) -> bool:
+        """Returns whether that was the end of the whole concert: one that cannot stay is not tried for ever."""
+        return self.required or (self.respawn and lived < SHORT_LIFE)
 
 
 def launches_from_text(
@@ -102,6 +118,9 @@ def _launch(
         if child.tag != "arg" or child.get("value") is None:
             raise ConcertError(f"launch '{name}' may hold only <arg name= value=>")
         nested[_name(child)] = substitute(child.get("value", ""), arguments)
+    respawn, required = (_flag(element, key, name) for key in ("respawn", "required"))
+    if respawn and required:
+        raise ConcertError(f"launch '{name}' cannot be both respawn and required")
     return Launch(
         package=substitute(element.get("package", ""), arguments),
         name=name,
@@ -109,7 +128,16 @@ def _launch(
         title=substitute(element.get("title", f"rocon_launch:{port}"), arguments),
         arguments=nested,
         waits=any(one.port == port for one in earlier),
+        respawn=respawn,
+        required=required,
     )
+
+
+def _flag(element: ET.Element, key: str, name: str) -> bool:
+    text = element.get(key, "false")
+    if text not in ("true", "false"):
+        raise ConcertError(f"launch '{name}': {key} must be true or false, not '{text}'")
+    return text == "true"
 
 
 def _port(text: str, name: str) -> int:

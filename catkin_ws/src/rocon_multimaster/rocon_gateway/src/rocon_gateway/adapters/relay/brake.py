@@ -36,10 +36,13 @@ class Brake:
         self._timer: Timer | None = None
         self._acknowledged = -1
         self._yields = False
+        self._stand_still = False
         fanout.relieved = self._release
 
     def apply(self) -> None:
         """Holds the stream back, unless its receivers stand still."""
+        if self._stand_still and self._fanout.acknowledged() != self._acknowledged:
+            self._yields = self._stand_still = False
         self.is_on = not self._yields
         self._since = time.monotonic()
         if self._timer is None:
@@ -52,7 +55,7 @@ class Brake:
             self._timer.cancel()
 
     def _release(self) -> None:
-        self._yields = False
+        self._yields = self._stand_still = False
         if self.is_on:
             self.is_on = False
             self._changed()
@@ -67,11 +70,11 @@ class Brake:
             self._acknowledged = -1
             return
         acknowledged = self._fanout.acknowledged()
-        stands_still, self._acknowledged = acknowledged == self._acknowledged, acknowledged
-        yields = stands_still or (self.is_on and time.monotonic() - self._since >= self._longest)
+        stand_still, self._acknowledged = acknowledged == self._acknowledged, acknowledged
+        yields = stand_still or (self.is_on and time.monotonic() - self._since >= self._longest)
         if yields:
             self._release()
-        self._yields = yields
+        self._yields, self._stand_still = yields, stand_still
         self._look_later()
 
 

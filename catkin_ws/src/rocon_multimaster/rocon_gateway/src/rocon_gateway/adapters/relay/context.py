@@ -6,6 +6,8 @@ from collections.abc import Callable
 from rocon_gateway.adapters.relay.call import Server
 from rocon_gateway.adapters.relay.reactor import Reactor
 from rocon_gateway.adapters.relay.resolver import Resolver
+from rocon_gateway.adapters.relay.tls_socket import Tls
+from rocon_gateway.adapters.tls import Certificates
 from rocon_gateway.core.backlog import Backlog
 from rocon_gateway.core.connection import RelayConfig
 from rocon_gateway.core.latency import RoundTrips
@@ -23,10 +25,19 @@ class Context:
         master: our master.
         round_trips: to other gateways, by name.
         changed: to be called when the state of a link has changed.
+        tls: encrypts links; None if they are not encrypted.
     """
 
-    def __init__(self, config: RelayConfig, reactor: Reactor, logger: logging.Logger, changed: Callable[[], None]):
+    def __init__(
+        self,
+        config: RelayConfig,
+        reactor: Reactor,
+        logger: logging.Logger,
+        changed: Callable[[], None],
+        certificates: Certificates | None,
+    ) -> None:
         self.config = config
+        self.tls = Tls(certificates) if certificates else None
         self.reactor = reactor
         self.resolver = Resolver(reactor)
         self.logger = logger

@@ -46,7 +46,8 @@ class DialledLink(Stream):
 
     def __init__(self, context: Context, owner: LinkOwner, address: Address, hello: Hello) -> None:
         sock = dialled_socket()
-        super().__init__(context.reactor, sock, f"{hello.source_gateway} at {address.host}:{address.port}")
+        peer = f"{hello.source_gateway} at {address.host}:{address.port}"
+        super().__init__(context.reactor, sock, peer, context.tls and context.tls.dialled(sock))
         watch_liveness(sock)
         self._context = context
         self._owner = owner
@@ -70,6 +71,8 @@ class DialledLink(Stream):
         self._timer.cancel()
         if reason.startswith("malformed"):
             self._context.logger.warning("link to %s: %s", self.peer, reason)
+        if reason.startswith("TLS"):
+            self._state = LinkState.REFUSED
         self._owner.link_lost(self._state, f"{self.peer}: {reason or 'it closed the connection'}")
 
     def _too_late(self) -> None:
@@ -123,6 +126,8 @@ class TopicLink(DialledLink):
         self._pings = 0
         self._pinged = 0.0
         self._awaits_pong = False
+        self._measures = False
+        self._heard = (0, time.monotonic())
 
     @property
     def is_up(self) -> bool:
@@ -135,9 +140,28 @@ class TopicLink(DialledLink):
         Args:
             last: what that took last time, which the far relay is told [s].
         """
+        self._ask(last, measures=True)
+
+    def watch(self, late: bool) -> None:
+        """Has the far relay say something if nothing comes, and gives the link up if still nothing does.
+
+        Something on the way may go on acknowledging what it swallows: then no kernel knows that nobody is there.
+
+        Args:
+            late: whether we could not look when we should have; then nothing is known.
+        """
+        received, now = self.received(), time.monotonic()
+        if late or received != self._heard[0]:
+            self._heard = (received, now)
+        elif now - self._heard[1] >= self._context.config.silence:
+            self.close(f"nothing has come for {now - self._heard[1]:.0f} s, though it was asked to answer")
+        else:
+            self._ask(0.0, measures=False)
+
+    def _ask(self, last: float, measures: bool) -> None:
         if self._awaits_pong:
             return
-        self._awaits_pong = True
+        self._awaits_pong, self._measures = True, measures
         self._pings += 1
         self._pinged = time.monotonic()
         self.send(control_frame(op="ping", token=str(self._pings), last=f"{last:.6f}"))
@@ -168,4 +192,5 @@ class TopicLink(DialledLink):
     def _take_pong(self, token: str) -> None:
         if self._awaits_pong and token == str(self._pings):
             self._awaits_pong = False
-            self._context.round_trip(self._hello.source_gateway, time.monotonic() - self._pinged)
+            if self._measures:
+                self._context.round_trip(self._hello.source_gateway, time.monotonic() - self._pinged)

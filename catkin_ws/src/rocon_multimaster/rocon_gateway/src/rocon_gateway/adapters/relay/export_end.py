@@ -10,6 +10,8 @@ from rocon_gateway.adapters.relay.reactor import Timer
 from rocon_gateway.adapters.relay.sieve import Sieve
 from rocon_gateway.adapters.relay.stream import Stream, watch_liveness
 from rocon_gateway.adapters.relay.subscription import Subscription
+from rocon_gateway.adapters.relay.tls_socket import begins_tls
+from rocon_gateway.adapters.tls import VARIABLE
 from rocon_gateway.core.connection import ANY, Export, LinkState, LinkStatus
 from rocon_gateway.core.fanout import Outlet
 from rocon_gateway.core.frame import CONTROL_MARK, Chunk, control_frame
@@ -29,6 +31,9 @@ from rocon_gateway.core.option import NO_OPTIONS
 
 UNSENT = 64 * 1024
 """So many bytes at most wait in the kernel of a link with a queue of its own, beyond those under way [bytes]."""
+
+NEEDS_TLS = f"it speaks TLS only, and we have no certificate: set {VARIABLE} to a directory with one"
+DIFFERS = "its credential differs from ours"
 
 _PASSED_ON = ("type", "md5sum", "message_definition", "latching", "topic")
 
@@ -63,7 +68,7 @@ class ExportEnd(Stream):
     """
 
     def __init__(self, context: Context, exporter: Exporter, sock: socket.socket, peer: str) -> None:
-        super().__init__(context.reactor, sock, peer)
+        super().__init__(context.reactor, sock, peer, context.tls and context.tls.accepted(sock))
         watch_liveness(sock)
         self.hello: Hello | None = None
         self.export: Export | None = None
@@ -85,7 +90,7 @@ class ExportEnd(Stream):
         self._state = LinkState.ACTIVE
         self._reason = ""
         self.timer: Timer = context.reactor.call_later(context.config.handshake_timeout, self._too_late)
-        self.parse = self._when_header(self._parse_hello)
+        self.parse = self._parse_first
 
     def status(self) -> LinkStatus:
         """How the link does."""
@@ -153,7 +158,7 @@ class ExportEnd(Stream):
         self._set_active()
         fields = {key: header[key] for key in _PASSED_ON if key in header}
         self.send(control_frame(op="connected", demand=self._demand, **fields))
-        return True
+        return not self.is_closed  # who is gone by now has left everything, and must not be joined again
 
     def source_lost(self, reason: str) -> None:
         """See `subscription.Customer`."""
@@ -168,11 +173,19 @@ class ExportEnd(Stream):
             subscription, self._subscription = self._subscription, None
             subscription.stop_if_unused()
 
+    def without_tls(self) -> None:
+        """See `stream.Stream`. Who dials is told in its own words, by a refusal."""
+        self._refuse_stranger("it speaks no TLS, and this gateway speaks nothing else", NEEDS_TLS)
+
+    def _refuse_stranger(self, what: str, reason: str) -> None:
+        self._context.logger.warning("link from %s: %s", self.peer, what)
+        self.refuse(LinkState.REFUSED, reason)
+
     def closed(self, reason: str) -> None:
         """See `stream.Stream`."""
         self.timer.cancel()
         self._end_sieve()
-        if reason.startswith("malformed"):
+        if reason.startswith(("malformed", "TLS")):
             self._context.logger.warning("link from %s: %s", self.peer, reason)
         if self._subscription is not None:
             self._subscription.remove(self)
@@ -211,6 +224,12 @@ class ExportEnd(Stream):
     def _too_late(self) -> None:
         self.close("malformed: it did not introduce itself in time")
 
+    def _parse_first(self, data: memoryview) -> int:
+        if self._tls is None and begins_tls(data):
+            self._refuse_stranger(f"it speaks TLS, and this gateway has no certificate ({VARIABLE})", "no TLS here")
+            return len(data)
+        return self._when_header(self._parse_hello)(data)
+
     def _parse_hello(self, fields: dict[str, str]) -> None:
         try:
             self.hello = Hello.from_fields(fields)
@@ -232,8 +251,7 @@ class ExportEnd(Stream):
         if is_proof(fields.get("proof", ""), credential, "sink", self.hello, self._challenge):
             self._admit(self.hello)
         else:
-            self._context.logger.warning("link from %s: its credential differs from ours", self.peer)
-            self.refuse(LinkState.REFUSED, "its credential differs from ours")
+            self._refuse_stranger(DIFFERS, DIFFERS)
 
     def _admit(self, hello: Hello) -> None:
         own = self._context.config.gateway

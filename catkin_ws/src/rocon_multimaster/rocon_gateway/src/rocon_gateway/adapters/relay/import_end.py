@@ -93,6 +93,11 @@ class ImportEnd(StandingImport):
         self._link.ping(last)
         return True
 
+    def watch(self, late: bool) -> None:
+        """Gives the link up if nothing comes any more; see `dialled_link.TopicLink`."""
+        if isinstance(self._link, TopicLink) and self._link.is_up:
+            self._link.watch(late)
+
     def link_lost(self, state: LinkState, reason: str) -> None:
         """See `dialled_link.LinkOwner`."""
         self._source = None

@@ -5,20 +5,22 @@ protocols of a node: XML-RPC begins with `POST`, which as the length of a TCPROS
 """
 
 import socket
+import time
 
 from rocon_gateway.adapters.relay.context import Context
+from rocon_gateway.adapters.relay.listener import Listener
 from rocon_gateway.adapters.relay.proxy_service import ProxyService, Tenant
 from rocon_gateway.adapters.relay.proxy_topic import ProxyTopic
 from rocon_gateway.adapters.relay.reactor import Timer
 from rocon_gateway.adapters.relay.registration import Registration
 from rocon_gateway.adapters.relay.slave_api import SlaveApi
-from rocon_gateway.adapters.relay.stream import Listener, Stream
+from rocon_gateway.adapters.relay.stream import Stream
 from rocon_gateway.core.connection import RelayError, proxy_uri
 from rocon_gateway.core.header import header_bytes, header_end, header_fields
 from rocon_gateway.core.http import http_message, http_response
 
 MAX_STRANGERS = 64
-"""Connections to one proxy that have not said yet what they want; one more closes the oldest."""
+"""Connections to one proxy that do not, or not yet, subscribe or call a service; one more closes the oldest."""
 
 
 class SubscriberError(RelayError):
@@ -94,7 +96,7 @@ class ProxyNode:
         self.know(connection)
 
     def know(self, connection: "ProxyConnection") -> None:
-        """Called by a connection that has said what it wants."""
+        """Called by a connection that subscribes or calls, and is counted as what it is from now on."""
         self._strangers.pop(connection, None)
 
     def _accepted(self, sock: socket.socket, peer: str) -> None:
@@ -102,7 +104,7 @@ class ProxyNode:
         self._connections.add(connection)
         self._strangers[connection] = None
         if len(self._strangers) > MAX_STRANGERS:
-            next(iter(self._strangers)).close("malformed: too many connections that have not said what they want")
+            next(iter(self._strangers)).give_up("too many connections that have not said what they want")
 
 
 class ProxyConnection(Stream):
@@ -115,8 +117,13 @@ class ProxyConnection(Stream):
         self._node = node
         self._topic: ProxyTopic | None = None
         self._call: Tenant | None = None
+        self._asked = 0.0
         self._timer: Timer = context.reactor.call_later(context.config.handshake_timeout, self._too_late)
         self.parse = self._parse_first
+
+    def give_up(self, reason: str) -> None:
+        """Closes a stranger; one that was answered may be idle, and is no fault to tell of."""
+        self.close("" if self._asked else f"malformed: {reason}")
 
     def closed(self, reason: str) -> None:
         """See `stream.Stream`."""
@@ -134,12 +141,19 @@ class ProxyConnection(Stream):
         self._node.know(self)
 
     def _too_late(self) -> None:
-        self.close("malformed: it did not say in time what it wants")
+        left = self._asked + self._context.config.handshake_timeout - time.monotonic()
+        if left > 0:
+            self._timer = self._context.reactor.call_later(left, self._too_late)
+        else:
+            self.give_up("it did not say in time what it wants")
 
     def _parse_first(self, data: memoryview) -> int:
         if len(data) < 4:
             return 0
-        self.parse = self._parse_http if data[:4] == b"POST" else self._parse_header
+        if data[:4] == b"POST":
+            self.parse, self.relieved = self._parse_http, self.read_on
+        else:
+            self.parse = self._parse_header
         return self.parse(data)
 
     def _parse_header(self, data: memoryview) -> int:
@@ -179,10 +193,13 @@ class ProxyConnection(Stream):
         raise SubscriberError("it sends though it subscribes")
 
     def _parse_http(self, data: memoryview) -> int:
+        if not self.backlog.is_empty:
+            self.hold()  # who asks and asks and takes no answer would have us keep them all
+            return 0
         message = http_message(data, 0)
         if message is None or len(data) < message.end:
             return 0
-        self._introduced()
+        self._asked = time.monotonic()
         body = self._node.api.answer(bytes(data[message.start : message.end]))
         response = http_response(body, message.keep_alive)
         if message.keep_alive:

@@ -1,6 +1,5 @@
 """One topic of a proxy node, and the subscribers that it has."""
 
-import re
 from collections.abc import Mapping
 from typing import Protocol
 
@@ -8,6 +7,7 @@ from rocon_gateway.adapters.relay.context import Context
 from rocon_gateway.adapters.relay.registration import Node, Nodes, Owner, Registration
 from rocon_gateway.adapters.relay.stream import Stream
 from rocon_gateway.core.connection import Import
+from rocon_gateway.core.rule import matches_whole
 
 
 class TopicOwner(Owner, Protocol):
@@ -47,8 +47,9 @@ class ProxyTopic(Registration):
         if not self.is_serving:
             return f"{self.wanted.topic} is not relayed any more"
         allowed = self.wanted.allowed_nodes
-        if allowed and not re.fullmatch(allowed, name):
-            return f"{self.wanted.topic} of {self.wanted.source_gateway} is relayed for {allowed} only, not for {name}"
+        if allowed and not any(matches_whole(pattern, name) for pattern in allowed):
+            whom = " and ".join(allowed)
+            return f"{self.wanted.topic} of {self.wanted.source_gateway} is relayed for {whom} only, not for {name}"
         return ""
 
     def subscribe(self, subscriber: Stream, fields: Mapping[str, str]) -> str:

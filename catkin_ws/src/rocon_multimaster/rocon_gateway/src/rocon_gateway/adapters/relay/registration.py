@@ -132,9 +132,12 @@ class Registration:
             self._owner.hidden()
 
     def _register(self) -> None:
-        if self._node is None:
-            self._node = self._nodes.open(self)
         self._retry = None
+        try:
+            self._node = self._node or self._nodes.open(self)
+        except OSError as error:
+            self._registered(f"its port cannot be opened: {error.strerror}")
+            return
         self._phase = _Phase.REGISTERING
         self.is_serving = True
         self._call(self.registering(self._node), self._registered)

@@ -1,22 +1,23 @@
 """The real data plane: sockets, one thread, and what the control plane asks of it."""
 
 import logging
-import re
 import socket
 import threading
+import time
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
 from typing import TypeVar
 
 from rocon_gateway.adapters.relay.context import Context
 from rocon_gateway.adapters.relay.export_end import ExportEnd
 from rocon_gateway.adapters.relay.import_end import ImportEnd
+from rocon_gateway.adapters.relay.listener import Listener
 from rocon_gateway.adapters.relay.parameter_copy import ParameterExportEnd, ParameterImportEnd
 from rocon_gateway.adapters.relay.proxy_node import ProxyNodes
 from rocon_gateway.adapters.relay.reactor import Reactor
 from rocon_gateway.adapters.relay.service_export import ServiceExportEnd
 from rocon_gateway.adapters.relay.service_import import ServiceImportEnd
-from rocon_gateway.adapters.relay.stream import Listener
 from rocon_gateway.adapters.relay.subscription import Subscription
+from rocon_gateway.adapters.tls import Certificates
 from rocon_gateway.core.connection import (
     ConnectionConflictError,
     Export,
@@ -29,6 +30,7 @@ from rocon_gateway.core.connection import (
     RelayStatus,
 )
 from rocon_gateway.core.link import Hello, Subject, mismatch
+from rocon_gateway.core.rule import compiled
 from rocon_gateway.core.service import (
     AnyExport,
     AnyImport,
@@ -67,13 +69,25 @@ SHUTDOWN_TIME = 1.5
 class TcpRelay:
     """Implements `core.connection.Relay`; runs from its making to `shutdown`.
 
+    Args:
+        config: see there.
+        on_change: see `core.connection.Relay`.
+        logger: takes a line for each connection that ends for what came on it.
+        certificates: the fleet's; links are then encrypted, and those of who has none of it are refused.
+
     Raises:
         OSError: the port cannot be had.
     """
 
-    def __init__(self, config: RelayConfig, on_change: OnChange, logger: logging.Logger) -> None:
+    def __init__(
+        self,
+        config: RelayConfig,
+        on_change: OnChange,
+        logger: logging.Logger,
+        certificates: Certificates | None = None,
+    ) -> None:
         self._reactor = Reactor(logger)
-        self._context = Context(config, self._reactor, logger, self._changed)
+        self._context = Context(config, self._reactor, logger, self._changed, certificates)
         self._on_change = on_change
         self._nodes = ProxyNodes(self._context)
         self._exports: Mapping[_Name, AnyExport] = {}
@@ -91,6 +105,7 @@ class TcpRelay:
         self._listener = Listener(self._reactor, config.bind, config.port, self._accepted)
         self._listener.start()
         self._reactor.call(self._ping_later)
+        self._reactor.call(self._watch_later)
         self._reactor.start()
 
     @property
@@ -105,8 +120,8 @@ class TcpRelay:
         topics = [one for one in imports if isinstance(one, Import)]
         _check_unique(((one.topic, one.proxy) for one in topics), "imports")
         _check_unique((one.service for one in imports if isinstance(one, ServiceImport)), "imports")
-        for one in topics:
-            re.compile(one.allowed_nodes)
+        for pattern in {pattern for one in topics for pattern in one.allowed_nodes}:
+            compiled(pattern)
         self._reactor.call(lambda: self._apply(wanted_exports, wanted_imports))
 
     def refresh(self) -> None:
@@ -266,6 +281,18 @@ class TcpRelay:
         for gateway in trips.keys() - asked - self._peers.keys():
             del trips[gateway]
         self._ping_later()
+
+    def _watch_later(self) -> None:
+        period = self._context.config.silence / 5
+        due = time.monotonic() + period
+        # Who was frozen itself knows nothing of the others' silence.
+        self._reactor.call_later(period, lambda: self._watch(time.monotonic() > due + period))
+
+    def _watch(self, late: bool) -> None:
+        for end in tuple(self._imports.values()):
+            if isinstance(end, ImportEnd):
+                end.watch(late)
+        self._watch_later()
 
     def _status(self) -> RelayStatus:
         exports = {export: self._export_status(name) for name, export in self._exports.items()}

@@ -7,12 +7,17 @@ import time
 from collections.abc import Callable
 
 from rocon_gateway.adapters.relay.reactor import Reactor
+from rocon_gateway.core.connection import RelayError
 
 LIFETIME = 30.0
 """How long an answer is used [s]."""
 
 Found = Callable[[str], None]
 Failed = Callable[[str], None]
+
+
+class DialError(RelayError):
+    """No socket to dial with is to be had: too many are open, in this process or on this machine."""
 
 
 class Resolver:
@@ -25,10 +30,14 @@ class Resolver:
         self._thread: threading.Thread | None = None
 
     def resolve(self, host: str, found: Found, failed: Failed) -> None:
-        """Calls `found` with a numeric address, at once where that is possible, or `failed` with a sentence."""
+        """Calls `found` with a numeric address, at once where that is possible, or `failed` with a sentence.
+
+        A `found` that raises DialError has failed as well; `failed` is then called soon, not within this call, so that
+        who tries again at once does not do so within itself.
+        """
         address = self._at_once(host)
         if address:
-            found(address)
+            self._give(address, found, failed)
             return
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="relay-resolver", daemon=True)
@@ -51,11 +60,18 @@ class Resolver:
             try:
                 answers = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)
                 address = str(answers[0][4][0])
-                self._reactor.call(lambda h=host, a=address, f=found: self._remember(h, a, f))
+                self._reactor.call(lambda h=host, a=address, f=found, e=failed: self._remember(h, a, f, e))
             except (OSError, UnicodeError) as error:
                 reason = f"the name {host} cannot be resolved: {getattr(error, 'strerror', None) or error}"
                 self._reactor.call(lambda f=failed, r=reason: f(r))
 
-    def _remember(self, host: str, address: str, found: Found) -> None:
+    def _remember(self, host: str, address: str, found: Found, failed: Failed) -> None:
         self._known[host] = (time.monotonic() + LIFETIME, address)
-        found(address)
+        self._give(address, found, failed)
+
+    def _give(self, address: str, found: Found, failed: Failed) -> None:
+        try:
+            found(address)
+        except DialError as error:
+            reason = str(error)
+            self._reactor.call(lambda: failed(reason))

@@ -1,6 +1,5 @@
 """A non-blocking TCP connection in the reactor: what arrives is parsed in place, what leaves may wait in a backlog."""
 
-import errno
 import math
 import os
 import select
@@ -10,14 +9,16 @@ from collections.abc import Callable
 
 from rocon_gateway.adapters.relay.brake import Brake
 from rocon_gateway.adapters.relay.reactor import Reactor
+from rocon_gateway.adapters.relay.resolver import DialError
+from rocon_gateway.adapters.relay.tls_socket import NoTlsError, TlsSocket
 from rocon_gateway.core.backlog import Backlog
 from rocon_gateway.core.connection import RelayError
 from rocon_gateway.core.fanout import Fanout, Passage
 from rocon_gateway.core.frame import LENGTH_SIZE, Chunk
 
 _IN, _OUT = select.EPOLLIN, select.EPOLLOUT
-_EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 _ACKED = struct.Struct("=120xQ")  # the beginning of Linux's tcp_info, up to tcpi_bytes_acked
+_RECEIVED = struct.Struct("=128xQ")  # likewise, up to tcpi_bytes_received
 _FAILED = select.EPOLLERR | select.EPOLLHUP
 
 Parse = Callable[[memoryview], int]
@@ -27,7 +28,13 @@ Parse = Callable[[memoryview], int]
 class Stream:
     """One connection.
 
-    Subclasses set `parse` and may override `connected`, `closed` and `left`.
+    Subclasses set `parse` and may override `connected`, `without_tls`, `closed` and `left`.
+
+    Args:
+        reactor: the loop.
+        sock: the connection.
+        peer: the other end, for log lines.
+        tls: encrypts what passes; None for nothing.
 
     Attributes:
         backlog: what waits to be sent.
@@ -44,7 +51,7 @@ class Stream:
     takes_unseen = True
     longest_hold = math.inf
 
-    def __init__(self, reactor: Reactor, sock: socket.socket, peer: str) -> None:
+    def __init__(self, reactor: Reactor, sock: socket.socket, peer: str, tls: TlsSocket | None = None) -> None:
         self.backlog = Backlog(1, 0)
         self.peer = peer
         self.parse: Parse = len
@@ -53,8 +60,13 @@ class Stream:
         self.is_closed = False
         self._reactor = reactor
         self._socket = sock
+        self._tls = tls
+        self._wire: socket.socket | TlsSocket = tls or sock
+        if tls is not None:
+            self.takes_unseen = False
         self._kept = b""
         self._connecting = False
+        self._shaking = tls is not None
         self._finishing = False
         self._held = False
         self._events = _IN
@@ -76,7 +88,11 @@ class Stream:
             self._reactor.call(lambda: self.close(reason))
 
     def connected(self) -> None:
-        """Called once a dialled connection stands."""
+        """Called once a connection stands that was dialled or is encrypted."""
+
+    def without_tls(self) -> None:
+        """Called where the other side speaks no TLS though it should; from here on neither do we."""
+        self.close(NoTlsError().strerror)
 
     def closed(self, reason: str) -> None:
         """Called once, after the connection has ended for whatever reason."""
@@ -88,6 +104,9 @@ class Stream:
         """See `reactor.Handler`."""
         if self._connecting:
             self._finish_connecting()
+            return
+        if self._shaking:
+            self._shake_hands()
             return
         if events & _OUT:
             self.flush()
@@ -110,7 +129,7 @@ class Stream:
         # The beginning of a message can wait for more of it, in the kernel, if no other message's end waits with it.
         flags = socket.MSG_MORE if chunk.is_open and not chunk.ended else 0
         try:
-            count = self._socket.send(direct, flags) if direct else 0
+            count = self._wire.send(direct, flags) if direct else 0
         except BlockingIOError:
             count = 0
         except OSError as error:
@@ -125,8 +144,15 @@ class Stream:
 
     def acknowledged(self) -> int:
         """See `core.fanout.Outlet`."""
-        information = self._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _ACKED.size)
-        return int(_ACKED.unpack(information)[0]) if len(information) == _ACKED.size else 0
+        return self._tcp_info(_ACKED)
+
+    def received(self) -> int:
+        """Returns how many bytes have arrived from the peer, read or not."""
+        return self._tcp_info(_RECEIVED)
+
+    def _tcp_info(self, layout: struct.Struct) -> int:
+        information = self._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, layout.size)
+        return int(layout.unpack(information)[0]) if len(information) == layout.size else 0
 
     def passed(self, count: int, ended: bool) -> None:
         """See `core.fanout.Outlet`."""
@@ -143,7 +169,7 @@ class Stream:
         sent = 0
         if self.backlog.is_empty:
             try:
-                sent = self._socket.send(data)
+                sent = self._wire.send(data)
             except BlockingIOError:
                 pass
             except OSError as error:
@@ -151,7 +177,7 @@ class Stream:
                 return
         if sent < len(data):
             self.backlog.insert(bytes(data[sent:]))
-            self._watch_output()
+        self._watch_output()
 
     def hold(self) -> None:
         """Reads nothing until `release`."""
@@ -164,6 +190,12 @@ class Stream:
             self._held = False
             self._watch_output()
 
+    def read_on(self) -> None:
+        """Reads on, first of all what had come before `hold` and was not taken."""
+        self.release()
+        kept, self._kept = self._kept, b""
+        self._parse_all(memoryview(kept))
+
     def finish(self, data: bytes) -> None:
         """Sends the last bytes and closes once they are out; what arrives from now on is ignored."""
         self._finishing = True
@@ -172,17 +204,19 @@ class Stream:
 
     def flush(self) -> None:
         """See `core.fanout.Outlet`."""
-        if self.is_closed or self._connecting:
+        if self.is_closed or self._connecting or self._shaking:
             return
         try:
+            if self._tls is not None:
+                self._tls.flush()
             while buffers := self.backlog.batch():
-                self.backlog.advance(self._socket.sendmsg(buffers))
+                self.backlog.advance(self._wire.sendmsg(buffers))
         except BlockingIOError:
             pass
         except OSError as error:
             self.close(error.strerror)
             return
-        if self._finishing and self.backlog.is_empty:
+        if self._finishing and self._is_sent:
             self.close("")
         else:
             self._watch_output()
@@ -195,6 +229,8 @@ class Stream:
         if self._brake is not None:
             self._brake.cancel()
         self._reactor.remove(self._socket.fileno())
+        if self._tls is not None:
+            self._tls.close()
         self._socket.close()
         self.closed(reason)
 
@@ -204,9 +240,36 @@ class Stream:
             self.close(os.strerror(error))
             return
         self._connecting = False
+        if self._shaking:
+            self._shake_hands()
+            return
         self._watch_output()
         self.connected()
         self.flush()
+
+    def _shake_hands(self) -> None:
+        assert self._tls is not None
+        try:
+            self._shaking = not self._tls.shake_hands()
+        except NoTlsError:
+            self._shaking, self._tls, self._wire = False, None, self._socket
+            self.without_tls()
+            return
+        except OSError as error:
+            self.close(error.strerror)
+            return
+        if self._shaking:
+            self._watch(_IN | _OUT if self._tls.has_unsent else _IN)
+            return
+        self._watch_output()
+        self.connected()
+        self.flush()
+        if not self.is_closed:
+            self._receive()  # there may be more in what brought the handshake's end
+
+    @property
+    def _is_sent(self) -> bool:
+        return self.backlog.is_empty and (self._tls is None or not self._tls.has_unsent)
 
     def _receive(self) -> None:
         passage = self._passage()
@@ -221,7 +284,7 @@ class Stream:
                 self._pass_on(passage)
 
     def _passage(self) -> Passage | None:
-        if self.fanout is None or self.is_closed or not self._reactor.pipe.is_usable:
+        if self.fanout is None or self.is_closed or self._tls is not None or not self._reactor.pipe.is_usable:
             return None
         return self.fanout.passage()
 
@@ -244,7 +307,7 @@ class Stream:
         if kept:
             buffer[:kept] = self._kept
         try:
-            count = self._socket.recv_into(buffer[kept : size if size > kept else len(buffer)])
+            count = self._wire.recv_into(buffer[kept : size if size > kept else len(buffer)])
         except OSError as error:
             self._failed(error)
             return
@@ -266,7 +329,7 @@ class Stream:
             self.close(f"malformed: {error}")
         if self.is_closed:
             return
-        if len(data) >= len(self._reactor.buffer) // 2:
+        if len(data) >= len(self._reactor.buffer) // 2 and not self._held:
             self.close("malformed: too much without an end")
         else:
             self._kept = bytes(data)
@@ -280,10 +343,10 @@ class Stream:
         self._watch_output()
 
     def _watch_output(self) -> None:
-        if self.is_closed or self._connecting:
+        if self.is_closed or self._connecting or self._shaking:
             return
         reading = 0 if self._held or (self._brake is not None and self._brake.is_on) else _IN
-        if self.backlog.is_empty:
+        if self._is_sent:
             was_behind = self._events & _OUT
             self._watch(reading)
             if was_behind:
@@ -302,8 +365,11 @@ def _nobody_waits() -> None:
 
 
 def dialled_socket() -> socket.socket:
-    """Returns a socket to dial with."""
-    return socket.socket(socket.AF_INET, socket.SOCK_STREAM | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC)
+    """Returns a socket to dial with; raises DialError if there is none to be had now."""
+    try:
+        return socket.socket(socket.AF_INET, socket.SOCK_STREAM | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC)
+    except OSError as error:
+        raise DialError(f"this gateway's computer gives it no socket: {error.strerror}") from None
 
 
 def watch_liveness(sock: socket.socket) -> None:
@@ -317,51 +383,3 @@ def watch_liveness(sock: socket.socket) -> None:
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 2)
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPCNT, 3)
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 7000)
-
-
-class Listener:
-    """A listening socket in the reactor.
-
-    Attributes:
-        port: its port.
-    """
-
-    def __init__(
-        self, reactor: Reactor, host: str, port: int, accepted: Callable[[socket.socket, str], None], backlog: int = 128
-    ) -> None:
-        self._reactor = reactor
-        self._accepted = accepted
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            self._socket.bind((host, port))
-        except OSError:
-            self._socket.close()
-            raise
-        self._socket.listen(backlog)
-        self.port = int(self._socket.getsockname()[1])
-
-    def start(self) -> None:
-        """Begins to accept."""
-        self._reactor.add(self._socket.fileno(), self, _IN)
-
-    def ready(self, events: int) -> None:
-        """See `reactor.Handler`."""
-        try:
-            sock, address = self._socket.accept()
-        except OSError as error:
-            if error.errno in _EXHAUSTED:  # epoll would say it again at once, for ever
-                self._reactor.change(self._socket.fileno(), 0)
-                self._reactor.call_later(1.0, self._resume)
-            return
-        self._accepted(sock, f"{address[0]}:{address[1]}")
-
-    def close(self, reason: str) -> None:
-        """Stops listening; a second call does nothing."""
-        if self._socket.fileno() >= 0:
-            self._reactor.remove(self._socket.fileno())
-            self._socket.close()
-
-    def _resume(self) -> None:
-        if self._socket.fileno() >= 0:
-            self._reactor.change(self._socket.fileno(), _IN)

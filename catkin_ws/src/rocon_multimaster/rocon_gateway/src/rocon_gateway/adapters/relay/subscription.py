@@ -113,10 +113,10 @@ class Subscription:
         self._context.resolver.resolve(str(host), lambda address: self._dial(address, port), self._failed)
 
     def _dial(self, address: str, port: int) -> None:
-        self._asking = False
         if self._customers:
             self._publisher = _Publisher(self, self._context, self._node)
             self._publisher.connect(address, port)
+        self._asking = False  # not before: without a socket `_failed` follows
 
     def found(self, header: Mapping[str, str]) -> None:
         """Called with the publisher's connection header."""

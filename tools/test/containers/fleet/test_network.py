@@ -1,6 +1,5 @@
 """Five robots, each on its computer: that they drive, and that nothing but links connects them."""
 
-import re
 import socket
 import struct
 from urllib.parse import urlsplit
@@ -8,26 +7,29 @@ from urllib.parse import urlsplit
 import pytest
 
 from containers.engine import ContainerError
-from containers.harness import Fleet
+from containers.harness import PATIENCE, Fleet
+from pioneer_harness.wait import wait_until
 
 HUB, RELAY = 6380, 6381
 CXX = ("/rosout", "robot_state_publisher")
 """Nodes in C++, whose XML-RPC server knows no loopback; their data port does."""
 
 
-@pytest.fixture(scope="module")
-def driving(five: Fleet) -> Fleet:
-    said = five.pioneer("up", "--robots", "5", "--waypoints", "1")
-    assert re.search(r"^5 robots drive after \d+ s", said, re.M), said
-    return five
-
-
 def test_five_robots_drive_a_minute_after_up(driving: Fleet) -> None:
     # Two cores have so much in a minute; on a busy machine a clock would tell about its other work.
     assert driving.cpu_seconds() < 120.0
-    rows = [line.split() for line in driving.pioneer("status").splitlines()[1:]]
+
+
+def test_status_has_a_row_a_computer_that_says_of_its_robot_that_it_drives_or_has_arrived(driving: Fleet) -> None:
+    rows: list[list[str]] = []
+
+    def drive_or_have_arrived() -> bool:
+        # A robot that drives stands for a moment, as where it plans anew.
+        rows[:] = [line.split() for line in driving.pioneer("status").splitlines()[1:]]
+        return all("drives" in row or "1/1" in row for row in rows[1:])
+
+    wait_until(drive_or_have_arrived, "every robot under way or there", PATIENCE)
     assert [row[0] for row in rows] == ["aadiworkstation", *(f"aadi{number}" for number in range(1, 6))]
-    assert all("drives" in row or "1/1" in row for row in rows[1:]), rows
 
 
 def listeners(fleet: Fleet, computer: str) -> set[int]:
@@ -53,3 +55,17 @@ def test_other_computers_reach_the_hub_and_the_relay_only(driving: Fleet, comput
     for port in (11311, 11312):
         with pytest.raises(ContainerError, match="refused"):
             driving.execute("aadi2", "python3", "-c", script, computer, str(port))
+
+
+def test_a_robots_computer_needs_less_than_half_of_the_originals_gigabyte(driving: Fleet) -> None:
+    for number in range(1, 6):
+        used = driving.memory(f"aadi{number}")
+        assert 100e6 < used < 500e6, f"aadi{number}: {used / 1e6:.0f} MB"
+
+
+def test_up_on_a_fleet_that_has_arrived_is_done_and_sends_nobody(driving: Fleet) -> None:
+    robots = range(1, 6)
+    before = driving.arrived(robots, dict.fromkeys(robots, 1))
+    assert "5 robots, which ran already and are sent nowhere, are ready" in driving.pioneer("up")
+    after = driving.arrived(robots, dict.fromkeys(robots, 1))
+    assert [after[one]["received"] for one in robots] == [before[one]["received"] for one in robots]

@@ -1,0 +1,33 @@
+"""Nodes that compute nothing do not load numpy, and can if they want to."""
+
+import subprocess
+import sys
+
+import pytest
+
+LATER = """
+import pioneer_node.nodes.light, rospy, sys
+assert "numpy" not in sys.modules
+import io, numpy
+from geometry_msgs.msg import Point
+out = io.BytesIO()
+Point(numpy.float64(1.0), 2.0, 3.0).serialize(out)
+assert len(out.getvalue()) == 24
+"""
+BEFORE = """
+import numpy, sys
+import pioneer_node.nodes.light, rospy
+assert sys.modules["numpy"] is numpy
+"""
+NODES = ["rocon_gateway.nodes.gateway", "rocon_hub.nodes.hub", "simple_navigation_goals.nodes.map_navigation_client"]
+
+
+@pytest.mark.parametrize("code", [LATER, BEFORE], ids=["numpy after it", "numpy before it"])
+def test_numpy_can_be_used_all_the_same(code: str) -> None:
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_a_node_that_computes_nothing_does_without(node: str) -> None:
+    code = f"import pioneer_node.nodes.light, {node}, sys; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,56 @@
+"""A gateway's part when the doctor asks: it looks at its links, in a thread of its own, and answers through the hub."""
+
+import threading
+
+import redis
+
+from rocon_gateway.adapters.hub_session import HubSession
+from rocon_gateway.core.examination import is_request, text_from_examination
+from rocon_gateway.core.hub import examined_key
+
+MAX_WAITING = 16
+"""So many requests may wait while we look; more are not answered."""
+
+
+class Examiner:
+    """Looks once at a time on each hub; who asks while it looks gets what it sees.
+
+    Methods return at once and may be called from any thread.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._waiting: dict[HubSession, set[str]] = {}
+
+    def asked(self, session: HubSession, request: str) -> None:
+        """Takes a request that came over `session`; what is no request is passed over."""
+        if not is_request(request):
+            return
+        with self._lock:
+            idle = session not in self._waiting
+            waiting = self._waiting.setdefault(session, set())
+            if len(waiting) < MAX_WAITING:
+                waiting.add(request)
+        if idle:
+            threading.Thread(target=self._look, args=(session,), name="examination", daemon=True).start()
+
+    def _look(self, session: HubSession) -> None:
+        # What it needs is loaded when it is needed for the first time.
+        from rocon_gateway.adapters.examination import examination
+
+        try:
+            seen = text_from_examination(examination(session, session.name))
+        except (redis.RedisError, OSError):
+            seen = ""  # the hub is lost, and with it whoever asked
+        with self._lock:
+            requests = self._waiting.pop(session)
+        if seen:
+            _answer(session, requests, seen)
+
+
+def _answer(session: HubSession, requests: set[str], seen: str) -> None:
+    try:
+        for request in requests:
+            session.client.publish(examined_key(request), seen)
+    except (redis.RedisError, OSError):
+        return

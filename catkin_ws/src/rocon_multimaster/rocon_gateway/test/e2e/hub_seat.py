@@ -1,0 +1,119 @@
+"""A hub's Redis, and gateways' places on it without gateways around them: what is told is what a test says."""
+
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import redis
+
+from pioneer_harness.port import PortReservation
+from pioneer_harness.wait import wait_until
+from rocon_gateway.adapters.hub import Hub, HubContext, Publication
+from rocon_gateway.adapters.hub_session import HubSession
+from rocon_gateway.adapters.redis_client import OPEN
+from rocon_gateway.core.code import Code, HubError
+from rocon_gateway.core.hub import Candidate, HubAddress, HubView
+from rocon_gateway.core.record import Letter, Offer, Purpose, Record
+from rocon_hub.adapters.redis_server import RedisServer
+from rocon_hub.adapters.registry import Registry
+from rocon_hub.core.setting import HubSetting
+
+LETTER = Letter(offers=(Offer("/flow", "std_msgs/String", "/talker", Purpose.FLIP),))
+
+
+class Seat:
+    """One gateway's place on a hub, which can be taken away and given back.
+
+    Attributes:
+        view: what it knows now.
+        session: its connection.
+        before_try: called before each try to get on the hub, by the thread that tries.
+        tries: how many of them there were.
+        complaints: why it is not on the hub, each with the number of the try.
+    """
+
+    def __init__(self, name: str, port: int, instance: str) -> None:
+        self.name, self.view, self.is_barred = name, HubView(), False
+        self.session: Any = None
+        self.before_try: Callable[[], object] = list
+        self.tries = 0
+        self.complaints: list[tuple[int, str]] = []
+        self._address, self._instance = HubAddress("127.0.0.1", port), instance
+        context = HubContext(
+            open=self._open,
+            claim=lambda _hub, _session: None,
+            linked=lambda: (),
+            take=self._take,
+            complain=lambda _about, why: self.complaints.append((self.tries, why)),
+            examine=lambda _session, _request: None,
+            logger=logging.getLogger("seat"),
+        )
+        self._hub = Hub([Candidate(self._address)], True, self._said({}), context)
+
+    def _open(self, _way: Candidate) -> HubSession:
+        if self.is_barred:
+            raise HubError(Code.HUB_CONNECTION_UNRESOLVABLE, "barred")
+        self.tries += 1
+        self.before_try()
+        self.session = HubSession(self._address, OPEN, self.name, self._instance)
+        return self.session
+
+    def _take(self, _hub: Hub, view: HubView | None) -> None:
+        self.view = view or HubView()
+
+    def _said(self, letters: dict[str, Letter]) -> Publication:
+        return Publication(Record(self.name, self._instance, "127.0.0.1", 9), letters, frozenset({".*"}))
+
+    def tell(self, **letters: Letter) -> None:
+        """Sets what it tells whom."""
+        self._hub.publish(self._said(letters))
+
+    def hears(self, sender: str) -> Letter | None:
+        """The letter of `sender`, as it knows it; None for a gateway that it does not know."""
+        remote = self.view.remotes.get(sender)
+        return remote.letter if remote else None
+
+    def connected(self) -> "Seat":
+        wait_until(lambda: self.view.connected, f"{self.name} on the hub", 5)
+        return self
+
+    def lose(self) -> None:
+        """Cuts its connection, and keeps it from making another."""
+        self.is_barred = True
+        self.session.events.connection._sock.shutdown(2)
+        wait_until(lambda: not self.view.connected, f"{self.name} off the hub", 5)
+
+    def find(self) -> None:
+        """Lets it back on the hub."""
+        self.is_barred = False
+        self.connected()
+
+    def leave(self) -> None:
+        """Takes its leave."""
+        self._hub.stop()
+        self._hub.join()
+
+
+class Bench:
+    """A Redis with a hub's keys in it, and seats."""
+
+    def __init__(self, folder: Path) -> None:
+        self._ports = PortReservation()
+        self.port = self._ports.take(19380)
+        self.server = RedisServer(HubSetting(port=self.port), folder / "redis", OPEN)
+        self.server.start()
+        self.client: redis.Redis = self.server.client
+        self.registry = Registry(self.client, 60.0)
+        self.registry.open("Test Hub")
+        self.seats: list[Seat] = []
+
+    def seat(self, name: str, instance: str = "1", port: int = 0) -> Seat:
+        self.seats.append(Seat(name, port or self.port, instance))
+        return self.seats[-1].connected()
+
+    def close(self) -> None:
+        for seat in self.seats:
+            seat.leave()
+        self.server.stop()
+        self._ports.release()

@@ -1,0 +1,148 @@
+"""What a gateway writes on a real hub and reads from it, by the keys of docs/gateway.md."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hub_seat import LETTER, Bench, Seat
+
+from pioneer_harness.tcp_proxy import TcpProxy
+from pioneer_harness.wait import wait_until
+from rocon_gateway.core.hub import GATEWAYS_KEY, NAME_KEY, alive_key, letters_key, record_key
+from rocon_gateway.core.record import EMPTY, Record, text_from_letter, text_from_record
+from rocon_hub.adapters.registry import Registry
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(tmp_path)
+    yield made
+    made.close()
+
+
+def told(bench: Bench) -> tuple[Seat, Seat]:
+    """A base and a robot that has written it a letter, which the base knows."""
+    base, robot = bench.seat("base"), bench.seat("robot")
+    robot.tell(base=LETTER)
+    wait_until(lambda: base.hears("robot") == LETTER, "the letter", 5)
+    return base, robot
+
+
+def test_what_is_cancelled_while_its_gateway_is_off_the_hub_is_withdrawn_when_it_returns(bench: Bench) -> None:
+    base, robot = told(bench)
+    robot.lose()
+    robot.tell()
+    robot.find()
+    wait_until(lambda: base.hears("robot") == EMPTY, "the withdrawal", 5)
+    assert not bench.client.exists(letters_key("base"))
+
+
+def test_what_a_killed_gateway_had_told_is_withdrawn_by_its_next_instance(bench: Bench) -> None:
+    base, robot = told(bench)
+    robot.lose()
+    bench.seat("robot", "2")
+    wait_until(lambda: base.hears("robot") == EMPTY, "the withdrawal", 5)
+
+
+def test_what_was_withdrawn_while_the_receiver_was_off_the_hub_is_forgotten_when_it_returns(bench: Bench) -> None:
+    base, robot = told(bench)
+    base.lose()
+    robot.tell()
+    wait_until(lambda: not bench.client.exists(letters_key("base")), "the withdrawal", 5)
+    base.find()
+    assert base.hears("robot") == EMPTY
+
+
+def test_on_a_hub_that_was_emptied_letters_hold_until_their_senders_have_had_time_to_write(bench: Bench) -> None:
+    base, robot = told(bench)
+    base.lose()
+    robot.lose()
+    bench.client.flushall()
+    bench.registry.open("Test Hub")
+    base.find()
+    assert base.hears("robot") == LETTER
+    robot.find()
+    wait_until(lambda: bench.client.hexists(letters_key("base"), "robot"), "the letter on the hub", 5)
+    assert base.hears("robot") == LETTER
+
+
+def test_a_thousand_who_join_at_once_are_read_together_and_cost_no_sign_of_life(bench: Bench) -> None:
+    """Each had cost a question to the hub, with no sign of life in between: whoever was slow was declared lost."""
+    proxy = TcpProxy("127.0.0.1", bench.port)
+    proxy.delay = 0.005
+    base = bench.seat("base", "1", proxy.port)
+    asked = questions(bench)
+    names = [f"robot{number}" for number in range(1000)]
+    with bench.client.pipeline() as pipe:
+        pipe.sadd(GATEWAYS_KEY, *names)
+        for name in names:
+            pipe.set(record_key(name), text_from_record(Record(name, "1", "127.0.0.1", 9)))
+            pipe.set(alive_key(name), "1")
+            pipe.hset(letters_key("base"), name, text_from_letter(LETTER))
+            pipe.publish(GATEWAYS_KEY, json.dumps({"gateway": name, "event": "joined"}))
+        pipe.execute()
+    lost: set[str] = set()
+    # The last name's record is not always the last one to be read.
+    wait_until(lambda: lost.update(bench.registry.look()) or all(map(base.hears, names)), "all letters", 60)
+    assert lost == set()
+    assert [base.hears(name) for name in names] == [LETTER] * len(names)
+    assert questions(bench) - asked < 50
+    base.leave()
+    proxy.close()
+
+
+def questions(bench: Bench, command: str = "hmget") -> int:
+    """How often the hub was asked that; by default: to read letters of single senders."""
+    return int(bench.client.info("commandstats").get(f"cmdstat_{command}", {"calls": 0})["calls"])
+
+
+def test_who_is_gone_is_struck_from_each_receivers_letters_by_one_command(bench: Bench) -> None:
+    gone, left = [f"gone{number}" for number in range(50)], [f"robot{number}" for number in range(20)]
+    bench.client.sadd(GATEWAYS_KEY, *gone, *left)
+    for name in left:
+        bench.client.set(alive_key(name), "1")
+        bench.client.hset(letters_key(name), mapping=dict.fromkeys([*gone, "robot0"], "{}"))
+    registry = Registry(bench.client, 0.0)
+    assert set(registry.look()) == set(gone)
+    assert registry.clear() == set(gone)
+    assert bench.client.smembers(GATEWAYS_KEY) == set(left)
+    assert [bench.client.hkeys(letters_key(name)) for name in left] == [["robot0"]] * len(left)
+    assert questions(bench, "hdel") == len(gone) + len(left)
+
+
+def test_a_hub_that_has_started_and_has_no_name_yet_is_no_stranger_unless_it_stays_so(bench: Bench) -> None:
+    """Its Redis answers a moment before the hub has written its name there; that was a line in gateways' logs."""
+    base = bench.seat("base")
+
+    def name_at_the_second_try() -> None:
+        if base.tries == 2:
+            bench.registry.open("Test Hub")
+
+    base.before_try = name_at_the_second_try
+    for _ in range(2):
+        base.lose()
+        bench.client.delete(NAME_KEY)
+        base.tries = 0
+        base.find()
+        assert (base.tries, base.complaints) == (2, [])
+    base.before_try = list
+    base.lose()
+    bench.client.delete(NAME_KEY)
+    base.tries, base.is_barred = 0, False
+    wait_until(lambda: base.complaints, "what is said of it", 5)
+    assert base.complaints == [(2, f"the Redis at http://127.0.0.1:{bench.port} is not a hub: it has no name")]
+
+
+def test_letters_to_who_takes_its_leave_go_with_it(bench: Bench) -> None:
+    """A sender that is away at that time could not withdraw its letter, and would not when the receiver returns."""
+    base = bench.seat("base")
+    bench.client.hset(letters_key("base"), "robot", text_from_letter(LETTER))
+    base.leave()
+    assert not bench.client.exists(letters_key("base"))
+
+
+def test_what_a_stranger_wrote_in_the_place_of_anothers_letters_keeps_nobody_off_the_hub(bench: Bench) -> None:
+    bench.client.sadd(GATEWAYS_KEY, "ghost")
+    bench.client.set(letters_key("ghost"), "not a hash")
+    bench.seat("robot")

@@ -1,0 +1,149 @@
+"""A ROS master that answers nonsense for a while, or late: what runs goes on, and what ends ends."""
+
+import http.client
+import os
+import signal
+import threading
+import time
+import xmlrpc.client
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+import pytest
+import redis
+from measure import longest_gap
+
+from pioneer_harness.masters import Master
+from pioneer_harness.wait import wait_until
+from rocon_gateway.core.hub import GATEWAYS_KEY
+
+# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+
+
+class MadMaster(Master):
+    """A master with a web server before it, which passes all on, late, or answers each question with an error."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.front = ThreadingHTTPServer(("127.0.0.1", 0), _Handler)
+        self.front.daemon_threads = True
+        self.front.behind, self.front.is_mad, self.front.before, self.front.after = self.port, False, {}, {}
+        threading.Thread(target=self.front.serve_forever, args=(0.05,), daemon=True).start()
+
+    @property
+    def environment(self) -> dict[str, str]:
+        return {**super().environment, "ROS_MASTER_URI": f"http://127.0.0.1:{self.front.server_port}/"}
+
+    def stop(self) -> None:
+        self.front.shutdown()
+        self.front.server_close()
+        super().stop()
+
+
+class _Handler(BaseHTTPRequestHandler):
+    protocol_version = "HTTP/1.1"
+    server: Any
+
+    def do_POST(self) -> None:
+        body = self.rfile.read(int(self.headers["Content-Length"]))
+        method = str(xmlrpc.client.loads(body)[1])
+        self.server.before.get(method, str)()
+        status, said = (500, b"") if self.server.is_mad else _asked(self.server.behind, body)
+        self.server.after.get(method, str)()
+        self.send_response(status)
+        self.send_header("Content-Type", "text/xml")
+        self.send_header("Content-Length", str(len(said)))
+        self.end_headers()
+        self.wfile.write(said)
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Nothing is said."""
+
+
+def _asked(port: int, body: bytes) -> tuple[int, bytes]:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+    try:
+        connection.request("POST", "/RPC2", body, {"Content-Type": "text/xml"})
+        response = connection.getresponse()
+        return response.status, response.read()
+    finally:
+        connection.close()
+
+
+@pytest.fixture
+def mad(standing_fleet) -> Iterator[MadMaster]:
+    made = MadMaster()
+    yield made
+    made.front.is_mad = False
+
+
+def test_a_master_that_answers_nonsense_stops_no_data_and_is_one_line(standing_fleet, standing, mad) -> None:
+    _, robot = standing
+    site = standing_fleet.site("bedlam", mad)
+    site.start().connected()
+    robot.talk("/flow")
+    ear = site.hear("/flow")
+    assert site.flip("robot", "subscriber", "/flow") == 0
+    ear.first_after(0.0)
+    began, mad.front.is_mad = time.monotonic(), True
+    lost, back = "running links go on", "the ROS master answers again"
+    wait_until(lambda: lost in site.log.read_text(), "the line", 5)
+    wait_until(lambda: time.monotonic() - began > 1.0, "several looks at the master", 3)
+    mad.front.is_mad = False
+    wait_until(lambda: back in site.log.read_text(), "the master is sane", 5)
+    assert site.flip("robot", "subscriber", "/other") == 0
+    wait_until(lambda: site.states()["flip /flow"] == "active", "active", 5)
+    assert longest_gap(ear.times(), began) < 1.0
+    said = site.log.read_text()
+    assert (said.count(lost), said.count(back), said.count("registered anew")) == (1, 1, 0)
+
+
+def test_what_a_service_has_changed_shows_when_it_has_answered_also_where_the_master_is_slow(
+    standing_fleet, mad
+) -> None:
+    """A script that flips and then looks was told of the rules as they were before."""
+    site = standing_fleet.site("hospital", mad).start().connected()
+    slow = threading.Event()
+    mad.front.before["getSystemState"] = lambda: slow.wait(0.2)
+    for number in range(1, 4):
+        assert site.flip("robot", "subscriber", f"/late{number}") == 0
+        assert len(site.info().flip_watchlist) == number
+        assert f"flip /late{number}" in site.states()
+    assert site.flip("robot", "subscriber", "/late1", cancel=True) == 0
+    assert "flip /late1" not in site.states()
+    slow.set()
+
+
+def test_a_gateway_that_sees_itself_unregistered_while_it_ends_does_not_register_anew(
+    standing_fleet, standing, mad
+) -> None:
+    """A look at the master in the midst of the shutdown took it for a restarted one, and left a dead node there."""
+    site = standing_fleet.site("asylum", mad).start().connected()
+    asked, looked, registered = threading.Event(), threading.Event(), threading.Event()
+    hub = redis.Redis(port=standing_fleet.hub_port, decode_responses=True)
+
+    def is_served() -> bool:
+        return any("/gateway" in nodes for nodes in mad.system_state()[2].values())
+
+    def answer_late() -> None:
+        asked.set()
+        wait_until(lambda: not is_served(), "all services unregistered", 10)
+
+    def confirm_when_it_has_left_the_hub() -> None:
+        wait_until(lambda: registered.is_set() or not hub.sismember(GATEWAYS_KEY, site.name), "what follows", 10)
+
+    mad.front.before["registerPublisher"] = registered.set
+    mad.front.after["system.multicall"] = confirm_when_it_has_left_the_hub  # in which rospy unregisters everything
+    mad.front.after["getSystemState"] = looked.set
+    mad.front.before["getSystemState"] = answer_late
+    # A gateway that is between two looks ends without another one.
+    assert asked.wait(10)
+    looked.clear()
+    os.kill(site.pid, signal.SIGINT)
+    wait_until(lambda: not standing_fleet.group.is_running(site.name), "the gateway's end", 15)
+    hub.close()
+    assert looked.is_set()
+    assert "registered anew" not in site.log.read_text()
+    assert site.publishers("/gateway/gateway_info") == []

@@ -1,0 +1,64 @@
+"""What a thousand gateways on a hub cost one that they do not concern: nothing, as long as nobody comes or goes."""
+
+import difflib
+
+import pytest
+from gateway_model import gateway, to
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rocon_gateway.core import rule
+from rocon_gateway.core.reconcile import reconcile
+from rocon_gateway.core.rule import Kind
+from rocon_gateway.core.situation import Situation, State
+from rocon_gateway.core.spelling import Spelling
+
+NAMES = [f"crowd{number}" for number in range(1000)]
+names = st.text("abc12", max_size=6)
+
+
+class Count:
+    """Counts the calls of a function."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, owner: object, name: str) -> None:
+        function, self.calls = getattr(owner, name), 0
+
+        def counted(*arguments: object) -> object:
+            self.calls += 1
+            return function(*arguments)
+
+        monkeypatch.setattr(owner, name, counted)
+
+
+def situation(*gateways: str, also: str = "crowd") -> Situation:
+    own = gateway("base")
+    book = own.book.flipped([to(one, Kind.PUBLISHER, "/flow") for one in gateways])
+    return Situation(book=book, firewall=False, local=frozenset(), connected=True, names=frozenset([*NAMES, also]))
+
+
+def test_whom_rules_mean_is_looked_for_when_somebody_comes_or_goes_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    rules = [f"{one}[0-9]" for one in ("crowd99", "absent", "c.*")]
+    reconcile(situation(*rules))
+    count = Count(monkeypatch, rule, "matches_whole")
+    reconcile(situation(*rules))
+    assert count.calls == 0
+    (first, *_) = reconcile(situation(*rules, also="absent1")).states
+    assert count.calls >= len(NAMES)
+    assert first.verdict.state == State.PENDING
+
+
+def test_the_nearest_names_are_looked_for_among_newcomers_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = reconcile(situation("crowd5000", "robot5000"))
+    count = Count(monkeypatch, difflib.SequenceMatcher, "set_seq1")
+    assert reconcile(situation("crowd5000", "robot5000")).states == before.states
+    assert count.calls == 0
+    near, _ = reconcile(situation("crowd5000", "robot5000", also="crowd50001")).states
+    assert count.calls == 2
+    assert near.verdict.reason.startswith("nearest on the hub: crowd50001, crowd500")
+
+
+@given(names, st.lists(st.sets(names)))
+def test_the_nearest_names_are_those_of_difflib_whatever_was_asked_before(name: str, asked: list[set[str]]) -> None:
+    spelling = Spelling(name)
+    for known in asked:
+        assert spelling.nearest(frozenset(known)) == difflib.get_close_matches(name, sorted(known), n=3)

@@ -1,0 +1,184 @@
+"""Checks: commands that run in sessions of their own, a few side by side, and the tests that they count."""
+
+import os
+import shutil
+import threading
+import time
+import xml.etree.ElementTree as ElementTree
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pioneer_harness.error import ProcessStartError
+from pioneer_harness.process import ProcessGroup
+
+ROOT = Path(__file__).resolve().parent.parent
+LOG = ROOT / ".setup" / "log" / "test"
+ENDING_SECONDS = 30.0
+"""Longer than a roslaunch takes, which gives its nodes 15 s after SIGINT and 2 s after SIGTERM, on a busy machine."""
+_LOOK_SECONDS = 0.1
+
+
+@dataclass(frozen=True)
+class Check:
+    """One command of a stage. ``results`` is the folder where it leaves JUnit files, if it does.
+
+    The last line of a check that is ``shown`` is its progress, for people to see. ``patience`` is how long it and what
+    it started may take to end once they are asked to [s].
+    """
+
+    name: str
+    command: list[str]
+    results: Path | None = None
+    environment: dict[str, str] = field(default_factory=dict)
+    timeout: float = 600.0
+    patience: float = ENDING_SECONDS
+    shown: bool = False
+
+    @property
+    def log(self) -> Path:
+        """Where its output goes."""
+        return LOG / f"{self.name.replace('/', '-').replace(' ', '-')}.log"
+
+
+@dataclass
+class Count:
+    """How many tests passed, failed and were skipped."""
+
+    passed: int = 0
+    failed: int = 0
+    skipped: int = 0
+
+    def add(self, other: "Count") -> None:
+        """Adds ``other`` to this count."""
+        self.passed += other.passed
+        self.failed += other.failed
+        self.skipped += other.skipped
+
+    def __str__(self) -> str:
+        skipped = f", {self.skipped} skipped" if self.skipped else ""
+        return f"{self.passed} passed, {self.failed} failed{skipped}"
+
+
+class Running:
+    """A check under way, which is ended whole: nodes that roslaunch gave sessions of their own, and orphans, too."""
+
+    def __init__(self, check: Check) -> None:
+        self.check, self.pid = check, 0
+        if check.results:
+            shutil.rmtree(check.results, ignore_errors=True)
+            check.results.mkdir(parents=True)
+        self._began, self._said = time.monotonic(), ""
+        check.log.unlink(missing_ok=True)
+        self._group = ProcessGroup()
+        environment = {**os.environ, **check.environment}
+        try:
+            self.pid = self._group.start(check.name, check.command, environment, check.log, may_end=True, folder=ROOT)
+        except ProcessStartError as error:
+            self._log(str(error))
+
+    def ended(self, patience: float) -> bool:
+        """Waits for the end, ``patience`` seconds at most, and tells whether there is nothing more to wait for."""
+        with self._group.changed:
+            if self._group.changed.wait_for(lambda: not self._group.is_running(self.check.name), patience):
+                return True
+        if self.check.shown:
+            self._show()
+        return time.monotonic() - self._began > self.check.timeout
+
+    def close(self, urgent: Callable[[], bool] = lambda: False) -> Count:
+        """Ends what is left of it, asking first and insisting after its patience, or once ``urgent``; counts it."""
+        good = bool(self.pid) and not self._group.deaths
+        if self._group.is_running(self.check.name):
+            good = False
+            self._log(f"not finished after {time.monotonic() - self._began:.0f} s")
+        if killed := self._group.stop(self.check.patience, urgent):
+            self._log("\n  ".join(("did not end when asked to, and were killed:", *killed)))
+        return counted(self.check, 0 if good else 1)
+
+    def _log(self, text: str) -> None:
+        with self.check.log.open("a") as output:
+            output.write(f"\n{text}\n")
+
+    def _show(self) -> None:
+        lines = self.check.log.read_text(errors="replace").splitlines()
+        if lines and lines[-1] != self._said:
+            self._said = lines[-1]
+            print(f"  {self._said}", flush=True)
+
+
+def run(
+    checks: Sequence[Check], at_once: int, progress: Callable[[list[str], int], None]
+) -> Iterator[tuple[Check, Count]]:
+    """Runs the checks in their order, ``at_once`` of them side by side, and yields each with its count as it ends.
+
+    ``progress`` is told the names of those under way and how many have ended, whenever that changes. Closing the
+    iterator, or an interrupt, ends all that run; a second interrupt does not wait for them.
+    """
+    waiting, running, done = deque(checks), list[Running](), 0
+    try:
+        while waiting or running:
+            while waiting and len(running) < at_once:
+                running.append(Running(waiting.popleft()))
+                progress([one.check.name for one in running], done)
+            for one in running:
+                if one.ended(_LOOK_SECONDS / len(running)):
+                    count = one.close()
+                    running.remove(one)
+                    done += 1
+                    yield one.check, count
+                    break
+            _reap({one.pid for one in running})
+    except KeyboardInterrupt:
+        print("\nending what runs; Ctrl-C again kills it", flush=True)
+        raise
+    finally:
+        _close_all(running)
+
+
+def _close_all(running: Sequence[Running]) -> None:
+    hurry = threading.Event()
+    with ThreadPoolExecutor(len(running) or 1) as pool:
+        try:
+            for closed in [pool.submit(one.close, hurry.is_set) for one in running]:
+                closed.result()
+        except KeyboardInterrupt:
+            hurry.set()
+
+
+def _reap(checks: set[int]) -> None:
+    """Takes leave of orphans that ended: who looks for them, as tests do, would find zombies else.
+
+    The groups of the checks make this process the parent of all orphans; the checks themselves are theirs to wait for.
+    """
+    try:
+        while (ended := os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT)) and ended.si_pid not in checks:
+            os.waitpid(ended.si_pid, 0)
+    except ChildProcessError:
+        return
+
+
+def counted(check: Check, status: int) -> Count:
+    """Returns the tests in the check's JUnit files; a failure they do not show, or no test at all, is one more.
+
+    Tests that are all skipped, because this machine cannot run them, are no failure.
+    """
+    total = Count()
+    for path in check.results.rglob("*.xml") if check.results else ():
+        try:
+            suites = list(ElementTree.parse(path).getroot().iter("testsuite"))
+        except ElementTree.ParseError:  # rostest writes what a test printed as it came, control characters too
+            total.failed += 1
+            continue
+        for suite in suites:
+            tests, skipped = int(suite.get("tests", 0)), int(suite.get("skipped", suite.get("skip", 0)) or 0)
+            failed = int(suite.get("failures", 0)) + int(suite.get("errors", 0))
+            total.add(Count(tests - failed - skipped, failed, skipped))
+    if not check.results and not status:
+        total.passed = 1
+    # rostest calls a test whose node died before its first line a success of no tests.
+    if (status or not (total.passed or total.skipped)) and not total.failed:
+        total.failed = 1
+    return total

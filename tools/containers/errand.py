@@ -1,0 +1,133 @@
+"""Robots on errands, each watched by its own computer, for tests of what faults do."""
+
+import json
+import subprocess
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from containers.engine import Computer
+from containers.harness import PATIENCE, Fleet
+from containers.report import REPORT
+
+ROUNDS: dict[int, tuple[tuple[float, float], ...]] = {
+    1: ((-4.0, -8.5), (-4.0, -12.0), (-2.0, -10.0)),
+    2: ((-4.0, 19.5), (-4.0, 16.5), (-2.0, 18.0)),
+    3: ((2.0, 2.0), (2.0, -0.5), (5.0, 1.0)),
+    4: ((17.0, -11.0), (17.0, -8.0), (21.0, -11.0)),
+    5: ((5.0, -11.0), (5.0, -7.5), (2.5, -11.0)),
+    6: ((-2.0, 8.0), (-4.0, 6.5), (-3.5, 9.5)),
+}
+"""By robot, a way of 8 to 12 m around the room of utm_0 that it starts in, back to where it starts."""
+
+ODOM_GAP, SCAN_GAP = 0.5, 1.0
+"""Without odometry for so long a robot of this fleet stops (move_base's odom_timeout); scans are ten times rarer than
+odometry. Both [s] of simulated time, which a busy machine only slows down."""
+
+Report = Mapping[str, Any]
+
+
+class Errand:
+    """One robot's round, and what its computer hears of it meanwhile."""
+
+    def __init__(self, computer: Computer, places: Sequence[tuple[float, float]]) -> None:
+        self.name, self._count, self._container = computer.name, len(places), computer.container
+        self._began = time.time()
+        words = ["--until", "ready", "--timeout", f"{PATIENCE:g}", *(f"--to={x},{y}" for x, y in places)]
+        self._process = subprocess.Popen(
+            ["docker", "exec", computer.container, REPORT, "--robot", computer.robot, *words],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self._changed = threading.Condition()
+        self._reports: list[Report] = []
+        self._other: list[str] = []
+        self._over = False
+        self._thread = threading.Thread(target=self._read)
+        self._thread.start()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None, "it was asked for"
+        with self._process.stdout as lines:
+            for line in lines:
+                with self._changed:
+                    if line.startswith("{"):
+                        self._reports.append(json.loads(line))
+                    else:
+                        self._other.append(line)
+                    self._changed.notify_all()
+        with self._changed:
+            self._over = True
+            self._changed.notify_all()
+
+    def under_way(self) -> Report:
+        """Waits until the robot drives; returns the first report of a robot that could take the errand."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._over or self._find("moving"), PATIENCE)
+            assert self._find("moving"), f"{self.name} does not drive: {self._last()}"
+            found = self._find("ready", "moving")
+            assert found is not None, "it moves"
+            return found
+
+    def _find(self, *stages: str) -> Report | None:
+        return next((report for report in self._reports if report["stage"] in stages), None)
+
+    def _last(self) -> Report | str:
+        return self._reports[-1] if self._reports else "".join(self._other)
+
+    def over(self) -> Report:
+        """Waits until every place of the round is dealt with; returns the last report."""
+        status = self._process.wait(PATIENCE + 30.0)
+        self._thread.join()
+        assert status == 0, f"{self.name} has not dealt with its waypoints: {self._last()}"
+        return self._reports[-1]
+
+    def reached(self) -> None:
+        """Sees the robot reach every place of its round."""
+        before, after = self.under_way(), self.over()
+        assert after["reached"] - before["reached"] == self._count, self._told(after)
+        assert after["aborted"] == before["aborted"], self._told(after)
+
+    def undisturbed(self) -> None:
+        """Sees it do so with all rules in force at the end, and never out of touch for longer than a robot bears."""
+        self.reached()
+        after = self.over()
+        assert after["active"] == after["rules"], self._told(after)
+        assert after["odom_gap"] <= ODOM_GAP, self._told(after)
+        assert after["scan_gap"] <= SCAN_GAP, self._told(after)
+
+    def _told(self, report: Report) -> str:
+        """Returns a report with what its computer has said since."""
+        command = ["docker", "logs", "--since", f"{self._began:.0f}", "--tail", "12", self._container]
+        said = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
+        return f"{self.name}: {report}\n{said.stdout}"
+
+    def abandon(self) -> None:
+        """Ends the watching of a computer that is gone, or of a test that has failed."""
+        self._process.kill()
+        self._process.wait()
+        self._thread.join()
+
+
+class Errands:
+    """The errands of a fleet; those that a test leaves unfinished are abandoned."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        self.fleet = fleet
+        self._all: list[Errand] = []
+
+    def send(self, *numbers: int) -> dict[int, Errand]:
+        """Sends robots on their rounds; returns once all of them drive."""
+        computers = self.fleet.computers()
+        errands = {number: Errand(computers[f"aadi{number}"], ROUNDS[number]) for number in numbers}
+        self._all += errands.values()
+        for errand in errands.values():
+            errand.under_way()
+        return errands
+
+    def close(self) -> None:
+        """Abandons what still runs."""
+        for errand in self._all:
+            errand.abandon()

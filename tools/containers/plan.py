@@ -1,0 +1,139 @@
+"""What ``./pioneer up`` is to make of the fleet that is there: decided before anything is built, written or started."""
+
+from argparse import Namespace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from containers import SOURCE
+from containers.engine import Computer, ContainerError
+from containers.state import BASE
+from pioneer_demo.adapters.world_folder import places_by_world
+from pioneer_demo.core.capacity import factor_held
+from pioneer_demo.core.error import OptionError
+from pioneer_demo.core.option import check_fleet
+
+ROBOTS, WORLD = 5, "utm_0"
+"""Of a fleet that is not there yet, unless told."""
+MOST_WAYPOINTS = 50
+DOWN = "./pioneer down first"
+_STACK = SOURCE / "pioneer_gazebo_ros"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The fleet as it is to be.
+
+    Attributes:
+        robots: how many, with those there are.
+        world: the world's name.
+        factor: its real-time factor.
+        remark: one line on a factor that is less than was to be expected; empty otherwise.
+        idle: no steps are started.
+        before: the fleet's computers as they were, by name.
+        base: the base station if it runs: what runs with it is left alone.
+    """
+
+    robots: int
+    world: str
+    factor: float
+    remark: str
+    idle: bool
+    before: Mapping[str, Computer]
+    base: Computer | None
+
+    def starts(self, computer: str) -> bool:
+        """Returns whether a computer is started by this call: all are where the base station does not run."""
+        return self.base is None or computer not in self.before or not self.before[computer].running
+
+    @property
+    def started(self) -> list[str]:
+        """The computers that this call starts, the base station first."""
+        every = (BASE, *(f"aadi{number}" for number in range(1, self.robots + 1)))
+        return [name for name in every if self.starts(name)]
+
+    def joiners(self, computers: Sequence[Computer]) -> list[str]:
+        """Returns the robots that the world of the base station does not have yet, but for one that a person starts."""
+        if self.base is None or is_idle(self.base):
+            return []
+        count = int(self.base.environment["ROBOTS"])
+        return [one.robot for one in computers if one.number > count and one.name not in self.before]
+
+
+def is_idle(computer: Computer) -> bool:
+    """Returns whether a person types its steps."""
+    return computer.environment.get("PIONEER_ROLE") == "idle"
+
+
+def places_here() -> dict[str, int]:
+    """Returns for each world that comes with the image how many robots have a place in it."""
+    worlds = _STACK / "pioneer_gazebo" / "worlds"
+    found = places_by_world(_STACK / "pioneer_gazebo" / "map", _STACK / "pioneer_description" / "config")
+    return {name: count for name, count in found.items() if (worlds / f"{name}.world").is_file()}
+
+
+def limits() -> str:
+    """Returns in words how many robots there can be."""
+    found = places_here()
+    most = max(found.values())
+    less = [f"{count} in {name}" for name, count in found.items() if count < most]
+    return f"at most {most}" + (f" ({', '.join(less)})" if less else "")
+
+
+def make_plan(options: Namespace, computers: Sequence[Computer], processors: float) -> Plan:
+    """Returns the plan for the options of ``up`` and the computers that are there.
+
+    Raises:
+        ContainerError: it cannot be, and why.
+    """
+    before = {one.name: one for one in computers}
+    there = before.get(BASE)
+    base = there if there and there.running else None
+    most = max([int(there.environment["ROBOTS"]) if there else 0, *(one.number for one in computers)])
+    robots = options.robots if options.robots is not None else most or ROBOTS
+    world = options.world or (there.environment["WORLD"] if there else WORLD)
+    _check_world(options, robots, world, base)
+    if robots < most:
+        raise ContainerError(f"there is a fleet of {most} robots: {DOWN}")
+    if base:
+        _check_steps(options, base, robots > most)
+    factor, remark = choose_factor(options.rtf, robots, processors, base)
+    return Plan(robots, world, factor, remark, options.idle or (base is not None and is_idle(base)), before, base)
+
+
+def _check_world(options: Namespace, robots: int, world: str, base: Computer | None) -> None:
+    if base and world != base.environment["WORLD"]:
+        raise ContainerError(f"a fleet runs in {base.environment['WORLD']}: {DOWN}")
+    try:
+        check_fleet(robots, world, places_here())
+    except OptionError as error:
+        raise ContainerError(str(error)) from None
+    if not 0 <= options.waypoints <= MOST_WAYPOINTS:
+        raise ContainerError(f"--waypoints must be 0 to {MOST_WAYPOINTS}, not {options.waypoints}")
+
+
+def _check_steps(options: Namespace, base: Computer, more: bool) -> None:
+    """Refuses what would need the steps of computers that run started, or ended."""
+    if is_idle(base) and not options.idle and (more or not options.desktop):
+        raise ContainerError(f"an idle fleet runs: {DOWN}")
+    if options.idle and not is_idle(base) and not more:
+        raise ContainerError(f"a fleet runs whose steps are started: {DOWN}")
+
+
+def choose_factor(rtf: float | None, robots: int, processors: float, base: Computer | None) -> tuple[float, str]:
+    """Returns the factor that the world is to have, that of the running one if there is one, and what to say of it.
+
+    Raises:
+        ContainerError: the factor that was asked for cannot be.
+    """
+    if rtf is not None and not 0.0 <= rtf < 100.0:
+        raise ContainerError(f"--rtf must be 0 (as fast as possible) or more, not {rtf:g}")
+    held = factor_held(robots, processors)
+    running = float(base.environment.get("REAL_TIME_FACTOR", "1")) if base else None
+    if running is not None and rtf is not None and rtf != running:
+        raise ContainerError(f"the world that runs has a real-time factor of {running:g}: {DOWN}")
+    factor = running if running is not None else held if rtf is None else rtf
+    if rtf is not None or held >= (1.0 if running is None else running):
+        return factor, ""
+    carry = f"{processors:g} processors carry {robots} robots at a real-time factor of {held:g}"
+    rest = " (--rtf R insists on another)" if running is None else f"; the world that runs has {running:g}"
+    return factor, carry + rest

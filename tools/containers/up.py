@@ -1,0 +1,169 @@
+"""``./pioneer up``: starts a fleet, or what is missing of one, and waits for what it has started."""
+
+import contextlib
+import os
+import sys
+import time
+import urllib.parse
+from argparse import Namespace
+from collections.abc import Sequence
+from typing import Any
+
+from containers import image
+from containers.engine import DESKTOP, Computer, ContainerError, output
+from containers.layout import write_compose
+from containers.plan import Plan, is_idle, make_plan
+from containers.report import follow
+from containers.state import BASE, SHIPPED, desktop_token, project, written_compose
+from containers.table import progress_line
+from pioneer_harness.proc import processors
+
+JOINED = "/var/lib/pioneer/robots"
+"""Where the base station finds how many robots there are, once more have joined (docker/computer)."""
+START_UP, START_UP_PER_ROBOT = 120.0, 10.0
+COMPUTERS_A_PROCESSOR = 3
+"""So many may start at once. A computer starts a dozen programs, for about ten seconds of processor time, and roslaunch
+gives its master ten seconds to answer."""
+_UP = ("bash", "-c", "until /opt/pioneer/docker/healthy 2>/dev/null; do sleep 0.5; done")
+_PAGE = ("bash", "-c", "until (exec 3<>/dev/tcp/127.0.0.1/6080) 2>/dev/null; do sleep 0.5; done")
+"""The desktop is on the base station's network."""
+
+
+def up(options: Namespace) -> int:
+    """Runs the command; returns its exit status.
+
+    Raises:
+        ContainerError: it cannot be, or did not come to pass.
+    """
+    began = time.monotonic()
+    # An engine that does not answer, and what cannot be, are told before anything is built or written.
+    plan = make_plan(options, project(options.project).computers(), processors())
+    if plan.remark:
+        _say(plan.remark)
+    image.ensure_images(_say, options.desktop, fleet=not plan.base)
+    write_compose(SHIPPED, written_compose(options.project), plan.robots)
+    built = time.monotonic()
+    computers = _start(plan, options)
+    if options.desktop:
+        _await_page(next(one for one in computers if one.name == BASE))
+        _say(f"desktop with RViz: {_desktop_address()}")
+    if plan.base:
+        _join(plan.base, plan.joiners(computers))
+    if plan.idle:
+        _say_idle(plan, computers)
+        return 0
+    if options.desktop and not plan.started:
+        return 0
+    return _await(plan, computers, options.waypoints, built - began, built)
+
+
+def _start(plan: Plan, options: Namespace) -> list[Computer]:
+    """Starts the containers that do not run yet; returns all."""
+    variables = {
+        "PIONEER_WORLD": plan.world,
+        "PIONEER_ROBOTS": str(plan.robots),
+        "PIONEER_REAL_TIME_FACTOR": f"{plan.factor:g}",
+    }
+    if plan.idle:
+        variables["PIONEER_STEPS"] = "idle"
+    if options.desktop:
+        variables["COMPOSE_PROFILES"] = DESKTOP
+    fleet = project(options.project, **variables)
+    new, size = plan.started, max(1, int(COMPUTERS_A_PROCESSOR * processors()))
+    # What runs is left alone, so that more robots can join.
+    keep = ["--no-recreate"] if plan.base else []
+    for begin in range(0, len(new) - size, size):
+        wave = new[begin : begin + size]
+        fleet.run("up", "-d", *keep, *wave)
+        _say(f"waiting for {wave[0]} … {wave[-1]} to start, then for {len(new) - begin - size} more")
+        _await_gateways([one for one in fleet.computers() if one.name in wave])
+    fleet.run("up", "-d", *keep)
+    return fleet.computers()
+
+
+def _await_gateways(computers: Sequence[Computer]) -> None:
+    """Waits until the gateways of computers take connections: their masters answer by then."""
+    for one in computers:
+        # One that has ended, or is late, is asked at the end what it lacks.
+        with contextlib.suppress(ContainerError):
+            output("docker", "exec", one.container, "timeout", f"{START_UP:g}", *_UP)
+
+
+def _await_page(base: Computer) -> None:
+    """Waits until a browser would find the desktop."""
+    try:
+        output("docker", "exec", base.container, "timeout", f"{START_UP:g}", *_PAGE)
+    except ContainerError:
+        raise ContainerError(f"the desktop does not answer after {START_UP:g} s; ./pioneer logs desktop") from None
+
+
+def _desktop_address() -> str:
+    subnet = os.environ.get("PIONEER_SUBNET", "192.168.2")
+    path = f"websockify?token={desktop_token().read_text().strip()}"
+    query = urllib.parse.urlencode({"autoconnect": "true", "resize": "scale", "path": path})
+    return f"http://{subnet}.100:6080/vnc.html?{query}"
+
+
+def _join(base: Computer, robots: Sequence[str]) -> None:
+    """Puts more robots into a running world and its successors, and what RViz shows of them onto the base station."""
+    if not robots:
+        return
+    count = robots[-1].removeprefix("pioneer")
+    output("docker", "exec", base.container, "sh", "-c", f"echo {count} >{JOINED}")
+    for robot in robots:
+        pose = " ".join(f"-{option} $(rosparam get /{robot}/{key})" for option, key in zip("xyY", "xya", strict=True))
+        launch = f'exec roslaunch pioneer_description generic_pioneer.launch name:={robot} pose:="{pose}"'
+        output("docker", "exec", "-d", base.container, "bash", "-c", f"{launch} >/proc/1/fd/1 2>&1")
+    output("docker", "exec", base.container, "rosrun", "rocon_flip", "flip-from-hub", count)
+
+
+def _say_idle(plan: Plan, computers: Sequence[Computer]) -> None:
+    idle = [one.name for one in computers if is_idle(one)]
+    shells = ", ".join(f"./pioneer exec {name}" for name in idle[:2])
+    _say(f"{len(idle)} computer{'s are' if len(idle) > 1 else ' is'} up and idle: {shells}, …")
+    if plan.base and is_idle(plan.base) and int(plan.base.environment["ROBOTS"]) < plan.robots:
+        _say(f"step 3 on {BASE} now wants robots:={plan.robots}")
+
+
+def _await(plan: Plan, computers: Sequence[Computer], waypoints: int, image_seconds: float, started: float) -> int:
+    """Waits for the computers that were started to have driven, for the others to be ready: they are sent nowhere."""
+    latest: dict[str, dict[str, Any]] = {}
+    sent = plan.started if waypoints else []
+    until = {one.name: "moving" if one.name in sent else "ready" for one in computers if not is_idle(one)}
+    timeout = START_UP + START_UP_PER_ROBOT * plan.robots
+
+    def words(computer: Computer) -> list[str]:
+        count = waypoints if until[computer.name] == "moving" else 0
+        limits = ["--until", until[computer.name], "--timeout", f"{timeout:g}"]
+        return [*limits, "--waypoints", str(count), "--robots", str(plan.robots)]
+
+    def heard(computer: Computer, line: dict[str, Any]) -> None:
+        latest[computer.name] = line
+        _say(f"{time.monotonic() - started:5.1f} s  {progress_line(computer.name, line)}")
+
+    came = follow([(one, words(one)) for one in computers if one.name in until], heard)
+    seconds = time.monotonic() - started
+    late = sorted(name for name, well in came.items() if not well)
+    for name in late:
+        print(f"{name}: {latest.get(name, {}).get('lacks') or 'does not move'}", file=sys.stderr)
+    if late:
+        which = ", ".join(f"{name} not {until[name]}" for name in late)
+        raise ContainerError(f"{which} after {seconds:.0f} s; ./pioneer logs {late[0]} has more")
+    built = f", after {image_seconds:.0f} s for the image" if image_seconds > 5 else ""
+    _say(f"{_who(plan, computers, waypoints)} after {seconds:.0f} s{built}")
+    return 0
+
+
+def _who(plan: Plan, computers: Sequence[Computer], waypoints: int) -> str:
+    """Returns the sentence's beginning: which robots do what."""
+    robots = [one for one in computers if one.robot and not is_idle(one)]
+    new = [one for one in robots if plan.starts(one.name)]
+    if not new:
+        return f"{len(robots)} robots, which ran already and are sent nowhere, are ready"
+    one, more = len(new) == 1, " more" if plan.base else ""
+    do = ("drives" if one else "drive") if waypoints else ("is ready" if one else "are ready")
+    return f"{len(new)}{more} robot{'' if one else 's'} {do}"
+
+
+def _say(text: str) -> None:
+    print(text, flush=True)

@@ -1,0 +1,40 @@
+"""RViz at the base station of the running fleet: every robot's model, scan, plans, costmap, and the map, in pixels."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from containers.engine import output
+from containers.errand import ROUNDS, Errand
+from containers.harness import PATIENCE, Fleet
+
+WALLS = {1: (-4.3, -12.3), 2: (-4.9, 16.5), 3: (2.0, -0.9), 4: (16.1, -8.0), 5: (5.0, -6.1)}
+"""By robot, a place of its room 1.1 m off a wall: a local costmap, 1.5 m to each side, has costs there. The rounds
+alone stay up to 2.5 m off, and its free space has no colour."""
+
+
+@pytest.fixture
+def rounds(driving: Fleet) -> Iterator[None]:
+    """All robots drive their rounds and up to a wall meanwhile, so that there are plans and costs to be seen."""
+    computers = driving.computers()
+    errands = [Errand(computers[f"aadi{number}"], (WALLS[number], *ROUNDS[number]) * 4) for number in WALLS]
+    yield
+    for errand in errands:
+        errand.abandon()
+
+
+def test_rviz_started_last_shows_five_robots_where_they_are(driving: Fleet, rounds: None, tmp_path: Path) -> None:
+    shot = ("rosrun", "pioneer_description", "rviz_snapshot", "-o", "/tmp/rviz.png", "--timeout", f"{PATIENCE:g}")
+    picture = Path(os.environ.get("PIONEER_RVIZ_PICTURE", tmp_path / "rviz.png"))
+    try:
+        said = driving.execute("aadiworkstation", *shot)
+    finally:
+        # Whoever looks for what was not seen wants to look, too.
+        output("docker", "cp", f"{driving.container('aadiworkstation')}:/tmp/rviz.png", str(picture))
+    # Five displays a robot, and the map.
+    assert "/tmp/rviz.png: RViz shows all 26 displays" in said
+    with Image.open(picture) as image:
+        assert image.size == (1500, 1000)

@@ -1,0 +1,77 @@
+"""What ``./pioneer test`` makes of its command line, and of another run in the same checkout."""
+
+import importlib.util
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import checks
+from checks import Check, Count
+
+
+@pytest.fixture
+def runner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The command, with two stages of a check each and one that cannot run here; its logs are the test's."""
+    spec = importlib.util.spec_from_file_location("runner", Path(checks.__file__).with_name("test.py"))
+    assert spec
+    assert spec.loader
+    module = importlib.util.module_from_spec(spec)
+    # Its stages are dataclasses, which look their module up.
+    monkeypatch.setitem(sys.modules, "runner", module)
+    spec.loader.exec_module(module)
+    monkeypatch.setattr(checks, "LOG", tmp_path)
+    module.LOG = tmp_path
+
+    def stage(name: str, program: str) -> Iterator[Check]:
+        yield Check(name, [sys.executable, "-c", program])
+
+    def need() -> None:
+        raise module.StageSkipped("no engine")
+
+    module.STAGES.clear()
+    module.STAGES["lint"] = module.Stage(lambda: stage("ruff", ""))
+    module.STAGES["unit"] = module.Stage(lambda: stage("harness/unit", ""))
+    module.STAGES["containers"] = module.Stage(lambda: stage("containers-fleet", "1 / 0"), need=need)
+    return module
+
+
+def test_a_text_that_no_check_has_in_its_name_is_an_error_though_a_stage_is_skipped(
+    runner: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert runner.main(["--only", "typo"]) == 2
+    assert tuple(capsys.readouterr()) == ("", "no check's name contains 'typo'\n")
+
+
+def test_a_text_of_another_stage_is_an_error(runner: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+    assert runner.main(["lint", "--only", "harness"]) == 2
+    assert capsys.readouterr().err == "no check's name contains 'harness'\n"
+
+
+def test_only_stages_with_such_a_check_are_told(runner: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+    assert runner.main(["--only", "harness"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["unit", "1"]
+
+
+def test_a_stage_that_cannot_run_here_is_told_as_skipped(
+    runner: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert runner.main([]) == 0
+    assert "containers skipped  no engine" in capsys.readouterr().out
+
+
+def test_soak_takes_no_stage(runner: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        runner.main(["--soak", "unit"])
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.endswith("--soak runs only what takes long: it takes no stage, not unit\n")
+
+
+def test_two_runs_in_one_checkout_do_not_meet(runner: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+    with runner.the_only_run():
+        assert runner.main(["lint"]) == 2
+    assert tuple(capsys.readouterr()) == ("", "another test run is under way in this checkout\n")
+    assert runner.main(["lint"]) == 0
+    assert str(Count(passed=1)) in capsys.readouterr().out

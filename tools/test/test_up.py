@@ -1,0 +1,285 @@
+"""What ``./pioneer up`` makes of the fleet that is there: an engine that starts what the compose file says, at once."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from containers import image, up
+from containers.__main__ import main
+from containers.engine import Computer, ContainerError
+from containers.plan import choose_factor, places_here
+from containers.state import BASE
+
+
+class FakeEngine:
+    """Computers that run as soon as Compose is told to; what ``up`` did with them.
+
+    Attributes:
+        computers: those there are, in order.
+        file: where ``up`` writes the compose file.
+        composed: words of each call of Compose.
+        asked: by computer, the stage that was waited for and the waypoints it was sent to; in the last call.
+        executed: what was run at the base station.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self.computers: list[Computer] = []
+        self.file, self.composed, self.executed = file, list[tuple[str, ...]](), list[str]()
+        self.asked: dict[str, tuple[str, int]] = {}
+
+    def project(self, name: str, **variables: str) -> "FakeProject":
+        return FakeProject(self, variables)
+
+    def follow(self, asked: Sequence[tuple[Computer, Sequence[str]]], heard: Any) -> dict[str, bool]:
+        for computer, words in asked:
+            value = dict(zip(words[::2], words[1::2], strict=True))
+            self.asked[computer.name] = (value["--until"], int(value["--waypoints"]))
+        return dict.fromkeys(self.asked, True)
+
+    def output(self, *command: str) -> str:
+        self.executed.append(" ".join(command))
+        return ""
+
+    def up(self, line: str = "") -> int:
+        """Types ``./pioneer up`` and these options; what an earlier call did is forgotten."""
+        self.composed, self.executed, self.asked = [], [], {}
+        return main(["up", *line.split()])
+
+
+class FakeProject:
+    def __init__(self, engine: FakeEngine, variables: dict[str, str]) -> None:
+        self._engine, self._variables = engine, variables
+
+    def computers(self) -> list[Computer]:
+        return self._engine.computers
+
+    def run(self, *words: str) -> None:
+        engine, variables = self._engine, self._variables
+        engine.composed.append((*words, *(("desktop",) if "COMPOSE_PROFILES" in variables else ())))
+        there = {one.name: one for one in engine.computers}
+        numbers = sorted(int(text) for text in re.findall(r"^  aadi(\d+):", engine.file.read_text(), re.M))
+        named = [word for word in words if word.startswith("aadi")]
+        for name in named or (BASE, *(f"aadi{number}" for number in numbers)):
+            if name in there and (there[name].running or "--no-recreate" in words):
+                there[name] = replace(there[name], state="running")
+                continue
+            environment = {
+                "PIONEER_ROLE": variables.get("PIONEER_STEPS", "base" if name == BASE else "robot"),
+                "WORLD": variables["PIONEER_WORLD"],
+                "ROBOTS": variables["PIONEER_ROBOTS"],
+                "REAL_TIME_FACTOR": variables["PIONEER_REAL_TIME_FACTOR"],
+            }
+            there[name] = Computer(name, f"id-{name}", "running", "", environment, "pioneer")
+        engine.computers = list(there.values())
+
+
+@pytest.fixture
+def engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FakeEngine:
+    fake = FakeEngine(tmp_path / "compose.yaml")
+    monkeypatch.setattr(up, "project", fake.project)
+    monkeypatch.setattr(up, "follow", fake.follow)
+    monkeypatch.setattr(up, "output", fake.output)
+    monkeypatch.setattr(up, "processors", lambda: 8.0)
+    monkeypatch.setattr(up, "written_compose", lambda _: fake.file)
+    for name in ("ensure_image", "ensure_desktop_image"):
+        monkeypatch.setattr(image, name, lambda *_: None)
+    return fake
+
+
+def names(*numbers: int) -> set[str]:
+    return {f"aadi{number}" for number in numbers}
+
+
+def test_a_new_fleet_is_sent_on_a_tour(engine: FakeEngine, capsys: pytest.CaptureFixture[str]) -> None:
+    assert engine.up() == 0
+    assert engine.composed == [("up", "-d")]
+    assert engine.asked == dict.fromkeys({BASE} | names(1, 2, 3, 4, 5), ("moving", 3))
+    assert re.search(r"^5 robots drive after \d+ s$", capsys.readouterr().out, re.M)
+
+
+def test_no_more_computers_start_at_once_than_the_processors_carry(
+    engine: FakeEngine, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Sixteen on two processors: roslaunch gave up its own master, which had not come in ten seconds."""
+    monkeypatch.setattr(up, "processors", lambda: 2.0)
+    assert engine.up("--robots 15") == 0
+    waves = [[BASE, *(f"aadi{n}" for n in range(1, 6))], [f"aadi{n}" for n in range(6, 12)]]
+    assert engine.composed == [("up", "-d", *waves[0]), ("up", "-d", *waves[1]), ("up", "-d")]
+    assert [re.search(r"id-(\w+)", line)[1] for line in engine.executed] == [*waves[0], *waves[1]]  # type: ignore[index]
+    assert engine.asked == dict.fromkeys({BASE} | names(*range(1, 16)), ("moving", 3))
+    assert "waiting for aadi6 … aadi11 to start, then for 4 more" in capsys.readouterr().out
+
+
+def test_without_waypoints_robots_have_to_be_ready(engine: FakeEngine, capsys: pytest.CaptureFixture[str]) -> None:
+    assert engine.up("--robots 2 --waypoints 0") == 0
+    assert engine.asked == dict.fromkeys({BASE} | names(1, 2), ("ready", 0))
+    assert "2 robots are ready after" in capsys.readouterr().out
+
+
+def test_a_desktop_on_a_running_fleet_sends_nobody_and_waits_for_nobody(
+    engine: FakeEngine, capsys: pytest.CaptureFixture[str]
+) -> None:
+    engine.up()
+    assert engine.up("--desktop") == 0
+    assert engine.composed == [("up", "-d", "--no-recreate", "desktop")]
+    assert engine.asked == {}
+    assert "desktop with RViz: http://" in capsys.readouterr().out
+
+
+def test_of_a_running_fleet_only_those_that_join_are_sent_and_awaited_moving(
+    engine: FakeEngine, capsys: pytest.CaptureFixture[str]
+) -> None:
+    engine.up()
+    assert engine.up("--robots 7") == 0
+    running = dict.fromkeys({BASE} | names(1, 2, 3, 4, 5), ("ready", 0))
+    assert engine.asked == {**running, **dict.fromkeys(names(6, 7), ("moving", 3))}
+    assert [text for text in engine.executed if "generic_pioneer" in text and "name:=pioneer7" in text]
+    assert engine.executed[-1].endswith("flip-from-hub 7")
+    assert "2 more robots drive after" in capsys.readouterr().out
+
+
+def test_a_fleet_that_runs_as_it_is_asked_for_is_left_alone(
+    engine: FakeEngine, capsys: pytest.CaptureFixture[str]
+) -> None:
+    engine.up("--robots 7 --world closed_maze")
+    assert engine.up() == 0
+    assert set(engine.asked.values()) == {("ready", 0)}
+    assert "7 robots, which ran already and are sent nowhere, are ready after" in capsys.readouterr().out
+
+
+def test_a_computer_that_was_stopped_is_started_and_sent_but_its_robot_does_not_join_twice(
+    engine: FakeEngine, capsys: pytest.CaptureFixture[str]
+) -> None:
+    engine.up()
+    engine.up("--robots 6")
+    engine.computers[-1] = replace(engine.computers[-1], state="exited")
+    assert engine.up() == 0
+    assert engine.asked["aadi6"] == ("moving", 3)
+    assert "1 more robot drives after" in capsys.readouterr().out
+    assert engine.asked["aadi5"] == ("ready", 0)
+    assert not engine.executed
+
+
+def test_the_file_has_every_robot_there_is_and_a_call_that_is_refused_leaves_it(
+    engine: FakeEngine, capsys: pytest.CaptureFixture[str]
+) -> None:
+    engine.up("--robots 7")
+    before = engine.file.read_text()
+    assert "  aadi7:" in before
+    for line in ("--robots 5", "--world closed_maze", "--rtf 0.5", "--robots 16", "--waypoints -1"):
+        assert engine.up(line) == 1
+        assert engine.composed == []
+        assert engine.file.read_text() == before
+    assert "pioneer: there is a fleet of 7 robots: ./pioneer down first\n" in capsys.readouterr().err
+    engine.up()
+    assert engine.file.read_text() == before
+
+
+def test_a_fleet_that_has_ended_comes_back_as_it_was(engine: FakeEngine) -> None:
+    engine.up("--robots 6 --world small_world")
+    engine.computers = [replace(one, state="exited") for one in engine.computers]
+    assert engine.up() == 0
+    assert {one.environment["WORLD"] for one in engine.computers} == {"small_world"}
+    assert engine.asked == dict.fromkeys({BASE} | names(1, 2, 3, 4, 5, 6), ("moving", 3))
+
+
+def test_steps_are_never_started_on_an_idle_fleet(engine: FakeEngine, capsys: pytest.CaptureFixture[str]) -> None:
+    engine.up("--idle")
+    for line in ("", "--robots 7", "--robots 7 --desktop"):
+        assert engine.up(line) == 1
+        assert capsys.readouterr().err == "pioneer: an idle fleet runs: ./pioneer down first\n"
+        assert engine.composed == []
+
+
+def test_more_idle_computers_join_an_idle_fleet_without_a_world_to_join(
+    engine: FakeEngine, capsys: pytest.CaptureFixture[str]
+) -> None:
+    engine.up("--idle")
+    assert engine.up("--idle --robots 7") == 0
+    assert (engine.executed, engine.asked) == ([], {})
+    assert {one.environment["PIONEER_ROLE"] for one in engine.computers} == {"idle"}
+    assert capsys.readouterr().out.splitlines()[-2:] == [
+        "8 computers are up and idle: ./pioneer exec aadiworkstation, ./pioneer exec aadi1, …",
+        "step 3 on aadiworkstation now wants robots:=7",
+    ]
+
+
+def test_a_desktop_joins_an_idle_fleet_whose_steps_were_typed(engine: FakeEngine) -> None:
+    engine.up("--idle")
+    assert engine.up("--desktop") == 0
+    assert engine.composed == [("up", "-d", "--no-recreate", "desktop")]
+    assert ["/dev/tcp/127.0.0.1/6080" in line for line in engine.executed] == [True], "its page is waited for"
+    assert engine.asked == {}
+
+
+def test_idle_computers_join_a_running_world_and_are_not_waited_for(
+    engine: FakeEngine, capsys: pytest.CaptureFixture[str]
+) -> None:
+    engine.up()
+    assert engine.up("--idle") == 1
+    assert "a fleet runs whose steps are started: ./pioneer down first" in capsys.readouterr().err
+    assert engine.up("--idle --robots 6") == 0
+    assert [text for text in engine.executed if "name:=pioneer6" in text]
+    assert "1 computer is up and idle: ./pioneer exec aadi6, …" in capsys.readouterr().out
+    engine.up()
+    assert set(engine.asked) == {BASE} | names(1, 2, 3, 4, 5)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("--robots 16", "--robots must be 1 to 15 in utm_0, not 16"),
+        ("--robots 0", "--robots must be 1 to 15 in utm_0, not 0"),
+        ("--world small_world --robots 7", "--robots must be 1 to 6 in small_world, not 7"),
+        ("--world utm0", "--world must be one of blank, closed_maze, "),
+        ("--world /home/me/utm_0.world", "not '/home/me/utm_0.world'"),
+        ("--waypoints 51", "--waypoints must be 0 to 50, not 51"),
+    ],
+)
+def test_what_no_world_has_is_one_line_before_an_image_is_built(
+    engine: FakeEngine, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], line: str, said: str
+) -> None:
+    monkeypatch.setattr(image, "ensure_image", lambda *_: pytest.fail("an image is built"))
+    assert engine.up(line) == 1
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert not engine.file.exists()
+
+
+def test_help_states_how_many_robots_the_worlds_have_places_for(capsys: pytest.CaptureFixture[str]) -> None:
+    assert places_here()["utm_0"] == 15
+    with pytest.raises(SystemExit):
+        main(["up", "--help"])
+    assert "at most 15 (6 in small_world, 6 in small_world_people)" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(
+    ("robots", "rtf", "running", "factor", "said"),
+    [
+        (5, None, None, 1.0, ""),
+        (10, None, None, 0.5, "2 processors carry 10 robots at a real-time factor of 0.5 (--rtf R insists on another)"),
+        (15, None, None, 0.3, "2 processors carry 15 robots at a real-time factor of 0.3 (--rtf R insists on another)"),
+        (15, 1.0, None, 1.0, ""),
+        (2, 0.0, None, 0.0, ""),
+        (10, None, "1", 1.0, "2 processors carry 10 robots at a real-time factor of 0.5; the world that runs has 1"),
+        (10, None, "0.5", 0.5, ""),
+        (2, 0.5, "0.5", 0.5, ""),
+    ],
+)
+def test_the_world_is_as_fast_as_the_processors_carry_unless_told(
+    robots: int, rtf: float | None, running: str | None, factor: float, said: str
+) -> None:
+    base = Computer("aadiworkstation", "c", "running", "", {"REAL_TIME_FACTOR": running}, "i") if running else None
+    assert choose_factor(rtf, robots, 2.0, base) == (factor, said)
+
+
+@pytest.mark.parametrize(("rtf", "running", "why"), [(-1.0, None, "0 .* or more"), (0.5, "1", "down first")])
+def test_a_factor_that_cannot_be_is_refused(rtf: float, running: str | None, why: str) -> None:
+    base = Computer("aadiworkstation", "c", "running", "", {"REAL_TIME_FACTOR": running}, "i") if running else None
+    with pytest.raises(ContainerError, match=why):
+        choose_factor(rtf, 5, 2.0, base)
