@@ -49,7 +49,8 @@ class Session(roslaunch.pmon.ProcessListener):
 
     To be used as a context manager in the main thread: from entry on, SIGINT and SIGTERM raise `Interrupted` out of
     `wait_for`, `run` and `spin`; on exit everything that was started ends, within `SIGINT_TIMEOUT` and
-    `SIGTERM_TIMEOUT`, and the former signal handlers are back.
+    `SIGTERM_TIMEOUT`. The former signal handlers are back then, unless the end was asked for: the process is about to
+    end, and signals are ignored.
     """
 
     def __init__(self, name: str) -> None:
@@ -75,7 +76,8 @@ class Session(roslaunch.pmon.ProcessListener):
         for parent in self._parents:
             parent.shutdown()
         for number, handler in self._handlers.items():
-            signal.signal(number, handler)  # type: ignore[arg-type]
+            # Of a key that is held, the next Ctrl-C must not be a KeyboardInterrupt between here and the end.
+            signal.signal(number, signal.SIG_IGN if self._stop.is_set() else handler)  # type: ignore[arg-type]
 
     def _interrupt(self, number: int, frame: types.FrameType | None) -> None:
         self._stop.set()

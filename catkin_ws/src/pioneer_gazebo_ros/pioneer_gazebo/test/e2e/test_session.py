@@ -1,0 +1,37 @@
+"""What a session's command does with Ctrl-C."""
+
+import contextlib
+import signal
+import subprocess
+import sys
+
+REPEAT = 0.002
+"""A held key comes again sooner or later; the shorter, the surer a signal falls into the moment of ending [s]."""
+MOST = 30_000
+
+PROGRAM = """
+import sys
+from pioneer_gazebo.nodes.session import run_session
+
+def body(session):
+    session.say("runs")
+    session.spin()
+
+sys.exit(run_session("session", body))
+"""
+
+
+def test_a_held_ctrl_c_does_not_interrupt_the_end_of_a_session() -> None:
+    command = [sys.executable, "-c", PROGRAM]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None and process.stderr is not None, "they were asked for"
+        assert process.stdout.readline() == "session: runs\n"
+        presses = 0
+        while process.returncode is None:
+            process.send_signal(signal.SIGINT)
+            presses += 1
+            assert presses < MOST, "it does not end"
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(REPEAT)
+        assert not process.stderr.read()
+    assert process.returncode == 0
