@@ -118,10 +118,10 @@ class Errands:
         self.fleet = fleet
         self._all: list[Errand] = []
 
-    def send(self, *numbers: int) -> dict[int, Errand]:
-        """Sends robots on their rounds; returns once all of them drive."""
+    def send(self, *numbers: int, places: int | None = None) -> dict[int, Errand]:
+        """Sends robots on their rounds, or to the first ``places`` of them; returns once all of them drive."""
         computers = self.fleet.computers()
-        errands = {number: Errand(computers[f"aadi{number}"], ROUNDS[number]) for number in numbers}
+        errands = {number: Errand(computers[f"aadi{number}"], ROUNDS[number][:places]) for number in numbers}
         self._all += errands.values()
         for errand in errands.values():
             errand.under_way()

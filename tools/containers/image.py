@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from containers.engine import ContainerError, output
@@ -21,12 +22,16 @@ _PARTS = (
     "requirements.txt",
     "docker/Dockerfile",
     "docker/dpkg.cfg",
+    "docker/dpkg-run.cfg",
     "docker/computer",
+    "docker/desktop",
     "docker/healthy",
 )
 MACHINES = ("x86_64", "AMD64")
 """What x86-64 is called: Debian has its packages for others too, but what PyPI gives is fetched for this one."""
-_DESKTOP = ("docker/Dockerfile.desktop", "docker/desktop")
+_FLEET, _DESKTOP = "docker/Dockerfile", "docker/Dockerfile.desktop"
+_LONG_STAGES = ("packages", "build")
+"""Of the fleet's image; neither needs the other."""
 
 
 def ensure_images(say: Callable[[str], None], desktop: bool, fleet: bool = True) -> None:
@@ -56,7 +61,8 @@ def ensure_image(name: str, say: Callable[[str], None]) -> None:
     log = _new_log(name, say)
     run_step([str(ROOT / "docker" / "base")], log, say)
     _ensure_wheels(log, say)
-    _build("docker/Dockerfile", name, sources, log, say)
+    _prepare_stages(log, say)
+    _build(_FLEET, name, sources, log, say)
 
 
 def ensure_desktop_image(name: str, base: str, say: Callable[[str], None]) -> None:
@@ -66,11 +72,10 @@ def ensure_desktop_image(name: str, base: str, say: Callable[[str], None]) -> No
         ContainerError: a step failed.
     """
     found = hashlib.sha256(output("docker", "image", "inspect", "-f", "{{.Id}}", base).encode())
-    for part in _DESKTOP:
-        found.update((ROOT / part).read_bytes())
+    found.update((ROOT / _DESKTOP).read_bytes())
     sources = found.hexdigest()[:32]
     if _label(name) != sources:
-        _build(_DESKTOP[0], name, sources, _new_log(name, say), say, "--build-arg", f"IMAGE={base}")
+        _build(_DESKTOP, name, sources, _new_log(name, say), say, "--build-arg", f"IMAGE={base}")
 
 
 def _new_log(name: str, say: Callable[[str], None]) -> Path:
@@ -81,11 +86,41 @@ def _new_log(name: str, say: Callable[[str], None]) -> Path:
     return log
 
 
+def _prepare_stages(log: Path, say: Callable[[str], None]) -> None:
+    """Makes the long stages side by side, for the build to find.
+
+    Docker's classic builder would make one after the other, and of a file all that stand before the one that is asked
+    for; so each gets a file of its own.
+    """
+    text = (ROOT / _FLEET).read_text()
+
+    def prepare(*stages: str) -> None:
+        own = log.with_name(f"image-{stages[-1]}.log")
+        own.write_bytes(b"")
+        file = own.with_suffix(".Dockerfile")
+        file.write_text(selected_stages(text, *stages))
+        run_step(_build_command(str(file)), own, say)
+
+    prepare("inputs")
+    with ThreadPoolExecutor() as pool:
+        for prepared in [pool.submit(prepare, "inputs", stage) for stage in _LONG_STAGES]:
+            prepared.result()
+
+
+def selected_stages(text: str, *names: str) -> str:
+    """Returns a Dockerfile with only those of its stages, and what stands before the first."""
+    before, *stages = re.split(r"^(?=FROM )", text, flags=re.M)
+    return before + "".join(stage for stage in stages if stage.partition("\n")[0].partition(" AS ")[2] in names)
+
+
 def _build(file: str, name: str, sources: str, log: Path, say: Callable[[str], None], *options: str) -> None:
+    run_step(_build_command(file, "-t", name, "--label", f"{LABEL}={sources}", *options), log, say)
+
+
+def _build_command(file: str, *options: str) -> list[str]:
     # Docker hands these to the build's commands without their being part of the image.
     proxies = [word for key in PROXIES if os.environ.get(key) for word in ("--build-arg", key)]
-    command = ["docker", "build", "-f", file, "-t", name, "--label", f"{LABEL}={sources}", *options, *proxies, "."]
-    run_step(command, log, say)
+    return ["docker", "build", "-f", file, *options, *proxies, "."]
 
 
 def source_hash() -> str:

@@ -10,7 +10,7 @@ import pytest
 
 from containers import image
 from containers.engine import Computer, ContainerError
-from containers.image import requirements, run_step
+from containers.image import requirements, run_step, selected_stages
 from containers.layout import compose_text
 from containers.table import status_table
 
@@ -46,6 +46,19 @@ def test_the_command_needs_nothing_but_python() -> None:
 
 def test_the_image_takes_no_checks_from_pypi() -> None:
     assert [one.split("==")[0] for one in requirements()] == ["pybullet", "xacro"]
+
+
+def test_long_stages_of_the_image_are_made_each_from_a_file_of_its_own() -> None:
+    text = (DOCKER / "Dockerfile").read_text()
+    for stage in ("packages", "build"):
+        selected = selected_stages(text, "inputs", stage)
+        assert selected.startswith("# The fleet's image")
+        assert re.findall(r"^(?:ARG|FROM) .*", selected, re.M)[:3] == [
+            "ARG BASE=debian:bookworm-slim",
+            "FROM ${BASE} AS inputs",
+            f"FROM ${{BASE}} AS {stage}",
+        ]
+        assert set(re.findall(r"--from=(\S+)", selected)) == {"inputs"}
 
 
 def test_the_image_is_built_on_no_other_processor(monkeypatch: pytest.MonkeyPatch) -> None:
