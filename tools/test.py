@@ -1,8 +1,8 @@
 """Runs every check of the project, quick ones first: one line a stage, one closing line.
 
 Each stage is a list of checks; a check is a command, and where it writes JUnit results those are
-counted, else it counts as one. The checks of a stage run side by side, as many as there are processors, unless they
-share something. Logs and results go to .setup/log/test/.
+counted, else it counts as one. The checks of a stage run side by side, one more than there are processors, since each
+waits for a good part of its time, unless they share something. Logs and results go to .setup/log/test/.
 """
 
 import argparse
@@ -65,10 +65,16 @@ def pytest_check(name: str, paths: list[Path], timeout: float = 900.0) -> Check:
 
 
 def unit() -> Iterator[Check]:
-    """Tests without a ROS environment of their own, a check a package."""
+    """Tests without a ROS environment of their own, a check a package.
+
+    A folder within holds tests that mostly wait, for sockets: each of its files is a check, so that they wait together.
+    """
     tools = ROOT / "tools" / "test"
     for folder in sorted(path for path in SOURCE.rglob("test/unit") if path.is_dir()):
-        yield pytest_check(f"{folder.parent.parent.name}/unit", [folder])
+        name = f"{folder.parent.parent.name}/unit"
+        for path in sorted(folder.glob("*/test_*.py")):
+            yield pytest_check(f"{name}/{path.stem.removeprefix('test_')}", [path])
+        yield pytest_check(name, sorted(folder.glob("test_*.py")))
     yield pytest_check("tools/unit", [path for path in sorted(tools.glob("test_*.py")) if path != LAUNCH_FILES])
 
 
@@ -219,7 +225,7 @@ def arguments_from(words: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="./pioneer test", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("stages", nargs="*", metavar="STAGE", help=f"one of {', '.join(STAGES)}; all by default")
     parser.add_argument("--only", default="", metavar="TEXT", help="only the checks whose name contains TEXT")
-    parser.add_argument("--jobs", type=int, default=min(max(1, int(processors())), MOST_AT_ONCE), metavar="N",
+    parser.add_argument("--jobs", type=int, default=min(int(processors()) + 1, MOST_AT_ONCE), metavar="N",
         help="checks side by side (default here: %(default)s)")  # fmt: skip
     parser.add_argument(
         "--soak", action="store_true", help="only what takes long: tests of minutes, faults for --minutes"
