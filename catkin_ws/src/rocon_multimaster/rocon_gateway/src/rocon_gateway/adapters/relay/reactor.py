@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from rocon_gateway.adapters.relay.pipe import Pipe
+from rocon_gateway.core.moderation import Moderation
 
 BUFFER_SIZE = 256 * 1024
 """Size of the one buffer that everything is received into [bytes]: it stays within the processor's cache."""
@@ -48,11 +49,14 @@ class Reactor:
     Attributes:
         buffer: where whoever is called may receive into; valid until that call returns.
         pipe: what whoever is called may move bytes through.
+        moved: bytes of topics' messages that this round has taken; whoever takes them adds them.
     """
 
     def __init__(self, logger: logging.Logger) -> None:
         self.buffer = memoryview(bytearray(BUFFER_SIZE))
         self.pipe = Pipe()
+        self.moved = 0
+        self._moderation = Moderation()
         self._logger = logger
         self._epoll = select.epoll()
         self._handlers: dict[int, Handler] = {}
@@ -104,14 +108,21 @@ class Reactor:
 
     def _run(self) -> None:
         while self._running:
+            self.moved = 0
             for descriptor, events in self._epoll.poll(self._pause()):
                 handler = self._handlers.get(descriptor)
                 if descriptor == self._wake_up:
                     os.eventfd_read(self._wake_up)
                 elif handler is not None:
-                    self._guard(lambda h=handler, e=events: h.ready(e), handler)  # type: ignore[misc]
+                    try:
+                        handler.ready(events)
+                    except Exception:
+                        self._logger.critical("fault in the relay, one connection is closed", exc_info=True)
+                        handler.close("internal fault")
             self._run_timers()
             self._run_calls()
+            if rest := self._moderation.rest(time.monotonic(), self.moved):
+                time.sleep(rest)
         for handler in tuple(self._handlers.values()):
             self._guard(lambda h=handler: h.close(""))  # type: ignore[misc]
         self._epoll.close()
@@ -134,10 +145,8 @@ class Reactor:
         for _ in range(len(self._calls)):
             self._guard(self._calls.popleft())
 
-    def _guard(self, callback: Callable[[], None], handler: Handler | None = None) -> None:
+    def _guard(self, callback: Callable[[], None]) -> None:
         try:
             callback()
         except Exception:
-            self._logger.critical("fault in the relay, one connection is closed", exc_info=True)
-            if handler is not None:
-                handler.close("internal fault")
+            self._logger.critical("fault in the relay, which goes on", exc_info=True)

@@ -295,6 +295,7 @@ class Stream:
         except OSError as error:
             self._failed(error)
             return
+        self._reactor.moved += moved.taken + len(moved.rest)
         if moved.taken:
             self.fanout.passed(moved.taken)
         if moved.rest:
@@ -314,6 +315,8 @@ class Stream:
         if not count:
             self.close("")
             return
+        if self.fanout is not None:
+            self._reactor.moved += count
         self._kept = b""
         self._parse_all(buffer[: kept + count])
 
