@@ -21,6 +21,9 @@ ROUNDS: dict[int, tuple[tuple[float, float], ...]] = {
 }
 """By robot, a way of 8 to 12 m around the room of utm_0 that it starts in, back to where it starts."""
 
+ROUND, ACROSS = slice(None), slice(1, 2)
+"""All of a round; its middle only, which is far from where it begins and ends, and from its first place."""
+
 ODOM_GAP, SCAN_GAP = 0.5, 1.0
 """Without odometry for so long a robot of this fleet stops (move_base's odom_timeout); scans are ten times rarer than
 odometry. Both [s] of simulated time, which a busy machine only slows down."""
@@ -118,10 +121,10 @@ class Errands:
         self.fleet = fleet
         self._all: list[Errand] = []
 
-    def send(self, *numbers: int, places: int | None = None) -> dict[int, Errand]:
-        """Sends robots on their rounds, or to the first ``places`` of them; returns once all of them drive."""
+    def send(self, *numbers: int, part: slice = ROUND) -> dict[int, Errand]:
+        """Sends robots on their rounds, or a part of them; returns once all of them drive."""
         computers = self.fleet.computers()
-        errands = {number: Errand(computers[f"aadi{number}"], ROUNDS[number][:places]) for number in numbers}
+        errands = {number: Errand(computers[f"aadi{number}"], ROUNDS[number][part]) for number in numbers}
         self._all += errands.values()
         for errand in errands.values():
             errand.under_way()

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from containers.errand import Errands
+from containers.errand import ACROSS, Errands
 from containers.harness import PATIENCE, Fleet
 from pioneer_harness.wait import wait_until
 
@@ -59,7 +59,7 @@ def test_a_computer_that_is_stopped_and_one_that_is_killed_come_back(errands: Er
     fleet.docker("start", "aadi3")
     for number in (1, 4, 5):
         sent[number].undisturbed()
-    for errand in errands.send(2, 3, places=1).values():
+    for errand in errands.send(2, 3, part=ACROSS).values():
         errand.reached()
 
 
@@ -80,7 +80,7 @@ def test_a_gateway_that_dies_starts_again_with_its_computer(errands: Errands) ->
     wait_until(lambda: started(fleet, "aadi5") != before, "start of aadi5 by the engine", PATIENCE)
     for number in (1, 2, 3, 4):
         sent[number].undisturbed()
-    for errand in errands.send(5, places=1).values():
+    for errand in errands.send(5, part=ACROSS).values():
         errand.reached()
 
 
@@ -100,7 +100,7 @@ def test_nobody_notices_that_redis_and_then_the_hub_are_killed(errands: Errands)
 def test_a_sixth_robot_joins(errands: Errands) -> None:
     fleet, sent = errands.fleet, errands.send(*ALL)
     fleet.pioneer("up", "--robots", "6", "--waypoints", "0")
-    joined = errands.send(6, places=1)
+    joined = errands.send(6, part=ACROSS)
     for errand in sent.values():
         errand.undisturbed()
     joined[6].reached()
@@ -116,5 +116,5 @@ def test_all_six_drive_in_the_next_world_when_the_simulator_is_killed(errands: E
         errand.over()
     models = fleet.execute(BASE, "rosservice", "call", "/gazebo/get_world_properties")
     assert all(f"pioneer{number}" in models for number in (*ALL, 6)), models
-    for errand in errands.send(*ALL, 6, places=1).values():
+    for errand in errands.send(*ALL, 6, part=ACROSS).values():
         errand.reached()
