@@ -25,6 +25,8 @@ VENV = ROOT / ".setup" / "venv" / "bin"
 LAUNCH_FILES = ROOT / "tools" / "test" / "test_launch_files.py"
 SHOWN_LINES = 25
 MOST_AT_ONCE = 4
+LONGEST = "scenario"
+"""Of the rostests."""
 CONTAINERS_ENDING_SECONDS = 60.0
 """For ./pioneer down, which gives containers 20 s."""
 
@@ -84,8 +86,8 @@ def launch() -> Iterator[Check]:
 
 
 def rostests() -> Iterator[Check]:
-    """Each ``.test`` file, on a master of its own."""
-    for path in sorted(SOURCE.rglob("test/rostest/*.test")):
+    """Each ``.test`` file, on a master of its own; first the longest, which would else be waited for alone at the end."""
+    for path in sorted(SOURCE.rglob("test/rostest/*.test"), key=lambda path: (path.stem != LONGEST, path)):
         package = next(parent for parent in path.parents if (parent / "package.xml").exists())
         name = f"{package.name}/{path.stem}"
         results = LOG / "rostest-results" / name.replace("/", "-")
