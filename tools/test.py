@@ -86,7 +86,7 @@ def launch() -> Iterator[Check]:
 
 
 def rostests() -> Iterator[Check]:
-    """Each ``.test`` file, on a master of its own; first the longest, which would else be waited for alone at the end."""
+    """Each ``.test`` file, on a master of its own; first the longest, which would be waited for alone at the end."""
     for path in sorted(SOURCE.rglob("test/rostest/*.test"), key=lambda path: (path.stem != LONGEST, path)):
         package = next(parent for parent in path.parents if (parent / "package.xml").exists())
         name = f"{package.name}/{path.stem}"
