@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from containers.engine import ContainerError, Project, compose_command
+from containers.errand import Errands
 from containers.harness import PATIENCE, Fleet, fleet
 from containers.image import ensure_image
 from containers.router import Network, Router, router
@@ -28,10 +29,10 @@ def start(made: Fleet, *computers: str, **variables: str) -> None:
 
 
 class Hosts:
-    """A base station on one host, two robots' computers on another."""
+    """A base station on one host, two robots' computers on another, and what these were sent to do."""
 
-    def __init__(self, base: Fleet, robots: Fleet, way: Router) -> None:
-        self.base, self.robots, self.way = base, robots, way
+    def __init__(self, base: Fleet, robots: Fleet, way: Router, errands: Errands) -> None:
+        self.base, self.robots, self.way, self.errands = base, robots, way, errands
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,7 @@ def hosts() -> Iterator[Hosts]:
         way.join(base.container("aadiworkstation"), BASE)
         for name in ("aadi1", "aadi2"):
             way.join(robots.container(name), ROBOTS)
-        yield Hosts(base, robots, way)
+        yield Hosts(base, robots, way, stack.enter_context(contextlib.closing(Errands(robots))))
 
 
 def test_rviz_started_before_the_world_shows_robots_of_another_host(hosts: Hosts) -> None:
@@ -56,16 +57,15 @@ def test_rviz_started_before_the_world_shows_robots_of_another_host(hosts: Hosts
     waiting = "until rosnode list >/dev/null 2>&1; do sleep 0.2; done"
     shot = f"exec rosrun pioneer_description rviz_snapshot --robots 2 -o /tmp/rviz.png --timeout {PATIENCE:g}"
     with hosts.base.meanwhile("aadiworkstation", "bash", "-c", f"{waiting}; {shot}") as seen:
-        for number in (1, 2):
-            words = ("--until", "moving", "--waypoints", "1", "--robots", "2")
-            hosts.robots.report(f"aadi{number}", *words)
+        hosts.errands.send(1, 2, wall=True)
         assert "RViz shows all 11 displays" in seen()
 
 
 def test_robots_of_another_host_arrive_over_two_ports(hosts: Hosts) -> None:
-    for number, report in hosts.robots.arrived((1, 2), {1: 1, 2: 1}).items():
-        assert report["active"] == report["rules"] > 0, f"robot {number}: {report}"
-        assert report["reached"] == 1, f"robot {number}: {report}"
+    for errand in hosts.errands.sent:
+        errand.reached()
+        report = errand.over()
+        assert report["active"] == report["rules"] > 0, report
     assert hosts.way.packets("ACCEPT") > 1000
 
 

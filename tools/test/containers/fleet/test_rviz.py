@@ -8,12 +8,8 @@ import pytest
 from PIL import Image
 
 from containers.engine import output
-from containers.errand import ROUNDS, Errand
+from containers.errand import ROUNDS, WALLS, Errand
 from containers.harness import PATIENCE, Fleet
-
-WALLS = {1: (-4.3, -12.3), 2: (-4.9, 16.5), 3: (2.0, -0.9), 4: (16.1, -8.0), 5: (5.0, -6.1)}
-"""By robot, a place of its room 1.1 m off a wall: a local costmap, 1.5 m to each side, has costs there. The rounds
-alone stay up to 2.5 m off, and its free space has no colour."""
 
 
 @pytest.fixture
