@@ -11,9 +11,10 @@ from typing import Any
 
 import rospy
 
+from pioneer_node.adapters.end_request import EndRequest
 from pioneer_node.core.parameter import ParameterError
 
-_ending = threading.Event()
+_ending = EndRequest()
 """Set as soon as a signal asks the process to end; rospy knows of a shutdown a moment later."""
 
 
@@ -69,6 +70,8 @@ def _shut_down(number: int, _frame: object) -> None:
     rospy's own handler does it in the interrupted main thread, where it waits for ever for a lock that this thread
     may hold. The thread is no daemon: the process ends when the node is unregistered.
     """
+    if _ending.is_set():
+        return
     _ending.set()
     threading.Thread(target=rospy.signal_shutdown, args=(f"signal-{number}",), name="shutdown").start()
 

@@ -6,7 +6,6 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
 import types
 from collections.abc import Callable, Sequence
@@ -21,6 +20,7 @@ import roslib.packages
 from rospkg import ResourceNotFound, RosPack, get_log_dir
 
 from pioneer_gazebo.core.error import SimulatorError
+from pioneer_node.adapters.end_request import EndRequest
 
 # A node gets SIGINT, after so many seconds SIGTERM, after so many more SIGKILL.
 SIGINT_TIMEOUT, SIGTERM_TIMEOUT = 2.0, 1.0
@@ -55,7 +55,7 @@ class Session(roslaunch.pmon.ProcessListener):
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._stop = threading.Event()
+        self._stop = EndRequest()
         self._parents: list[roslaunch.parent.ROSLaunchParent] = []
         self._required: set[str] = set()
         self._ended: list[str] = []

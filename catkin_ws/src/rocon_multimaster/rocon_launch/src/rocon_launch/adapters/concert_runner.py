@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import psutil
 
+from pioneer_node.adapters.end_request import EndRequest
 from rocon_launch.adapters.roslaunch import RoslaunchProcess
 from rocon_launch.core.concert import Launch
 
@@ -28,7 +29,7 @@ class ConcertRunner:
     def __init__(self, launches: Sequence[Launch], screen: bool) -> None:
         self._launches = launches
         self._screen = screen
-        self._stop = threading.Event()
+        self._stop = EndRequest()
         self._lock = threading.Lock()
         self._processes: list[RoslaunchProcess] = []
         self._told: list[RoslaunchProcess] = []

@@ -1,0 +1,1 @@
+"""What needs the system, but not rospy."""

@@ -1,0 +1,38 @@
+"""What a signal handler sets."""
+
+import subprocess
+import sys
+
+from pioneer_node.adapters.end_request import EndRequest
+
+PROGRAM = """
+import signal
+from pioneer_node.adapters.end_request import EndRequest
+
+request = EndRequest()
+signal.signal(signal.SIGALRM, lambda number, frame: request.set())
+signal.setitimer(signal.ITIMER_REAL, 0.01, 0.0001)
+while not request.wait(0.001):
+    pass
+for _ in range(20_000):
+    request.set()
+    request.wait(0.0)
+signal.setitimer(signal.ITIMER_REAL, 0.0)
+print("done")
+"""
+
+
+def test_signals_in_the_middle_of_a_wait_or_of_one_another_hang_nothing() -> None:
+    """With a threading.Event the handler waited for a lock that the interrupted main thread held."""
+    done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, timeout=60.0, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "done\n", "")
+
+
+def test_it_stays_set() -> None:
+    request = EndRequest()
+    assert not request.wait(0.0)
+    assert not request.is_set()
+    request.set()
+    assert request.is_set()
+    assert request.wait(60.0)
+    assert request.wait(60.0)
