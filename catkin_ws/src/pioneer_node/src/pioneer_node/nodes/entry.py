@@ -68,7 +68,7 @@ def _shut_down(number: int, _frame: object) -> None:
     """Shuts down in a thread of its own.
 
     rospy's own handler does it in the interrupted main thread, where it waits for ever for a lock that this thread
-    may hold. The thread is no daemon: the process ends when the node is unregistered.
+    may hold. The thread is no daemon: the process ends when the node is unregistered. A second signal changes nothing.
     """
     if _ending.is_set():
         return

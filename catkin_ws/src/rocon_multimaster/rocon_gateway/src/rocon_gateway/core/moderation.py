@@ -13,9 +13,10 @@ SMALL = 16 * 1024
 class Moderation:
     """Decides it, round by round.
 
-    A message that wakes a relay costs it twenty times what one costs that comes together with others. So where small
-    messages come faster than every `SOON`, they are delayed by up to `REST` each hop and taken together; whatever is
-    slower, or large, is passed on at once.
+    A message that wakes a relay costs it ten times what one costs that comes together with others. So where small
+    messages come faster than every `SOON`, they are delayed by up to `REST` each hop and taken together. While they
+    come so, everything else that the relay carries waits as long; without them, or with large ones between, nothing
+    does.
     """
 
     def __init__(self) -> None:
