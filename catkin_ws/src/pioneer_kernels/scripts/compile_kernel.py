@@ -1,16 +1,20 @@
 """Compiles one kernel module into an extension that needs no numba at run time.
 
 A kernel module is ordinary numba source. Its ``SIGNATURES`` maps each exported function's name to
-a numba signature; functions that exported ones call carry ``@njit``. The module itself is imported
-here, at build, and nowhere else: import-linter forbids it elsewhere.
+a numba signature; functions that exported ones call carry ``@njit``. With ``RELEASE_GIL = True`` the
+exported functions run without Python's lock. The module itself is imported here, at build, and nowhere
+else: import-linter forbids it elsewhere.
 """
 
 import argparse
 import importlib
 import sys
 import warnings
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from numba.core.errors import NumbaError, NumbaPendingDeprecationWarning
 
@@ -18,6 +22,7 @@ from numba.core.errors import NumbaError, NumbaPendingDeprecationWarning
 warnings.simplefilter("ignore", NumbaPendingDeprecationWarning)
 
 from numba.pycc import CC  # noqa: E402 - the filter has to stand before the import that warns
+from numba.pycc import compiler as pycc  # noqa: E402
 
 
 class KernelError(Exception):
@@ -29,6 +34,8 @@ def compiler_for(module: ModuleType, extension: str, output: Path, cpu: str) -> 
     signatures = getattr(module, "SIGNATURES", None)
     if not signatures:
         raise KernelError(f"{module.__name__}: no SIGNATURES, nothing to compile")
+    if getattr(module, "RELEASE_GIL", False):
+        pycc.Flags = partial(_flags_releasing_gil, pycc.Flags)
     compiler = CC(extension, source_module=module)
     compiler.output_dir = str(output)
     compiler.target_cpu = cpu
@@ -38,6 +45,13 @@ def compiler_for(module: ModuleType, extension: str, output: Path, cpu: str) -> 
             raise KernelError(f"{module.__name__}: SIGNATURES names {name}, which is not defined")
         compiler.export(name, signature)(getattr(function, "py_func", function))
     return compiler
+
+
+def _flags_releasing_gil(flags: Callable[[], Any]) -> Any:
+    """Returns numba's compiler flags with the one set that ``@njit(nogil=True)`` sets: pycc has no option for it."""
+    changed = flags()
+    changed.release_gil = True
+    return changed
 
 
 def main() -> int:

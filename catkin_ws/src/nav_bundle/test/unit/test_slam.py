@@ -2,6 +2,9 @@
 
 import dataclasses
 import math
+import threading
+import time
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -191,6 +194,28 @@ def test_a_large_extent_costs_only_what_was_seen() -> None:
     errors_along(robot, slam, laps((3.0,), 1))
     assert slam.grid().cells.shape == (4000, 4000)
     assert slam.tiles * 8192 < 40e6
+
+
+def test_transforms_go_out_while_a_scan_is_matched() -> None:
+    """A thread that wakes every millisecond stands still for no more than a part of a long match."""
+    robot, slam = in_room(1, dataclasses.replace(CONFIG, particles=400, kernelSize=2))
+    slam.observe(robot.odom, robot.scan(360), 0.0)
+    robot.drive(1.1, 0.0)
+    scan, wakes, done = robot.scan(360), list[float](), threading.Event()
+
+    def wake() -> None:
+        while not done.wait(0.001):
+            wakes.append(time.monotonic())
+
+    sender = threading.Thread(target=wake)
+    sender.start()
+    begin = time.monotonic()
+    assert slam.observe(robot.odom, scan, 1.0)
+    end = time.monotonic()
+    done.set()
+    sender.join()
+    standstill = max(after - before for before, after in pairwise([begin, *wakes, end]))
+    assert standstill < 0.5 * (end - begin)
 
 
 @pytest.mark.parametrize(

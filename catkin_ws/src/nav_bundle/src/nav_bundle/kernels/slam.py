@@ -25,6 +25,9 @@ SIGNATURES = {
     "draw": "void(int32[:, ::1], uint16[:, :, ::1], float64, int64, int64, int8[:, ::1])",
 }
 
+RELEASE_GIL = True
+"""A match takes 30 to 300 ms; the thread that publishes tf must run meanwhile."""
+
 BITS = 5
 TILE = 1 << BITS
 MASK = TILE - 1

@@ -44,10 +44,11 @@ class SlamGmappingNode:
 
     Parameters: ``GmappingConfig``. Frames of the robot go under ``tf_prefix``, the map's does not.
 
-    Threads: the callback stores the newest scan; ``spin`` does all the work; one more thread publishes tf.
+    Threads: the callback stores the newest scan; ``spin`` does all the work; one more thread publishes tf, also while
+    a scan is matched (the kernels release Python's lock). Scans that arrive meanwhile are dropped, transforms never.
 
     On error: scans without transforms are dropped with a warning that names what is missing; a bad parameter ends the
-    node. When time jumps back, the map is begun anew.
+    node. When time jumps back, mapping restarts with an empty map.
     """
 
     def __init__(self) -> None:
@@ -137,7 +138,7 @@ class SlamGmappingNode:
     def _restart_if_time_jumped(self) -> None:
         now = rospy.get_time()
         if now < self._now:
-            rospy.logwarn("time jumped back: the map is begun anew")
+            rospy.logwarn("time jumped back: mapping restarts with an empty map")
             self._start()
         self._now = now
 
