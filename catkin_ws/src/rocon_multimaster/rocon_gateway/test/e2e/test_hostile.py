@@ -100,9 +100,10 @@ def test_garbage_in_redis_values_does_no_harm(standing_fleet, standing, flow) ->
 def test_a_wrong_type_under_every_key_of_the_hub_is_overcome(standing_fleet, standing, flow) -> None:
     base, robot = standing
     client = redis.Redis(port=standing_fleet.hub_port)
-    for key in (GATEWAYS_KEY, record_key("base"), alive_key("base"), letters_key("base"), "rocon:lost:base"):
-        # Both at once: in between its owner could write it anew.
-        client.pipeline().delete(key).rpush(key, "x").execute()
+    for key in (GATEWAYS_KEY, record_key("base"), alive_key("base"), "rocon:lost:base"):
+        # Both at once: in between its owner could write it again.
+        client.pipeline().delete(key).hset(key, "x", "x").execute()
+    client.set(letters_key("base"), "x")
     client.close()
     robot.talk("/after", "honest")
     wait_until(lambda: base.info().connected and robot.info().connected, "both on the hub", 10)

@@ -4,6 +4,7 @@ import contextlib
 import itertools
 import json
 import os
+import re
 import signal
 import socket
 from collections.abc import Iterator
@@ -30,14 +31,24 @@ class Bench:
     def __init__(self, folder: Path) -> None:
         self.folder, self.group, self.master, self.ports = folder, ProcessGroup(), Master(), PortReservation()
         self.port = self.ports.take(17380)
+        self.home = folder / "home"
         self.master.set_param("/hub", {"name": "Test Hub", "port": self.port})
 
     def start(self, name: str = "hub", **environment: str) -> int:
         argv = ["rosrun", "rocon_hub", "hub", f"__name:={name}", f"_port:={self.port}"]
-        return self.group.start(name, argv, {**self.master.environment, **environment}, self.folder / f"{name}.log")
+        environment = {**self.master.environment, "ROS_HOME": str(self.home), **environment}
+        return self.group.start(name, argv, environment, self.folder / f"{name}.log")
 
     def client(self, password: str | None = None) -> redis.Redis:
-        return redis.Redis(port=self.port, password=password, decode_responses=True)
+        return redis.Redis(port=self.port, password=password, decode_responses=True, socket_timeout=2)
+
+    def admin(self) -> redis.Redis:
+        """A client of the hub's own user, who may do everything; only this user's processes can be one."""
+        (configuration,) = self.home.glob("redis/*/redis.conf")
+        (password,) = re.findall(r'^user hub reset on ">(\w+)"', configuration.read_text(), re.MULTILINE)
+        folder = os.open(configuration.parent, os.O_PATH)
+        path = f"/proc/self/fd/{folder}/redis.sock"
+        return redis.Redis(unix_socket_path=path, username="hub", password=password, decode_responses=True)
 
     def name(self, password: str | None = None) -> str | None:
         with self.client(password) as client:
@@ -48,7 +59,7 @@ class Bench:
 
     def redis_pid(self) -> int:
         def pid() -> int:
-            with self.client() as client, contextlib.suppress(redis.ConnectionError):
+            with self.client() as client, contextlib.suppress(redis.ConnectionError, redis.TimeoutError):
                 return int(client.info("server")["process_id"]) if client.get("rocon:hub:name") else 0
             return 0
 
@@ -153,9 +164,9 @@ def test_of_whom_an_error_kept_the_hub_from_telling_it_tells_with_the_next_look(
     assert list(registry.look()) == []
 
 
-def test_a_thousand_gateways_find_room_when_they_come_back_at_once(server: RedisServer) -> None:
+def test_a_thousand_gateways_find_room_when_they_come_back_at_once(bench: Bench, server: RedisServer) -> None:
     raise_limit()
-    count, port = 1000, server.client.connection_pool.connection_kwargs["port"]
+    count, port = 1000, bench.port
     with contextlib.ExitStack() as stack:
         ends = [stack.enter_context(socket.create_connection(("127.0.0.1", port), 30)) for _ in range(2 * count)]
         listening, speaking = ends[::2], ends[1::2]
@@ -183,7 +194,7 @@ def test_a_hub_whose_redis_is_full_says_so_once_and_lets_gateways_in_when_there_
     bench.start()
     first = bench.redis_pid()
     log = bench.folder / "hub.log"
-    with bench.client() as client:
+    with bench.admin() as client:
         events = client.pubsub(ignore_subscribe_messages=True)
         events.subscribe("rocon:gateways")
         client.sadd("rocon:gateways", "ghost")
@@ -210,7 +221,7 @@ def test_a_full_redis_keeps_the_gateways_it_has_and_forgets_those_that_are_gone(
     bench.start()
     bench.redis_pid()
     early = start_gateway(bench, "early")
-    with bench.client() as client:
+    with bench.admin() as client:
         wait_until(lambda: client.exists("rocon:gateway:early"), "the gateway is let in", START)
         client.sadd("rocon:gateways", "ghost")
         client.set("rocon:gateway:ghost", "{}")
@@ -242,8 +253,48 @@ def fill(client: redis.Redis) -> None:
         client.set("junk0", "x")
 
 
-def test_strangers_cannot_reconfigure_the_server(bench: Bench) -> None:
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("EVAL", "while true do end", "0"),
+        ("CLIENT", "PAUSE", "100000"),
+        ("CLIENT", "KILL", "TYPE", "normal"),
+        ("ACL", "SETUSER", "default", "on", "nopass", "+@all"),
+        ("SYNC",),
+        ("CONFIG", "SET", "dir", "/tmp"),
+        ("FLUSHALL",),
+        ("SHUTDOWN",),
+        ("KEYS", "*"),
+        ("SET", "rocon:hub:name", "Mallory's"),
+        ("SET", "elsewhere", "x"),
+        ("PUBLISH", "elsewhere", "x"),
+    ],
+    ids=" ".join,
+)
+def test_a_gateway_may_use_nothing_but_what_the_protocol_needs(
+    bench: Bench, server: RedisServer, command: tuple[str, ...]
+) -> None:
+    """Each of the first five once stopped the hub for everybody."""
+    Registry(server.client, 60.0).open("Test Hub")
+    with bench.client() as client, pytest.raises(redis.exceptions.NoPermissionError):
+        client.execute_command(*command)
+    assert server.client.get("rocon:hub:name") == "Test Hub"
+
+
+def test_a_redis_whose_users_were_changed_is_started_again(bench: Bench) -> None:
     bench.start()
-    bench.redis_pid()
-    with bench.client() as client, pytest.raises(redis.ResponseError, match="unknown command"):
-        client.config_set("dir", "/tmp")
+    first = bench.redis_pid()
+    with bench.admin() as admin:
+        admin.execute_command("ACL", "SETUSER", "default", "+@all")
+    wait_until(lambda: bench.redis_pid() != first, "another Redis", 10)
+    assert "users or permissions that this hub did not set" in (bench.folder / "hub.log").read_text()
+    with bench.client() as client, pytest.raises(redis.exceptions.NoPermissionError):
+        client.flushall()
+
+
+def test_a_redis_that_stops_answering_is_started_again(bench: Bench) -> None:
+    bench.start()
+    first = bench.redis_pid()
+    os.kill(first, signal.SIGSTOP)
+    wait_until(lambda: bench.redis_pid() not in (0, first), "another Redis", 40)
+    assert "has not answered" in (bench.folder / "hub.log").read_text()

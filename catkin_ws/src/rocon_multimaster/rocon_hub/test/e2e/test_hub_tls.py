@@ -62,9 +62,9 @@ def test_who_has_a_certificate_of_the_fleet_is_let_in_and_hears_events(servers: 
     with contextlib.closing(servers.session(hub, hub)) as session:
         assert session.hub_name == "Test Hub"
         assert str(session.address).startswith("rediss://127.0.0.1:")
-        session.events.subscribe("channel")
+        session.events.subscribe("rocon:examined:1")
         text = "x" * 100_000
-        session.client.publish("channel", text)
+        session.client.publish("rocon:examined:1", text)
         messages = (session.events.get_message(timeout=2.0) for _ in range(10))
         assert next(one["data"] for one in messages if one and one["type"] == "message") == text
 

@@ -12,7 +12,7 @@ DIRECTORY = Path("/tmp/a b")
 
 
 def lines(setting: HubSetting, password: str | None = None) -> list[str]:
-    return redis_configuration(setting, DIRECTORY, Guard(password)).splitlines()
+    return redis_configuration(setting, DIRECTORY, Guard(password), "admin").splitlines()
 
 
 def test_without_a_password_only_this_machine_may_connect() -> None:
@@ -24,20 +24,21 @@ def test_without_a_password_only_this_machine_may_connect() -> None:
 def test_a_password_or_insistence_opens_the_hub(setting: HubSetting, password: str | None) -> None:
     assert "bind * -::*" in lines(setting, password)
     assert "protected-mode no" in lines(setting, password)
-    assert ('requirepass "secret"' in lines(setting, password)) is (password is not None)
+    (default,) = [line for line in lines(setting, password) if line.startswith("user default ")]
+    assert default.startswith('user default reset on ">secret" ' if password else "user default reset on nopass ")
 
 
 def test_certificates_open_the_hub_to_who_has_one_and_leave_no_plain_port() -> None:
     guard = Guard(None, "/tls/tls.crt", "/a b/tls.key", "/tls/ca.crt")
-    text = redis_configuration(HubSetting(port=1234), DIRECTORY, guard).splitlines()
+    text = redis_configuration(HubSetting(port=1234), DIRECTORY, guard, "admin").splitlines()
     assert {"bind * -::*", "port 0", "tls-port 1234", "tls-auth-clients yes", 'tls-key-file "/a b/tls.key"'} <= set(
         text
     )
 
 
-def test_nothing_is_saved_and_strangers_cannot_reconfigure() -> None:
+def test_nothing_is_saved() -> None:
     text = lines(HubSetting(port=1234))
-    assert {"port 1234", 'save ""', "appendonly no", 'rename-command CONFIG ""', 'dir "/tmp/a b"'} <= set(text)
+    assert {"port 1234", 'save ""', "appendonly no", 'dir "/tmp/a b"'} <= set(text)
 
 
 def test_a_password_cannot_add_a_line() -> None:

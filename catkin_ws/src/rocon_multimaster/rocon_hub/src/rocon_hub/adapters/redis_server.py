@@ -1,6 +1,8 @@
 """A redis-server of our own: started, recognised as ours, restarted, and never left behind."""
 
 import contextlib
+import os
+import secrets
 import shutil
 import signal
 import socket
@@ -10,11 +12,10 @@ from pathlib import Path
 
 import redis
 
-from rocon_gateway.adapters.redis_client import Access, redis_client
+from rocon_gateway.adapters.redis_client import TIMEOUT, Access
 from rocon_gateway.adapters.tls import AUTHORITY, CERTIFICATE, KEY
-from rocon_gateway.core.hub import HubAddress
 from rocon_hub.core.error import PortBusyError, RedisError
-from rocon_hub.core.setting import Guard, HubSetting, is_open, redis_configuration
+from rocon_hub.core.setting import ADMIN, SOCKET, Guard, HubSetting, is_open, redis_configuration
 
 START_TIMEOUT = 10.0
 """Within which a new server must answer [s]."""
@@ -28,13 +29,31 @@ def guard_from(access: Access) -> Guard:
     return Guard(access.password, *files)
 
 
+class SocketConnection(redis.UnixDomainSocketConnection):
+    """A connection over a Unix socket. redis' own leaves its socket open where nobody listens."""
+
+    def _connect(self) -> socket.socket:
+        sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            sock.settimeout(self.socket_timeout)
+            sock.connect(self.path)
+        except OSError:
+            sock.close()
+            raise
+        return sock
+
+
 class RedisServer:
     """One process. It must be started by the program's main thread: it dies with the thread that started it.
 
     Args:
         setting: the hub's parameters.
-        directory: for configuration and log; made if absent, readable by us only.
-        access: what clients must say and show; we are one ourselves.
+        directory: for configuration, log and socket; made if absent, readable by us only.
+        access: what gateways must say and show.
+
+    Attributes:
+        client: of the user that may do everything, over the socket.
+        log: what the server prints.
     """
 
     def __init__(self, setting: HubSetting, directory: Path, access: Access) -> None:
@@ -42,9 +61,24 @@ class RedisServer:
         self._directory = directory
         self._guard = guard_from(access)
         self._process: subprocess.Popen[bytes] | None = None
+        self._admin_password = secrets.token_hex(32)
+        self._users: list[str] = []
         self.log = directory / "redis-server.log"
-        # A name that is no text is nobody's, and goes the way of all that fall silent.
-        self.client = redis_client(HubAddress("127.0.0.1", setting.port), access, "surrogateescape")
+        directory.mkdir(parents=True, exist_ok=True)
+        directory.chmod(0o700)
+        # A socket's path may have 107 bytes, which the directory's own may exceed; this one is short.
+        self._folder = os.open(directory, os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
+        pool = redis.ConnectionPool(
+            connection_class=SocketConnection,
+            path=f"/proc/self/fd/{self._folder}/{SOCKET}",
+            username=ADMIN,
+            password=self._admin_password,
+            socket_timeout=TIMEOUT,
+            decode_responses=True,
+            # A gateway whose name is not valid UTF-8 is removed like any other that falls silent.
+            encoding_errors="surrogateescape",
+        )
+        self.client = redis.Redis(connection_pool=pool)
 
     @property
     def pid(self) -> int | None:
@@ -86,11 +120,9 @@ class RedisServer:
                 raise PortBusyError(f"{text}. End it, or set hub_port") from None
 
     def _write_configuration(self) -> Path:
-        self._directory.mkdir(parents=True, exist_ok=True)
-        self._directory.chmod(0o700)
         path = self._directory / "redis.conf"
         path.touch(mode=0o600)
-        path.write_text(redis_configuration(self._setting, self._directory, self._guard))
+        path.write_text(redis_configuration(self._setting, self._directory, self._guard, self._admin_password))
         return path
 
     def _await(self) -> None:
@@ -98,15 +130,17 @@ class RedisServer:
         assert self._process is not None
         while time.monotonic() < deadline:
             with contextlib.suppress(redis.ConnectionError, redis.TimeoutError):
-                if self.client.info("server")["process_id"] == self._process.pid:
-                    return
-                self.stop()
-                raise PortBusyError(f"hub: port {self._setting.port} was taken by another Redis while ours started")
+                self._users = self.client.acl_list()
+                return
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(0.02)
                 raise RedisError(f"hub: redis-server ended at once: {self._last_line()} (log: {self.log})")
         self.stop()
         raise RedisError(f"hub: redis-server did not answer within {START_TIMEOUT:g} s (log: {self.log})")
+
+    def has_our_users(self) -> bool:
+        """Returns whether Redis' users and their permissions are as at its start; raises redis.RedisError."""
+        return bool(self.client.acl_list() == self._users)
 
     def _last_line(self) -> str:
         lines = self.log.read_text(errors="replace").strip().splitlines()
@@ -115,6 +149,7 @@ class RedisServer:
     def stop(self) -> None:
         """Ends the server, gently first; nothing to do if it has ended."""
         process, self._process = self._process, None
+        self.client.connection_pool.disconnect()
         if process is None or process.poll() is not None:
             return
         process.send_signal(signal.SIGTERM)

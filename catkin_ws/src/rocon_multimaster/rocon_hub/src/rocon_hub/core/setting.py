@@ -9,19 +9,25 @@ from rocon_hub.core.error import HubNodeError
 _LOOPBACK = "127.0.0.1 -::1"
 _EVERYWHERE = "* -::*"
 
-# Commands that nobody on the hub needs, and by which a stranger could read or write files or stop the server.
-_DISABLED = (
-    "CONFIG",
-    "SAVE",
-    "BGSAVE",
-    "BGREWRITEAOF",
-    "SHUTDOWN",
-    "REPLICAOF",
-    "SLAVEOF",
-    "MODULE",
-    "DEBUG",
-    "MIGRATE",
+SOCKET = "redis.sock"
+"""The Unix socket that only this user's processes reach, in the server's directory."""
+
+ADMIN = "hub"
+"""The Redis user that may do everything: the hub itself."""
+
+COMMANDS = (
+    *("get", "set", "mget", "del", "pexpire", "sadd", "srem", "smembers", "sismember"),
+    *("hset", "hdel", "hmget", "hgetall", "publish", "subscribe", "unsubscribe", "multi", "exec"),
+    *("ping", "info", "time"),
 )
+"""What the protocol needs, and gateways may use."""
+
+_PATTERNS = (
+    *("%R~rocon:hub:*", "~rocon:gateway:*", "~rocon:alive:*", "~rocon:letters:*", "~rocon:lost:*"),
+    *("~rocon:gateways", "~rocon:namespaces"),
+    *("&rocon:gateways", "&rocon:gateway:*", "&rocon:letters:*", "&rocon:examine", "&rocon:examined:*"),
+)
+"""Keys and channels of gateways, as Redis' ACL writes them: those of the hub itself are read-only."""
 
 
 @dataclass(frozen=True)
@@ -91,8 +97,15 @@ def is_open(setting: HubSetting, guard: Guard) -> bool:
     return bool(guard.password or guard.certificate) or setting.insecure
 
 
-def redis_configuration(setting: HubSetting, directory: Path, guard: Guard) -> str:
-    """Returns the text of a redis.conf for a private server that keeps nothing on disk."""
+def redis_configuration(setting: HubSetting, directory: Path, guard: Guard, admin_password: str) -> str:
+    """Returns the text of a redis.conf for a private server that keeps nothing on disk.
+
+    Args:
+        setting: the hub's parameters.
+        directory: where the server's Unix socket `SOCKET` is.
+        guard: what gateways must say and show.
+        admin_password: that of the user `ADMIN`.
+    """
     lines = [
         f"bind {_EVERYWHERE if is_open(setting, guard) else _LOOPBACK}",
         f"protected-mode {'no' if is_open(setting, guard) else 'yes'}",
@@ -105,14 +118,19 @@ def redis_configuration(setting: HubSetting, directory: Path, guard: Guard) -> s
         f"maxmemory {setting.max_memory}",
         "maxmemory-policy noeviction",
         f"dir {quoted(str(directory))}",
+        f"unixsocket {SOCKET}",
+        "unixsocketperm 600",
         'logfile ""',
         "tcp-keepalive 10",
         "client-output-buffer-limit pubsub 8mb 2mb 30",
-        *(f'rename-command {command} ""' for command in _DISABLED),
+        f"user {ADMIN} reset on {quoted('>' + admin_password)} ~* &* +@all",
+        f"user default reset on {_secret(guard)} {' '.join(_PATTERNS)} {' '.join(f'+{one}' for one in COMMANDS)}",
     ]
-    if guard.password:
-        lines.append(f"requirepass {quoted(guard.password)}")
     return "\n".join(lines) + "\n"
+
+
+def _secret(guard: Guard) -> str:
+    return quoted(">" + guard.password) if guard.password else "nopass"
 
 
 def _ports(setting: HubSetting, guard: Guard) -> list[str]:

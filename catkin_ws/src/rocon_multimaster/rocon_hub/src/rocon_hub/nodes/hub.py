@@ -29,6 +29,9 @@ SHORT_LIFE = 5.0
 ANNOUNCEMENT_PERIOD = 5.0
 """Time between two looks at whether this machine's addresses, which are announced, have changed [s]."""
 
+UNANSWERED = 7
+"""A Redis that has not answered so often in a row, `redis_client.TIMEOUT` each time, is stopped and started again."""
+
 FAILURES = 3
 """Failing so often in a row ends the hub."""
 
@@ -42,9 +45,9 @@ class HubNode:
 
     Threads: the main thread alone, but for rospy's own and those of the mDNS announcement.
 
-    On error: a port in use, a missing redis-server or an unreadable password file end the node with one line; a
-    Redis that dies is started again, and gateways register anew; one that is full or does not answer is one line, and
-    so is a network that takes no announcement.
+    On error: a port in use, a missing redis-server or an unreadable password file end the node with one line. A
+    Redis that dies, stops answering or has other users than the hub gave it is started again, and gateways register
+    again. One that is full is one line, and so is a network that takes no announcement.
     """
 
     def __init__(self) -> None:
@@ -90,7 +93,7 @@ class HubNode:
 
     def _start(self) -> None:
         self._server.start()
-        self._started = time.monotonic()
+        self._started, self._unanswered = time.monotonic(), 0
         try:
             self._registry.open(self._setting.name)
         except redis.ResponseError as error:
@@ -105,13 +108,23 @@ class HubNode:
                 self._announce()
                 next_announcement = time.monotonic() + ANNOUNCEMENT_PERIOD
             try:
-                if self._server.pid is None:
-                    self._restart()
+                self._check()
                 self._look()
+                self._unanswered = 0
             except redis.ConnectionError:
-                continue  # it has died, or is about to: that is told when it is started again
+                continue  # it has died, or is about to: that is logged when it is started again
             except redis.RedisError as error:
+                self._unanswered = self._unanswered + 1 if isinstance(error, redis.TimeoutError) else 0
                 self._complain(error)
+
+    def _check(self) -> None:
+        """Starts Redis again if it has died, does not answer, or has other users than we gave it."""
+        if self._server.pid is None:
+            self._restart("died")
+        elif self._unanswered >= UNANSWERED:
+            self._restart(f"has not answered {UNANSWERED} times in a row")
+        elif not self._server.has_our_users():
+            self._restart("has users or permissions that this hub did not set")
 
     def _look(self) -> None:
         for name in self._registry.look():
@@ -133,7 +146,7 @@ class HubNode:
             limit = self._setting.max_memory
             complaint = f"redis-server is full ({limit}), so gateways cannot join or change rules: raise ~max_memory"
         if complaint != self._complaint:
-            rospy.logerr("%s; going on", complaint)
+            rospy.logerr("%s", complaint)
         self._complaint = complaint
 
     def _announce(self) -> None:
@@ -145,11 +158,12 @@ class HubNode:
                 rospy.logwarn("%s; gateways need gateway_hub_uri", error)
             self._unannounced = str(error)
 
-    def _restart(self) -> None:
+    def _restart(self, why: str) -> None:
         self._failures = self._failures + 1 if time.monotonic() - self._started < SHORT_LIFE else 1
         if self._failures >= FAILURES:
-            raise RedisError(f"hub: redis-server died {self._failures} times in a row (log: {self._server.log})")
-        rospy.logerr("redis-server died; starting it again (log: %s)", self._server.log)
+            raise RedisError(f"hub: redis-server failed {self._failures} times in a row (log: {self._server.log})")
+        rospy.logerr("redis-server %s; starting it again (log: %s)", why, self._server.log)
+        self._server.stop()
         self._next_clear = 0.0
         self._start()
 
