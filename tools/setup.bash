@@ -28,7 +28,7 @@ step() {
   "$@" >"$log" 2>&1 </dev/null &
   pid=$!
   set +m
-  trap 'kill -TERM -- -'"$pid"' 2>/dev/null; wait; printf "\n"; die "interrupted; run the command again, it goes on from here"' INT TERM
+  trap 'kill -TERM -- -'"$pid"' 2>/dev/null; wait; printf "\n"; die "interrupted; run the command again, it continues from here"' INT TERM HUP QUIT
   while ! timeout 1 tail --pid="$pid" -f /dev/null; do
     elapsed=$((SECONDS - started))
     if [[ -t 1 ]]; then
@@ -38,7 +38,7 @@ step() {
       next=$((next + 15))
     fi
   done
-  trap - INT TERM
+  trap - INT TERM HUP QUIT
   if ! wait "$pid"; then
     [[ -t 1 ]] && printf '\n'
     explain_failure "$label" "$log"
@@ -65,6 +65,14 @@ check_system() {
   [[ $ID == debian && $VERSION_ID =~ ^1[23]$ ]] ||
     die "this needs Debian 12 or 13, which ship ROS 1; here is ${ID:-an unknown system} ${VERSION_ID:-}. Use the container image (docker/) or a Debian machine."
   [[ -w $root ]] || die "cannot write to $root; run as its owner, or through sudo"
+}
+
+# check_path: CMake, make and catkin cannot build in every folder.
+check_path() {
+  local LC_ALL=C
+  # Letters of other alphabets are none of the characters from space to ~, and no control characters.
+  [[ $root =~ ^([A-Za-z0-9_./+,=@-]|[^ -~[:cntrl:]])+$ ]] ||
+    die "this checkout is in '$root', where CMake and catkin cannot build; move it to a path of letters, digits and . _ - + , = @ /"
 }
 
 check_disk() {

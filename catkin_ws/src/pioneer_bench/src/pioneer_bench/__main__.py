@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import signal
 import sys
 
 BENCHES = {
@@ -24,7 +25,13 @@ def main() -> int:
             bench.add_arguments(one)
             one.set_defaults(run=bench.run)
     options = parser.parse_args()
-    return options.run(options)
+    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
+        signal.signal(number, signal.default_int_handler)
+    try:
+        return options.run(options)
+    except KeyboardInterrupt:
+        print("\ninterrupted")
+        return 130
 
 
 if __name__ == "__main__":

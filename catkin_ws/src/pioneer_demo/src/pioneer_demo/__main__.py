@@ -2,7 +2,10 @@
 
 import sys
 
-from pioneer_demo.nodes.main import main
+from pioneer_demo.adapters.interrupt import Interrupt
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    interrupt = Interrupt()  # first, so that Ctrl-C during the imports below ends the command in order, too
+    from pioneer_demo.nodes.main import main
+
+    sys.exit(main(sys.argv[1:], interrupt))

@@ -18,6 +18,8 @@ from pioneer_harness.wait import wait_until
 
 _MARK = "PIONEER_DEMO_TEST"
 _START_UP, _WHOLE, _CTRL_C = 120.0, 300.0, 5.0
+_FOREIGN = {"ROS_NAMESPACE": "/elsewhere", "ROS_HOSTNAME": "no-such-host.invalid", "GATEWAY_NETWORK_INTERFACE": "eth9"}
+"""What a user's shell may hold for another fleet: every demo here runs with it."""
 
 
 class RunningDemo:
@@ -27,7 +29,12 @@ class RunningDemo:
         self.report = report
         self.mark = str(report)
         self.output = report.with_suffix(".txt")
-        environment = {**os.environ, _MARK: self.mark, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        environment = {
+            **os.environ,
+            **_FOREIGN,
+            _MARK: self.mark,
+            "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+        }
         command = [sys.executable, "-m", "pioneer_demo", "--report", str(report), *map(str, options)]
         with self.output.open("wb") as output:
             self.process = subprocess.Popen(
@@ -76,7 +83,7 @@ def assert_all_gone(demo):
 
 
 def test_two_robots_reach_their_waypoints_through_the_gateways_and_are_filmed(start, tmp_path):
-    film = tmp_path / "film" / "run.mp4"
+    film = tmp_path / "run.mp4"
     demo = start("--robots", 2, "--waypoints", 1, "--seed", 4, "--video", film)
     assert demo.process.wait(_WHOLE) == 0, demo.text()
     assert_all_gone(demo)
@@ -103,18 +110,20 @@ def seconds_of(film):
     return float(subprocess.run(command, capture_output=True, check=True, text=True).stdout)
 
 
-def interrupted_after(demo, words, timeout):
+def interrupted_after(demo, words, timeout, number=signal.SIGINT):
     demo.await_words(words, timeout)
-    demo.process.send_signal(signal.SIGINT)
+    demo.process.send_signal(number)
     began = time.monotonic()
-    assert demo.process.wait(3 * _CTRL_C) == 130, demo.text()
+    assert demo.process.wait(3 * _CTRL_C) == 128 + number, demo.text()
     assert time.monotonic() - began <= _CTRL_C
     assert_all_gone(demo)
-    assert "every process of this demo has ended" in demo.text()
+    # After SIGHUP the terminal is gone, and nothing may be written to it.
+    assert ("every process of this demo has ended" in demo.text()) == (number != signal.SIGHUP)
 
 
-def test_ctrl_c_during_start_up_leaves_no_process(start):
-    interrupted_after(start("--robots", 2), "waiting for", 30.0)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGQUIT, signal.SIGHUP])
+def test_a_signal_during_start_up_leaves_no_process(start, number):
+    interrupted_after(start("--robots", 2), "waiting for", 30.0, number)
 
 
 def test_ctrl_c_while_driving_leaves_no_process(start):

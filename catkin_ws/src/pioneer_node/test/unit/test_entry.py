@@ -1,9 +1,18 @@
 """How nodes end."""
 
+import os
+import re
+import signal
+import socket
 import subprocess
 import sys
 
 import pytest
+from rosgraph.network import encode_ros_handshake_header
+
+from pioneer_harness.masters import Master
+from pioneer_harness.process import ProcessGroup
+from pioneer_harness.wait import START, wait_until
 
 SHUT_DOWN = """
 import rospy
@@ -47,3 +56,78 @@ def test_who_is_asked_to_end_and_has_lost_its_master_by_then_ends_without_a_trac
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == status
     assert ("Traceback" in done.stdout + done.stderr) == bool(status)
+
+
+SIGNAL_WHILE_A_THREAD_IS_JOINED = """
+import os, signal, sys, threading
+import rospy
+from pioneer_node.nodes import entry
+
+rospy.init_node = lambda *_, **__: None
+
+class Node:
+    def spin(self):
+        # Thread.join holds this lock for a moment; here the signal arrives within it.
+        with threading._shutdown_locks_lock:
+            os.kill(os.getpid(), signal.SIGTERM)
+        while not rospy.is_shutdown():
+            rospy.rostime.wallsleep(0.01)
+
+raise SystemExit(entry.run("node", Node))
+"""
+
+
+def test_a_signal_while_the_main_thread_joins_another_ends_the_node() -> None:
+    """The handler used to start a thread, and waited for a lock of the main thread that it had interrupted."""
+    command = [sys.executable, "-c", SIGNAL_WHILE_A_THREAD_IS_JOINED]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+SERVES = """
+import resource, signal
+import rospy
+from pioneer_node.nodes import entry
+from std_srvs.srv import Trigger, TriggerResponse
+
+files = []
+
+def use_up(*_):
+    resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64))
+    try:
+        while True:
+            files.append(open("/dev/null"))
+    except OSError:
+        print("used up", flush=True)
+
+class Node:
+    def __init__(self):
+        signal.signal(signal.SIGUSR1, use_up)
+        signal.signal(signal.SIGUSR2, lambda *_: [file.close() for file in files])
+        self.service = rospy.Service("answer", Trigger, lambda request: TriggerResponse(True, ""))
+        print(self.service.uri, flush=True)
+
+raise SystemExit(entry.run("server", Node))
+"""
+
+
+def test_a_server_that_ran_out_of_file_descriptors_serves_again() -> None:
+    """Its accepting thread used to end with a traceback; the node stayed registered and answered nobody."""
+    with Master() as master, ProcessGroup() as group:
+        log = master.home / "server.log"
+        server = group.start("server", [sys.executable, "-u", "-c", SERVES], master.environment, log)
+        host, port = wait_until(lambda: re.search(r"rosrpc://(.*):(\d+)", log.read_text()), "its port", START).groups()
+        os.kill(server, signal.SIGUSR1)
+        wait_until(lambda: "used up" in log.read_text(), "its last file", 10)
+        with socket.create_connection((host, int(port))) as client:
+            # Accepted with the descriptor that accept() has set aside; the next call of it finds none.
+            header = {"callerid": "/client", "service": "/answer", "md5sum": "*", "persistent": "1"}
+            client.sendall(encode_ros_handshake_header(header))
+            wait_until(lambda: "out of file descriptors" in log.read_text(), "its error", 10)
+        os.kill(server, signal.SIGUSR2)
+        command = ["rosservice", "call", "/answer"]
+        done = subprocess.run(command, env=master.environment, capture_output=True, text=True, timeout=60, check=False)
+        assert "success: True" in done.stdout, done.stderr + log.read_text()
+        os.kill(server, signal.SIGTERM)
+        wait_until(lambda: not group.is_running("server"), "its end", 10)
+        assert [death.status for death in group.deaths] == [0]

@@ -1,16 +1,19 @@
-"""Ctrl-C as something to look at between two steps, not as an exception in the middle of one."""
+"""Signals that end the command, polled between two steps instead of raised in the middle of one."""
 
+import os
 import signal
 import types
 
 from pioneer_demo.core.error import DemoError
 
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
-class Interrupted(DemoError):  # noqa: N818 - no error, a wish
-    """The person at the keyboard, or the system, wants this to end.
+
+class Interrupted(DemoError):  # noqa: N818 - no error: a request
+    """The user, or the system, asked the command to end.
 
     Attributes:
-        status: the exit status that says so: 128 and the signal's number.
+        status: the exit status for it: 128 and the signal's number.
     """
 
     def __init__(self, number: int) -> None:
@@ -19,21 +22,36 @@ class Interrupted(DemoError):  # noqa: N818 - no error, a wish
 
 
 class Interrupt:
-    """Notes SIGINT, SIGTERM and SIGHUP from its creation on, even where the shell had them ignored."""
+    """Records SIGINT, SIGTERM, SIGHUP and SIGQUIT, even where the shell ignores them.
+
+    ``./pioneer`` starts Python with these signals blocked, so that one that arrives before the first line of Python
+    waits until here.
+    """
 
     def __init__(self) -> None:
         self._number = 0
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for number in _SIGNALS:
             signal.signal(number, self._note)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
 
     def has_come(self) -> bool:
-        """Returns whether one of the signals has come."""
+        """Returns whether one of the signals has arrived."""
         return bool(self._number)
 
     def check(self) -> None:
-        """Raises ``Interrupted`` once one of the signals has come."""
+        """Raises ``Interrupted`` once one of the signals has arrived."""
+        if self._number == signal.SIGHUP:
+            mute()  # the terminal is gone: every write to it would fail
         if self._number:
             raise Interrupted(self._number)
 
     def _note(self, number: int, frame: types.FrameType | None) -> None:
         self._number = self._number or number
+
+
+def mute() -> None:
+    """Sends the process's further output to /dev/null: what it was connected to no longer exists."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for output in (1, 2):
+        os.dup2(nowhere, output)
+    os.close(nowhere)

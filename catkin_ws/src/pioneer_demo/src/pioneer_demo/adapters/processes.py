@@ -28,7 +28,6 @@ from pioneer_harness.process import ProcessGroup, last_lines
 # A Python process of a fleet does one thing at a time; threads of its matrix library would only get in others' way.
 _SINGLE = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 _LAST_GRACE = 3.0
-_FOREIGN = ("ROS_HOSTNAME", "ROS_NAMESPACE", "ROS_IPV6")
 
 
 class FleetProcesses:
@@ -53,11 +52,10 @@ class FleetProcesses:
         shutil.rmtree(self._log / "ros", ignore_errors=True)  # the last demo's
         for command in commands(self._config, self.ports):
             home = {"ROS_HOME": str(self._log / "ros"), "ROS_LOG_DIR": str(self._log / "ros" / "log")}
-            inherited = {name: value for name, value in os.environ.items() if name not in _FOREIGN}
             log = self._log / f"{re.sub(r'[^A-Za-z0-9_]+', '-', command.name)}.log"
             log.write_bytes(b"")
             self._read[log] = 0
-            environment = {**_SINGLE, **inherited, **home, **command.environment}
+            environment = {**_SINGLE, **os.environ, **home, **command.environment}
             self.group.start(command.name, command.argv, environment, log)
 
     def check(self) -> None:

@@ -120,6 +120,12 @@ def check_fleet(robots: int, world: str, places: Mapping[str, int], places_elsew
 
 
 def _check(config: DemoConfig) -> None:
+    for option, value in (("--world", config.world), ("--report", config.report), ("--video", config.video)):
+        try:
+            str(value).encode()
+        except UnicodeEncodeError:
+            shown = str(value).encode(errors="surrogateescape")
+            raise OptionError(f"{option} must be UTF-8, not {shown!r}: ROS cannot handle other names") from None
     if not 1 <= config.waypoints <= 50:
         raise OptionError(f"--waypoints must be 1 to 50, not {config.waypoints}")
     if not 0.0 <= config.real_time_factor < float("inf"):

@@ -1,6 +1,7 @@
 """The command: arguments in, exit status out."""
 
 import dataclasses
+import os
 import shlex
 import sys
 from collections.abc import Sequence
@@ -8,7 +9,8 @@ from pathlib import Path
 
 import rospkg
 
-from pioneer_demo.adapters.interrupt import Interrupt, Interrupted
+from pioneer_demo.adapters.interrupt import Interrupt, Interrupted, mute
+from pioneer_demo.adapters.output import make_outputs
 from pioneer_demo.adapters.processes import FleetProcesses
 from pioneer_demo.adapters.stopwatch import Stopwatch
 from pioneer_demo.adapters.world_folder import place_count, places_by_world
@@ -18,13 +20,22 @@ from pioneer_harness.error import HarnessError
 from pioneer_harness.proc import processors
 
 _FAILED, _BAD_ARGUMENTS = 1, 2
+_FOREIGN = (
+    "ROS_HOSTNAME", "ROS_IPV6", "ROS_NAMESPACE", "ROBOT_NAMESPACES", "REAL_TIME_FACTOR", "GATEWAY_NETWORK_INTERFACE",
+    "GATEWAY_RELAY_PORT",
+)  # fmt: skip
+"""Variables that mean another fleet, or another machine than this one."""
 
 
-def main(arguments: Sequence[str]) -> int:
+def main(arguments: Sequence[str], interrupt: Interrupt) -> int:
     """Runs a demo and returns its exit status: 0, 1 for a failure, 2 for bad arguments, 130 after Ctrl-C."""
-    watch, interrupt = Stopwatch(), Interrupt()
+    watch = Stopwatch()
+    for name in _FOREIGN:
+        os.environ.pop(name, None)
     try:
         config, map_file = _configured(arguments)
+        make_outputs(config)
+        interrupt.check()
         return _run(config, map_file, watch, interrupt)
     except Interrupted as error:
         print(f"{error}: every process of this demo has ended.")
@@ -32,18 +43,16 @@ def main(arguments: Sequence[str]) -> int:
     except OptionError as error:
         print(f"pioneer demo: {error}", file=sys.stderr)
         return _BAD_ARGUMENTS
+    except BrokenPipeError:
+        print("pioneer demo: the reader of its output has ended; so has every process of this demo", file=sys.stderr)
+        mute()
+        return _FAILED
     except (DemoError, HarnessError, OSError) as error:
         print(f"pioneer demo: {error}", file=sys.stderr)
         return _FAILED
 
 
 def _run(config: DemoConfig, map_file: Path, watch: Stopwatch, interrupt: Interrupt) -> int:
-    if config.video is not None:
-        from pioneer_demo.adapters.video import encoder
-
-        encoder()
-        config.video.parent.mkdir(parents=True, exist_ok=True)
-    config.report.mkdir(parents=True, exist_ok=True)
     with FleetProcesses(config, config.report / "log") as processes:
         ports = processes.ports
         print(f"Ports: {ports}" + ("" if ports.are_the_tutorials else " (some of the tutorial's are busy)"), flush=True)

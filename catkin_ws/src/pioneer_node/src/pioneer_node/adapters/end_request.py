@@ -1,14 +1,14 @@
-"""The wish that a process ends, as a signal brings it."""
+"""A shutdown flag that is safe to set from a signal handler."""
 
 import os
 import select
 
 
 class EndRequest:
-    """Like ``threading.Event``, but to be set by a signal handler.
+    """Like ``threading.Event``, but safe to set from a signal handler: it takes no lock.
 
-    A handler runs in the main thread, between any two instructions of it. Where the main thread waits for an Event it
-    may hold that Event's lock just then, and ``set`` would wait for it for ever. Here is no lock.
+    A handler runs in the main thread, between any two of its instructions. If the main thread is waiting for an Event
+    at that moment it may hold the Event's lock, and ``set`` would deadlock.
     """
 
     def __init__(self) -> None:
@@ -16,16 +16,16 @@ class EndRequest:
         self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
 
     def is_set(self) -> bool:
-        """Returns whether the end was asked for."""
+        """Returns whether shutdown was requested."""
         return self._is_set
 
     def set(self) -> None:
-        """Asks for the end."""
+        """Requests shutdown."""
         self._is_set = True
         os.eventfd_write(self._wake, 1)
 
-    def wait(self, timeout: float) -> bool:
-        """Waits until the end is asked for, ``timeout`` seconds at most, and returns whether it was."""
+    def wait(self, timeout: float | None = None) -> bool:
+        """Waits at most ``timeout`` [s], without limit by default, for the request; returns whether it was made."""
         if not self._is_set:
             select.select([self._wake], [], [], timeout)
         return self._is_set

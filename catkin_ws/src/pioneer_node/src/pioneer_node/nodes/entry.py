@@ -1,5 +1,6 @@
 """The one way a node of this workspace starts and ends."""
 
+import errno
 import http.client
 import io
 import logging
@@ -16,6 +17,9 @@ from pioneer_node.core.parameter import ParameterError
 
 _ending = EndRequest()
 """Set as soon as a signal asks the process to end; rospy knows of a shutdown a moment later."""
+
+_ACCEPT_RETRY = 0.2
+"""How long a server waits for a free file descriptor [s]: the kernel does not report one."""
 
 
 def run(
@@ -34,11 +38,22 @@ def run(
     # Into a pipe or a file, what a node says would otherwise stand in a buffer until it ends.
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)
+    ending = threading.Thread(target=_shut_down_when_asked, name="shutdown", daemon=True)
+    ending.start()
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _shut_down)
-    # Before is_shutdown() says so, rospy closes topics; a callback that publishes then is no fault of its node's.
+        signal.signal(number, lambda *_: _ending.set())
+    # Before is_shutdown() returns True, rospy closes topics; a callback that publishes then is no fault of its node's.
     rospy.topics.is_shutdown = rospy.core.is_shutdown_requested
+    _keep_accepting()
     rospy.init_node(name, disable_rostime=wall_time, disable_signals=True)
+    try:
+        return _spun(name, build, expected)
+    finally:
+        if _ending.is_set():
+            ending.join()  # the process ends once the node is unregistered
+
+
+def _spun(name: str, build: Callable[[], Any], expected: tuple[type[Exception], ...]) -> int:
     try:
         node = build()
         getattr(node, "spin", rospy.spin)()
@@ -48,9 +63,9 @@ def run(
         rospy.logfatal("%s", error)
         rospy.signal_shutdown(str(error))
         return 1
-    except Exception as error:  # the outermost loop: whatever arrives here is a fault of ours and is told whole
+    except Exception as error:  # the outermost loop: whatever arrives here is a bug and gets its traceback
         if is_ending() and isinstance(error, OSError | http.client.HTTPException):
-            # Whoever ends may have lost its master, or its peers, before.
+            # The master, or a peer, may have ended first.
             logging.getLogger(__name__).info("%s ended while it lost a connection: %s", name, error)
             return 0
         logging.getLogger("rosout").critical("%s ended by an error", name, exc_info=True)
@@ -60,27 +75,47 @@ def run(
 
 
 def is_ending() -> bool:
-    """Tells whether the node ends: from the signal on, where ``rospy.is_shutdown`` does so later."""
+    """Returns whether the node is shutting down: from the signal on, ``rospy.is_shutdown`` only later."""
     return _ending.is_set() or bool(rospy.is_shutdown())
 
 
-def _shut_down(number: int, _frame: object) -> None:
-    """Shuts down in a thread of its own.
+def _shut_down_when_asked() -> None:
+    """Shuts rospy down once a signal has set the flag, in a thread that exists before the signal.
 
-    rospy's own handler does it in the interrupted main thread, where it waits for ever for a lock that this thread
-    may hold. The thread is no daemon: the process ends when the node is unregistered. A second signal changes nothing.
+    A handler runs in the middle of the main thread, whose locks it would wait for without end: rospy's own, and the
+    one that starting a thread takes. So the handler only sets the flag. Further signals change nothing.
     """
-    if _ending.is_set():
-        return
-    _ending.set()
-    threading.Thread(target=rospy.signal_shutdown, args=(f"signal-{number}",), name="shutdown").start()
+    _ending.wait()
+    rospy.signal_shutdown("signal")
+
+
+def _keep_accepting() -> None:
+    """Keeps the TCPROS server of this process alive when the process runs out of file descriptors.
+
+    rospy's server thread ends at the first connection that it cannot accept, and the node, still registered, never
+    serves a subscriber or a client again. Here the connection waits in the kernel's queue until a descriptor is free.
+    """
+    accept = rospy.impl.tcpros_base.TCPServer.run
+
+    def keep_accepting(server: Any) -> None:
+        while not is_ending():
+            try:
+                accept(server)
+                return
+            except OSError as error:
+                if error.errno not in (errno.EMFILE, errno.ENFILE):
+                    raise
+                text = "out of file descriptors (see ulimit -n); new connections wait until others close"
+                rospy.logerr_throttle(10.0, text)
+                _ending.wait(_ACCEPT_RETRY)
+
+    rospy.impl.tcpros_base.TCPServer.run = keep_accepting
 
 
 def on_shutdown(wake: Callable[[], object]) -> None:
-    """Has ``wake`` called at shutdown, when ``rospy.is_shutdown`` is true already.
+    """Registers ``wake`` to be called at shutdown, once ``rospy.is_shutdown`` is true.
 
-    ``rospy.on_shutdown`` calls before that: a loop that is woken then may find that there is no shutdown, and sleep on
-    for ever.
+    ``rospy.on_shutdown`` calls earlier: a loop woken then may see no shutdown yet, and sleep for good.
     """
     rospy.core.add_shutdown_hook(lambda _reason: wake())
 
