@@ -1,5 +1,8 @@
 """Messages from and to core values, and message classes whose long arrays are numpy's.
 
+Every ``…_from_message`` checks what it converts: a number that is not finite or beyond ``LARGEST`` raises a
+``MessageError`` that names the field. Nothing behind this module has to check again.
+
 genpy turns an ``int8[]`` into a tuple of ints, which takes seconds and hundreds of megabytes for a map of
 4000 x 4000 cells. The classes here read and write the same bytes under the same type and MD5 sum: give them
 to a Subscriber, a ServiceProxy or a Service in place of the generated ones.
@@ -8,20 +11,24 @@ to a Subscriber, a ServiceProxy or a Service in place of the generated ones.
 import io
 import math
 import struct
+from collections.abc import Iterator
 from typing import Any, Self
 
+import genpy
 import numpy as np
 from geometry_msgs.msg import Point, PoseArray, PoseStamped, PoseWithCovarianceStamped, Quaternion
 from geometry_msgs.msg import Pose as PoseMessage
 from map_msgs.msg import OccupancyGridUpdate
-from nav_msgs.msg import MapMetaData, OccupancyGrid, Path
+from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry, Path
 from nav_msgs.srv import GetMap, GetMapResponse, LoadMap, LoadMapResponse, SetMap, SetMapRequest
 from numpy.typing import NDArray
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 from std_msgs.msg import Header
 
-from nav_bundle.core.error import MapError, ObservationError
+from nav_bundle.core.costmap.scan import points_from_ranges
+from nav_bundle.core.error import MapError, MessageError, ObservationError
 from nav_bundle.core.grid import Grid
+from nav_bundle.core.local_planner import Velocity
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.sensor import Scan
 from nav_bundle.core.transform import Transform
@@ -137,6 +144,33 @@ class ParticlesMessage(PoseArray):  # type: ignore[misc]
         buff.write(poses.tobytes())
 
 
+LARGEST = 1.0e6
+"""Largest magnitude of a number that a message may bring: farther off [m] or faster [m/s] nothing is."""
+
+
+def check_numbers(what: str, message: genpy.Message, largest: float = LARGEST) -> None:
+    """Refuses a message that holds a number which is not finite or larger than ``largest``, nested fields included.
+
+    Raises:
+        MessageError: names ``what``, the field and its value.
+    """
+    for name, value in _numbers(message):
+        if not abs(value) <= largest:
+            raise MessageError(f"{what} refused: {name} must be a number within ±{largest:g}, not {value}")
+
+
+def _numbers(message: genpy.Message, prefix: str = "") -> Iterator[tuple[str, float]]:
+    """Yields each float of a message, however deep, with its path; arrays element by element."""
+    for slot in message.__slots__:
+        value = getattr(message, slot)
+        if isinstance(value, float):
+            yield f"{prefix}{slot}", value
+        elif isinstance(value, genpy.Message):
+            yield from _numbers(value, f"{prefix}{slot}.")
+        elif isinstance(value, (tuple, list)):
+            yield from ((f"{prefix}{slot}[{index}]", each) for index, each in enumerate(value))
+
+
 def yaw_from_quaternion(quaternion: Quaternion) -> float:
     """Returns the heading [rad], in [-pi, pi], of a rotation; the quaternion's length does not matter."""
     x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
@@ -149,7 +183,12 @@ def quaternion_from_yaw(yaw: float) -> Quaternion:
 
 
 def pose_from_message(message: PoseMessage) -> Pose:
-    """Returns the planar part of a geometry_msgs/Pose: z, roll and pitch are dropped."""
+    """Returns the planar part of a geometry_msgs/Pose: z, roll and pitch are dropped.
+
+    Raises:
+        MessageError: a number is not finite, or beyond ``LARGEST``.
+    """
+    check_numbers("pose", message)
     return Pose(message.position.x, message.position.y, yaw_from_quaternion(message.orientation))
 
 
@@ -164,7 +203,12 @@ def stamped_from_pose(pose: Pose, frame: str, stamp: Any) -> PoseStamped:
 
 
 def covariance_from_message(message: PoseWithCovarianceStamped) -> NDArray[np.float64]:
-    """Returns the covariance over x [m], y [m], yaw [rad], shape (3, 3), of a pose with covariance."""
+    """Returns the covariance over x [m], y [m], yaw [rad], shape (3, 3), of a pose with covariance.
+
+    Raises:
+        MessageError: a number is not finite, or beyond ``LARGEST`` squared.
+    """
+    check_numbers("initial pose", message.pose, LARGEST**2)
     full = np.array(message.pose.covariance).reshape(6, 6)
     return full[np.ix_([0, 1, 5], [0, 1, 5])]
 
@@ -177,7 +221,12 @@ def covariance_message(covariance: NDArray[np.float64]) -> list[float]:
 
 
 def scan_from_message(message: LaserScan, base_from_laser: Transform) -> Scan:
-    """Returns the scan of a (Scan)Message as seen from the robot; a laser mounted upside down turns the other way."""
+    """Returns the scan of a (Scan)Message as seen from the robot; a laser mounted upside down turns the other way.
+
+    Raises:
+        ObservationError: an angle is not finite, or a range limit is NaN.
+    """
+    _check_scan(message)
     side = 1.0 if base_from_laser.upright() else -1.0
     return Scan(
         np.asarray(message.ranges, np.float32),
@@ -187,6 +236,36 @@ def scan_from_message(message: LaserScan, base_from_laser: Transform) -> Scan:
         message.range_max,
         base_from_laser.planar(),
     )
+
+
+def points_from_scan(message: LaserScan, inf_is_valid: bool) -> NDArray[np.float64]:
+    """Returns the points (n, 3) [m] of a (Scan)Message in the laser's frame; see ``points_from_ranges``.
+
+    Raises:
+        ObservationError: an angle is not finite, or a range limit is NaN.
+    """
+    _check_scan(message)
+    ranges, limits = np.asarray(message.ranges, np.float32), (message.range_min, message.range_max)
+    return points_from_ranges(ranges, message.angle_min, message.angle_increment, *limits, inf_is_valid)
+
+
+def _check_scan(message: LaserScan) -> None:
+    """Refuses angles that are none. Ranges need no check: NaN and infinity among them mean that nothing was seen."""
+    numbers = (message.angle_min, message.angle_increment, message.range_min, message.range_max)
+    if not all(map(math.isfinite, numbers[:2])) or any(map(math.isnan, numbers)):
+        names = "angle_min, angle_increment, range_min, range_max"
+        raise ObservationError(f"scan refused: {names} must be finite numbers, not {', '.join(map(str, numbers))}")
+
+
+def velocity_from_odometry(message: Odometry) -> Velocity:
+    """Returns the robot's velocity in its own frame.
+
+    Raises:
+        MessageError: a number is not finite, or beyond ``LARGEST``.
+    """
+    twist = message.twist.twist
+    check_numbers("odometry", twist)
+    return Velocity(twist.linear.x, twist.linear.y, twist.angular.z)
 
 
 _REALS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
@@ -221,8 +300,10 @@ def grid_from_message(message: OccupancyGrid) -> Grid:
 
     Raises:
         MapError: the message has no cells, another number of them than its width and height say, or no resolution.
+        MessageError: a number of its origin or its resolution is not finite, or beyond ``LARGEST``.
     """
     info = message.info
+    check_numbers("map", info)
     if info.width * info.height != len(message.data):
         raise MapError(f"a map of {info.width} x {info.height} cells came with {len(message.data)} of them")
     cells = np.asarray(message.data, np.int8).reshape(info.height, info.width)

@@ -10,10 +10,12 @@ import rospy
 import rostest
 from dynamic_reconfigure import DynamicReconfigureCallbackException
 from dynamic_reconfigure.client import Client
-from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped, TransformStamped
 from nav_msgs.srv import SetMap, SetMapRequest
 from room_robot import START, RoomRobot, RoomTest
+from sensor_msgs.msg import LaserScan
 from std_srvs.srv import Empty
+from tf2_msgs.msg import TFMessage
 
 from nav_bundle.conversions import (
     GridMessage,
@@ -22,6 +24,7 @@ from nav_bundle.conversions import (
     pose_from_message,
 )
 from nav_bundle.core.pose import Pose
+from pioneer_harness.wait import wait_until
 
 
 class AmclCheck(RoomTest):
@@ -127,6 +130,26 @@ class AmclCheck(RoomTest):
             2000,
             "likelihood_field",
         )
+
+    def test_8_messages_that_cannot_be_used_cost_only_themselves(self) -> None:
+        nowhere, future = TransformStamped(), TransformStamped()
+        nowhere.transform.rotation.w = future.transform.rotation.w = 1.0
+        future.header.frame_id, future.child_frame_id = "pioneer3/odom", "pioneer3/base_link"
+        future.header.stamp = rospy.Time(2_000_000_000)
+        pose, grid = PoseWithCovarianceStamped(), message_from_grid(self.robot.grid, "/map", rospy.Time(1))
+        pose.pose.pose.position.x = math.nan
+        grid.info.origin.position.y = math.nan
+        bad = {
+            "/pioneer3/base_scan": LaserScan(ranges=[1.0]),
+            "/tf": TFMessage([nowhere, future]),
+            "/pioneer3/initialpose": pose,
+            "/map": grid,
+        }
+        for topic, message in bad.items():
+            publisher = rospy.Publisher(topic, type(message), queue_size=1, latch=True)
+            publisher.publish(message)
+            wait_until(publisher.get_num_connections, f"a subscriber of {topic}", 10.0)
+        self.drive_until(self.is_localised, "localisation after messages that cannot be used", 0.05, 0.05)
 
 
 if __name__ == "__main__":

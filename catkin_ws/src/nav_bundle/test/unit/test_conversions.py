@@ -7,8 +7,9 @@ import time
 import genpy
 import numpy as np
 import pytest
+from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
-from nav_msgs.msg import OccupancyGrid
+from nav_msgs.msg import OccupancyGrid, Odometry
 from nav_msgs.srv import LoadMapResponse
 from numpy.typing import NDArray
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
@@ -16,9 +17,10 @@ from std_msgs.msg import Header
 
 from nav_bundle import conversions
 from nav_bundle.conversions import points_from_cloud
-from nav_bundle.core.error import MapError, ObservationError
+from nav_bundle.core.error import MapError, MessageError, ObservationError
 from nav_bundle.core.grid import Grid, grid_from_text
 from nav_bundle.core.pose import Pose
+from nav_bundle.core.sensor import Scan
 from nav_bundle.core.transform import Transform
 
 STAMP = genpy.Time(3, 4)
@@ -160,3 +162,61 @@ def test_a_cloud_that_lacks_fields_or_bytes_is_refused() -> None:
 
 def test_a_cloud_without_points_has_none() -> None:
     assert points_from_cloud(cloud_of(np.zeros((0, 0, 3)))).shape == (0, 3)
+
+
+BAD_NUMBERS = [math.nan, math.inf, -math.inf, 1.0e200]
+
+
+@pytest.mark.parametrize("number", BAD_NUMBERS)
+@pytest.mark.parametrize("field", ["position.x", "position.z", "orientation.x", "orientation.w"])
+def test_a_pose_with_a_number_out_of_range_is_refused_by_name(field: str, number: float) -> None:
+    message = conversions.message_from_pose(Pose())
+    part, name = field.split(".")
+    setattr(getattr(message, part), name, number)
+    with pytest.raises(MessageError, match=f"{field} must be a number within"):
+        conversions.pose_from_message(message)
+
+
+@pytest.mark.parametrize("number", BAD_NUMBERS)
+def test_a_map_with_an_origin_or_resolution_out_of_range_is_refused(number: float) -> None:
+    message = conversions.message_from_grid(small_grid(), "map", STAMP)
+    message.info.origin.orientation.z = number
+    with pytest.raises(MessageError, match=r"map refused: origin.orientation.z"):
+        conversions.grid_from_message(message)
+    message.info.origin.orientation.z, message.info.resolution = 0.0, number
+    with pytest.raises(MessageError, match="map refused: resolution"):
+        conversions.grid_from_message(message)
+
+
+@pytest.mark.parametrize("number", BAD_NUMBERS)
+def test_odometry_with_a_speed_out_of_range_is_refused(number: float) -> None:
+    message = Odometry()
+    message.twist.twist.angular.z = number
+    with pytest.raises(MessageError, match=r"odometry refused: angular.z"):
+        conversions.velocity_from_odometry(message)
+
+
+@pytest.mark.parametrize("number", BAD_NUMBERS[:3])
+def test_an_initial_pose_with_a_covariance_that_is_not_finite_is_refused(number: float) -> None:
+    message = PoseWithCovarianceStamped()
+    message.pose.covariance = [0.0] * 35 + [number]
+    with pytest.raises(MessageError, match=r"covariance\[35\]"):
+        conversions.covariance_from_message(message)
+
+
+@pytest.mark.parametrize("field", ["angle_min", "angle_increment", "range_min", "range_max"])
+def test_a_scan_whose_geometry_is_not_a_number_is_refused(field: str) -> None:
+    message = LaserScan(range_max=10.0, ranges=[1.0, math.nan, math.inf])
+    assert len(conversions.points_from_scan(message, False)) == 1
+    setattr(message, field, math.nan)
+    for convert in (lambda: conversions.points_from_scan(message, True), lambda: scan_of(message)):
+        with pytest.raises(ObservationError, match="scan refused"):
+            convert()
+
+
+def scan_of(message: LaserScan) -> Scan:
+    return conversions.scan_from_message(message, Transform())
+
+
+def test_a_pose_without_a_rotation_has_heading_zero() -> None:
+    assert conversions.pose_from_message(PoseMessage()) == Pose()

@@ -53,3 +53,8 @@ def test_a_value_of_another_kind_is_left_out() -> None:
 
 def test_a_list_is_told_as_text() -> None:
     assert live_values(DriveConfig(footprint=[[1.0, 0.0]]))["footprint"] == "[[1.0, 0.0]]"
+
+
+def test_a_number_that_is_not_finite_changes_nothing() -> None:
+    values, complaints = accepted(PARAMETERS, {"speed": float("nan"), "samples": 3})
+    assert (values, complaints) == ({"samples": 3}, ["speed must be a finite number, not nan"])

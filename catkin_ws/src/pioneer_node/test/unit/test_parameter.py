@@ -1,5 +1,6 @@
 """A configuration names what is wrong with a parameter and what was probably meant."""
 
+import math
 from dataclasses import dataclass
 
 import pytest
@@ -37,6 +38,12 @@ def test_an_unknown_parameter_is_refused_with_the_nearest_name() -> None:
 def test_a_value_of_the_wrong_type_is_refused(values: dict[str, object]) -> None:
     with pytest.raises(ParameterError, match="must be"):
         config_from_mapping(LaserConfig, values, "amcl")
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_a_number_that_is_not_finite_is_refused(value: float) -> None:
+    with pytest.raises(ParameterError, match="~max_range must be a finite number"):
+        config_from_mapping(LaserConfig, {"max_range": value}, "amcl")
 
 
 def test_ignored_names_belong_to_somebody_else() -> None:

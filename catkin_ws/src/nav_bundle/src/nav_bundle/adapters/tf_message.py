@@ -1,22 +1,27 @@
-"""The few transforms one listens for, picked out of serialised tf2_msgs/TFMessage.
+"""The few transforms that a node needs, picked out of serialised tf2_msgs/TFMessage.
 
 /tf carries every robot's transforms, and a node wants two or three of them. Searching a message's bytes for a
-known (parent, child) pair costs a microsecond where unpacking it into objects costs some ten per transform.
+known (parent, child) pair costs a microsecond where unpacking it into objects costs some ten per transform. Only a
+message in which a name was found is read record by record, so that a name's bytes inside of another field count for
+nothing.
 Layout (little-endian): count u32, then each: seq, secs, nsecs u32; parent; child (u32 length + text); 7 f64.
 """
 
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple, Self
 
 from tf2_msgs.msg import TFMessage
 
-from nav_bundle.core.transform import Transform
+from nav_bundle.core.transform import Transform, fault_of
 from pioneer_node.core.frame import stripped
 
 _STAMP = struct.Struct("<II")
 _LENGTH = struct.Struct("<I")
 _BODY = struct.Struct("<7d")
+
+Refuse = Callable[[str], None]
+"""Called with one line for each message and each transform that cannot be used."""
 
 
 class RawTFMessage(TFMessage):  # type: ignore[misc]
@@ -45,33 +50,61 @@ class StampedTransform(NamedTuple):
     transform: Transform
 
 
-def transforms_of(buffer: bytes) -> Iterator[StampedTransform]:
-    """Yields every transform of a serialised message."""
-    for _, record in _records(buffer):
-        yield record
+def transforms_of(buffer: bytes, refuse: Refuse) -> list[StampedTransform]:
+    """Returns every usable transform of a serialised message; none of a message that does not parse."""
+    return [record for _, record in _usable(_parsed(buffer, refuse), buffer, refuse)]
 
 
-def _records(buffer: bytes) -> Iterator[tuple[bytes, StampedTransform]]:
-    """Yields each transform with the bytes of its two names."""
+class _Names(NamedTuple):
+    """Where a record's two names lie in a message."""
+
+    begin: int
+    middle: int
+    end: int
+
+
+def _parsed(buffer: bytes, refuse: Refuse) -> list[_Names]:
+    """Returns where each record's names lie; none where the lengths in the message and its size do not agree."""
+    try:
+        return list(_walk(buffer))
+    except struct.error:
+        refuse(f"a tf message of {len(buffer)} bytes was dropped: it is truncated")
+        return []
+
+
+def _walk(buffer: bytes) -> Iterator[_Names]:
     (count,) = _LENGTH.unpack_from(buffer)
     position = 4
     for _ in range(count):
-        names = position + 12
-        parent, middle = _text(buffer, names)
-        child, end = _text(buffer, middle)
-        yield buffer[names:end], _record(parent, child, buffer, names, end)
+        begin = position + 4 + _STAMP.size
+        middle = begin + 4 + _LENGTH.unpack_from(buffer, begin)[0]
+        end = middle + 4 + _LENGTH.unpack_from(buffer, middle)[0]
         position = end + _BODY.size
+        if position > len(buffer):
+            raise struct.error
+        yield _Names(begin, middle, end)
 
 
-def _text(buffer: bytes, position: int) -> tuple[str, int]:
-    (length,) = _LENGTH.unpack_from(buffer, position)
-    end = position + 4 + length
-    return stripped(buffer[position + 4 : end].decode()), end
+def _usable(places: Iterable[_Names], buffer: bytes, refuse: Refuse) -> Iterator[tuple[_Names, StampedTransform]]:
+    """Yields the records at ``places`` that a tree of frames can take."""
+    for names in places:
+        try:
+            record = _record(buffer, names)
+        except UnicodeDecodeError:
+            refuse("a transform was dropped: a frame's name is not UTF-8")
+            continue
+        fault = fault_of(record.parent, record.child, record.transform)
+        if fault:
+            refuse(f"a transform from {record.parent!r} to {record.child!r} was dropped: {fault}")
+        else:
+            yield names, record
 
 
-def _record(parent: str, child: str, buffer: bytes, names: int, end: int) -> StampedTransform:
-    seconds, nanoseconds = _STAMP.unpack_from(buffer, names - 8)
-    x, y, z, qx, qy, qz, qw = _BODY.unpack_from(buffer, end)
+def _record(buffer: bytes, names: _Names) -> StampedTransform:
+    parent = stripped(buffer[names.begin + 4 : names.middle].decode())
+    child = stripped(buffer[names.middle + 4 : names.end].decode())
+    seconds, nanoseconds = _STAMP.unpack_from(buffer, names.begin - _STAMP.size)
+    x, y, z, qx, qy, qz, qw = _BODY.unpack_from(buffer, names.end)
     # The same sum as genpy.Time.to_sec(), so that equal stamps are equal floats.
     return StampedTransform(parent, child, seconds + nanoseconds / 1e9, Transform((x, y, z), (qx, qy, qz, qw)))
 
@@ -79,38 +112,33 @@ def _record(parent: str, child: str, buffer: bytes, names: int, end: int) -> Sta
 class TransformPicker:
     """Picks the transforms of some child frames out of serialised messages.
 
-    A child whose parent is known is found by its (parent, child) bytes. The names of the others are searched for,
-    and a message that holds one is unpacked whole. Not thread-safe.
+    A message is read only where it holds the (parent, child) bytes of a child whose parent is known, or the name of
+    another watched child. Not thread-safe.
+
+    Args:
+        refuse: takes one line for each message and each watched transform that is dropped.
     """
 
-    def __init__(self) -> None:
-        self._known: dict[bytes, tuple[str, str]] = {}
-        self._unknown: dict[str, bytes] = {}
-        self._children: frozenset[str] = frozenset()
+    def __init__(self, refuse: Refuse) -> None:
+        self._refuse = refuse
+        self._children: dict[bytes, str] = {}
+        self._needles: dict[str, bytes] = {}
 
     def watch(self, children: Iterable[str]) -> None:
-        """Picks ``children`` from now on, and learns their parents afresh: a child may have got a new one."""
-        self._children = frozenset(children)
-        self._unknown = {child: child.encode() for child in self._children}
-        self._known = {}
+        """Picks ``children`` from now on, and learns their parents again: a child may have a new one."""
+        self._needles = {child: child.encode() for child in children}
+        spellings = ((spelling, child) for child in self._needles for spelling in (child, f"/{child}"))
+        self._children = {spelling.encode(): child for spelling, child in spellings}
 
     def pick(self, buffer: bytes) -> list[StampedTransform]:
-        """Returns the watched transforms in a serialised message."""
-        if any(name in buffer for name in self._unknown.values()):
-            return self._learn(buffer)
-        return [record for names in self._known for record in self._find(buffer, names)]
-
-    def _find(self, buffer: bytes, names: bytes) -> Iterator[StampedTransform]:
-        place = buffer.find(names)
-        while place >= 0:
-            yield _record(*self._known[names], buffer, place, place + len(names))
-            place = buffer.find(names, place + len(names))
-
-    def _learn(self, buffer: bytes) -> list[StampedTransform]:
+        """Returns the watched transforms in a serialised message, none of one that does not parse."""
+        if not any(needle in buffer for needle in self._needles.values()):
+            return []
+        children = self._children
+        places = _parsed(buffer, self._refuse)
+        watched = [names for names in places if buffer[names.middle + 4 : names.end] in children]
         picked = []
-        for names, record in _records(buffer):
-            if record.child in self._children:
-                self._known[names] = (record.parent, record.child)
-                self._unknown.pop(record.child, None)
-                picked.append(record)
+        for names, record in _usable(watched, buffer, self._refuse):
+            self._needles[record.child] = buffer[names.begin : names.end]
+            picked.append(record)
         return picked

@@ -19,7 +19,7 @@ UNSUPPORTED = frozenset({"bag_scan_period", "std_warn_level_x", "std_warn_level_
 class AmclConfig:
     """Parameters of amcl, documented one by one in config/amcl_defaults.yaml; SI units.
 
-    Ours are ``seed`` of the random generator, ``refine_estimate`` and ``correction_file``.
+    Ours are ``seed`` of the random generator, ``refine_estimate``, ``correction_file`` and ``transform_future_limit``.
 
     Raises:
         ParameterError: a value out of its range.
@@ -37,6 +37,7 @@ class AmclConfig:
     gui_publish_rate: Annotated[float, Live(-1.0, 100.0)] = -1.0
     save_pose_rate: Annotated[float, Live(-1.0, 10.0)] = 0.5
     correction_file: str = ""
+    transform_future_limit: float = 10.0
     initial_pose_x: float = 0.0
     initial_pose_y: float = 0.0
     initial_pose_a: float = 0.0

@@ -9,5 +9,9 @@ class MapError(NavigationError):
     """A map that cannot be read, written or used."""
 
 
-class ObservationError(NavigationError):
+class MessageError(NavigationError):
+    """A message with a field that cannot be used."""
+
+
+class ObservationError(MessageError):
     """A sensor's message that cannot be read."""

@@ -62,6 +62,7 @@ class GmappingConfig:
     lasamplerange: float = 0.005
     lasamplestep: float = 0.005
     seed: int = 0
+    transform_future_limit: float = 10.0
 
     def __post_init__(self) -> None:
         for field in fields(self):

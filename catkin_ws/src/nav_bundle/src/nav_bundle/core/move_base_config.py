@@ -48,9 +48,10 @@ _GLOBAL_PLANNERS: dict[str, GlobalReader] = {
 class MoveBaseConfig:
     """The parameters in move_base's own namespace.
 
-    ``odom_timeout`` [s] is ours: the longest silence of the odometry that the robot may still drive on, 0 for
-    any. ``base_global_planner`` may also be ``global_planner/GlobalPlanner``, ``base_local_planner``
-    ``dwa_local_planner/DWAPlannerROS``. The packages' names may be left out.
+    Ours are ``odom_timeout`` [s], the longest silence of the odometry that the robot may still drive on, 0 for any, and
+    ``transform_future_limit`` [s], how far ahead of the clock a transform may be stamped. ``base_global_planner`` may
+    also be ``global_planner/GlobalPlanner``, ``base_local_planner`` ``dwa_local_planner/DWAPlannerROS``. The packages'
+    names may be left out.
     """
 
     base_global_planner: Annotated[str, Live()] = "navfn/NavfnROS"
@@ -71,6 +72,7 @@ class MoveBaseConfig:
     shutdown_costmaps: Annotated[bool, Live()] = False
     restore_defaults: Annotated[bool, Live()] = False
     odom_timeout: float = 0.5
+    transform_future_limit: float = 10.0
 
 
 @dataclass(frozen=True)

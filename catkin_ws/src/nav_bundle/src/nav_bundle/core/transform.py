@@ -12,6 +12,8 @@ from nav_bundle.core.pose import Pose
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
+_UNIT_TOLERANCE = 1.0e-2
+"""How far the square of a quaternion's length may be from 1, as in tf2."""
 
 
 class TransformError(NavigationError):
@@ -20,6 +22,10 @@ class TransformError(NavigationError):
 
 class DisconnectedError(TransformError):
     """The frames are not (yet) joined by any chain of transforms."""
+
+
+class FrameError(TransformError):
+    """A name that no frame can have."""
 
 
 class ExtrapolationError(TransformError):
@@ -78,6 +84,28 @@ class Transform:
     def apply(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns ``points`` [m, source frame], shape (n, 3), in the target frame."""
         return points @ self.matrix().T + np.array(self.translation)
+
+
+def fault_of(parent: str, child: str, transform: Transform) -> str:
+    """Returns why a tree of frames cannot take parent_from_child, by tf2's rules; an empty text where it can."""
+    for frame in (parent, child):
+        fault = frame_fault(frame)
+        if fault:
+            return fault
+    if parent == child:
+        return "a frame cannot be its own parent"
+    if not all(map(math.isfinite, (*transform.translation, *transform.rotation))):
+        return f"its numbers must be finite, they are {transform.translation} and {transform.rotation}"
+    if abs(sum(value * value for value in transform.rotation) - 1.0) > _UNIT_TOLERANCE:
+        return f"its quaternion must have length 1, it is {transform.rotation}"
+    return ""
+
+
+def frame_fault(frame: str) -> str:
+    """Returns why ``frame`` cannot name a frame; an empty text where it can."""
+    if not frame:
+        return "a frame's name is empty"
+    return f"the frame name {frame!r} holds a NUL" if "\0" in frame else ""
 
 
 def quaternion_product(first: Quaternion, second: Quaternion) -> Quaternion:

@@ -31,7 +31,7 @@ from nav_bundle.conversions import (
     scan_from_message,
 )
 from nav_bundle.core.amcl_config import UNSUPPORTED, AmclConfig
-from nav_bundle.core.error import MapError, NavigationError
+from nav_bundle.core.error import NavigationError, ObservationError
 from nav_bundle.core.localisation import Localisation, NoMapError
 from nav_bundle.core.particle import Estimate
 from nav_bundle.core.pose import Pose
@@ -94,7 +94,7 @@ class AmclNode:
         self._map_from_odom: Pose | None = None
         self._now = self._next_cloud = 0.0
         self._start_at_initial_pose()
-        self._listener = TransformListener()
+        self._listener = TransformListener(future_limit=config.transform_future_limit)
         self._name_frames()
         self._remembered = self._read_correction()
         self._broadcaster = TransformBroadcaster()
@@ -203,12 +203,12 @@ class AmclNode:
     def _guarded(self, work: Callable[[], None]) -> None:
         try:
             work()
-        except (NoMapError, MapError, TransformError) as error:
+        except NavigationError as error:
             if not rospy.is_shutdown():
                 self._warn(error)
 
     def _warn(self, error: NavigationError) -> None:
-        text = f"scans are dropped: {error}" if isinstance(error, TransformError) else str(error)
+        text = f"scans are dropped: {error}" if isinstance(error, TransformError | ObservationError) else str(error)
         rospy.logwarn_throttle(WARNING_PERIOD, "%s", text)
 
     def _use_scan(self, message: ScanMessage) -> None:

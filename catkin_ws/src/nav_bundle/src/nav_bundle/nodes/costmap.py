@@ -16,6 +16,7 @@ from nav_bundle.conversions import (
     grid_from_message,
     message_from_pose,
     points_from_cloud,
+    points_from_scan,
 )
 from nav_bundle.core.costmap.config import CostmapConfig, FleetConfig, ObstacleConfig, SourceConfig, StaticConfig
 from nav_bundle.core.costmap.cost import occupancy_by_cost
@@ -23,8 +24,7 @@ from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.geometry import EMPTY
 from nav_bundle.core.costmap.layer import Observation
 from nav_bundle.core.costmap.observation import ObservationBuffer
-from nav_bundle.core.costmap.scan import points_from_ranges
-from nav_bundle.core.error import ObservationError
+from nav_bundle.core.error import NavigationError, ObservationError
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.transform import ExtrapolationError, TransformError
@@ -117,8 +117,12 @@ class CostmapNode:
                 self._map_subscriber = rospy.Subscriber(self._map_topic, GridMessage, self._on_map, queue_size=1)
 
     def _on_map(self, message: GridMessage) -> None:
+        try:
+            self._new_map = grid_from_message(message)
+        except NavigationError as error:
+            rospy.logerr("%s: %s", self._map_subscriber.resolved_name, error)
+            return
         self._map_frame = costmap_frame(message.header.frame_id or _WORLD_FRAME)
-        self._new_map = grid_from_message(message)
 
     def _advertise(self) -> None:
         listener = _NewListener()
@@ -296,8 +300,7 @@ def _points(source: SourceConfig, scan: Seen) -> NDArray[np.float64]:
     """Returns the points (n, 3) [m] of a message, in the sensor's frame."""
     if source.data_type == "PointCloud2":
         return points_from_cloud(scan)
-    step = scan.angle_increment
-    return points_from_ranges(scan.ranges, scan.angle_min, step, scan.range_min, scan.range_max, source.inf_is_valid)
+    return points_from_scan(scan, source.inf_is_valid)
 
 
 def _is_current(source: SourceConfig, scans: Newest[Seen], now: float) -> bool:

@@ -14,7 +14,8 @@ from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
 from numpy.typing import NDArray
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
 
-from nav_bundle.conversions import path_message, stamped_from_pose
+from nav_bundle.conversions import check_numbers, path_message, stamped_from_pose, velocity_from_odometry
+from nav_bundle.core.error import MessageError
 from nav_bundle.core.global_planner import visible_potential
 from nav_bundle.core.local_planner import Decision, LocalPlannerError, Situation, Velocity
 from nav_bundle.core.move_base import (
@@ -40,7 +41,7 @@ from nav_bundle.core.transform import TransformError
 from nav_bundle.nodes.costmap import CostmapNode
 from nav_bundle.nodes.move_base_action import GoalServer
 from nav_bundle.nodes.move_base_reconfigure import Reconfiguration
-from nav_bundle.nodes.sensor import newest_odometry, velocity_from_odometry
+from nav_bundle.nodes.sensor import newest_odometry
 from nav_bundle.nodes.transform import TransformListener
 from pioneer_node.nodes import entry
 
@@ -78,7 +79,7 @@ class MoveBaseNode:
     def __init__(self) -> None:
         self._parameters = entry.parameters()
         self._setup: Setup = setup_from_parameters(self._parameters, rospy.get_name())
-        self._listener = TransformListener()
+        self._listener = TransformListener(future_limit=self._setup.base.transform_future_limit)
         self._global = CostmapNode("global_costmap", self._setup.global_costmap, self._listener)
         self._local = CostmapNode("local_costmap", self._setup.local_costmap, self._listener)
         self._listener.listen(self._local.frame, self._global.frame)
@@ -260,7 +261,7 @@ class MoveBaseNode:
             strangers = _moved(self._strangers, transform)
             situation = Situation(self._local.costmap, local_pose, velocity, transform, strangers)
             decision = self._controller.decide(situation)
-        except (LocalPlannerError, TransformError) as error:
+        except (LocalPlannerError, TransformError, MessageError) as error:
             rospy.logwarn_throttle(_COMPLAIN_EVERY, str(error))
             return None
         self._show(self._followed, decision.global_plan, self._local.frame, now)
@@ -352,12 +353,13 @@ class MoveBaseNode:
             except (NoPathError, GoalOutsideError) as error:
                 rospy.logwarn("make_plan: %s", error)
                 return response
-            except (PlannerError, TransformError) as error:
+            except (PlannerError, TransformError, MessageError) as error:
                 raise rospy.ServiceException(str(error)) from error
             response.plan.poses = [stamped_from_pose(Pose(*pose), self._global.frame, now) for pose in path.tolist()]
             return response
 
     def _plan_for(self, request: GetPlanRequest) -> Path:
+        check_numbers("make_plan", request)
         here = self._global.pose(rospy.get_time())
         start = self._goals.in_global_frame(request.start) if request.start.header.frame_id else here
         if start is None:

@@ -8,7 +8,7 @@ from geometry_msgs.msg import PoseStamped, Quaternion
 from move_base_msgs.msg import MoveBaseAction, MoveBaseActionGoal, MoveBaseFeedback, MoveBaseResult
 
 from nav_bundle.conversions import pose_from_message, stamped_from_pose
-from nav_bundle.core.error import NavigationError
+from nav_bundle.core.error import MessageError, NavigationError
 from nav_bundle.core.goal import check_goal
 from nav_bundle.core.move_base import Outcome
 from nav_bundle.core.pose import Pose
@@ -98,7 +98,9 @@ class GoalServer:
             goal = self._global_goal(target)
         except NavigationError as error:
             rospy.logerr("%s", error)
-            self._server.set_aborted(MoveBaseResult(), str(error) if isinstance(error, TransformError) else _INVALID)
+            self._server.set_aborted(
+                MoveBaseResult(), str(error) if isinstance(error, TransformError | MessageError) else _INVALID
+            )
             return None
         self._goal_publisher.publish(stamped_from_pose(goal, self._frame, rospy.Time.now()))
         return goal

@@ -8,7 +8,6 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import PointCloud2
 
 from nav_bundle.conversions import ScanMessage
-from nav_bundle.core.local_planner import Velocity
 
 Message = TypeVar("Message")
 
@@ -101,9 +100,3 @@ def newest_scans(topic: str) -> Newest[ScanMessage]:
 def newest_clouds(topic: str) -> Newest[PointCloud2]:
     """Subscribes to a sensor of points in space; keeps a few clouds."""
     return Newest(topic, _PackedCloud, PointCloud2, 4)
-
-
-def velocity_from_odometry(message: Odometry) -> Velocity:
-    """Returns the robot's velocity in its own frame."""
-    twist = message.twist.twist
-    return Velocity(twist.linear.x, twist.linear.y, twist.angular.z)

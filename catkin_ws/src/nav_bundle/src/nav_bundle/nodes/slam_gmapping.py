@@ -16,7 +16,7 @@ from nav_bundle.conversions import (
     message_from_grid,
     scan_from_message,
 )
-from nav_bundle.core.error import NavigationError
+from nav_bundle.core.error import NavigationError, ObservationError
 from nav_bundle.core.gmapping_config import GmappingConfig
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.slam import Slam
@@ -62,7 +62,7 @@ class SlamGmappingNode:
         self._map: GridMessage | None = None
         self._now = 0.0
         self._start()
-        self._listener = TransformListener()
+        self._listener = TransformListener(future_limit=config.transform_future_limit)
         self._listener.listen(self._odom_frame, self._base_frame)
         self._broadcaster = TransformBroadcaster()
         self._advertise()
@@ -109,7 +109,7 @@ class SlamGmappingNode:
                 continue
             try:
                 self._use(scan)
-            except TransformError as error:
+            except (TransformError, ObservationError) as error:
                 if not rospy.is_shutdown():
                     rospy.logwarn_throttle(WARNING_PERIOD, "scans are dropped: %s", error)
 

@@ -17,9 +17,24 @@ from nav_bundle.adapters.tf_message import RawTFMessage, StampedTransform, Trans
 from nav_bundle.conversions import quaternion_from_yaw
 from nav_bundle.core.clock_jump import ClockJump
 from nav_bundle.core.pose import Pose
-from nav_bundle.core.transform import DisconnectedError, ExtrapolationError, Transform, TransformError, TransformTree
+from nav_bundle.core.transform import (
+    DisconnectedError,
+    ExtrapolationError,
+    FrameError,
+    Transform,
+    TransformError,
+    TransformTree,
+    frame_fault,
+)
 from pioneer_node.core.frame import resolved, stripped
 from pioneer_node.nodes import entry
+
+_MOST_PAIRS = 512
+_WARNING_PERIOD = 5.0
+
+
+def _warn(text: str) -> None:
+    rospy.logwarn_throttle(_WARNING_PERIOD, "%s", text)
 
 
 def robot_frame(frame: str) -> str:
@@ -36,22 +51,29 @@ def robot_frame(frame: str) -> str:
 class TransformListener:
     """Transforms between the frames asked for, from /tf and /tf_static.
 
-    A pair of frames is kept from its first ``lookup``, ``wait`` or ``listen`` on: call ``listen`` early.
-    When time jumps back, all but the static transforms are forgotten, and what of the time before still comes is left
-    out. Thread-safe.
+    A pair of frames is kept from its first ``lookup``, ``wait`` or ``listen`` on: call ``listen`` early. Of more pairs
+    than anybody needs, those asked for longest ago are dropped.
+    When time jumps back, all but the static transforms are forgotten, and transforms of the time before that arrive
+    late are left out. Thread-safe.
 
     Subscribes: /tf, /tf_static (tf2_msgs/TFMessage).
 
     Threads: rospy's subscriber threads insert; ``wait`` is woken by them, without polling.
 
+    On error: a message that does not parse, and a transform that no tree can take or that is stamped more than
+        ``future_limit`` ahead of the clock, are dropped with a warning.
+
     Args:
         keep: history of each edge [s].
+        future_limit: how far ahead of the clock a transform may be stamped [s]; one from the far future would pass
+            for the newest until then.
     """
 
-    def __init__(self, keep: float = 10.0) -> None:
+    def __init__(self, keep: float = 10.0, future_limit: float = 10.0) -> None:
         self._tree = TransformTree(keep)
-        self._picker = TransformPicker()
-        self._pairs: set[tuple[str, str]] = set()
+        self._picker = TransformPicker(_warn)
+        self._future_limit = future_limit
+        self._pairs: dict[tuple[str, str], None] = {}
         self._clock = ClockJump()
         self._arrived = threading.Condition()
         # A robot's edges may be published one a message by several nodes: a short queue would lose some.
@@ -64,7 +86,7 @@ class TransformListener:
     def listen(self, target: str, source: str) -> None:
         """Keeps from now on what joins the two frames."""
         with self._arrived:
-            self._listen(stripped(target), stripped(source))
+            self._listen(target, source)
 
     def lookup(self, target: str, source: str, stamp: float | None = None) -> Transform:
         """Returns target_from_source at ROS time ``stamp`` [s], or at the newest common time when None.
@@ -73,16 +95,14 @@ class TransformListener:
             DisconnectedError: the frames are not joined, perhaps not yet.
             ExtrapolationError: joined, but not at ``stamp``; its ``future`` tells on which side.
         """
-        target, source = stripped(target), stripped(source)
         with self._arrived:
-            self._listen(target, source)
+            target, source = self._listen(target, source)
             return self._tree.lookup(target, source, stamp)
 
     def latest(self, target: str, source: str) -> float:
         """Returns the newest stamp [s] at which the frames can be joined (inf: static); raises DisconnectedError."""
-        target, source = stripped(target), stripped(source)
         with self._arrived:
-            self._listen(target, source)
+            target, source = self._listen(target, source)
             return self._tree.latest(target, source)
 
     def wait(self, target: str, source: str, stamp: float | None, timeout: float) -> Transform:
@@ -97,10 +117,9 @@ class TransformListener:
         Raises:
             TransformError: at the timeout, at shutdown, or at once when ``stamp`` is already forgotten.
         """
-        target, source = stripped(target), stripped(source)
         deadline = time.monotonic() + timeout
         with self._arrived:
-            self._listen(target, source)
+            target, source = self._listen(target, source)
             while True:
                 try:
                     return self._tree.lookup(target, source, stamp)
@@ -118,10 +137,21 @@ class TransformListener:
             subscriber.unregister()
         self._wake()
 
-    def _listen(self, target: str, source: str) -> None:
-        if (target, source) not in self._pairs:
-            self._pairs.add((target, source))
+    def _listen(self, *frames: str) -> tuple[str, str]:
+        """Keeps the pair (target, source); returns the names as the tree has them."""
+        target, source = pair = stripped(frames[0]), stripped(frames[1])
+        for frame in pair:
+            fault = frame_fault(frame)
+            if fault:
+                raise FrameError(f"no transform from {source!r} to {target!r}: {fault}")
+        known = pair in self._pairs
+        self._pairs.pop(pair, None)
+        self._pairs[pair] = None
+        if not known:
+            if len(self._pairs) > _MOST_PAIRS:
+                del self._pairs[next(iter(self._pairs))]
             self._watch()
+        return pair
 
     def _watch(self) -> None:
         """Watches the edges between the pairs, and where a pair is not yet joined, the ends of its two chains."""
@@ -138,11 +168,24 @@ class TransformListener:
             picked = self._picker.pick(message.buffer)
             if picked:
                 self._forget_if_time_jumped()
-                self._insert([one for one in picked if not self._clock.is_of_before(one[2])], static=False)
+                self._insert([one for one in picked if self._is_timely(one)], static=False)
 
     def _on_static(self, message: RawTFMessage) -> None:
         with self._arrived:
-            self._insert(list(transforms_of(message.buffer)), static=True)
+            self._insert(transforms_of(message.buffer, _warn), static=True)
+
+    def _is_timely(self, record: StampedTransform) -> bool:
+        if self._clock.is_of_before(record.stamp):
+            return False
+        ahead = record.stamp - self._clock.now
+        if ahead <= self._future_limit:
+            return True
+        if self._clock.now > 0.0:  # before the first /clock every stamp is far ahead
+            _warn(
+                f"a transform from {record.parent!r} to {record.child!r} was dropped: it is stamped {ahead:.1f} s "
+                f"ahead of the clock, more than ~transform_future_limit, {self._future_limit:g} s"
+            )
+        return False
 
     def _insert(self, records: list[StampedTransform], static: bool) -> None:
         changes = [self._tree.insert(*record, static=static) for record in records]

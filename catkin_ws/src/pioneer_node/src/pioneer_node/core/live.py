@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import typing
 from collections.abc import Mapping
 from typing import Any
@@ -99,7 +100,7 @@ def live_values(config: Any) -> dict[str, Value]:
 def accepted(parameters: tuple[LiveParameter, ...], wanted: Mapping[str, Value]) -> tuple[dict[str, Value], list[str]]:
     """Returns what of ``wanted`` can be set, within bounds, and one line for each that cannot.
 
-    A name that does not exist and a value of another kind are left out, as dynamic_reconfigure does.
+    A name that does not exist, a value of another kind and a number that is not finite are left out.
     """
     known = {each.name: each for each in parameters}
     values: dict[str, Value] = {}
@@ -110,6 +111,8 @@ def accepted(parameters: tuple[LiveParameter, ...], wanted: Mapping[str, Value])
             complaints.append(f"no parameter {name} can be changed here")
         elif kind != known[name].kind:
             complaints.append(f"{name} is of kind {known[name].kind}, not {kind}")
+        elif isinstance(value, float) and not math.isfinite(value):
+            complaints.append(f"{name} must be a finite number, not {value}")
         else:
             values[name] = known[name].clamped(value)
     return values, complaints

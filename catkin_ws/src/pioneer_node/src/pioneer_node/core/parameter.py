@@ -2,6 +2,7 @@
 
 import dataclasses
 import difflib
+import math
 import types
 import typing
 from collections.abc import Collection, Mapping
@@ -60,6 +61,8 @@ def _value_as(hint: Any, value: Any, what: str) -> Any:
         return value
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
+    if hint is float and isinstance(value, float) and not math.isfinite(value):
+        raise ParameterError(f"{what} must be a finite number, not {value}")
     wanted = origin or hint
     if not isinstance(value, wanted) or (wanted is int and isinstance(value, bool)):
         raise ParameterError(f"{what} must be {getattr(wanted, '__name__', wanted)}, not {value!r}")
