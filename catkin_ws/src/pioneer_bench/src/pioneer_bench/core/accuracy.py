@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pioneer_bench.core.row import Row
-from pioneer_gazebo.core.entity import Entity, heading
-from pioneer_gazebo.core.pose import Pose
+from pioneer_gazebo.core.entity import Entity
+from pioneer_gazebo.core.pose import Pose, heading
 from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.schedule import TICK_RATE
 from pioneer_gazebo.core.simulation import Simulation
@@ -200,7 +200,9 @@ def expected_ranges(x: float, y: float, angles: NDArray[np.float64]) -> NDArray[
 def laser_rows(make: MakeSimulation, robot: Robot) -> Iterator[Row]:
     """Yields how far scans are from geometry without noise, and the noise from what was asked."""
     laser = replace(robot.lasers[0], samples=720, min_angle=-3.1, max_angle=3.1, max_range=12.0, resolution=0.0)
-    silent, noisy = (replace(robot, lasers=(replace(laser, noise_stddev=noise),)) for noise in (0.0, 0.02))
+    silent, noisy = (
+        replace(robot, devices=(*robot.drives, replace(laser, noise_stddev=noise))) for noise in (0.0, 0.02)
+    )
     errors = []
     for x, y, yaw in ((0.0, 0.0, 0.0), (-3.0, 2.0, 0.7), (3.5, -2.5, 2.0), (0.5, 1.5, -2.5)):
         simulation = make(_room())
@@ -223,6 +225,6 @@ def _scan(simulation: Simulation, entity: Entity) -> tuple[NDArray[np.float64], 
     mounted = entity.lasers[0]
     sensor = simulation.pose(entity).compose(mounted.pose)
     config = mounted.laser.config
-    angles = heading(sensor) + np.linspace(config.min_angle, config.max_angle, config.samples)
+    angles = heading(sensor.rotation) + np.linspace(config.min_angle, config.max_angle, config.samples)
     expected = expected_ranges(*sensor.position[:2], angles)
     return simulation.ranges(entity, mounted).copy(), expected

@@ -74,11 +74,11 @@ class OdometryTemplate(_Stamped):
         self._pose = self._body + 4 + len(child_frame.encode())
         self._twist = self._pose + _POSE.size + 36 * 8
 
-    def fill(self, time: int, pose: Pose, linear: Vector, angular: Vector) -> bytearray:
-        """Returns the frame for a time [ns], a pose and velocities [m/s, rad/s]."""
+    def fill(self, time: int, pose: Pose, velocity: Velocity) -> bytearray:
+        """Returns the frame for a time [ns], a pose and a velocity."""
         self._stamp(time)
         _POSE.pack_into(self.frame, self._pose, *pose.position, *pose.rotation)
-        _SIX.pack_into(self.frame, self._twist, *linear, *angular)
+        _SIX.pack_into(self.frame, self._twist, *velocity.linear, *velocity.angular)
         return self.frame
 
 
@@ -164,11 +164,6 @@ class RangeTemplate(_Stamped):
         return self.frame
 
 
-def planar_pose(x: float, y: float, yaw: float) -> Pose:
-    """Returns the pose at x, y [m] in the plane, turned by yaw [rad]."""
-    return Pose((x, y, 0.0), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
-
-
 ENCODINGS = {
     "R8G8B8": "rgb8", "RGB_INT8": "rgb8", "B8G8R8": "bgr8", "BGR_INT8": "bgr8", "L8": "mono8", "L_INT8": "mono8",
 }  # fmt: skip
@@ -223,6 +218,15 @@ def pose_from_message(message: PoseMessage) -> Pose:
 def message_from_velocity(velocity: Velocity) -> Twist:
     """Returns a geometry_msgs/Twist."""
     return Twist(Vector3(*velocity.linear), Vector3(*velocity.angular))
+
+
+def velocity_from_message(message: Twist) -> Velocity:
+    """Returns a velocity.
+
+    Raises:
+        ValueError: a number that is not finite.
+    """
+    return Velocity(vector_from_message(message.linear), vector_from_message(message.angular))
 
 
 def vector_from_message(message: Vector3 | Point) -> Vector:

@@ -15,6 +15,7 @@ from sensor_msgs.msg import JointState, LaserScan, Range
 from tf2_msgs.msg import TFMessage
 
 from pioneer_gazebo import conversions
+from pioneer_gazebo.core.engine import STILL, Velocity
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.robot import LaserSensor, SonarSensor
 
@@ -33,9 +34,9 @@ def read(kind: type, frame: bytes | bytearray) -> Any:
 
 def test_odometry() -> None:
     template = conversions.OdometryTemplate("r/odom", "r/base_link", [1, 2, 3, 4, 5, 6])
-    template.fill(0, Pose(), (0.0,) * 3, (0.0,) * 3)
+    template.fill(0, Pose(), STILL)
     pose = Pose.from_rpy(1.0, 2.0, 3.0, 0.1, 0.2, 0.3)
-    message = read(Odometry, template.fill(TIME, pose, (0.5, 0.1, 0.2), (0.3, 0.4, 0.6)))
+    message = read(Odometry, template.fill(TIME, pose, Velocity((0.5, 0.1, 0.2), (0.3, 0.4, 0.6))))
     assert (message.header.seq, message.header.frame_id, message.child_frame_id) == (1, "r/odom", "r/base_link")
     assert message.header.stamp == genpy.Time(12, 340_000_000)
     assert conversions.pose_from_message(message.pose.pose).rotation == pytest.approx(pose.rotation)

@@ -97,9 +97,9 @@ def test_unknown_plugins_and_elements_are_named_once():
     other = '<gazebo><plugin name="x" filename="libgazebo_ros_imu.so"/></gazebo>'
     robot = cart(other * 2 + DRIVE.format(extra="<wheelSeperation>1</wheelSeperation>"))
     assert robot.warnings == (
-        "plugin libgazebo_ros_imu.so is not supported and left out",
-        "<wheelSeperation> of plugin libgazebo_ros_diff_drive.so is not supported and left out; "
-        "is <wheelSeparation> meant?",
+        "plugin libgazebo_ros_imu.so is not supported and ignored",
+        "<wheelSeperation> of plugin libgazebo_ros_diff_drive.so is not supported and ignored; "
+        "did you mean <wheelSeparation>?",
     )
 
 
@@ -109,10 +109,10 @@ def test_unknown_plugins_and_elements_are_named_once():
         (DRIVE.format(extra="<wheelDiameter>0</wheelDiameter>"), "wheelDiameter must be above 0"),
         (DRIVE.format(extra="<wheelDiameter>big</wheelDiameter>"), "'big' is not a number"),
         (DRIVE.format(extra="<odometrySource>gps</odometrySource>"), "encoder or world"),
-        (DRIVE.format(extra="").replace(">l<", ">left<"), "joint 'left', which is not there"),
+        (DRIVE.format(extra="").replace(">l<", ">left<"), "unknown joint 'left'"),
         (LASER.format(samples=0, pose=""), "samples.* must be 1 or more"),
         (LASER.format(samples=1.5, pose=""), "whole number"),
-        (LASER.format(samples=5, pose="").replace("body", "bod"), "link 'bod', which is not there; is it 'body'?"),
+        (LASER.format(samples=5, pose="").replace("body", "bod"), "unknown link 'bod'; did you mean 'body'?"),
         ('<gazebo><plugin name="p" filename="libgazebo_ros_p3d.so"/></gazebo>', "<bodyName> is missing"),
         ('<link name="loose"/>', "one link that is no joint's child, not 2: base, loose"),
         ('<joint name="j" type="bent"><parent link="base"/><child link="left"/></joint>', "'bent' is not one of"),

@@ -12,7 +12,7 @@ from pioneer_gazebo.adapters.bullet_window import client_with_window
 from pioneer_gazebo.core import joint as kinds
 from pioneer_gazebo.core.body import LEAST_MASS, Body, Part
 from pioneer_gazebo.core.engine import Contact, EngineError, Physics, Velocity
-from pioneer_gazebo.core.pose import Pose, Vector, rotated
+from pioneer_gazebo.core.pose import Pose, Vector, opposite, rotated
 from pioneer_gazebo.core.world import Inertia, PlacedCollision
 
 # Bits that Bullet does not give out by itself: 2 is its own for everything that stands, walls too.
@@ -27,14 +27,6 @@ _KINDS = {
     kinds.REVOLUTE: pybullet.JOINT_REVOLUTE,
     kinds.PRISMATIC: pybullet.JOINT_PRISMATIC,
 }
-
-
-def _cross(a: Vector, b: Vector) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def _sum(a: Vector, b: Vector) -> Vector:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 class BulletEngine:
@@ -193,8 +185,7 @@ class BulletEngine:
         else:
             _, rotation = pybullet.getBasePositionAndOrientation(handle, physicsClientId=self._client)
             linear, angular = pybullet.getBaseVelocity(handle, physicsClientId=self._client)
-        arm = rotated(rotation, self._centres[handle][part].position)
-        return Velocity(_sum(linear, _cross(angular, arm)), angular)
+        return Velocity(linear, angular).at(rotated(rotation, self._centres[handle][part].position))
 
     def set_pose(self, handle: int, pose: Pose) -> None:
         """See `Engine`."""
@@ -208,9 +199,8 @@ class BulletEngine:
         """See `Engine`."""
         self._wake(handle)
         _, rotation = pybullet.getBasePositionAndOrientation(handle, physicsClientId=self._client)
-        x, y, z = rotated(rotation, self._centres[handle][0].position)
-        linear = _sum(velocity.linear, _cross(velocity.angular, (-x, -y, -z)))
-        pybullet.resetBaseVelocity(handle, linear, velocity.angular, physicsClientId=self._client)
+        centre = velocity.at(opposite(rotated(rotation, self._centres[handle][0].position)))
+        pybullet.resetBaseVelocity(handle, centre.linear, centre.angular, physicsClientId=self._client)
 
     def lead(self, handle: int, pose: Pose, velocity: Velocity) -> None:
         """See `Engine`. What gravity will add during the step is taken off before."""

@@ -47,19 +47,11 @@ def robot_from_urdf(text: str | bytes, source: str = "robot_description") -> Rob
         _names_used_once(root, kind)
     joints = tuple(_joint(element, links) for element in root.children("joint"))
     poses = _poses_in_root(root, links, joints)
-    extensions.check(root, set(links), {joint.name for joint in joints})
     return Robot(
         root.attribute("name", "robot"),
         tuple(dataclasses.replace(link, pose=poses[name]) for name, link in links.items()),
         joints,
-        tuple(extensions.drives),
-        tuple(extensions.lasers),
-        tuple(extensions.sonars),
-        tuple(extensions.cameras),
-        tuple(extensions.ground_truths),
-        tuple(extensions.bumpers),
-        tuple(extensions.joint_state_publishers),
-        tuple(extensions.base_drivers),
+        tuple(extensions.devices),
         extensions.static,
         notes.lines(),
     )

@@ -33,10 +33,11 @@ class Battery:
     def __init__(self, config: BaseDriver) -> None:
         """Begins with the charge of ``config``."""
         self.config = config
-        self.reset()
+        self.charge = config.initialCharge
+        self.voltage, self.current = self._under(config.idlePower)
 
     def reset(self) -> None:
-        """Puts the charge back to what it began with, under the idle load."""
+        """Restores the initial charge, under the idle load."""
         self.charge = self.config.initialCharge
         self.voltage, self.current = self._under(self.config.idlePower)
 

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from pioneer_gazebo.core.body import Body
 from pioneer_gazebo.core.error import SimulatorError
-from pioneer_gazebo.core.pose import Pose, Vector
+from pioneer_gazebo.core.pose import Pose, Quaternion, Vector, added, conjugate, cross, rotated
 from pioneer_gazebo.core.world import PlacedCollision
 
 
@@ -20,6 +20,15 @@ class Velocity:
 
     linear: Vector = (0.0, 0.0, 0.0)
     angular: Vector = (0.0, 0.0, 0.0)
+
+    def at(self, arm: Vector) -> "Velocity":
+        """Returns the velocity of a point of the same rigid body, ``arm`` [m] in the world's axes from this one."""
+        return Velocity(added(self.linear, cross(self.angular, arm)), self.angular)
+
+    def seen_from(self, rotation: Quaternion) -> "Velocity":
+        """Returns the same velocity in the axes of a frame that is turned by ``rotation`` in the world."""
+        back = conjugate(rotation)
+        return Velocity(rotated(back, self.linear), rotated(back, self.angular))
 
 
 STILL = Velocity()

@@ -1,6 +1,5 @@
 """One thing that moves in the simulated world: a robot or a dynamic model."""
 
-import math
 from collections import deque
 from dataclasses import dataclass, field, replace
 
@@ -8,9 +7,9 @@ from pioneer_gazebo.core.body import Body
 from pioneer_gazebo.core.collision import CollisionCounter
 from pioneer_gazebo.core.drive import Drive, Odometry, check_motion
 from pioneer_gazebo.core.engine import STILL, Velocity
-from pioneer_gazebo.core.laser import Laser, generator_for
+from pioneer_gazebo.core.laser import Laser, generator_for, laser_of_sonar
 from pioneer_gazebo.core.pose import IDENTITY, Pose
-from pioneer_gazebo.core.robot import LaserSensor, Robot
+from pioneer_gazebo.core.robot import DiffDrive, LaserSensor, Robot, SonarSensor
 from pioneer_gazebo.core.script import Script
 
 COMMANDS_KEPT = 100
@@ -56,17 +55,26 @@ class Driven:
 
 @dataclass(frozen=True, slots=True)
 class Mounted:
-    """A laser together with where it sits: part of the body, and pose in that part."""
+    """A fan of beams on a robot.
 
+    Attributes:
+        device: the sensor it stands for.
+        laser: casts the beams.
+        part: of the body that carries it.
+        pose: in that part.
+    """
+
+    device: LaserSensor | SonarSensor
     laser: Laser
     part: int
     pose: Pose
 
 
-def mounted_on(body: Body, name: str, config: LaserSensor, seed: int) -> Mounted:
-    """Returns a laser on the robot ``name``, with noise of its own."""
-    part, at = body.part_of(config.link)
-    return Mounted(Laser(config, generator_for(seed, name, config.name)), part, at.compose(config.pose))
+def mounted_on(body: Body, name: str, device: LaserSensor | SonarSensor, seed: int) -> Mounted:
+    """Returns a sensor's beams on the robot ``name``, with noise of their own."""
+    part, at = body.part_of(device.link)
+    config = laser_of_sonar(device) if isinstance(device, SonarSensor) else device
+    return Mounted(device, Laser(config, generator_for(seed, name, config.name)), part, at.compose(device.pose))
 
 
 @dataclass(slots=True, eq=False)
@@ -111,6 +119,14 @@ class Entity:
     motion: Velocity = STILL
     outline: Body = field(init=False)
 
+    def driven(self, config: DiffDrive) -> Driven:
+        """Returns the drive with that configuration."""
+        return next(one for one in self.drives if one.drive.config is config)
+
+    def mounted(self, device: LaserSensor | SonarSensor) -> Mounted:
+        """Returns the beams of a sensor."""
+        return next(one for one in (*self.lasers, *self.sonars) if one.device is device)
+
     def __post_init__(self) -> None:
         """Robots look as if their joints stood at 0, models of a world do not."""
         self.outline = self.body if self.robot is not None else Body(self.body.name, self.body.parts[:1])
@@ -134,9 +150,3 @@ def swinging_parts(entity: Entity) -> list[Swinging]:
         for number, part in enumerate(entity.body.parts)
         if number and part.touches
     ]
-
-
-def heading(pose: Pose) -> float:
-    """Returns the yaw [rad] of a pose, quickly."""
-    x, y, z, w = pose.rotation
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))

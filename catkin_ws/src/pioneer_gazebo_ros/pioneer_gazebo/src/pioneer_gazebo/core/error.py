@@ -5,5 +5,9 @@ class SimulatorError(Exception):
     """Root of every error that the simulator raises on purpose."""
 
 
+class SpawnError(SimulatorError):
+    """A model that could not be added to the running simulator."""
+
+
 class DescriptionError(SimulatorError):
     """A world or robot file that cannot be used: the message names file, element and what is wrong."""

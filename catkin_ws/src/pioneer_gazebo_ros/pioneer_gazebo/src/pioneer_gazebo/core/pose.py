@@ -47,6 +47,38 @@ def rotated(rotation: Quaternion, vector: Vector) -> Vector:
     return vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx
 
 
+def added(a: Vector, b: Vector) -> Vector:
+    """Returns the sum of two vectors."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def opposite(a: Vector) -> Vector:
+    """Returns the vector that points the other way."""
+    return -a[0], -a[1], -a[2]
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """Returns the cross product of two vectors."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def conjugate(rotation: Quaternion) -> Quaternion:
+    """Returns the rotation that undoes ``rotation``."""
+    x, y, z, w = rotation
+    return -x, -y, -z, w
+
+
+def heading(rotation: Quaternion) -> float:
+    """Returns the yaw [rad] of a rotation, without its roll and pitch."""
+    x, y, z, w = rotation
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def planar_pose(x: float, y: float, yaw: float) -> "Pose":
+    """Returns the pose at x, y [m] in the plane, turned by yaw [rad]."""
+    return Pose((x, y, 0.0), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
+
+
 def _product(a: Quaternion, b: Quaternion) -> Quaternion:
     ax, ay, az, aw = a
     bx, by, bz, bw = b
@@ -136,16 +168,12 @@ class Pose:
 
     def inverse(self) -> "Pose":
         """Returns the parent frame seen from this frame."""
-        x, y, z, w = self.rotation
-        back = (-x, -y, -z, w)
-        px, py, pz = rotated(back, self.position)
-        return Pose((-px, -py, -pz), back)
+        back = conjugate(self.rotation)
+        return Pose(opposite(rotated(back, self.position)), back)
 
     def transform(self, point: Vector) -> Vector:
         """Returns ``point`` [m], given in this frame, in the parent frame."""
-        x, y, z = rotated(self.rotation, point)
-        px, py, pz = self.position
-        return x + px, y + py, z + pz
+        return added(rotated(self.rotation, point), self.position)
 
 
 IDENTITY = Pose()

@@ -7,6 +7,7 @@ finds each setting again. Lengths [m], angles [rad], masses [kg], rates [Hz].
 # ruff: noqa: N815 - fields are named as the plugins' elements are
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
@@ -248,6 +249,12 @@ class BaseDriver:
     windingLoss: float = 3.0
 
 
+Device = DiffDrive | LaserSensor | SonarSensor | Camera | GroundTruth | Bumper | JointStatePublisher | BaseDriver
+"""A sensor or plugin of a robot."""
+
+Kind = TypeVar("Kind")
+
+
 @dataclass(frozen=True, slots=True)
 class Robot:
     """A whole robot.
@@ -256,6 +263,7 @@ class Robot:
         name: as the file names it.
         links: in the file's order. A link's pose is that of its frame in the root link's frame, all joints at 0.
         joints: in the file's order; they make one tree over all links.
+        devices: sensors and plugins, in the file's order.
         static: the model never moves (``<gazebo><static>``).
         warnings: one line for each kind of thing in the file that is not supported and was left out.
     """
@@ -263,16 +271,33 @@ class Robot:
     name: str
     links: tuple[Link, ...]
     joints: tuple[Joint, ...] = ()
-    drives: tuple[DiffDrive, ...] = ()
-    lasers: tuple[LaserSensor, ...] = ()
-    sonars: tuple[SonarSensor, ...] = ()
-    cameras: tuple[Camera, ...] = ()
-    ground_truths: tuple[GroundTruth, ...] = ()
-    bumpers: tuple[Bumper, ...] = ()
-    joint_state_publishers: tuple[JointStatePublisher, ...] = ()
-    base_drivers: tuple[BaseDriver, ...] = ()
+    devices: tuple[Device, ...] = ()
     static: bool = False
     warnings: tuple[str, ...] = ()
+
+    def of(self, kind: type[Kind]) -> tuple[Kind, ...]:
+        """Returns the devices of one kind, in the file's order."""
+        return tuple(device for device in self.devices if isinstance(device, kind))
+
+    @property
+    def drives(self) -> tuple[DiffDrive, ...]:
+        """The drives that turn wheels."""
+        return self.of(DiffDrive)
+
+    @property
+    def lasers(self) -> tuple[LaserSensor, ...]:
+        """The planar lasers."""
+        return self.of(LaserSensor)
+
+    @property
+    def sonars(self) -> tuple[SonarSensor, ...]:
+        """The range finders."""
+        return self.of(SonarSensor)
+
+    @property
+    def cameras(self) -> tuple[Camera, ...]:
+        """The cameras."""
+        return self.of(Camera)
 
     @property
     def root(self) -> Link:

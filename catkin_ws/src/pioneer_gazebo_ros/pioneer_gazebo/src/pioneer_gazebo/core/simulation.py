@@ -15,15 +15,16 @@ from pioneer_gazebo.core.actor import Actors
 from pioneer_gazebo.core.body import Body, body_from_model, body_from_robot, lowest_point
 from pioneer_gazebo.core.drive import Drive, Odometry
 from pioneer_gazebo.core.engine import STILL, Contact, Engine, Physics, Velocity
-from pioneer_gazebo.core.entity import Driven, Entity, Mounted, Swinging, heading, mounted_on, swinging_parts
+from pioneer_gazebo.core.entity import Driven, Entity, Mounted, mounted_on
 from pioneer_gazebo.core.error import SimulatorError
-from pioneer_gazebo.core.laser import generator_for, laser_of_sonar
+from pioneer_gazebo.core.laser import generator_for
 from pioneer_gazebo.core.pose import Pose, between
 from pioneer_gazebo.core.robot import DiffDrive, Robot
 from pioneer_gazebo.core.scene import Scene
 from pioneer_gazebo.core.schedule import TICK_RATE, period_of
 from pioneer_gazebo.core.section import Triangles
 from pioneer_gazebo.core.standing import Standing
+from pioneer_gazebo.core.view import View
 from pioneer_gazebo.core.world import Model, World
 from pioneer_gazebo.core.wrench import Wrench, Wrenches
 
@@ -56,19 +57,20 @@ class Simulation:
             odometry_scale: what encoders believe of every wheel's diameter, as a part of the true one.
         """
         self._engine = engine
-        self._scene = Scene(triangles)
+        scene = Scene(triangles)
+        self._view = View(scene)
         self._seed, self._odometry_error, self._odometry_scale = seed, odometry_error, odometry_scale
         self._entities: dict[str, Entity] = {}
         self._by_handle: dict[int, Entity] = {}
-        self._standing = Standing(engine, self._scene)
+        self._standing = Standing(engine, scene)
         self._actors = Actors(engine)
-        self._swinging: list[Swinging] = []
         self._wrenches = Wrenches(engine)
-        self._poses: tuple[int, NDArray[np.float64]] = (-1, np.empty((0, 3)))
         self._collided: list[Entity] = []
         self.tick = 0
         self._stepped = 0
         self._part = 1.0
+        self._period = 1
+        self.physics = physics
         self.configure(physics)
 
     def configure(self, physics: Physics) -> None:
@@ -118,6 +120,10 @@ class Simulation:
         """Returns the static model of that name, None where there is none."""
         return self._standing.models.get(name)
 
+    def standing_models(self) -> list[Model]:
+        """Returns all static models."""
+        return list(self._standing.models.values())
+
     def _check_name(self, name: str) -> None:
         if not name or len(name) > 200:
             raise ModelError(f"a model's name needs 1 to 200 characters, this has {len(name)}")
@@ -158,7 +164,7 @@ class Simulation:
         entity = self._add(name, namespace, body, pose, robot, anywhere=False)
         entity.drives = drives
         entity.lasers = [mounted_on(body, name, config, self._seed) for config in robot.lasers]
-        entity.sonars = [mounted_on(body, name, laser_of_sonar(config), self._seed) for config in robot.sonars]
+        entity.sonars = [mounted_on(body, name, config, self._seed) for config in robot.sonars]
         for driven in drives:
             self._engine.turn(entity.handle, driven.parts, (0.0, 0.0), (driven.torque, driven.torque))
         return entity
@@ -188,8 +194,7 @@ class Simulation:
     def _keep(self, entity: Entity) -> Entity:
         entity.number, entity.before, entity.seen = len(self._entities), entity.after, self._stepped
         self._entities[entity.name] = self._by_handle[entity.handle] = entity
-        self._swinging += swinging_parts(entity)
-        self._poses = (-1, self._poses[1])
+        self._view.add(entity)
         return entity
 
     def remove(self, name: str) -> None:
@@ -203,16 +208,13 @@ class Simulation:
             return
         entity = self.entity(name)
         self._engine.remove(entity.handle)
-        for outline in (entity.outline, *(one.outline for one in self._swinging if one.entity is entity)):
-            self._scene.forget(outline)
+        self._view.remove(entity)
         del self._entities[name], self._by_handle[entity.handle]
         self._actors.remove(entity)
-        self._swinging = [one for one in self._swinging if one.entity is not entity]
         self._wrenches.clear(entity)
         self._collided = [one for one in self._collided if one is not entity]
         for number, other in enumerate(self._entities.values()):
             other.number = number
-        self._poses = (-1, self._poses[1])
 
     # Time.
 
@@ -285,6 +287,13 @@ class Simulation:
         part, at = entity.body.part_of(link)
         return (self.pose(entity) if part == 0 else self._engine.pose(entity.handle, part)).compose(at)
 
+    def part_poses(self, entity: Entity) -> list[Pose]:
+        """Returns the pose of each part's frame."""
+        return [
+            self._engine.pose(entity.handle, number) if number else self.pose(entity)
+            for number in range(len(entity.body.parts))
+        ]
+
     def velocity(self, entity: Entity, part: int = 0) -> Velocity:
         """Returns the velocity of a part's frame after the last step."""
         if entity.script is not None:
@@ -320,21 +329,18 @@ class Simulation:
     def ranges(self, entity: Entity, mounted: Mounted) -> NDArray[np.float64]:
         """Returns a scan's ranges [m]; the array is overwritten by the laser's next scan."""
         base = self.pose(entity) if mounted.part == 0 else self._engine.pose(entity.handle, mounted.part)
-        sensor = base.compose(mounted.pose)
-        x, y, height = sensor.position
+        swinging = [(one, self._engine.pose(one.entity.handle, one.part)) for one in self._view.swinging]
         seen = [(other.outline, self._settled(other).position[2]) for other in self._entities.values()]
-        seen += [(one.outline, self._engine.pose(one.entity.handle, one.part).position[2]) for one in self._swinging]
-        return mounted.laser.ranges(
-            self._scene.walls(height), self._scene.movers(height, seen), self._mover_poses(), entity.number,
-            (x, y, heading(sensor)),
-        )  # fmt: skip
+        seen += [(one.outline, pose.position[2]) for one, pose in swinging]
+        if not self._view.knows(self.tick):
+            poses = [self.pose(other) for other in self._entities.values()]
+            self._view.update(self.tick, [*poses, *(pose for _, pose in swinging)])
+        return self._view.ranges(base.compose(mounted.pose), mounted, entity.number, seen)
 
-    def _mover_poses(self) -> NDArray[np.float64]:
-        if self._poses[0] != self.tick:
-            poses = [self.pose(entity) for entity in self._entities.values()]
-            poses += [self._engine.pose(one.entity.handle, one.part) for one in self._swinging]
-            self._poses = self.tick, np.array([(*pose.position[:2], heading(pose)) for pose in poses])
-        return self._poses[1]
+    def distance(self, entity: Entity, mounted: Mounted) -> float:
+        """Returns a sonar's reading [m]: the distance to the nearest thing in its cone, within its limits."""
+        nearest = float(self.ranges(entity, mounted).min())
+        return min(max(nearest, mounted.device.min_range), mounted.device.max_range)
 
     # What is done to it.
 
@@ -354,7 +360,7 @@ class Simulation:
         if velocity is not None:
             self._engine.set_velocity(entity.handle, velocity)
         entity.before, entity.after, entity.seen = pose, pose, self._stepped
-        self._poses = (-1, self._poses[1])
+        self._view.outdate()
 
     def set_joint(self, entity: Entity, joint: str, position: float) -> None:
         """Puts a joint to a position [rad or m], at rest.
@@ -377,7 +383,7 @@ class Simulation:
         self._standing.reset()
         self._wrenches.clear()
         self._actors.restart(self._stepped)
-        self._poses = (-1, self._poses[1])
+        self._view.outdate()
         for entity in (one for one in self._entities.values() if one.script is None):
             self.place(entity.name, entity.initial, STILL)
             for part, one in enumerate(entity.body.parts):

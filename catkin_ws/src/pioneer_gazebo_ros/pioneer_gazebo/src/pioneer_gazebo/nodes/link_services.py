@@ -1,24 +1,21 @@
 """The services of gazebo_ros on links and joints, and on forces that act on links."""
 
 import math
-from typing import TYPE_CHECKING
 
 from gazebo_msgs import srv
 from gazebo_msgs.msg import LinkState
 
 from pioneer_gazebo import conversions
 from pioneer_gazebo.core import joint as kinds
+from pioneer_gazebo.core import state
 from pioneer_gazebo.core.entity import Entity
 from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import Pose, rotated
 from pioneer_gazebo.core.schedule import TICK_RATE
-from pioneer_gazebo.core.simulation import ModelError
+from pioneer_gazebo.core.simulation import ModelError, Simulation
 from pioneer_gazebo.core.wrench import Wrench
-from pioneer_gazebo.nodes import state
+from pioneer_gazebo.nodes.mailbox import Mailbox
 from pioneer_gazebo.nodes.service import serve
-
-if TYPE_CHECKING:
-    from pioneer_gazebo.nodes.gazebo import GazeboNode
 
 _TYPES = {
     kinds.REVOLUTE: srv.GetJointPropertiesResponse.REVOLUTE,
@@ -30,15 +27,15 @@ _TYPES = {
 class LinkServices:
     """Asks, sets and pushes links."""
 
-    def __init__(self, node: "GazeboNode") -> None:
+    def __init__(self, mailbox: Mailbox, simulation: Simulation) -> None:
         """Starts the services."""
-        self._simulation = node.simulation
-        serve(node, "get_link_state", srv.GetLinkState, self._state)
-        serve(node, "set_link_state", srv.SetLinkState, self._set_state)
-        serve(node, "get_link_properties", srv.GetLinkProperties, self._properties)
-        serve(node, "get_joint_properties", srv.GetJointProperties, self._joint)
-        serve(node, "apply_body_wrench", srv.ApplyBodyWrench, self._push)
-        serve(node, "clear_body_wrenches", srv.BodyRequest, self._clear)
+        self._simulation = simulation
+        serve(mailbox, "get_link_state", srv.GetLinkState, self._state)
+        serve(mailbox, "set_link_state", srv.SetLinkState, self._set_state)
+        serve(mailbox, "get_link_properties", srv.GetLinkProperties, self._properties)
+        serve(mailbox, "get_joint_properties", srv.GetJointProperties, self._joint)
+        serve(mailbox, "apply_body_wrench", srv.ApplyBodyWrench, self._push)
+        serve(mailbox, "clear_body_wrenches", srv.BodyRequest, self._clear)
 
     def _moving(self, name: str) -> tuple[Entity, int, Pose]:
         """Returns the entity, part and pose in the part of ``model::link``."""
@@ -64,7 +61,8 @@ class LinkServices:
         wanted = request.link_state
         if "::" not in wanted.link_name:
             raise ModelError(f"{wanted.link_name!r} does not name a link as model::link")
-        state.place(self._simulation, wanted.link_name, wanted.pose, wanted.twist, wanted.reference_frame)
+        pose, velocity = conversions.pose_from_message(wanted.pose), conversions.velocity_from_message(wanted.twist)
+        state.place(self._simulation, wanted.link_name, pose, velocity, wanted.reference_frame)
         return srv.SetLinkStateResponse(True, f"state of {wanted.link_name} set; its whole model moved along")
 
     def _properties(self, request: srv.GetLinkPropertiesRequest) -> srv.GetLinkPropertiesResponse:

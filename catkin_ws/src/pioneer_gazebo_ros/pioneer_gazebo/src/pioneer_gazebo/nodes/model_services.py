@@ -1,33 +1,29 @@
 """The services of gazebo_ros on models and on the world's list of them."""
 
-from typing import TYPE_CHECKING
-
 import rospy
 from gazebo_msgs import srv
 from std_msgs.msg import Header
 
 from pioneer_gazebo import conversions
+from pioneer_gazebo.core import state
 from pioneer_gazebo.core.schedule import TICK_RATE, nanoseconds
-from pioneer_gazebo.core.simulation import ModelError
-from pioneer_gazebo.nodes import state
+from pioneer_gazebo.core.simulation import ModelError, Simulation
+from pioneer_gazebo.nodes.mailbox import Mailbox
 from pioneer_gazebo.nodes.service import serve
-
-if TYPE_CHECKING:
-    from pioneer_gazebo.nodes.gazebo import GazeboNode
 
 
 class ModelServices:
     """Asks and sets models."""
 
-    def __init__(self, node: "GazeboNode") -> None:
+    def __init__(self, mailbox: Mailbox, simulation: Simulation) -> None:
         """Starts the services."""
-        self._simulation = node.simulation
+        self._simulation = simulation
         self._sequence: dict[tuple[str, str], int] = {}
-        serve(node, "get_world_properties", srv.GetWorldProperties, self._world)
-        serve(node, "get_model_properties", srv.GetModelProperties, self._properties)
-        serve(node, "get_model_state", srv.GetModelState, self._state)
-        serve(node, "set_model_state", srv.SetModelState, self._set_state)
-        serve(node, "set_model_configuration", srv.SetModelConfiguration, self._configuration)
+        serve(mailbox, "get_world_properties", srv.GetWorldProperties, self._world)
+        serve(mailbox, "get_model_properties", srv.GetModelProperties, self._properties)
+        serve(mailbox, "get_model_state", srv.GetModelState, self._state)
+        serve(mailbox, "set_model_state", srv.SetModelState, self._set_state)
+        serve(mailbox, "set_model_configuration", srv.SetModelConfiguration, self._configuration)
 
     def _world(self, request: srv.GetWorldPropertiesRequest) -> srv.GetWorldPropertiesResponse:
         del request
@@ -72,7 +68,8 @@ class ModelServices:
 
     def _set_state(self, request: srv.SetModelStateRequest) -> srv.SetModelStateResponse:
         wanted = request.model_state
-        state.place(self._simulation, wanted.model_name, wanted.pose, wanted.twist, wanted.reference_frame)
+        pose, velocity = conversions.pose_from_message(wanted.pose), conversions.velocity_from_message(wanted.twist)
+        state.place(self._simulation, wanted.model_name, pose, velocity, wanted.reference_frame)
         return srv.SetModelStateResponse(True, f"state of {wanted.model_name} set")
 
     def _configuration(self, request: srv.SetModelConfigurationRequest) -> srv.SetModelConfigurationResponse:

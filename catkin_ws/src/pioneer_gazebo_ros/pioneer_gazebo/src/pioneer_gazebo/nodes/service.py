@@ -1,15 +1,12 @@
 """How a service of ``/gazebo`` is answered."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import rospy
 
 from pioneer_gazebo.core.error import SimulatorError
-from pioneer_gazebo.nodes.mailbox import ClosedError
-
-if TYPE_CHECKING:
-    from pioneer_gazebo.nodes.gazebo import GazeboNode
+from pioneer_gazebo.nodes.mailbox import ClosedError, Mailbox
 
 Handler = Callable[[Any], Any]
 
@@ -17,16 +14,16 @@ LONGEST = 400
 """Characters of a refusal: names that a client sends may have millions."""
 
 
-def serve(node: "GazeboNode", name: str, kind: Any, handler: Handler) -> None:
+def serve(mailbox: Mailbox, name: str, kind: Any, handler: Handler) -> None:
     """Serves ``/gazebo/NAME`` by ``handler``, which runs in the simulation's thread and returns a response.
 
-    What a request asks wrongly is answered with ``success`` false and one line in ``status_message``, which is logged
-    as well; a service whose response has no such field fails with that line.
+    An invalid request is answered with ``success`` false and one line in ``status_message``, which is logged as well;
+    a service whose response has no such field fails with that line.
     """
 
     def answer(request: Any) -> Any:
         try:
-            return node.mailbox.call(lambda: handler(request))
+            return mailbox.call(lambda: handler(request))
         except (SimulatorError, ValueError, ClosedError) as error:
             return refusal(name, kind, str(error))
 
@@ -34,7 +31,7 @@ def serve(node: "GazeboNode", name: str, kind: Any, handler: Handler) -> None:
 
 
 def refusal(name: str, kind: Any, text: str) -> Any:
-    """Returns the response that says no, and logs why."""
+    """Returns the response to a request that failed, and logs why."""
     text = text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} … {text[-LONGEST // 2 :]}"
     rospy.logerr("%s: %s", name, text)
     response = kind._response_class()

@@ -9,15 +9,11 @@ from geometry_msgs.msg import Point, Pose, Quaternion
 from std_msgs.msg import Bool
 from std_srvs.srv import Empty
 
-from pioneer_gazebo.core.error import SimulatorError
+from pioneer_gazebo.core.error import SpawnError
 from pioneer_gazebo.core.fleet import InitialPose
 from pioneer_gazebo.core.pose import quaternion_from_rpy
 
 SPAWN_SERVICE = "/gazebo/spawn_urdf_model"
-
-
-class SpawnError(SimulatorError):
-    """The simulator refused a robot."""
 
 
 class SimulatorClient:

@@ -9,14 +9,11 @@ from gazebo_msgs.srv import GetWorldProperties, SpawnModel, SpawnModelRequest
 from geometry_msgs.msg import Point, Quaternion
 from std_srvs.srv import Empty
 
+from pioneer_gazebo.core.error import SpawnError
 from pioneer_gazebo.core.pose import quaternion_from_rpy
 
 WAIT_WORDS_PERIOD = 5.0
 """While it waits, it says for what every so many seconds."""
-
-
-class SpawnError(Exception):
-    """The model cannot be spawned."""
 
 
 def parser() -> argparse.ArgumentParser:

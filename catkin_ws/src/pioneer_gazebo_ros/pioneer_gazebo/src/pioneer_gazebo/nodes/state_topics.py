@@ -1,34 +1,29 @@
 """``/gazebo``'s own topics: the states of all models and links, and the topics that set them."""
 
-from typing import TYPE_CHECKING
-
 import rospy
 from gazebo_msgs.msg import LinkState, LinkStates, ModelState, ModelStates
-from geometry_msgs.msg import Pose as PoseMessage
-from geometry_msgs.msg import Twist
 
 from pioneer_gazebo import conversions
+from pioneer_gazebo.core import state
 from pioneer_gazebo.core.error import SimulatorError
-from pioneer_gazebo.nodes import state
+from pioneer_gazebo.nodes.timeline import Timeline
 from pioneer_gazebo.nodes.topic import Topic
-
-if TYPE_CHECKING:
-    from pioneer_gazebo.nodes.gazebo import GazeboNode
 
 
 class StateTopics:
     """Publishes ``/gazebo/model_states`` and ``/gazebo/link_states`` and listens to their setters.
 
-    A message that cannot be followed is named in one line and left.
+    An invalid message is logged in one line and ignored.
     """
 
-    def __init__(self, node: "GazeboNode", rate: float) -> None:
+    def __init__(self, timeline: Timeline, rate: float) -> None:
         """Publishes at ``rate`` [Hz]."""
-        self._node, self._simulation = node, node.simulation
-        self._models = Topic("/gazebo/model_states", ModelStates, node.schedule.review)
-        self._links = Topic("/gazebo/link_states", LinkStates, node.schedule.review)
-        node.schedule.add("/gazebo/model_states", rate, self._publish_models, lambda: self._models.wanted)
-        node.schedule.add("/gazebo/link_states", rate, self._publish_links, lambda: self._links.wanted)
+        self._mailbox, self._simulation = timeline.mailbox, timeline.simulation
+        schedule = timeline.schedule
+        self._models = Topic("/gazebo/model_states", ModelStates, schedule.review)
+        self._links = Topic("/gazebo/link_states", LinkStates, schedule.review)
+        schedule.add("/gazebo/model_states", rate, self._publish_models, lambda: self._models.wanted)
+        schedule.add("/gazebo/link_states", rate, self._publish_links, lambda: self._links.wanted)
         rospy.Subscriber("/gazebo/set_model_state", ModelState, self._set_model, queue_size=10)
         rospy.Subscriber("/gazebo/set_link_state", LinkState, self._set_link, queue_size=10)
 
@@ -60,15 +55,17 @@ class StateTopics:
         return message
 
     def _set_model(self, message: ModelState) -> None:
-        self._node.mailbox.post(lambda: self._follow(message.model_name, message))
+        self._mailbox.post(lambda: self._follow(message.model_name, message))
 
     def _set_link(self, message: LinkState) -> None:
-        self._node.mailbox.post(lambda: self._follow(message.link_name, message))
+        self._mailbox.post(lambda: self._follow(message.link_name, message))
 
     def _follow(self, name: str, message: ModelState | LinkState) -> None:
-        pose: PoseMessage = message.pose
-        twist: Twist = message.twist
         try:
-            state.place(self._simulation, name, pose, twist, message.reference_frame)
+            pose, velocity = (
+                conversions.pose_from_message(message.pose),
+                conversions.velocity_from_message(message.twist),
+            )
+            state.place(self._simulation, name, pose, velocity, message.reference_frame)
         except (SimulatorError, ValueError) as error:
             rospy.logerr_throttle(1.0, f"state of {name} not set: {error}")

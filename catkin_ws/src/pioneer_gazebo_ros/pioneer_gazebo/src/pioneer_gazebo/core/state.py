@@ -1,12 +1,8 @@
 """States of models and links by Gazebo's names: ``model`` and ``model::link``."""
 
-from geometry_msgs.msg import Pose as PoseMessage
-from geometry_msgs.msg import Twist
-
-from pioneer_gazebo.conversions import pose_from_message, vector_from_message
 from pioneer_gazebo.core.engine import STILL, Velocity
 from pioneer_gazebo.core.entity import Entity
-from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector, rotated
+from pioneer_gazebo.core.pose import IDENTITY, Pose, added, opposite, rotated
 from pioneer_gazebo.core.simulation import ModelError, Simulation
 
 WORLD_NAMES = ("", "world", "map", "/map", "/world")
@@ -57,10 +53,9 @@ def link_motion(simulation: Simulation, model: str, link: str) -> tuple[Pose, Ve
         raise ModelError(f"model {model} has no link {link}")
     entity = simulation.entity(model)
     part, at = part_of(entity, link)
-    velocity = simulation.velocity(entity, part)
     pose = simulation.link_pose(entity, link)
     arm = rotated(pose.compose(at.inverse()).rotation, at.position)
-    return pose, Velocity(_sum(velocity.linear, _cross(velocity.angular, arm)), velocity.angular)
+    return pose, simulation.velocity(entity, part).at(arm)
 
 
 def part_of(entity: Entity, link: str) -> tuple[int, Pose]:
@@ -95,39 +90,22 @@ def relative(simulation: Simulation, name: str, reference: str) -> tuple[Pose, V
     """
     pose, velocity = motion(simulation, name)
     base, base_velocity = motion(simulation, reference)
-    back = base.inverse()
-    linear = _sum(velocity.linear, _negative(base_velocity.linear))
-    angular = _sum(velocity.angular, _negative(base_velocity.angular))
-    return back.compose(pose), Velocity(rotated(back.rotation, linear), rotated(back.rotation, angular))
+    linear = added(velocity.linear, opposite(base_velocity.linear))
+    angular = added(velocity.angular, opposite(base_velocity.angular))
+    return base.inverse().compose(pose), Velocity(linear, angular).seen_from(base.rotation)
 
 
-def place(simulation: Simulation, name: str, pose: PoseMessage, twist: Twist, reference: str) -> None:
+def place(simulation: Simulation, name: str, pose: Pose, velocity: Velocity, reference: str) -> None:
     """Puts a model, by its own frame or by that of one of its links, to a pose and velocity seen from ``reference``.
 
     Raises:
         ModelError: there is nothing of either name.
-        ValueError: a number that is not finite.
     """
     model, link = split_name(name)
     base, _ = motion(simulation, reference)
-    wanted = base.compose(pose_from_message(pose))
-    velocity = Velocity(
-        rotated(base.rotation, vector_from_message(twist.linear)),
-        rotated(base.rotation, vector_from_message(twist.angular)),
-    )
+    wanted = base.compose(pose)
     if link:
         link_from_model = link_motion(simulation, model, link)[0].inverse().compose(model_motion(simulation, model)[0])
         wanted = wanted.compose(link_from_model)
-    simulation.place(model, wanted, velocity)
-
-
-def _sum(a: Vector, b: Vector) -> Vector:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-def _negative(a: Vector) -> Vector:
-    return -a[0], -a[1], -a[2]
-
-
-def _cross(a: Vector, b: Vector) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    turned = Velocity(rotated(base.rotation, velocity.linear), rotated(base.rotation, velocity.angular))
+    simulation.place(model, wanted, turned)

@@ -1,0 +1,78 @@
+"""How sensors and plugins are read, whatever file they stand in: settings by their elements' names, names checked."""
+
+import difflib
+import typing
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from pioneer_gazebo.adapters.element import Element, Notes
+
+Config = TypeVar("Config")
+
+QUIET = {"alwaysOn", "always_on", "rosDebugLevel", "legacyMode", "robotNamespace", "hackBaseline"}
+"""Elements of plugins that change nothing here."""
+
+ALIASES = {"torque": "wheelTorque", "jointNames": "jointName"}
+"""Spellings of other releases of the plugins."""
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """The names that plugins and sensors of a robot may use."""
+
+    links: Collection[str]
+    joints: Collection[str]
+
+    def check_link(self, element: Element, name: str) -> None:
+        """Raises DescriptionError where the robot has no such link."""
+        _check(element, "link", name, self.links)
+
+    def check_joint(self, element: Element, name: str) -> None:
+        """Raises DescriptionError where the robot has no such joint."""
+        _check(element, "joint", name, self.joints)
+
+
+def _check(element: Element, what: str, name: str, names: Collection[str]) -> None:
+    if name not in names:
+        near = difflib.get_close_matches(name, names, n=1)
+        raise element.error(f"unknown {what} {name!r}" + (f"; did you mean {near[0]!r}?" if near else ""))
+
+
+def library_of(plugin: Element) -> str:
+    """Returns the library's name without folder, ``lib`` and ``.so``."""
+    return plugin.attribute("filename").rpartition("/")[2].removeprefix("lib").removesuffix(".so")
+
+
+def filled(config: type[Config], element: Element, notes: Notes, **given: Any) -> Config:
+    """Returns ``config`` with every field whose name is a child's tag filled from that child, and ``given``.
+
+    Raises:
+        DescriptionError: an invalid value.
+    """
+    hints = typing.get_type_hints(config)
+    for child in element.children():
+        tag = ALIASES.get(child.tag, child.tag)
+        if tag in hints:
+            given[tag] = _READERS[hints[tag]](child)
+        elif tag not in QUIET:
+            near = difflib.get_close_matches(tag, hints, n=1)
+            hint = f"; did you mean <{near[0]}>?" if near else ""
+            notes.add(f"<{tag}> of plugin lib{library_of(element)}.so is not supported and ignored{hint}")
+    if "robotNamespace" in hints:
+        given["robotNamespace"] = element.word("robotNamespace", "").strip("/")
+    return config(**given)
+
+
+def _read_names(element: Element) -> tuple[str, ...]:
+    return tuple(element.text.replace(",", " ").split())
+
+
+_READERS: dict[Any, Callable[[Element], Any]] = {
+    str: lambda element: element.text,
+    float: lambda element: element.numbers(1)[0],
+    int: lambda element: int(element.numbers(1)[0]),
+    bool: Element.truth,
+    tuple[str, ...]: _read_names,
+    tuple[float, float, float]: Element.vector,
+}

@@ -1,0 +1,75 @@
+"""Plugins of a whole model, under the names and with the elements that gazebo_ros gives them."""
+
+import dataclasses
+from collections.abc import Callable
+
+from pioneer_gazebo.adapters.device import Names, filled, library_of
+from pioneer_gazebo.adapters.element import Element, Notes
+from pioneer_gazebo.core.robot import BaseDriver, Device, DiffDrive, GroundTruth, JointStatePublisher
+
+
+def read_plugin(element: Element, names: Names, notes: Notes) -> list[Device]:
+    """Returns the device of a ``<plugin>``; none, with a note, where it is not supported.
+
+    Raises:
+        DescriptionError: an invalid value, or a name that the robot does not have.
+    """
+    library = library_of(element)
+    reader = _PLUGINS.get(library)
+    if reader is None:
+        notes.add(f"plugin lib{library}.so is not supported and ignored")
+        return []
+    return [reader(element, names, notes)]
+
+
+def _name(element: Element) -> str:
+    return element.attribute("name", library_of(element))
+
+
+def _drive(element: Element, names: Names, notes: Notes) -> DiffDrive:
+    drive = filled(DiffDrive, element, notes, name=_name(element))
+    for joint in (drive.leftJoint, drive.rightJoint):
+        names.check_joint(element, joint)
+    for name in ("wheelSeparation", "wheelDiameter", "wheelTorque"):
+        if getattr(drive, name) <= 0:
+            raise element.error(f"{name} must be above 0, not {getattr(drive, name):g}")
+    if drive.commandTimeout < 0:
+        raise element.error(f"commandTimeout must be >= 0 (got {drive.commandTimeout:g})")
+    source = {"0": "encoder", "1": "world"}.get(drive.odometrySource, drive.odometrySource)
+    if source not in ("encoder", "world"):
+        raise element.error(f"odometrySource must be encoder or world, not {source!r}")
+    return dataclasses.replace(drive, odometrySource=source)
+
+
+def _base_driver(element: Element, names: Names, notes: Notes) -> BaseDriver:
+    del names
+    base = filled(BaseDriver, element, notes, name=_name(element))
+    for name in ("updateRate", "capacity", "emptyVoltage", "resistance", "driveEfficiency"):
+        if getattr(base, name) <= 0:
+            raise element.error(f"{name} must be above 0, not {getattr(base, name):g}")
+    for name in ("idlePower", "rollingResistance", "windingLoss", "initialCharge"):
+        if getattr(base, name) < 0:
+            raise element.error(f"{name} must not be below 0, not {getattr(base, name):g}")
+    if base.fullVoltage < base.emptyVoltage or base.initialCharge > 1 or base.driveEfficiency > 1:
+        raise element.error("fullVoltage must be emptyVoltage or more, initialCharge and driveEfficiency at most 1")
+    return base
+
+
+def _ground_truth(element: Element, names: Names, notes: Notes) -> GroundTruth:
+    names.check_link(element, element.needed("bodyName").text)
+    return filled(GroundTruth, element, notes, name=_name(element))
+
+
+def _joint_states(element: Element, names: Names, notes: Notes) -> JointStatePublisher:
+    publisher = filled(JointStatePublisher, element, notes, name=_name(element))
+    for joint in publisher.jointName:
+        names.check_joint(element, joint)
+    return publisher
+
+
+_PLUGINS: dict[str, Callable[[Element, Names, Notes], Device]] = {
+    "gazebo_ros_diff_drive": _drive,
+    "gazebo_ros_p3d": _ground_truth,
+    "gazebo_ros_joint_state_publisher": _joint_states,
+    "pioneer_base_driver": _base_driver,
+}

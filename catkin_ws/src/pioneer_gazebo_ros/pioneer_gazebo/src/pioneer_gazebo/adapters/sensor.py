@@ -1,0 +1,150 @@
+"""Sensors of a link, under the names and with the elements that Gazebo and gazebo_ros give them."""
+
+from collections.abc import Callable
+from typing import Any
+
+from pioneer_gazebo.adapters.device import library_of
+from pioneer_gazebo.adapters.element import Element, Notes
+from pioneer_gazebo.core.pose import IDENTITY, Pose
+from pioneer_gazebo.core.robot import Bumper, Camera, Device, LaserSensor, SonarSensor
+
+QUIET = {"pose", "ray", "camera", "contact", "plugin", "update_rate", "visualize", "always_on", "topic"}
+PIXEL_FORMATS = ("R8G8B8", "B8G8R8", "L8", "RGB_INT8", "BGR_INT8", "L_INT8")
+
+
+def read_sensor(element: Element, link: str, notes: Notes) -> list[Device]:
+    """Returns the device of a ``<sensor>`` on ``link``; none, with a note, where it is not supported.
+
+    Raises:
+        DescriptionError: an invalid value.
+    """
+    for child in element.children():
+        if child.tag not in QUIET:
+            notes.add(f"<{child.tag}> in <sensor> is not supported and ignored")
+    plugin = element.child("plugin")
+    if plugin is None:
+        notes.add(f"sensor {element.attribute('name')!r} is ignored: it has no plugin that would publish it")
+        return []
+    reader = _SENSORS.get(library_of(plugin))
+    if reader is None:
+        notes.add(f"sensor plugin lib{library_of(plugin)}.so is not supported and ignored")
+        return []
+    return [reader(element, plugin, link)]
+
+
+def _common(element: Element, link: str) -> dict[str, Any]:
+    pose = element.child("pose")
+    rate = element.number("update_rate", 0.0)
+    if rate < 0:
+        raise element.needed("update_rate").error("must not be below 0")
+    return {
+        "name": element.attribute("name"),
+        "link": link,
+        "pose": IDENTITY if pose is None or not pose.text else pose.pose(),
+        "update_rate": rate,
+    }
+
+
+def _ray(element: Element) -> tuple[Element, Element, dict[str, Any]]:
+    """Returns ``<horizontal>``, ``<range>`` and the settings every ray sensor shares."""
+    ray = element.needed("ray")
+    horizontal = ray.needed("scan").needed("horizontal")
+    reach = ray.needed("range")
+    near, far = reach.number("min"), reach.positive("max")
+    if not 0 <= near < far:
+        raise reach.error(f"min must be between 0 and max, not {near:g} with max {far:g}")
+    samples = horizontal.integer("samples")
+    if samples < 1:
+        raise horizontal.needed("samples").error(f"must be 1 or more, not {samples}")
+    return horizontal, reach, {"samples": samples, "min_range": near, "max_range": far}
+
+
+def _laser(element: Element, plugin: Element, link: str) -> LaserSensor:
+    horizontal, reach, shared = _ray(element)
+    noise = element.needed("ray").child("noise")
+    lowest, highest = horizontal.number("min_angle"), horizontal.number("max_angle")
+    if lowest > highest:
+        raise horizontal.error(f"min_angle {lowest:g} is above max_angle {highest:g}")
+    return LaserSensor(
+        **_common(element, link),
+        **shared,
+        min_angle=lowest,
+        max_angle=highest,
+        resolution=reach.number("resolution", 0.0),
+        noise_mean=0.0 if noise is None else noise.number("mean", 0.0),
+        noise_stddev=0.0 if noise is None else noise.number("stddev", 0.0),
+        topic=plugin.word("topicName", "base_scan"),
+        frame=plugin.word("frameName", link),
+    )
+
+
+def _sonar(element: Element, plugin: Element, link: str) -> SonarSensor:
+    horizontal, _, shared = _ray(element)
+    common = _common(element, link)
+    common["update_rate"] = plugin.number("updateRate", common["update_rate"])
+    opening = horizontal.number("max_angle") - horizontal.number("min_angle")
+    return SonarSensor(
+        **common,
+        **shared,
+        fov=plugin.number("fov", opening),
+        radiation=plugin.word("radiation", "ultrasound"),
+        gaussianNoise=plugin.number("gaussianNoise", 0.0),
+        topic=plugin.word("topicName", "sonar"),
+        frame=plugin.word("frameName", link),
+    )
+
+
+def _camera(element: Element, plugin: Element, link: str) -> Camera:
+    camera = element.needed("camera")
+    image = camera.needed("image")
+    common = _common(element, link)
+    width, height = image.integer("width"), image.integer("height")
+    if min(width, height) < 1:
+        raise image.error(f"width and height must be 1 or more, not {width} and {height}")
+    clip, noise = camera.child("clip"), camera.child("noise")
+    pixels = image.word("format", "R8G8B8")
+    if pixels not in PIXEL_FORMATS:
+        raise image.needed("format").error(f"must be one of {', '.join(PIXEL_FORMATS)}, not {pixels!r}")
+    return Camera(
+        name=plugin.word("cameraName", common["name"]),
+        link=link,
+        pose=_camera_pose(common["pose"], camera),
+        update_rate=plugin.number("updateRate", 0.0) or common["update_rate"],
+        horizontal_fov=camera.positive("horizontal_fov", 1.047),
+        width=width,
+        height=height,
+        near=0.1 if clip is None else clip.positive("near", 0.1),
+        far=100.0 if clip is None else clip.positive("far", 100.0),
+        format=pixels,
+        noise_stddev=0.0 if noise is None else noise.number("stddev", 0.0),
+        image_topic=plugin.word("imageTopicName", "image_raw"),
+        info_topic=plugin.word("cameraInfoTopicName", "camera_info"),
+        frame=plugin.word("frameName", link),
+    )
+
+
+def _camera_pose(sensor: Pose, camera: Element) -> Pose:
+    pose = camera.child("pose")
+    return sensor if pose is None or not pose.text else sensor.compose(pose.pose())
+
+
+def _bumper(element: Element, plugin: Element, link: str) -> Bumper:
+    common = _common(element, link)
+    contact = element.child("contact")
+    return Bumper(
+        name=common["name"],
+        link=link,
+        collision="" if contact is None else contact.word("collision", ""),
+        bumperTopicName=plugin.word("bumperTopicName", "bumper"),
+        frameName=plugin.word("frameName", "map"),
+        update_rate=common["update_rate"],
+    )
+
+
+_SENSORS: dict[str, Callable[[Element, Element, str], Device]] = {
+    "gazebo_ros_laser": _laser,
+    "gazebo_ros_gpu_laser": _laser,
+    "gazebo_ros_range": _sonar,
+    "gazebo_ros_camera": _camera,
+    "gazebo_ros_bumper": _bumper,
+}

@@ -1,0 +1,47 @@
+"""Topics of drives: commands, odometry and its transform."""
+
+import rospy
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+
+from pioneer_gazebo import conversions
+from pioneer_gazebo.core.drive import CommandError
+from pioneer_gazebo.core.engine import Velocity
+from pioneer_gazebo.core.pose import planar_pose
+from pioneer_gazebo.core.robot import DiffDrive
+from pioneer_gazebo.core.schedule import nanoseconds
+from pioneer_gazebo.nodes.port import Port
+
+
+def drive_topics(port: Port, config: DiffDrive) -> None:
+    """Subscribes to ``commandTopic`` (Twist); publishes ``odometryTopic`` (Odometry) and its transform."""
+    driven, simulation, transforms = port.entity.driven(config), port.simulation, port.context.transforms
+    topic = port.topic(config.odometryTopic, Odometry)
+    odom, base = port.frame(config.odometryFrame), port.frame(config.robotBaseFrame)
+    template = conversions.OdometryTemplate(odom, base, conversions.POSE_COVARIANCE)
+    transform = conversions.TransformTemplate(odom, base)
+    sends_transform = config.publishTf and config.publishOdomTF
+    of_world = config.odometrySource == "world"
+
+    def publish(tick: int) -> None:
+        time = nanoseconds(tick)
+        if of_world:
+            pose = simulation.pose(port.entity)
+            velocity = simulation.velocity(port.entity).seen_from(pose.rotation)
+        else:
+            state = simulation.odometry(driven)
+            pose = planar_pose(state.x, state.y, state.yaw)
+            velocity = Velocity((state.speed, 0.0, 0.0), (0.0, 0.0, state.turn))
+        if topic.wanted:
+            topic.send(template.fill(time, pose, velocity))
+        if sends_transform and transforms.wanted:
+            transforms.add(transform.fill(time, pose))
+
+    def command(message: Twist) -> None:
+        try:
+            driven.command(port.context.now(), message.linear.x, message.angular.z)
+        except CommandError as error:
+            rospy.logerr_throttle(1.0, f"{port.entity.name}: {error}; the last command holds")
+
+    port.every(config.updateRate, config.odometryTopic, publish, topic, transforms=sends_transform)
+    port.subscribe(config.commandTopic, Twist, command)

@@ -1,0 +1,125 @@
+"""What a device of a robot needs to publish and subscribe: names, frames, the schedule, and the world."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import rospy
+
+from pioneer_gazebo.core.camera import Renderer
+from pioneer_gazebo.core.entity import Entity
+from pioneer_gazebo.core.schedule import Schedule, Task
+from pioneer_gazebo.core.simulation import Simulation
+from pioneer_gazebo.nodes.topic import Topic, publish_while_alive
+from pioneer_gazebo.nodes.transform_topic import TransformTopic
+from pioneer_node.core.frame import resolved
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What all robots share.
+
+    Attributes:
+        simulation: the world.
+        schedule: when something is due.
+        transforms: ``/tf``.
+        now: returns the tick that a command arrives at; any thread may call it.
+        renderer: returns what draws pictures, made at the first call.
+    """
+
+    simulation: Simulation
+    schedule: Schedule
+    transforms: TransformTopic
+    now: Callable[[], int]
+    renderer: Callable[[], Renderer]
+
+
+class Port:
+    """One robot's connection to ROS; `close` removes all that was made through it.
+
+    Parameters: ``tf_prefix`` in the robot's namespace or above, read once.
+
+    Attributes:
+        context: what all robots share.
+        entity: the robot.
+        simulation: the world's.
+        on_reset: called when simulated time restarts.
+    """
+
+    def __init__(self, context: Context, entity: Entity) -> None:
+        self.context, self.entity, self.simulation = context, entity, context.simulation
+        self.on_reset: list[Callable[[], None]] = []
+        self._base = f"/{entity.namespace}" if entity.namespace else ""
+        self._prefix = _tf_prefix(self._base)
+        self._tasks: list[Task] = []
+        self._topics: list[Topic] = []
+        self._connections: list[rospy.Publisher | rospy.Subscriber] = []
+
+    def name(self, name: str) -> str:
+        """Returns a topic's name in the robot's namespace."""
+        return name if name.startswith("/") else f"{self._base}/{name}"
+
+    def frame(self, frame: str) -> str:
+        """Returns a frame's name with the robot's prefix."""
+        return resolved(self._prefix, frame)
+
+    def topic(self, name: str, message_class: type) -> Topic:
+        """Advertises a topic of frames."""
+        topic = Topic(self.name(name), message_class, self.context.schedule.review)
+        self._topics.append(topic)
+        return topic
+
+    def latched(self, name: str, message: Any) -> rospy.Publisher:
+        """Advertises a latched topic with its first message."""
+        publisher = rospy.Publisher(self.name(name), type(message), latch=True, queue_size=1)
+        self._connections.append(publisher)
+        publish_while_alive(publisher, message)
+        return publisher
+
+    def subscribe(self, name: str, message_class: type, callback: Callable[[Any], None]) -> None:
+        """Subscribes to a topic; only the newest message is kept."""
+        self._connections.append(
+            rospy.Subscriber(self.name(name), message_class, callback, queue_size=1, tcp_nodelay=True)
+        )
+
+    def every(
+        self, rate: float, what: str, action: Callable[[int], None], *topics: Topic, transforms: bool = False
+    ) -> None:
+        """Runs ``action`` at a rate [Hz; 0: every step], while any of ``topics``, or ``/tf``, has subscribers.
+
+        Args:
+            rate: [Hz]; 0: every step of the engine.
+            what: for messages.
+            action: takes the tick.
+            topics: none: it always runs.
+            transforms: whether ``action`` makes transforms as well.
+
+        Raises:
+            RateError: the rate does not divide the simulator's.
+        """
+
+        def wanted() -> bool:
+            return not topics or any(one.wanted for one in topics) or (transforms and self.context.transforms.wanted)
+
+        rate = rate if rate > 0 else 1.0 / self.simulation.physics.step
+        self._tasks.append(self.context.schedule.add(f"{self.entity.name}: {what}", rate, action, wanted))
+
+    def close(self) -> None:
+        """Removes tasks, topics and subscriptions."""
+        for task in self._tasks:
+            self.context.schedule.remove(task)
+        for topic in self._topics:
+            topic.close()
+        for connection in self._connections:
+            connection.unregister()
+
+
+def _tf_prefix(base: str) -> str:
+    """Returns ``tf_prefix`` of the namespace, or of one above it."""
+    while True:
+        value = rospy.get_param(f"{base}/tf_prefix", None)
+        if value is not None:
+            return str(value)
+        if not base:
+            return ""
+        base = base.rpartition("/")[0]

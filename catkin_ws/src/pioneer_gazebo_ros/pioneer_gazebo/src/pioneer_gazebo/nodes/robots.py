@@ -1,0 +1,76 @@
+"""The robots in the world, each with its topics."""
+
+import rospy
+
+from pioneer_gazebo.adapters.mesh import triangles_of_mesh
+from pioneer_gazebo.adapters.tiny_renderer import TinyRenderer
+from pioneer_gazebo.core.error import SimulatorError
+from pioneer_gazebo.core.pose import Pose
+from pioneer_gazebo.core.robot import Robot
+from pioneer_gazebo.core.simulation import Simulation
+from pioneer_gazebo.nodes.port import Context
+from pioneer_gazebo.nodes.robot_topics import RobotTopics
+from pioneer_gazebo.nodes.timeline import Timeline
+from pioneer_gazebo.nodes.transform_topic import TransformTopic
+
+
+class Robots:
+    """Spawns and deletes robots together with their topics. Used from the simulation's thread."""
+
+    def __init__(self, simulation: Simulation, timeline: Timeline, transforms: TransformTopic) -> None:
+        self._simulation = simulation
+        self._topics: dict[str, RobotTopics] = {}
+        self._drawing: TinyRenderer | None = None
+        self._context = Context(simulation, timeline.schedule, transforms, timeline.present, self._renderer)
+
+    def __len__(self) -> int:
+        """Returns the number of robots."""
+        return len(self._topics)
+
+    def _renderer(self) -> TinyRenderer:
+        """Returns what draws cameras' pictures, made when the first is asked for."""
+        if self._drawing is None:
+            self._drawing = TinyRenderer(triangles_of_mesh)
+        return self._drawing
+
+    def spawn(self, name: str, namespace: str, robot: Robot, pose: Pose) -> None:
+        """Adds a robot and its topics.
+
+        Raises:
+            SimulatorError: it cannot be added; nothing is left of it.
+        """
+        for line in robot.warnings:
+            rospy.logwarn("%s: %s", name, line)
+        entity = self._simulation.add_robot(name, namespace, robot, pose)
+        try:
+            self._topics[name] = RobotTopics(self._context, entity)
+        except SimulatorError:
+            self._simulation.remove(name)
+            raise
+
+    def delete(self, name: str) -> None:
+        """Removes a model and its topics.
+
+        Raises:
+            ModelError: there is none of that name.
+        """
+        topics = self._topics.pop(name, None)
+        if topics is not None:
+            topics.close()
+        self._simulation.remove(name)
+
+    def reset(self) -> None:
+        """Restarts all topics that depend on time."""
+        for topics in self._topics.values():
+            topics.reset()
+
+    def publish_collisions(self) -> None:
+        """Publishes the counters of all robots that began to touch something."""
+        for entity in self._simulation.collided():
+            if entity.name in self._topics:
+                self._topics[entity.name].publish_collisions()
+
+    def close(self) -> None:
+        """Frees what draws pictures."""
+        if self._drawing is not None:
+            self._drawing.close()

@@ -1,0 +1,89 @@
+"""The services of gazebo_ros that add and remove models."""
+
+from dataclasses import replace
+
+import rosgraph.names
+import rospy
+from gazebo_msgs import srv
+
+from pioneer_gazebo.adapters.resource import model_path
+from pioneer_gazebo.adapters.sdf import world_from_sdf_text
+from pioneer_gazebo.adapters.urdf import robot_from_urdf
+from pioneer_gazebo.conversions import pose_from_message
+from pioneer_gazebo.core import state
+from pioneer_gazebo.core.error import SimulatorError
+from pioneer_gazebo.core.pose import Pose
+from pioneer_gazebo.core.simulation import ModelError, Simulation
+from pioneer_gazebo.nodes.mailbox import Mailbox
+from pioneer_gazebo.nodes.robots import Robots
+from pioneer_gazebo.nodes.service import refusal, serve
+
+LONGEST_NAMESPACE = 200
+"""Characters."""
+
+
+class SpawnServices:
+    """``spawn_urdf_model``, ``spawn_sdf_model`` and ``delete_model``."""
+
+    def __init__(self, mailbox: Mailbox, simulation: Simulation, robots: Robots) -> None:
+        """Starts the services."""
+        self._mailbox, self._simulation, self._robots = mailbox, simulation, robots
+        rospy.Service("/gazebo/spawn_urdf_model", srv.SpawnModel, self._spawn_urdf)
+        rospy.Service("/gazebo/spawn_sdf_model", srv.SpawnModel, self._spawn_sdf)
+        serve(mailbox, "delete_model", srv.DeleteModel, self._delete)
+
+    def _spawn_urdf(self, request: srv.SpawnModelRequest) -> srv.SpawnModelResponse:
+        """Reads the robot in the service's own thread, so that the simulation continues meanwhile."""
+        name = request.model_name
+        try:
+            robot = robot_from_urdf(request.model_xml, name)
+            pose = self._mailbox.call(lambda: self._initial_pose(request))
+            namespace = _namespace(request)
+            self._mailbox.call(lambda: self._robots.spawn(name, namespace, robot, pose))
+        except (SimulatorError, ValueError) as error:
+            return refusal("spawn_urdf_model", srv.SpawnModel, str(error))
+        return self._spawned(name)
+
+    def _spawn_sdf(self, request: srv.SpawnModelRequest) -> srv.SpawnModelResponse:
+        name = request.model_name
+        try:
+            namespace = _namespace(request)
+            world = world_from_sdf_text(request.model_xml, model_path(), name)
+            for line in world.warnings:
+                rospy.logwarn("%s: %s", name, line)
+            models = world.models
+            if len(models) != 1:
+                raise ModelError(f"{name}: the SDF has to hold one model, not {len(models)}")
+            pose = self._mailbox.call(lambda: self._initial_pose(request))
+            model = replace(models[0].moved(pose), name=name)
+            self._mailbox.call(lambda: self._simulation.add_model(model, namespace))
+        except (SimulatorError, ValueError) as error:
+            return refusal("spawn_sdf_model", srv.SpawnModel, str(error))
+        return self._spawned(name)
+
+    def _initial_pose(self, request: srv.SpawnModelRequest) -> Pose:
+        base, _ = state.motion(self._simulation, request.reference_frame)
+        return base.compose(pose_from_message(request.initial_pose))
+
+    def _spawned(self, name: str) -> srv.SpawnModelResponse:
+        rospy.loginfo("spawned %s", name)
+        return srv.SpawnModelResponse(True, f"spawned {name}")
+
+    def _delete(self, request: srv.DeleteModelRequest) -> srv.DeleteModelResponse:
+        self._robots.delete(request.model_name)
+        return srv.DeleteModelResponse(True, f"deleted {request.model_name}")
+
+
+def _namespace(request: srv.SpawnModelRequest) -> str:
+    """Returns the namespace a request asks for, without slashes at the ends; empty for none.
+
+    Raises:
+        ModelError: it is no name that ROS allows.
+    """
+    namespace = request.robot_namespace.strip("/")
+    if namespace and not (len(namespace) <= LONGEST_NAMESPACE and rosgraph.names.is_legal_name(namespace)):
+        raise ModelError(
+            f"robot_namespace {namespace[:60]!r} ({len(namespace)} characters) is no name in ROS:"
+            f" at most {LONGEST_NAMESPACE} letters, digits, _ and /, a letter first"
+        )
+    return namespace

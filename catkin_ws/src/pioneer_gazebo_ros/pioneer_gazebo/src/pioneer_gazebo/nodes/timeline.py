@@ -1,0 +1,112 @@
+"""Simulated time: when the world moves on, and what is published when."""
+
+from collections.abc import Callable
+
+from rosgraph_msgs.msg import Clock
+
+from pioneer_gazebo import conversions
+from pioneer_gazebo.core.schedule import TICK_RATE, Schedule, nanoseconds
+from pioneer_gazebo.core.simulation import Simulation
+from pioneer_gazebo.nodes.mailbox import Mailbox
+from pioneer_gazebo.nodes.pace import Pacer
+from pioneer_gazebo.nodes.topic import Topic
+
+LONGEST = TICK_RATE // 10
+"""The world advances at least this often [ticks of simulated time], whether or not anything looks at it."""
+
+
+class Timeline:
+    """Advances simulated time at the pace asked for and runs what is due; publishes ``/clock``.
+
+    Used from the simulation's thread, but for `present`.
+
+    Attributes:
+        mailbox: work from other threads, done between two ticks.
+        pacer: simulated time against wall time.
+        paused: whether simulated time stands still.
+        schedule: what is done at which tick.
+        simulation: the world.
+        tick: the present.
+    """
+
+    def __init__(
+        self, simulation: Simulation, mailbox: Mailbox, factor: float, paused: bool, clock_rate: float,
+        after_tick: Callable[[], None],
+    ) -> None:  # fmt: skip
+        """Starts at tick 0; ``after_tick`` is called when all tasks of a tick have run.
+
+        Raises:
+            RateError: a clock rate that does not divide the tick rate.
+        """
+        self.mailbox, self.simulation, self.paused = mailbox, simulation, paused
+        self.pacer = Pacer(factor)
+        self.schedule = Schedule()
+        self.tick = self._target = 0
+        self._after_tick = after_tick
+        self._clock = Topic("/clock", Clock, self.schedule.review)
+        self.schedule.add("/clock", clock_rate, self._publish_clock, lambda: self._clock.wanted, False)
+
+    def present(self) -> int:
+        """Returns the tick that it is now, or the target of the current step if simulation lags. Any thread may ask."""
+        reached = self.pacer.reached() * TICK_RATE
+        return 0 if self.paused else int(min(reached, self._target))
+
+    def serve(self) -> None:
+        """Does the work in the mailbox, in the world as it is by now."""
+        if self.mailbox.pending:
+            if not self.paused:
+                self.tick = max(self.tick, min(self.present(), self._target - 1))
+            self.simulation.advance(self.tick)
+            self.mailbox.serve()
+
+    def turn(self, patience: float) -> None:
+        """Waits for the next tick at which something is due, for ``patience`` [s] or until work arrives; runs it."""
+        if self.paused:
+            self.mailbox.wait(patience)
+            return
+        tick = self._target = min(self.schedule.next_after(self.tick), self.tick + LONGEST)
+        wait = self.pacer.wait_for(tick / TICK_RATE)
+        if wait > 0 and (self.mailbox.wait(min(wait, patience)) or wait > patience):
+            return
+        self._run_to(tick)
+
+    def _run_to(self, tick: int) -> None:
+        """Advances time to a tick and runs what is due then; the world advances only if something looks at it."""
+        due = self.schedule.due(tick)
+        if tick - self.simulation.tick >= LONGEST or any(task.needs_state for task in due):
+            self.simulation.advance(tick)
+        self.tick = tick
+        for task in due:
+            task.action(tick)
+        self._after_tick()
+
+    def publish_now(self) -> None:
+        """Publishes the time, for subscribers that connected while it stood still."""
+        self._publish_clock(self.tick)
+
+    def _publish_clock(self, tick: int) -> None:
+        self._clock.send(conversions.clock_frame(nanoseconds(tick)))
+
+    def pause(self, paused: bool) -> None:
+        """Pauses or resumes simulated time."""
+        self.paused = paused
+        self.pacer.restart()
+        self.publish_now()
+
+    def set_factor(self, factor: float) -> None:
+        """Sets the real-time factor; 0: as fast as possible."""
+        self.pacer.factor = factor
+        self.pacer.restart()
+
+    def step(self) -> None:
+        """Advances by one physics step; only while paused."""
+        end = self.tick + round(self.simulation.physics.step * TICK_RATE)
+        while (tick := self.schedule.next_after(self.tick)) <= end:
+            self._run_to(tick)
+        self.simulation.advance(end)
+        self.tick = end
+
+    def restart(self) -> None:
+        """Sets time back to 0."""
+        self.tick = self._target = 0
+        self.pacer.restart()
