@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from pioneer_gazebo.adapters.sdf import world_from_sdf_text
-from pioneer_gazebo.core.error import DescriptionError
+from pioneer_gazebo.core.error import DescriptionError, ModelError
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.schedule import TICK_RATE
 from pioneer_gazebo.core.script import Script, Trajectory, Waypoint
-from pioneer_gazebo.core.simulation import ModelError
 from pioneer_gazebo.core.world import Box, Cylinder, Model
 
 

@@ -11,10 +11,11 @@ import pytest
 
 from pioneer_gazebo.core.engine import STILL
 from pioneer_gazebo.core.entity import Entity
+from pioneer_gazebo.core.error import ModelError
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.schedule import TICK_RATE
-from pioneer_gazebo.core.simulation import ModelError, Simulation
+from pioneer_gazebo.core.simulation import Simulation
 from pioneer_gazebo.core.world import Model
 
 MakeSimulation = Callable[..., Simulation]

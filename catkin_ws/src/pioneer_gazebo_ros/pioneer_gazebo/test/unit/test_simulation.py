@@ -8,11 +8,12 @@ import pytest
 from pioneer_gazebo.core.body import body_from_robot, lowest_point
 from pioneer_gazebo.core.drive import CommandError
 from pioneer_gazebo.core.engine import Engine, EngineError, Physics
+from pioneer_gazebo.core.error import ModelError
 from pioneer_gazebo.core.fake_engine import FakeEngine
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.schedule import TICK_RATE, RateError
-from pioneer_gazebo.core.simulation import ModelError, Simulation
+from pioneer_gazebo.core.simulation import Simulation
 from pioneer_gazebo.core.world import Cylinder, Model, Sphere, World
 from pioneer_gazebo.core.wrench import Wrench
 

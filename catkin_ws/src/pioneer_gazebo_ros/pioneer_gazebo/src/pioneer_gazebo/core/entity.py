@@ -77,6 +77,23 @@ def mounted_on(body: Body, name: str, device: LaserSensor | SonarSensor, seed: i
     return Mounted(device, Laser(config, generator_for(seed, name, config.name)), part, at.compose(device.pose))
 
 
+def driven_on(body: Body, name: str, config: DiffDrive, seed: int, error: float, scale: float) -> Driven:
+    """Returns a drive of the robot ``name``.
+
+    Args:
+        body: the robot's.
+        name: the robot's.
+        config: of the drive.
+        seed: of what encoders believe of the wheels' diameters.
+        error: standard deviation of that, as a part of the diameter.
+        scale: mean of that, as a part of the true diameter.
+    """
+    errors = generator_for(seed, name, config.name, "odometry").standard_normal(2) * error
+    drive = Drive(config, *(scale * (1.0 + float(error)) for error in errors))
+    parts = body.joint_index(config.leftJoint), body.joint_index(config.rightJoint)
+    return Driven(drive, parts, config.wheelTorque)
+
+
 @dataclass(slots=True, eq=False)
 class Entity:
     """A body in the engine and what the simulator keeps of it.

@@ -5,6 +5,10 @@ class SimulatorError(Exception):
     """Root of every error that the simulator raises on purpose."""
 
 
+class ModelError(SimulatorError):
+    """A model that does not exist, or cannot be where it was asked to be."""
+
+
 class SpawnError(SimulatorError):
     """A model that could not be added to the running simulator."""
 

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from pioneer_gazebo.core.actor import Actors
 from pioneer_gazebo.core.body import Body, body_from_model, body_from_robot, lowest_point
-from pioneer_gazebo.core.drive import Drive, Odometry
+from pioneer_gazebo.core.drive import Odometry
 from pioneer_gazebo.core.engine import STILL, Contact, Engine, Physics, Velocity
-from pioneer_gazebo.core.entity import Driven, Entity, Mounted, mounted_on
-from pioneer_gazebo.core.error import SimulatorError
+from pioneer_gazebo.core.entity import Driven, Entity, Mounted, driven_on, mounted_on
+from pioneer_gazebo.core.error import ModelError
 from pioneer_gazebo.core.laser import generator_for
 from pioneer_gazebo.core.pose import Pose, between
-from pioneer_gazebo.core.robot import DiffDrive, Robot
+from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.scene import Scene
 from pioneer_gazebo.core.schedule import TICK_RATE, period_of
 from pioneer_gazebo.core.section import Triangles
@@ -33,10 +33,6 @@ DEEPEST_START = 0.02
 
 GROUND_GAP = 0.0005
 """What is spawned in the ground is lifted until it is this far [m] above."""
-
-
-class ModelError(SimulatorError):
-    """A model that is not there, or may not be there."""
 
 
 class Simulation:
@@ -160,7 +156,8 @@ class Simulation:
         """
         self._check_name(name)
         body = body_from_robot(robot)
-        drives = [self._driven(name, body, config) for config in robot.drives]
+        errors = self._seed, self._odometry_error, self._odometry_scale
+        drives = [driven_on(body, name, config, *errors) for config in robot.drives]
         entity = self._add(name, namespace, body, pose, robot, anywhere=False)
         entity.drives = drives
         entity.lasers = [mounted_on(body, name, config, self._seed) for config in robot.lasers]
@@ -168,13 +165,6 @@ class Simulation:
         for driven in drives:
             self._engine.turn(entity.handle, driven.parts, (0.0, 0.0), (driven.torque, driven.torque))
         return entity
-
-    def _driven(self, name: str, body: Body, config: DiffDrive) -> Driven:
-        errors = generator_for(self._seed, name, config.name, "odometry").standard_normal(2) * self._odometry_error
-        drive = Drive(config, *(self._odometry_scale * (1.0 + float(error)) for error in errors))
-        return Driven(
-            drive, (body.joint_index(config.leftJoint), body.joint_index(config.rightJoint)), config.wheelTorque
-        )
 
     def _add(self, name: str, namespace: str, body: Body, pose: Pose, robot: Robot | None, anywhere: bool) -> Entity:
         lowest = lowest_point(body, pose)

@@ -2,8 +2,9 @@
 
 from pioneer_gazebo.core.engine import STILL, Velocity
 from pioneer_gazebo.core.entity import Entity
+from pioneer_gazebo.core.error import ModelError
 from pioneer_gazebo.core.pose import IDENTITY, Pose, added, opposite, rotated
-from pioneer_gazebo.core.simulation import ModelError, Simulation
+from pioneer_gazebo.core.simulation import Simulation
 
 WORLD_NAMES = ("", "world", "map", "/map", "/world")
 

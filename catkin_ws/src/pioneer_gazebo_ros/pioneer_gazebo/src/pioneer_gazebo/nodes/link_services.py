@@ -9,10 +9,11 @@ from pioneer_gazebo import conversions
 from pioneer_gazebo.core import joint as kinds
 from pioneer_gazebo.core import state
 from pioneer_gazebo.core.entity import Entity
+from pioneer_gazebo.core.error import ModelError
 from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import Pose, rotated
 from pioneer_gazebo.core.schedule import TICK_RATE
-from pioneer_gazebo.core.simulation import ModelError, Simulation
+from pioneer_gazebo.core.simulation import Simulation
 from pioneer_gazebo.core.wrench import Wrench
 from pioneer_gazebo.nodes.mailbox import Mailbox
 from pioneer_gazebo.nodes.service import serve

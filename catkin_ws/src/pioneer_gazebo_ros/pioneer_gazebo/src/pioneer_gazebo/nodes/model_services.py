@@ -6,8 +6,9 @@ from std_msgs.msg import Header
 
 from pioneer_gazebo import conversions
 from pioneer_gazebo.core import state
+from pioneer_gazebo.core.error import ModelError
 from pioneer_gazebo.core.schedule import TICK_RATE, nanoseconds
-from pioneer_gazebo.core.simulation import ModelError, Simulation
+from pioneer_gazebo.core.simulation import Simulation
 from pioneer_gazebo.nodes.mailbox import Mailbox
 from pioneer_gazebo.nodes.service import serve
 

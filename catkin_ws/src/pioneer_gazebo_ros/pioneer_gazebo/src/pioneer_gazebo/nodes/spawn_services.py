@@ -11,9 +11,9 @@ from pioneer_gazebo.adapters.sdf import world_from_sdf_text
 from pioneer_gazebo.adapters.urdf import robot_from_urdf
 from pioneer_gazebo.conversions import pose_from_message
 from pioneer_gazebo.core import state
-from pioneer_gazebo.core.error import SimulatorError
+from pioneer_gazebo.core.error import ModelError, SimulatorError
 from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.simulation import ModelError, Simulation
+from pioneer_gazebo.core.simulation import Simulation
 from pioneer_gazebo.nodes.mailbox import Mailbox
 from pioneer_gazebo.nodes.robots import Robots
 from pioneer_gazebo.nodes.service import refusal, serve

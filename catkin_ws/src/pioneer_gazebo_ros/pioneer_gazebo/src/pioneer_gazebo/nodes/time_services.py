@@ -9,8 +9,8 @@ from std_srvs.srv import Empty, EmptyRequest, EmptyResponse, Trigger, TriggerReq
 
 from pioneer_gazebo.conversions import vector_from_message
 from pioneer_gazebo.core.engine import Physics
+from pioneer_gazebo.core.error import ModelError
 from pioneer_gazebo.core.schedule import TICK_RATE
-from pioneer_gazebo.core.simulation import ModelError
 from pioneer_gazebo.nodes.robots import Robots
 from pioneer_gazebo.nodes.service import serve
 from pioneer_gazebo.nodes.timeline import Timeline
