@@ -10,8 +10,16 @@ import time
 from collections import deque
 from dataclasses import dataclass
 
-from rocon_gateway.core.hub import GATEWAYS_KEY, NAME_KEY, PROTOCOL_KEY, alive_key, letters_key, lost_key, record_key
-from rocon_gateway.core.record import (
+from rocon_hub_protocol.core.key import (
+    GATEWAYS_KEY,
+    NAME_KEY,
+    PROTOCOL_KEY,
+    alive_key,
+    letters_key,
+    lost_key,
+    record_key,
+)
+from rocon_hub_protocol.core.record import (
     Letter,
     Offer,
     Purpose,
@@ -21,7 +29,7 @@ from rocon_gateway.core.record import (
     text_from_letter,
     text_from_record,
 )
-from rocon_gateway.core.rule import Kind, RemoteRule, Rule
+from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule
 
 HEARTBEAT, ALIVE = 0.5, 2000
 """Between signs of life [s]; for how long one counts [ms]."""

@@ -10,7 +10,7 @@ from pioneer_bench.adapters.fleet import PATIENCE, Fleet, Process, cpu
 from pioneer_bench.core.gateway import Flow, Flows, encrypted_rows, large_rows, paced_rows, small_rows, steady_rows
 from pioneer_bench.core.row import Row
 from pioneer_harness.wait import wait_until
-from rocon_gateway.adapters.authority import Authority
+from tcpros.adapters.authority import Authority
 
 TOPIC_TOOLS_RELAY = "/usr/lib/topic_tools/relay"
 

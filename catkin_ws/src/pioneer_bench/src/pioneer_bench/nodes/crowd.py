@@ -6,7 +6,7 @@ Prints ``converged SECONDS``, ``change SECONDS`` for each change, then ``ready``
 import sys
 
 from pioneer_bench.adapters.crowd import Crowd
-from rocon_gateway.adapters.descriptor import raise_limit
+from tcpros.adapters.descriptor import raise_limit
 
 PATIENCE = 120.0
 """For all to find one another [s]."""

@@ -7,16 +7,17 @@ from gateway_msgs.msg import ConnectionStatistics, GatewayInfo, RemoteGateway, R
 from gateway_msgs.msg import RemoteRule as RemoteRuleMessage
 from gateway_msgs.msg import Rule as RuleMessage
 
-from rocon_gateway.core.code import Code
-from rocon_gateway.core.connection import Export, LinkStatus
-from rocon_gateway.core.latency import Latency
+from rocon_gateway.core.matching import rule_from_text
 from rocon_gateway.core.network import Member
-from rocon_gateway.core.record import Record
-from rocon_gateway.core.rule import Connection, Kind, RemoteRule, Rule, rule_from_text
 from rocon_gateway.core.rulebook import remote_rule
-from rocon_gateway.core.service import AnyExport, AnyImport, ParameterExport, ServiceExport
 from rocon_gateway.core.situation import WORKING, Flipped, RuleState, State
-from rocon_gateway.core.traffic import Flow
+from rocon_hub_protocol.core.code import Code
+from rocon_hub_protocol.core.record import Record
+from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule
+from rocon_relay.core.connection import Export, LinkStatus
+from rocon_relay.core.latency import Latency
+from rocon_relay.core.service import AnyExport, AnyImport, ParameterExport, ServiceExport
+from rocon_relay.core.traffic import Flow
 
 
 def rules_from_messages(messages: Iterable[RuleMessage], code: Code) -> list[Rule]:

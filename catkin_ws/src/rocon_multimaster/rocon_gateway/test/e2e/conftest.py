@@ -27,7 +27,9 @@ from pioneer_harness.proc import arguments, descendants, process_state
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
 
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent.parent / "unit")]
+HERE = Path(__file__).parent
+RELAY_TEST = HERE.parents[2] / "rocon_relay/test"
+sys.path[:0] = [str(HERE), str(RELAY_TEST / "unit")]
 PROBE = Path(__file__).with_name("probe.py")
 
 

@@ -11,13 +11,14 @@ from pioneer_harness.port import PortReservation
 from pioneer_harness.wait import wait_until
 from rocon_gateway.adapters.hub import Hub, HubContext, Publication
 from rocon_gateway.adapters.hub_session import HubSession
-from rocon_gateway.adapters.redis_client import OPEN
-from rocon_gateway.core.code import Code, HubError
-from rocon_gateway.core.hub import Candidate, HubAddress, HubView
-from rocon_gateway.core.record import Letter, Offer, Purpose, Record
+from rocon_gateway.core.presence import Candidate, HubView
 from rocon_hub.adapters.redis_server import RedisServer
 from rocon_hub.adapters.registry import Registry
 from rocon_hub.core.setting import HubSetting
+from rocon_hub_protocol.adapters.redis_client import OPEN
+from rocon_hub_protocol.core.address import HubAddress
+from rocon_hub_protocol.core.code import Code, HubError
+from rocon_hub_protocol.core.record import Letter, Offer, Purpose, Record
 
 LETTER = Letter(offers=(Offer("/flow", "std_msgs/String", "/talker", Purpose.FLIP),))
 

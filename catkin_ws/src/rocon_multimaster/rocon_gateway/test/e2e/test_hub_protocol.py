@@ -9,9 +9,9 @@ from hub_seat import LETTER, Bench, Seat
 
 from pioneer_harness.tcp_proxy import TcpProxy
 from pioneer_harness.wait import wait_until
-from rocon_gateway.core.hub import GATEWAYS_KEY, NAME_KEY, alive_key, letters_key, record_key
-from rocon_gateway.core.record import EMPTY, Record, text_from_letter, text_from_record
 from rocon_hub.adapters.registry import Registry
+from rocon_hub_protocol.core.key import GATEWAYS_KEY, NAME_KEY, alive_key, letters_key, record_key
+from rocon_hub_protocol.core.record import EMPTY, Record, text_from_letter, text_from_record
 
 
 @pytest.fixture

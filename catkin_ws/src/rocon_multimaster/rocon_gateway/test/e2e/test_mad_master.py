@@ -16,7 +16,7 @@ from measure import longest_gap
 
 from pioneer_harness.masters import Master
 from pioneer_harness.wait import wait_until
-from rocon_gateway.core.hub import GATEWAYS_KEY
+from rocon_hub_protocol.core.key import GATEWAYS_KEY
 
 # rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")

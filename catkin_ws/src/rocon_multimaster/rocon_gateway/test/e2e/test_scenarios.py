@@ -19,6 +19,7 @@ from pioneer_harness.wait import wait_until
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 NODES = Path(__file__).parent.parent / "node"
+RELAY_NODES = NODES.parents[2] / "rocon_relay/test/node"
 BLACKLIST = Path(__file__).parent.parent.parent / "config" / "default_blacklist.yaml"
 
 FIVE = {
@@ -52,7 +53,7 @@ def cast(fleet, site) -> None:
     for name, *argv in (
         ("talker", probe, "talk", "talker", "/chatter"),
         ("listener", probe, "hear", "listener", "/chatter"),
-        ("add_two_ints_server", NODES / "server.py", "/echo:=/add_two_ints"),
+        ("add_two_ints_server", RELAY_NODES / "server.py", "/echo:=/add_two_ints"),
         ("fibonacci_server", NODES / "action.py", "serve", "/fibonacci/server"),
         ("fibonacci_client", NODES / "action.py", "idle", "/fibonacci/client"),
     ):

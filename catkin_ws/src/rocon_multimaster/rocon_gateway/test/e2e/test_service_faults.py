@@ -14,7 +14,7 @@ from pioneer_harness.wait import START, wait_until
 # rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
-SERVER = Path(__file__).parent.parent / "node" / "server.py"
+SERVER = Path(__file__).parents[3] / "rocon_relay/test/node/server.py"
 
 
 def begin_call(site) -> subprocess.Popen:

@@ -1,33 +1,7 @@
-"""Lets the tests import what stands beside them."""
+"""Lets the tests import what stands beside them, and what the relay's tests make up."""
 
 import sys
 from pathlib import Path
 
-import pytest
-
-from rocon_gateway.adapters.authority import Authority
-from rocon_gateway.adapters.tls import certificates_from
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-
-class Identities:
-    """Certificates, made by the authority of one fleet or another when first asked for."""
-
-    def __init__(self, folder):
-        self._folder = folder
-        self._made = {}
-
-    def directory(self, name="robot", fleet="ours", days=30):
-        """Returns a machine's directory; `days` below 0 make a certificate that has expired."""
-        if (name, fleet) not in self._made:
-            self._made[name, fleet] = Authority(self._folder / fleet, days).certify(name)
-        return self._made[name, fleet]
-
-    def __call__(self, *arguments, **settings):
-        return certificates_from(str(self.directory(*arguments, **settings)))
-
-
-@pytest.fixture(scope="session")
-def identities(tmp_path_factory):
-    return Identities(tmp_path_factory.mktemp("identities"))
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE), str(HERE.parents[2] / "rocon_relay/test/unit")]

@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass, field
 
-from rocon_gateway.core.connection import Import, LinkState, LinkStatus
-from rocon_gateway.core.option import OptionRule
+from rocon_gateway.core.option_rule import OptionRule
 from rocon_gateway.core.reconcile import reconcile
-from rocon_gateway.core.record import Letter, Record, letter_from_text, text_from_letter
-from rocon_gateway.core.rule import Connection, Kind, RemoteRule, Rule
 from rocon_gateway.core.rulebook import RuleBook
-from rocon_gateway.core.service import AnyImport
 from rocon_gateway.core.situation import Outcome, Remote, Situation
+from rocon_hub_protocol.core.record import Letter, Record, letter_from_text, text_from_letter
+from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule
+from rocon_relay.core.connection import Import, LinkState, LinkStatus
+from rocon_relay.core.service import AnyImport
 
 STRING = "std_msgs/String"
 

@@ -1,10 +1,10 @@
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from rocon_gateway.conversions import diagnostic_from_link, message_from_record
-from rocon_gateway.core.connection import Address, Export, Import, LinkState, LinkStatus
-from rocon_gateway.core.latency import Latency
-from rocon_gateway.core.record import Record
-from rocon_gateway.core.traffic import Flow
+from rocon_hub_protocol.core.record import Record
+from rocon_relay.core.connection import Address, Export, Import, LinkState, LinkStatus
+from rocon_relay.core.latency import Latency
+from rocon_relay.core.traffic import Flow
 
 LATENCY = Latency(0.001, 0.004, 0.002, 0.0005)
 

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from rocon_gateway.adapters.descriptor import readable
+from tcpros.adapters.descriptor import readable
 
 HIGH = 1500
 

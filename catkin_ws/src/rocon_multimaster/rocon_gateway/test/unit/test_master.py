@@ -8,7 +8,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from rocon_gateway.adapters.master import MasterError, MasterWatch
-from rocon_gateway.core.rule import Connection, Kind
+from rocon_hub_protocol.core.rule import Connection, Kind
 
 
 def answer(value: object, code: int = 1) -> bytes:

@@ -1,9 +1,9 @@
 """Who is on which of several hubs, put together."""
 
-from rocon_gateway.core.hub import HubView
 from rocon_gateway.core.membership import Memberships
-from rocon_gateway.core.record import Record
+from rocon_gateway.core.presence import HubView
 from rocon_gateway.core.situation import Remote
+from rocon_hub_protocol.core.record import Record
 
 
 def remote(name: str, host: str) -> Remote:

@@ -8,12 +8,11 @@ from hypothesis import strategies as st
 from nonsense import hellos, kinds, letters, records, texts
 
 from rocon_gateway import conversions
-from rocon_gateway.core.code import Code, RequestError
-from rocon_gateway.core.connection import RelayError
-from rocon_gateway.core.link import Hello
-from rocon_gateway.core.option import LinkOptions
+from rocon_gateway.core.matching import rule_matches
 from rocon_gateway.core.reconcile import reconcile
-from rocon_gateway.core.record import (
+from rocon_gateway.core.situation import Remote, Situation
+from rocon_hub_protocol.core.code import Code, RequestError
+from rocon_hub_protocol.core.record import (
     Letter,
     Record,
     RecordError,
@@ -22,8 +21,10 @@ from rocon_gateway.core.record import (
     text_from_letter,
     text_from_record,
 )
-from rocon_gateway.core.rule import Kind, RemoteRule, Rule, rule_matches
-from rocon_gateway.core.situation import Remote, Situation
+from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule
+from rocon_relay.core.connection import RelayError
+from rocon_relay.core.link import Hello
+from rocon_relay.core.option import LinkOptions
 
 # What a pattern may be warned about, it may be: nested sets, flags in the middle.
 pytestmark = pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::DeprecationWarning")

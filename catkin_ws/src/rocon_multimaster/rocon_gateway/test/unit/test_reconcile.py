@@ -5,12 +5,14 @@ import dataclasses
 import pytest
 from gateway_model import FakeGateway, Fleet, fleet_of, gateway, publisher, service, subscriber, to
 
-from rocon_gateway.core.connection import LinkState
-from rocon_gateway.core.option import NO_OPTIONS, LinkOptions, option_rule
+from rocon_gateway.core.matching import ALL
+from rocon_gateway.core.option_rule import option_rule
 from rocon_gateway.core.reconcile import reconcile
-from rocon_gateway.core.rule import ALL, Kind, RemoteRule, Rule
 from rocon_gateway.core.rulebook import RuleBook
 from rocon_gateway.core.situation import Outcome, Situation, State
+from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule
+from rocon_relay.core.connection import LinkState
+from rocon_relay.core.option import NO_OPTIONS, LinkOptions
 
 
 def test_a_pull_brings_what_is_advertised() -> None:

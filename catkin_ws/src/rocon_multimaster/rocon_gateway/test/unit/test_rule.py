@@ -3,13 +3,8 @@
 import pytest
 from gateway_msgs.msg import ConnectionType, ErrorCodes
 
-from rocon_gateway.core.code import Code, RequestError
-from rocon_gateway.core.rule import (
+from rocon_gateway.core.matching import (
     ALL,
-    CONNECTIONS,
-    Connection,
-    Kind,
-    Rule,
     absolute_name,
     base_name,
     blacklisting,
@@ -20,6 +15,8 @@ from rocon_gateway.core.rule import (
     rule_from_text,
     rule_matches,
 )
+from rocon_hub_protocol.core.code import Code, RequestError
+from rocon_hub_protocol.core.rule import CONNECTIONS, Connection, Kind, Rule
 
 UUID = "0123456789abcdef0123456789abcdef"
 

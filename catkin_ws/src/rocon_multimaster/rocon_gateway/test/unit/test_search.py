@@ -9,8 +9,8 @@ import pytest
 
 from rocon_gateway.adapters import hubs
 from rocon_gateway.adapters.hubs import HubConfig, Hubs
-from rocon_gateway.core.hub import HubAddress
-from rocon_gateway.core.record import Record
+from rocon_hub_protocol.core.address import HubAddress
+from rocon_hub_protocol.core.record import Record
 
 SIGHTING = SimpleNamespace(hubs=(), ways=lambda _own, _stack: [HubAddress("127.0.0.1", 9)])
 

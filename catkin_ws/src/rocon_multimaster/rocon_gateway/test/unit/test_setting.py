@@ -2,8 +2,9 @@
 
 import pytest
 
-from rocon_gateway.core.rule import ALL, Kind, RemoteRule, Rule
+from rocon_gateway.core.matching import ALL
 from rocon_gateway.core.setting import GatewaySetting, SettingError, book_from_setting, with_custom_rules
+from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule
 
 
 def test_a_unique_name_has_32_digits_more_unless_told_not_to() -> None:

@@ -17,11 +17,11 @@ from pioneer_harness.masters import Master
 from pioneer_harness.port import PortReservation
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
-from rocon_gateway.adapters.descriptor import raise_limit
-from rocon_gateway.adapters.redis_client import OPEN
 from rocon_hub.adapters.redis_server import RedisServer
 from rocon_hub.adapters.registry import Registry
 from rocon_hub.core.setting import HubSetting, quoted
+from rocon_hub_protocol.adapters.redis_client import OPEN
+from tcpros.adapters.descriptor import raise_limit
 
 # rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")

@@ -7,15 +7,15 @@ from pathlib import Path
 import pytest
 
 from pioneer_harness.port import PortReservation
-from rocon_gateway.adapters.authority import Authority
 from rocon_gateway.adapters.hub_session import HubSession
-from rocon_gateway.adapters.redis_client import OPEN, Access
-from rocon_gateway.adapters.tls import certificates_from
-from rocon_gateway.core.code import Code, HubError
-from rocon_gateway.core.hub import HubAddress
 from rocon_hub.adapters.redis_server import RedisServer
 from rocon_hub.adapters.registry import Registry
 from rocon_hub.core.setting import HubSetting
+from rocon_hub_protocol.adapters.redis_client import OPEN, Access
+from rocon_hub_protocol.core.address import HubAddress
+from rocon_hub_protocol.core.code import Code, HubError
+from tcpros.adapters.authority import Authority
+from tcpros.adapters.tls import certificates_from
 
 
 class Servers:

@@ -13,11 +13,11 @@ from concurrent.futures import ThreadPoolExecutor, wait
 
 import rosgraph.network
 
-from rocon_gateway.adapters.discovery import Discovery
 from rocon_gateway.adapters.hub_session import HubSession
 from rocon_gateway.core.examination import Contact, Examination, ExaminationError, examination_from_text
-from rocon_gateway.core.hub import EXAMINE_KEY, examined_key
-from rocon_gateway.core.sighting import Sighting
+from rocon_hub_protocol.adapters.discovery import Discovery
+from rocon_hub_protocol.core.key import EXAMINE_KEY, examined_key
+from rocon_hub_protocol.core.sighting import Sighting
 
 PATIENCE = 2.0
 """For how long a port or an announcement is waited for [s]."""

@@ -6,7 +6,7 @@ import redis
 
 from rocon_gateway.adapters.hub_session import HubSession
 from rocon_gateway.core.examination import is_request, text_from_examination
-from rocon_gateway.core.hub import examined_key
+from rocon_hub_protocol.core.key import examined_key
 
 MAX_WAITING = 16
 """So many requests may wait while we look; more are not answered."""

@@ -14,13 +14,14 @@ from dataclasses import dataclass
 import redis
 
 from rocon_gateway.adapters.address import own_address
-from rocon_gateway.adapters.descriptor import readable
 from rocon_gateway.adapters.hub_session import HEARTBEAT, Description, HubSession
-from rocon_gateway.core.code import Code, HubError
-from rocon_gateway.core.hub import EXAMINE_KEY, GATEWAYS_KEY, Candidate, HubView, Presence, letters_key, record_key
-from rocon_gateway.core.record import EMPTY, Letter, Record, is_text, sound_namespaces
-from rocon_gateway.core.rule import gateways_meant
+from rocon_gateway.core.matching import gateways_meant
+from rocon_gateway.core.presence import Candidate, HubView, Presence
 from rocon_gateway.core.situation import Remote
+from rocon_hub_protocol.core.code import Code, HubError
+from rocon_hub_protocol.core.key import EXAMINE_KEY, GATEWAYS_KEY, letters_key, record_key
+from rocon_hub_protocol.core.record import EMPTY, Letter, Record, is_text, sound_namespaces
+from tcpros.adapters.descriptor import readable
 
 RETRY = 0.5
 """Pause between two tries to reach a hub [s], on the average; see `retry_pause`."""

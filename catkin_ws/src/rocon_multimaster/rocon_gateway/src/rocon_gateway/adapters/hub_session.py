@@ -9,22 +9,22 @@ from dataclasses import dataclass
 
 import redis
 
-from rocon_gateway.adapters.password import FILE_VARIABLE
-from rocon_gateway.adapters.redis_client import TIMEOUT, Access, needs_certificate, redis_client, unreachable
-from rocon_gateway.core.code import Code, HubError
-from rocon_gateway.core.hub import (
+from rocon_hub_protocol.adapters.password import FILE_VARIABLE
+from rocon_hub_protocol.adapters.redis_client import TIMEOUT, Access, needs_certificate, redis_client, unreachable
+from rocon_hub_protocol.core.address import HubAddress
+from rocon_hub_protocol.core.code import Code, HubError
+from rocon_hub_protocol.core.key import (
     EXAMINE_KEY,
     GATEWAYS_KEY,
     NAME_KEY,
     NAMESPACES_KEY,
     PROTOCOL_KEY,
-    HubAddress,
     alive_key,
     letters_key,
     lost_key,
     record_key,
 )
-from rocon_gateway.core.record import (
+from rocon_hub_protocol.core.record import (
     PROTOCOL,
     Letter,
     Record,

@@ -6,15 +6,16 @@ import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
-from rocon_gateway.adapters.discovery import Discovery
 from rocon_gateway.adapters.examiner import Examiner
 from rocon_gateway.adapters.hub import RETRY, Hub, HubContext, Publication
 from rocon_gateway.adapters.hub_session import Description, HubSession
-from rocon_gateway.adapters.redis_client import OPEN, Access
-from rocon_gateway.core.code import Code, HubError
-from rocon_gateway.core.hub import Candidate, HubView, address_from_uri, check_lists
 from rocon_gateway.core.membership import Memberships, Overview
-from rocon_gateway.core.record import Letter, Record
+from rocon_gateway.core.presence import Candidate, HubView, check_lists
+from rocon_hub_protocol.adapters.discovery import Discovery
+from rocon_hub_protocol.adapters.redis_client import OPEN, Access
+from rocon_hub_protocol.core.address import address_from_uri
+from rocon_hub_protocol.core.code import Code, HubError
+from rocon_hub_protocol.core.record import Letter, Record
 
 LOOK = 3.0
 """For how long announced hubs are looked for when we are on one already [s]; for longer if we are on none."""

@@ -8,9 +8,9 @@ import xmlrpc.client
 from typing import Any
 from xml.parsers.expat import ExpatError
 
-from rocon_gateway.core.code import GatewayError
-from rocon_gateway.core.connection import ANY, is_proxy_uri
-from rocon_gateway.core.rule import Connection, Kind
+from rocon_hub_protocol.core.code import GatewayError
+from rocon_hub_protocol.core.rule import Connection, Kind
+from rocon_relay.core.connection import ANY, is_proxy_uri
 
 TIMEOUT = 3.0
 """Within which the master must have answered [s]."""

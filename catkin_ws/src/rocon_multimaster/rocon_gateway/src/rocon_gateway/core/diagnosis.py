@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from rocon_gateway.core.examination import Contact, Examination
-from rocon_gateway.core.rule import base_name
+from rocon_gateway.core.matching import base_name
 from rocon_gateway.core.table import table
 
 CLOCK_TOLERANCE = 0.1

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 
-from rocon_gateway.core.hub import HubView
+from rocon_gateway.core.presence import HubView
 from rocon_gateway.core.situation import Remote
 
 

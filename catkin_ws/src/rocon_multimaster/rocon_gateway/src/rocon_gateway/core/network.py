@@ -3,7 +3,8 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from rocon_gateway.core.rule import RemoteRule, Rule, base_name, gateway_matches
+from rocon_gateway.core.matching import base_name, gateway_matches
+from rocon_hub_protocol.core.rule import RemoteRule, Rule
 
 FLIP_COLOUR = "purple"
 PULL_COLOUR = "green4"

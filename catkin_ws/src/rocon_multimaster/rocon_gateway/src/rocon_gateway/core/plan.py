@@ -6,11 +6,13 @@ from typing import TypeVar
 
 from rocon_gateway.core import verdict
 from rocon_gateway.core.action import status_topic
-from rocon_gateway.core.connection import ANY, Address, Export, Import, Key
-from rocon_gateway.core.option import LinkOptions, options_for
-from rocon_gateway.core.record import EMPTY, Letter, Offer, Purpose, Reply, Want
-from rocon_gateway.core.rule import Connection, Kind
-from rocon_gateway.core.service import (
+from rocon_gateway.core.option_rule import options_for
+from rocon_gateway.core.situation import Remote, Situation, State, Verdict
+from rocon_hub_protocol.core.record import EMPTY, Letter, Offer, Purpose, Reply, Want
+from rocon_hub_protocol.core.rule import Connection, Kind
+from rocon_relay.core.connection import ANY, Address, Export, Import, Key
+from rocon_relay.core.option import LinkOptions
+from rocon_relay.core.service import (
     AnyExport,
     AnyImport,
     ParameterExport,
@@ -18,7 +20,6 @@ from rocon_gateway.core.service import (
     ServiceExport,
     ServiceImport,
 )
-from rocon_gateway.core.situation import Remote, Situation, State, Verdict
 
 Judge = Callable[[], Verdict]
 """Tells how a connection does, once the whole set of imports is known."""

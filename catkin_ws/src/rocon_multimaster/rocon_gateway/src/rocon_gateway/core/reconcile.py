@@ -23,15 +23,8 @@ from functools import partial
 
 from rocon_gateway.core import verdict
 from rocon_gateway.core.action import ACTION_KINDS, actions, parts
-from rocon_gateway.core.connection import ANY
-from rocon_gateway.core.plan import Judge, Plan, always
-from rocon_gateway.core.record import Offer, Purpose, Reply, Want
-from rocon_gateway.core.rule import (
+from rocon_gateway.core.matching import (
     ALL,
-    Connection,
-    Kind,
-    RemoteRule,
-    Rule,
     absolute_name,
     asks_for,
     blacklisting,
@@ -40,7 +33,11 @@ from rocon_gateway.core.rule import (
     is_literal,
     rule_matches,
 )
+from rocon_gateway.core.plan import Judge, Plan, always
 from rocon_gateway.core.situation import Flipped, Outcome, Remote, RuleState, Situation, State, Verdict
+from rocon_hub_protocol.core.record import Offer, Purpose, Reply, Want
+from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule
+from rocon_relay.core.connection import ANY
 
 _REFUSALS = (State.FIREWALLED, State.BLACKLISTED, State.REFUSED)
 

@@ -5,10 +5,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rocon_gateway.core.code import Code, GatewayError
-from rocon_gateway.core.option import OptionRule, option_rule
-from rocon_gateway.core.rule import ALL, Kind, RemoteRule, Rule, is_namespace, rule_from_text
+from rocon_gateway.core.matching import ALL, rule_from_text
+from rocon_gateway.core.option_rule import OptionRule, option_rule
 from rocon_gateway.core.rulebook import RuleBook, remote_rule
+from rocon_hub_protocol.core.code import Code, GatewayError
+from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule, is_namespace
+from rocon_relay.core.option import OptionError
 
 APPENDED = ("default_flips", "default_advertisements", "default_pulls", "rule_options")
 """Keys of a custom rules file that add to a parameter; all others replace it."""
@@ -96,7 +98,7 @@ class GatewaySetting:
         """Returns what is asked of links. Raises SettingError for what cannot be meant."""
         try:
             return tuple(option_rule(row) for row in _rows(self.rule_options))
-        except GatewayError as error:
+        except (GatewayError, OptionError) as error:
             raise SettingError(f"gateway: ~rule_options: {error}") from None
 
     def unique_name(self) -> str:

@@ -4,12 +4,12 @@ import enum
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from rocon_gateway.core.connection import LinkStatus
-from rocon_gateway.core.option import OptionRule
-from rocon_gateway.core.record import EMPTY, Letter, Record
-from rocon_gateway.core.rule import Connection, Rule
+from rocon_gateway.core.option_rule import OptionRule
 from rocon_gateway.core.rulebook import RuleBook
-from rocon_gateway.core.service import AnyExport, AnyImport
+from rocon_hub_protocol.core.record import EMPTY, Letter, Record
+from rocon_hub_protocol.core.rule import Connection, Rule
+from rocon_relay.core.connection import LinkStatus
+from rocon_relay.core.service import AnyExport, AnyImport
 
 
 class State(enum.StrEnum):

@@ -3,19 +3,12 @@
 import functools
 from collections.abc import Callable, Collection, Iterable, Mapping
 
-from rocon_gateway.core.connection import LinkState, LinkStatus
-from rocon_gateway.core.rule import (
-    Connection,
-    Kind,
-    Rule,
-    absolute_name,
-    base_name,
-    is_literal,
-    name_matches,
-)
-from rocon_gateway.core.service import AnyImport
+from rocon_gateway.core.matching import absolute_name, base_name, is_literal, name_matches
 from rocon_gateway.core.situation import State, Verdict
 from rocon_gateway.core.spelling import spelling_of
+from rocon_hub_protocol.core.rule import Connection, Kind, Rule
+from rocon_relay.core.connection import LinkState, LinkStatus
+from rocon_relay.core.service import AnyImport
 
 _ORDER = (
     State.ACTIVE,

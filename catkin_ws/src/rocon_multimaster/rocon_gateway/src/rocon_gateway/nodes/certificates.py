@@ -4,9 +4,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from rocon_gateway.adapters.authority import AUTHORITY_KEY, DAYS, Authority
-from rocon_gateway.adapters.tls import VARIABLE
-from rocon_gateway.core.code import GatewayError
+from tcpros.adapters.authority import AUTHORITY_KEY, DAYS, Authority
+from tcpros.adapters.tls import VARIABLE
+from tcpros.core.error import CertificateError
 
 
 def main() -> int:
@@ -19,7 +19,7 @@ def main() -> int:
     authority = Authority(options.directory.expanduser(), options.days)
     try:
         made = [authority.certify(name) for name in options.names]
-    except GatewayError as error:
+    except CertificateError as error:
         sys.stderr.write(f"make_certificates: {error}\n")
         return 1
     for directory in made:

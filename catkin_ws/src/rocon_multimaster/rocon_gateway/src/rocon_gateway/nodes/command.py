@@ -17,8 +17,8 @@ from gateway_msgs import msg, srv
 from rocon_gateway import conversions
 from rocon_gateway.adapters.client import ClientError, GatewayClient
 from rocon_gateway.core import network
-from rocon_gateway.core.rule import Kind
 from rocon_gateway.core.table import listing, table
+from rocon_hub_protocol.core.rule import Kind
 
 
 def rules() -> int:

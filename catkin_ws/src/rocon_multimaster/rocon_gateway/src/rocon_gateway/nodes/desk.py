@@ -8,10 +8,10 @@ from gateway_msgs import srv
 
 from rocon_gateway import conversions
 from rocon_gateway.adapters.hubs import Hubs
-from rocon_gateway.core.code import Code, GatewayError, HubError, RequestError
-from rocon_gateway.core.connection import Relay
-from rocon_gateway.core.rule import check_pattern
+from rocon_gateway.core.matching import check_pattern
 from rocon_gateway.core.rulebook import RuleBook
+from rocon_hub_protocol.core.code import Code, GatewayError, HubError, RequestError
+from rocon_relay.core.connection import Relay
 
 
 class Desk:

@@ -13,13 +13,14 @@ from gateway_msgs.msg import GatewayInfo
 from rocon_gateway.adapters import examination
 from rocon_gateway.adapters.client import ClientError, GatewayClient
 from rocon_gateway.adapters.hub_session import HubSession
-from rocon_gateway.adapters.password import password_from
-from rocon_gateway.adapters.redis_client import Access
-from rocon_gateway.adapters.tls import certificates_from
 from rocon_gateway.core import diagnosis
-from rocon_gateway.core.code import GatewayError
 from rocon_gateway.core.diagnosis import Finding, Level
-from rocon_gateway.core.hub import address_from_uri
+from rocon_hub_protocol.adapters.password import password_from
+from rocon_hub_protocol.adapters.redis_client import Access
+from rocon_hub_protocol.core.address import address_from_uri
+from rocon_hub_protocol.core.code import GatewayError
+from tcpros.adapters.tls import certificates_from
+from tcpros.core.error import CertificateError
 
 HUB_FIX = "start it (rosrun pioneer_networking run-pioneer-hub); let its port through the firewall there"
 NO_HUB_FIX = (
@@ -86,7 +87,7 @@ def _one_hub(uri: str, info: GatewayInfo | None) -> Iterator[Finding | str]:
                 yield from _members(session, info)
             finally:
                 session.close()
-    except (GatewayError, redis.RedisError) as error:
+    except (GatewayError, CertificateError, redis.RedisError) as error:
         yield Finding(Level.FAULT, str(error), "give the doctor and the gateway what the hub asks for")
 
 

@@ -19,24 +19,25 @@ from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes import entry
 from rocon_gateway import conversions
 from rocon_gateway.adapters.address import interface_address, own_address
-from rocon_gateway.adapters.descriptor import raise_limit, readable
 from rocon_gateway.adapters.hubs import HubConfig, Hubs
 from rocon_gateway.adapters.master import MasterError, MasterWatch
-from rocon_gateway.adapters.password import password_from
-from rocon_gateway.adapters.redis_client import Access
-from rocon_gateway.adapters.relay.relay import TcpRelay
-from rocon_gateway.adapters.tls import Certificates, certificates_from
-from rocon_gateway.core.code import GatewayError
-from rocon_gateway.core.connection import LinkState, RelayConfig
 from rocon_gateway.core.membership import Overview
 from rocon_gateway.core.reconcile import reconcile
-from rocon_gateway.core.record import Record
-from rocon_gateway.core.service import ParameterExport, ParameterImport
 from rocon_gateway.core.setting import GatewaySetting, SettingError, book_from_setting, with_custom_rules
 from rocon_gateway.core.situation import Outcome, Situation
-from rocon_gateway.core.traffic import Traffic
 from rocon_gateway.nodes.desk import Desk
 from rocon_gateway.nodes.registration import register_anew
+from rocon_hub_protocol.adapters.password import password_from
+from rocon_hub_protocol.adapters.redis_client import Access
+from rocon_hub_protocol.core.code import GatewayError
+from rocon_hub_protocol.core.record import Record
+from rocon_relay.adapters.relay import TcpRelay
+from rocon_relay.core.connection import LinkState, RelayConfig
+from rocon_relay.core.service import ParameterExport, ParameterImport
+from rocon_relay.core.traffic import Traffic
+from tcpros.adapters.descriptor import raise_limit, readable
+from tcpros.adapters.tls import Certificates, certificates_from
+from tcpros.core.error import CertificateError
 
 LOOK_PERIOD = 0.15
 """Time between two looks at the master [s]."""
@@ -318,4 +319,4 @@ def _parameters() -> dict[str, Any]:
 def main() -> int:
     """Entry point of the executables `gateway` and `gateway.py`."""
     raise_limit()
-    return entry.run("gateway", GatewayNode, (GatewayError,))
+    return entry.run("gateway", GatewayNode, (GatewayError, CertificateError))

@@ -5,9 +5,9 @@ import socket
 from ipaddress import IPv4Interface
 from typing import Any
 
-from rocon_gateway.adapters.discovery import close_zeroconf, network_stack, own_interfaces
-from rocon_gateway.core.sighting import LOOPBACK, SERVICE, instance_name
 from rocon_hub.core.error import AnnouncementError
+from rocon_hub_protocol.adapters.discovery import close_zeroconf, network_stack, own_interfaces
+from rocon_hub_protocol.core.sighting import LOOPBACK, SERVICE, instance_name
 
 
 class Announcement:

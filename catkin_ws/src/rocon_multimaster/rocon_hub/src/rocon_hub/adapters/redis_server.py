@@ -12,10 +12,10 @@ from pathlib import Path
 
 import redis
 
-from rocon_gateway.adapters.redis_client import TIMEOUT, Access
-from rocon_gateway.adapters.tls import AUTHORITY, CERTIFICATE, KEY
 from rocon_hub.core.error import PortBusyError, RedisError
 from rocon_hub.core.setting import ADMIN, SOCKET, Guard, HubSetting, is_open, redis_configuration
+from rocon_hub_protocol.adapters.redis_client import TIMEOUT, Access
+from tcpros.adapters.tls import AUTHORITY, CERTIFICATE, KEY
 
 START_TIMEOUT = 10.0
 """Within which a new server must answer [s]."""

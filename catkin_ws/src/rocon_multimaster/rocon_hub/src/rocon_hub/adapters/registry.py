@@ -6,9 +6,17 @@ from collections.abc import Iterable, Iterator
 
 import redis
 
-from rocon_gateway.core.hub import GATEWAYS_KEY, NAME_KEY, PROTOCOL_KEY, alive_key, letters_key, lost_key, record_key
-from rocon_gateway.core.record import PROTOCOL
 from rocon_hub.core.watch import Watch
+from rocon_hub_protocol.core.key import (
+    GATEWAYS_KEY,
+    NAME_KEY,
+    PROTOCOL_KEY,
+    alive_key,
+    letters_key,
+    lost_key,
+    record_key,
+)
+from rocon_hub_protocol.core.record import PROTOCOL
 
 _EXPIRE = """
 if redis.call('exists', KEYS[1]) == 1 then return 0 end

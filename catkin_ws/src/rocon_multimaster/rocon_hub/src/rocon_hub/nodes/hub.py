@@ -10,15 +10,16 @@ import rospy
 
 from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes import entry
-from rocon_gateway.adapters.password import password_from
-from rocon_gateway.adapters.redis_client import OPEN, Access
-from rocon_gateway.adapters.tls import certificates_from
-from rocon_gateway.core.code import GatewayError
 from rocon_hub.adapters.announcement import Announcement
 from rocon_hub.adapters.redis_server import RedisServer, guard_from
 from rocon_hub.adapters.registry import Registry
 from rocon_hub.core.error import AnnouncementError, HubNodeError, RedisError
 from rocon_hub.core.setting import HubSetting, is_open
+from rocon_hub_protocol.adapters.password import password_from
+from rocon_hub_protocol.adapters.redis_client import OPEN, Access
+from rocon_hub_protocol.core.code import GatewayError
+from tcpros.adapters.tls import certificates_from
+from tcpros.core.error import CertificateError
 
 LOOK_PERIOD = 0.25
 """Time between two looks at who is alive [s]."""
@@ -170,4 +171,4 @@ class HubNode:
 
 def main() -> int:
     """Entry point of the executables `hub` and `hub.py`."""
-    return entry.run("hub", HubNode, (HubNodeError, GatewayError))
+    return entry.run("hub", HubNode, (HubNodeError, GatewayError, CertificateError))

@@ -1,0 +1,74 @@
+"""Rules that ask for options of links: `~rule_options`."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rocon_gateway.core.matching import ALL, check_pattern, gateway_matches, name_matches, node_matches
+from rocon_hub_protocol.core.code import Code
+from rocon_relay.core.option import NO_OPTIONS, LinkOptions, OptionError, check_frames
+
+
+@dataclass(frozen=True, slots=True)
+class OptionRule:
+    """Options for the topics of which name, publishing node and the other gateway match, each as in a rule."""
+
+    name: str
+    node: str
+    gateway: str
+    options: LinkOptions
+
+
+def options_for(rules: Iterable[OptionRule], topic: str, node: str, gateway: str, own_gateway: str) -> LinkOptions:
+    """Returns the options of the first rule that means this connection with `gateway`; none if none does."""
+    for rule in rules:
+        if (
+            name_matches(rule.name, topic, own_gateway)
+            and node_matches(rule.node, node)
+            and gateway_matches(rule.gateway, gateway)
+        ):
+            return rule.options
+    return NO_OPTIONS
+
+
+def option_rule(row: object) -> OptionRule:
+    """Returns one row of `~rule_options`, `{name, node, gateway, rate, queue_size, compress, tf_frames}`.
+
+    Raises:
+        OptionError: a key that does not exist, a value that cannot be meant, or no option at all.
+        RequestError: a pattern that is no regular expression.
+    """
+    if not isinstance(row, Mapping):
+        raise OptionError(f"{row!r} is not a mapping")
+    unknown = sorted(map(str, set(row) - {"name", "node", "gateway", *LinkOptions.__dataclass_fields__}))
+    if unknown:
+        known = ", ".join(("name", "node", "gateway", *LinkOptions.__dataclass_fields__))
+        raise OptionError(f"unknown key {', '.join(unknown)}; there are {known}")
+    patterns = {key: str(row.get(key) or otherwise) for key, otherwise in (("name", ALL), ("node", ""))}
+    patterns["gateway"] = str(row.get("gateway") or ALL)
+    for key, pattern in patterns.items():
+        check_pattern(key, pattern, Code.HUB_UNKNOWN_ERROR)
+    options = LinkOptions(
+        _value(row, "rate", (int, float), 0.0),
+        _value(row, "queue_size", (int,), 0),
+        row.get("compress", False),
+        (row["tf_frames"],) if row.get("tf_frames") else (),
+    )
+    if not isinstance(options.compress, bool):
+        raise OptionError(f"compress is true or false, not {options.compress!r}")
+    for pattern in options.tf_frames:
+        if not isinstance(pattern, str):
+            raise OptionError(f"tf_frames is a pattern, not {pattern!r}")
+        check_frames(pattern)
+    if options == NO_OPTIONS:
+        raise OptionError(f"{dict(row)!r} asks for nothing")
+    return OptionRule(**patterns, options=options)
+
+
+def _value(row: Mapping[Any, Any], key: str, kinds: tuple[type, ...], otherwise: Any) -> Any:
+    value = row.get(key, otherwise)
+    is_number = isinstance(value, kinds) and not isinstance(value, bool) and math.isfinite(value)
+    if not is_number or (key in row and value <= 0):
+        raise OptionError(f"{key} is {value!r}, not a number greater than 0")
+    return value

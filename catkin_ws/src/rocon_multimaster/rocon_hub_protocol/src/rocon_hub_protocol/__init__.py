@@ -1,0 +1,1 @@
+"""What a hub and its gateways share: documents, keys, addresses, access."""

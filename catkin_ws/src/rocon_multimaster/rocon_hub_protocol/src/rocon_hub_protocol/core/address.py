@@ -1,0 +1,44 @@
+"""Where a hub is."""
+
+import re
+from dataclasses import dataclass, field
+
+from rocon_hub_protocol.core.code import Code, HubError
+
+DEFAULT_PORT = 6380
+
+TLS_SCHEME = "rediss"
+"""The scheme of the address of a hub with TLS, as Redis' clients write it."""
+
+
+@dataclass(frozen=True, slots=True)
+class HubAddress:
+    """Where a hub's Redis listens.
+
+    Attributes:
+        host: its machine.
+        port: its port.
+        tls: whether it is known to speak TLS; no part of the address.
+    """
+
+    host: str
+    port: int
+    tls: bool = field(default=False, compare=False)
+
+    def __str__(self) -> str:
+        return f"{TLS_SCHEME if self.tls else 'http'}://{self.host}:{self.port}"
+
+
+def address_from_uri(uri: str) -> HubAddress:
+    """Returns the address in `http://host:port`, `host:port` or `host`; `rediss://host:port` for one with TLS.
+
+    Raises:
+        HubError: 12 for what is none of these.
+    """
+    found = re.fullmatch(r"(?:([a-z]+)://)?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+)(?::(\d{1,5}))?/?", uri.strip())
+    if not found:
+        raise HubError(Code.HUB_CONNECTION_UNRESOLVABLE, f"'{uri}' is not a hub's address; write http://host:port")
+    port = int(found[3] or DEFAULT_PORT)
+    if not 0 < port < 65536:
+        raise HubError(Code.HUB_CONNECTION_UNRESOLVABLE, f"'{uri}': there is no port {port}")
+    return HubAddress(found[2].strip("[]"), port, found[1] == TLS_SCHEME)

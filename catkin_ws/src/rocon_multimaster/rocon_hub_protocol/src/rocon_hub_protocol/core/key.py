@@ -1,0 +1,35 @@
+"""The names of keys and channels in a hub's Redis."""
+
+NAME_KEY = "rocon:hub:name"
+PROTOCOL_KEY = "rocon:hub:protocol"
+GATEWAYS_KEY = "rocon:gateways"
+"""The set of all gateways' names, and the channel on which joining and leaving is told."""
+NAMESPACES_KEY = "rocon:namespaces"
+"""The set of the namespaces of all robots that gateways told of since the hub was started."""
+EXAMINE_KEY = "rocon:examine"
+"""The channel on which all gateways are asked to look at their links; the message is a request's number."""
+
+
+def record_key(gateway: str) -> str:
+    """Returns the key of a gateway's record, and the channel that tells of its changes."""
+    return f"rocon:gateway:{gateway}"
+
+
+def alive_key(gateway: str) -> str:
+    """Returns the key that exists while a gateway lives; its value is the gateway's instance."""
+    return f"rocon:alive:{gateway}"
+
+
+def letters_key(gateway: str) -> str:
+    """Returns the key of the letters to a gateway (hash: sender to letter), and the channel that tells senders."""
+    return f"rocon:letters:{gateway}"
+
+
+def lost_key(gateway: str) -> str:
+    """Returns the key that tells since when [s, the hub's clock] a gateway whose record is kept is not heard of."""
+    return f"rocon:lost:{gateway}"
+
+
+def examined_key(request: str) -> str:
+    """Returns the channel on which gateways answer the request of that number."""
+    return f"rocon:examined:{request}"

@@ -1,0 +1,256 @@
+"""What gateways write on the hub, as values and as JSON; `docs/gateway.md` describes both.
+
+Whatever is read was written by somebody else: it is checked field by field, and what does not fit is an error
+that names the field.
+"""
+
+import enum
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from rocon_hub_protocol.core.code import GatewayError
+from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule, is_namespace
+
+PROTOCOL = 1
+"""The number of this layout, in `rocon:hub:protocol`."""
+
+Value = TypeVar("Value")
+
+
+class RecordError(GatewayError):
+    """A document on the hub that is not one of ours."""
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A gateway as it describes itself to all.
+
+    Attributes:
+        name: its unique name.
+        instance: changes with each start, so that a restart under the same name is seen.
+        host: where others reach it.
+        port: its relay's port.
+        firewall: whether it refuses flips to it.
+        advertisements: local connections that others may pull.
+        flips: its flips, for information.
+        pulls: its pulls, for information.
+        namespace: its robot's namespace; "" where it has none.
+    """
+
+    name: str
+    instance: str
+    host: str
+    port: int
+    firewall: bool = False
+    advertisements: tuple[Connection, ...] = ()
+    flips: tuple[RemoteRule, ...] = ()
+    pulls: tuple[RemoteRule, ...] = ()
+    namespace: str = ""
+
+
+class Purpose(enum.StrEnum):
+    """Why a gateway offers a publisher to another, or wants one from it."""
+
+    FLIP = "flip"
+    """Offer: the sender flips its publisher. Want: the sender flips a subscriber."""
+    ANSWER = "answer"
+    """Offer: the receiver's flipped subscriber asked for it."""
+    PULL = "pull"
+    """Want: pulls an advertised publisher. Offer: feeds an advertised subscriber that the sender pulls."""
+    SERVICE = "service"
+    """Offer: the sender flips its service. Want: the sender pulls an advertised one."""
+    PARAMETER = "parameter"
+    """Want: the sender reads an advertised parameter."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Offer:
+    """The sender's publisher or server, for the receiver to import.
+
+    Attributes:
+        topic: its topic; the name of a service.
+        type: its message type; of a service, any.
+        node: the publishing or serving node.
+        purpose: why it is offered.
+        to_node: for a pulled subscriber, that subscriber's node; empty otherwise.
+    """
+
+    topic: str
+    type: str
+    node: str
+    purpose: Purpose
+    to_node: str = ""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Want:
+    """What the sender asks the receiver to offer or export.
+
+    Attributes:
+        topic: the topic, or the name of a service or parameter.
+        node: for a pull the publishing or serving node; for a flip the subscribing one, a pattern, for information.
+        purpose: any of them.
+    """
+
+    topic: str
+    node: str
+    purpose: Purpose
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Reply:
+    """How the receiver of an offer or a want took it.
+
+    Attributes:
+        kind: PUBLISHER for an offer, SUBSCRIBER for a want, SERVICE for the offer of one.
+        topic: as in what it replies to.
+        node: as in what it replies to.
+        state: one of the words of rule states.
+        reason: a sentence for people.
+    """
+
+    kind: Kind
+    topic: str
+    node: str
+    state: str
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Letter:
+    """All that one gateway has to tell one other; a new one replaces the old.
+
+    Attributes:
+        offers: publishers to import, at the receiver's discretion.
+        wants: what to offer or export to the sender.
+        replies: on what the receiver's own letter asks.
+    """
+
+    offers: tuple[Offer, ...] = ()
+    wants: tuple[Want, ...] = ()
+    replies: tuple[Reply, ...] = ()
+
+
+EMPTY = Letter()
+"""A letter with nothing in it is not written."""
+
+
+def is_text(value: object) -> bool:
+    """Tells whether this is a text that can be sent: JSON can spell halves of characters, UTF-8 cannot."""
+    if not isinstance(value, str):
+        return False
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def sound_namespaces(told: object) -> frozenset[str]:
+    """Returns those of a list, as somebody wrote it, that can be robots' namespaces."""
+    return frozenset(filter(is_namespace, told)) if isinstance(told, list) else frozenset()
+
+
+def text_from_record(record: Record) -> str:
+    """Returns the JSON text of a record."""
+    return _text(
+        {
+            "name": record.name,
+            "instance": record.instance,
+            "host": record.host,
+            "port": record.port,
+            "firewall": record.firewall,
+            "advertisements": [[one.kind, one.name, one.type, one.node] for one in record.advertisements],
+            "flips": [_row(one) for one in record.flips],
+            "pulls": [_row(one) for one in record.pulls],
+            "namespace": record.namespace,
+        }
+    )
+
+
+def record_from_text(text: str | bytes) -> Record:
+    """Returns the record in a JSON text. Raises RecordError."""
+    document = _document(text)
+    return Record(
+        name=_field(document, "name", str),
+        instance=_field(document, "instance", str),
+        host=_field(document, "host", str),
+        port=_field(document, "port", int),
+        firewall=_field(document, "firewall", bool),
+        advertisements=_rows(document, "advertisements", 4, _connection),
+        flips=_rows(document, "flips", 4, _remote),
+        pulls=_rows(document, "pulls", 4, _remote),
+        namespace=_field({"namespace": "", **document}, "namespace", str),
+    )
+
+
+def text_from_letter(letter: Letter) -> str:
+    """Returns the JSON text of a letter."""
+    return _text(
+        {
+            "offers": [[one.topic, one.type, one.node, one.purpose, one.to_node] for one in letter.offers],
+            "wants": [[one.topic, one.node, one.purpose] for one in letter.wants],
+            "replies": [[one.kind, one.topic, one.node, one.state, one.reason] for one in letter.replies],
+        }
+    )
+
+
+def letter_from_text(text: str | bytes) -> Letter:
+    """Returns the letter in a JSON text. Raises RecordError."""
+    document = _document(text)
+    return Letter(
+        offers=_rows(document, "offers", 5, lambda r: Offer(r[0], r[1], r[2], Purpose(r[3]), r[4])),
+        wants=_rows(document, "wants", 3, lambda r: Want(r[0], r[1], Purpose(r[2]))),
+        replies=_rows(document, "replies", 5, lambda r: Reply(Kind(r[0]), r[1], r[2], r[3], r[4])),
+    )
+
+
+def _text(document: Mapping[str, Any]) -> str:
+    return json.dumps(document, separators=(",", ":"))
+
+
+def _document(text: str | bytes) -> Mapping[str, Any]:
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise RecordError(f"not JSON: {error}") from None
+    if not isinstance(document, dict):
+        raise RecordError("not a JSON object")
+    return document
+
+
+def _field(document: Mapping[str, Any], name: str, kind: type[Value]) -> Value:
+    value = document.get(name)
+    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)) or (kind is str and not is_text(value)):
+        raise RecordError(f"'{name}' is {value!r}, not a {kind.__name__}")
+    return value
+
+
+def _rows(
+    document: Mapping[str, Any], name: str, length: int, build: Callable[[list[str]], Value]
+) -> tuple[Value, ...]:
+    rows = _field(document, name, list)
+    try:
+        return tuple(build(_strings(row, length)) for row in rows)
+    except ValueError as error:
+        raise RecordError(f"'{name}': {error}") from None
+
+
+def _strings(row: object, length: int) -> list[str]:
+    if not isinstance(row, list) or len(row) != length or not all(is_text(cell) for cell in row):
+        raise ValueError(f"{row!r} is not a list of {length} texts")
+    return row
+
+
+def _row(remote: RemoteRule) -> list[str]:
+    return [remote.gateway, remote.rule.kind, remote.rule.name, remote.rule.node]
+
+
+def _connection(row: list[str]) -> Connection:
+    return Connection(Kind(row[0]), row[1], row[2], row[3])
+
+
+def _remote(row: list[str]) -> RemoteRule:
+    return RemoteRule(row[0], Rule(Kind(row[1]), row[2], row[3]))

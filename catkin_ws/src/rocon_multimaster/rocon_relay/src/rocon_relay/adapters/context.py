@@ -1,0 +1,76 @@
+"""What the parts of one relay share."""
+
+import logging
+from collections.abc import Callable
+
+from rocon_relay.core.connection import RelayConfig
+from rocon_relay.core.latency import RoundTrips
+from rocon_relay.core.option import LinkOptions
+from tcpros.adapters.reactor import Reactor
+from tcpros.adapters.resolver import Resolver
+from tcpros.adapters.tls import Certificates
+from tcpros.adapters.tls_socket import Tls
+from tcpros.adapters.xmlrpc_client import Server
+from tcpros.core.backlog import Backlog
+
+
+class Context:
+    """Configuration, loop, log, and the servers that are called.
+
+    Attributes:
+        config: what the relay was given.
+        reactor: its loop.
+        resolver: its look-ups.
+        logger: where its log lines go.
+        master: our master.
+        round_trips: to other gateways, by name.
+        changed: to be called when the state of a link has changed.
+        tls: encrypts links; None if they are not encrypted.
+    """
+
+    def __init__(
+        self,
+        config: RelayConfig,
+        reactor: Reactor,
+        logger: logging.Logger,
+        changed: Callable[[], None],
+        certificates: Certificates | None,
+    ) -> None:
+        self.config = config
+        self.tls = Tls(certificates) if certificates else None
+        self.reactor = reactor
+        self.resolver = Resolver(reactor)
+        self.logger = logger
+        self.changed = changed
+        self.round_trips: dict[str, RoundTrips] = {}
+        self.master = self.server(config.master_uri)
+
+    def server(self, uri: str) -> Server:
+        """Returns a client of a node's or master's XML-RPC server."""
+        return Server(self.reactor, self.resolver, uri, self.config.call_timeout)
+
+    def round_trip(self, gateway: str, seconds: float) -> None:
+        """Takes note of how long the way to a gateway and back took; 0 is no measurement."""
+        if seconds > 0:
+            self.round_trips.setdefault(gateway, RoundTrips()).add(seconds)
+
+    def bound(self, backlog: Backlog, options: LinkOptions, drops_first: bool = False) -> None:
+        """Sets the bounds of the queue towards one receiver; see `Backlog.bound`."""
+        backlog.bound(options.queue_size or self.config.queue_size, self.config.queue_bytes, drops_first)
+
+
+class Pause:
+    """The pauses between attempts: each twice as long as the one before."""
+
+    def __init__(self, config: RelayConfig) -> None:
+        self._config = config
+        self._next = config.retry_shortest
+
+    def take(self) -> float:
+        """Returns how long to wait now [s]."""
+        pause, self._next = self._next, min(2 * self._next, self._config.retry_longest)
+        return pause
+
+    def reset(self) -> None:
+        """Begins with the shortest again."""
+        self._next = self._config.retry_shortest

@@ -1,0 +1,196 @@
+"""The connection that the importing end of a link dials."""
+
+import secrets
+import time
+from typing import Protocol
+
+from rocon_relay.adapters.context import Context
+from rocon_relay.core.connection import ANY, Address, LinkState
+from rocon_relay.core.link import VERSION, Hello, LinkError, Subject, is_proof, proof, state_from_field
+from tcpros.adapters.stream import Stream, dialled_socket, watch_liveness
+from tcpros.core.fanout import Fanout
+from tcpros.core.frame import control_frame, is_control
+from tcpros.core.header import header_bytes, header_end, header_fields
+
+
+class LinkOwner(Protocol):
+    """Whom a link tells what becomes of it."""
+
+    def link_up(self) -> None:
+        """The far relay has accepted."""
+
+    def link_lost(self, state: LinkState, reason: str) -> None:
+        """The link is closed; called once."""
+
+
+class TopicOwner(LinkOwner, Protocol):
+    """Whom a topic's link tells what comes on it, too."""
+
+    def inlet(self, fields: dict[str, str]) -> Fanout:
+        """Returns where the messages go of a link whose welcome has these fields."""
+
+    def told(self, fields: dict[str, str]) -> None:
+        """A control frame has come."""
+
+
+def hello_to(
+    context: Context, gateway: str, subject: Subject, name: str, node: str, type_: str = ANY, md5sum: str = ANY
+) -> Hello:
+    """Returns what to say first to the relay of `gateway`."""
+    own = context.config.gateway
+    return Hello(name, type_, md5sum, node, gateway, own, (own,), secrets.token_hex(16), subject)
+
+
+class DialledLink(Stream):
+    """One attempt at a link, and the link if it succeeds."""
+
+    def __init__(self, context: Context, owner: LinkOwner, address: Address, hello: Hello) -> None:
+        sock = dialled_socket()
+        peer = f"{hello.source_gateway} at {address.host}:{address.port}"
+        super().__init__(context.reactor, sock, peer, context.tls and context.tls.dialled(sock))
+        watch_liveness(sock)
+        self._context = context
+        self._owner = owner
+        self._hello = hello
+        self._proven = False
+        self._state = LinkState.UNREACHABLE
+        self._timer = context.reactor.call_later(context.config.handshake_timeout, self._too_late)
+        self.parse = self._parse_answer
+
+    def connected(self) -> None:
+        """See `stream.Stream`."""
+        self.send(header_bytes(self._hello.fields()))
+
+    def accepted(self, _fields: dict[str, str]) -> None:
+        """Called with the far relay's welcome; sets how to parse what follows it."""
+        self.parse = self._parse_nothing
+        self._owner.link_up()
+
+    def closed(self, reason: str) -> None:
+        """See `stream.Stream`."""
+        self._timer.cancel()
+        if reason.startswith("malformed"):
+            self._context.logger.warning("link to %s: %s", self.peer, reason)
+        if reason.startswith("TLS"):
+            self._state = LinkState.REFUSED
+        self._owner.link_lost(self._state, f"{self.peer}: {reason or 'it closed the connection'}")
+
+    def _too_late(self) -> None:
+        self.close("no answer in time")
+
+    def _parse_answer(self, data: memoryview) -> int:
+        end = header_end(data)
+        if not end or len(data) < end:
+            return 0
+        fields = header_fields(data[4:end])
+        if "error" in fields:
+            self._state = state_from_field(fields.get("state", ""))
+            self.close(fields["error"])
+        elif fields.get("relay") != VERSION:
+            raise LinkError(f"it does not speak version {VERSION} of the link protocol")
+        elif "challenge" in fields:
+            self._answer_challenge(fields["challenge"], fields.get("proof", ""))
+        elif self._context.config.credential is not None and not self._proven:
+            self._state = LinkState.REFUSED
+            self.close("it has no credential, and ours asks for one")
+        else:
+            self._timer.cancel()
+            self.accepted(fields)
+        return end
+
+    def _answer_challenge(self, challenge: str, given: str) -> None:
+        credential = self._context.config.credential
+        self._state = LinkState.REFUSED
+        if credential is None:
+            self.close("it asks for a credential, and we have none")
+        elif not is_proof(given, credential, "source", self._hello, challenge):
+            self.close("its credential differs from ours")
+        else:
+            self._proven = True
+            answer = proof(credential, "sink", self._hello, challenge)
+            self.send(header_bytes({"relay": VERSION, "proof": answer}))
+            self._state = LinkState.UNREACHABLE
+
+    def _parse_nothing(self, data: memoryview) -> int:
+        raise LinkError("it sends what was not asked for")
+
+
+class TopicLink(DialledLink):
+    """A link that messages come on."""
+
+    longest_hold = 2.0  # one that is not read for seven seconds looks dead to its source
+
+    def __init__(self, context: Context, owner: TopicOwner, address: Address, hello: Hello) -> None:
+        super().__init__(context, owner, address, hello)
+        self._topic_owner = owner
+        self._pings = 0
+        self._pinged = 0.0
+        self._awaits_pong = False
+        self._measures = False
+        self._heard = (0, time.monotonic())
+
+    @property
+    def is_up(self) -> bool:
+        """Whether the far relay has accepted."""
+        return self.fanout is not None
+
+    def ping(self, last: float) -> None:
+        """Measures the way to the far relay and back, unless the last measurement still lasts.
+
+        Args:
+            last: what that took last time, which the far relay is told [s].
+        """
+        self._ask(last, measures=True)
+
+    def watch(self, late: bool) -> None:
+        """Has the far relay say something if nothing comes, and gives the link up if still nothing does.
+
+        Something on the way may go on acknowledging what it swallows: then no kernel knows that nobody is there.
+
+        Args:
+            late: whether we could not look when we should have; then nothing is known.
+        """
+        received, now = self.received(), time.monotonic()
+        if late or received != self._heard[0]:
+            self._heard = (received, now)
+        elif now - self._heard[1] >= self._context.config.silence:
+            self.close(f"nothing has come for {now - self._heard[1]:.0f} s, though it was asked to answer")
+        else:
+            self._ask(0.0, measures=False)
+
+    def _ask(self, last: float, measures: bool) -> None:
+        if self._awaits_pong:
+            return
+        self._awaits_pong, self._measures = True, measures
+        self._pings += 1
+        self._pinged = time.monotonic()
+        self.send(control_frame(op="ping", token=str(self._pings), last=f"{last:.6f}"))
+
+    def accepted(self, fields: dict[str, str]) -> None:
+        """See `DialledLink`."""
+        self.fanout = self._topic_owner.inlet(fields)
+        self.parse = self._parse_frames
+        self._topic_owner.link_up()
+
+    def _parse_frames(self, data: memoryview) -> int:
+        assert self.fanout is not None
+        return self.fanout.feed(data) or self._parse_control(data)
+
+    def _parse_control(self, data: memoryview) -> int:
+        if not is_control(data):
+            return 0
+        end = header_end(data, 4)
+        if not end or len(data) < end:
+            return 0
+        fields = header_fields(data[8:end])
+        if fields.get("op") == "pong":
+            self._take_pong(fields.get("token", ""))
+        else:
+            self._topic_owner.told(fields)
+        return end
+
+    def _take_pong(self, token: str) -> None:
+        if self._awaits_pong and token == str(self._pings):
+            self._awaits_pong = False
+            if self._measures:
+                self._context.round_trip(self._hello.source_gateway, time.monotonic() - self._pinged)

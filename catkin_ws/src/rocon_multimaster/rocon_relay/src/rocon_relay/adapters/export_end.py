@@ -1,0 +1,307 @@
+"""The exporting end of a link: who dials us, may they have it, and then the frames."""
+
+import secrets
+import socket
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+from rocon_relay.adapters.context import Context
+from rocon_relay.adapters.sieve import Sieve
+from rocon_relay.adapters.subscription import Subscription
+from rocon_relay.core.connection import ANY, Export, LinkState, LinkStatus
+from rocon_relay.core.link import (
+    VERSION,
+    AskError,
+    Hello,
+    LinkError,
+    Refusal,
+    is_proof,
+    mismatch,
+    proof,
+    seconds_from_field,
+)
+from rocon_relay.core.option import NO_OPTIONS
+from tcpros.adapters.reactor import Timer
+from tcpros.adapters.stream import Stream, watch_liveness
+from tcpros.adapters.tls import VARIABLE
+from tcpros.adapters.tls_socket import begins_tls
+from tcpros.core.fanout import Outlet
+from tcpros.core.frame import CONTROL_MARK, Chunk, control_frame
+from tcpros.core.header import header_bytes, header_end, header_fields
+
+UNSENT = 64 * 1024
+"""So many bytes at most wait in the kernel of a link with a queue of its own, beyond those under way [bytes]."""
+
+NEEDS_TLS = f"it speaks TLS only, and we have no certificate: set {VARIABLE} to a directory with one"
+DIFFERS = "its credential differs from ours"
+
+_PASSED_ON = ("type", "md5sum", "message_definition", "latching", "topic")
+
+
+class Tenant(Protocol):
+    """Who has taken over a link that is not a topic's."""
+
+    def ended(self, reason: str) -> None:
+        """The link is closed; called once."""
+
+
+class Exporter(Protocol):
+    """What the ends of links need from the relay."""
+
+    def admit(self, end: "ExportEnd", hello: Hello) -> None:
+        """Decides, now or within the configured patience, by `accept` or `refuse`."""
+
+    def subscription(self, export: Export) -> Subscription:
+        """Returns the one subscription to a publisher, new or running."""
+
+    def ended(self, end: "ExportEnd") -> None:
+        """The link is closed."""
+
+
+class ExportEnd(Stream):
+    """One link that another gateway's relay dialled.
+
+    Attributes:
+        hello: what it wants, once it has said so.
+        export: what it was given, once it was accepted.
+        outlet: where its messages go in: itself, or what looks at them first.
+    """
+
+    def __init__(self, context: Context, exporter: Exporter, sock: socket.socket, peer: str) -> None:
+        super().__init__(context.reactor, sock, peer, context.tls and context.tls.accepted(sock))
+        watch_liveness(sock)
+        self.hello: Hello | None = None
+        self.export: Export | None = None
+        self.outlet: Outlet = self
+        self._options = NO_OPTIONS
+        self._sieve: Sieve | None = None
+        self._left_out = self._saved = 0
+        self._pong = b""
+        self._context = context
+        self._exporter = exporter
+        self._challenge = ""
+        self._wanted = False
+        self._demand = ""
+        self._leaving = False
+        self._subscription: Subscription | None = None
+        self._tenant: Tenant | None = None
+        self._messages = 0
+        self._bytes = 0
+        self._state = LinkState.ACTIVE
+        self._reason = ""
+        self.timer: Timer = context.reactor.call_later(context.config.handshake_timeout, self._too_late)
+        self.parse = self._parse_first
+
+    def status(self) -> LinkStatus:
+        """How the link does."""
+        drops = self.backlog.drops
+        left_out, saved = self._left_out, self._saved
+        if self._sieve is not None:
+            left_out, saved = left_out + self._sieve.left_out, saved + self._sieve.saved
+        went = self._messages - drops, self._bytes + saved
+        return LinkStatus(self._state, self._reason, int(self._wanted), *went, drops, left_out, saved)
+
+    def push(self, chunk: Chunk) -> None:
+        """See `core.fanout.Outlet`."""
+        self._messages += chunk.ended
+        self._bytes += len(chunk.data)
+        super().push(chunk)
+        if self._pong:
+            self._answer_ping()
+
+    def passed(self, count: int, ended: bool) -> None:
+        """See `core.fanout.Outlet`."""
+        self._messages += ended
+        self._bytes += count
+        super().passed(count, ended)
+        if self._pong:
+            self._answer_ping()
+
+    def accept(self, export: Export) -> None:
+        """The relay exports it: the link stands."""
+        self.timer.cancel()
+        self.export = export
+        self._options = export.options.joined(self.hello.options) if self.hello else export.options
+        self._context.bound(self.backlog, self._options, drops_first=self._options.queue_size > 0)
+        if self._options.queue_size:
+            # What waits in the kernel cannot be dropped any more.
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT)
+        self._set_active()
+        self.parse = self._parse_control
+        self.welcome({key: value for key, value in self._options.fields().items() if key in ("rate", "compress")})
+        self._context.changed()
+
+    def serve(self, tenant: Tenant) -> None:
+        """The relay has given the link, which is not a topic's, to `tenant`."""
+        self.timer.cancel()
+        self._tenant = tenant
+
+    def welcome(self, fields: Mapping[str, str]) -> None:
+        """Says yes."""
+        self.send(header_bytes({"relay": VERSION, "source_gateway": self._context.config.gateway, **fields}))
+
+    def refuse(self, state: LinkState, reason: str) -> None:
+        """Says no and closes."""
+        self.timer.cancel()
+        self.finish(header_bytes(Refusal(state, reason).fields()))
+
+    def source_found(self, header: Mapping[str, str]) -> bool:
+        """See `subscription.Customer`."""
+        assert self.hello is not None
+        wrong = mismatch(self.hello.type, self.hello.md5sum, header.get("type", ANY), header.get("md5sum", ANY))
+        if wrong:
+            self._tell(LinkState.TYPE_MISMATCH, wrong)
+            return False
+        if self._options.needs_messages:
+            self._end_sieve()
+            self.outlet = self._sieve = Sieve(self._reactor, self, self._options, header.get("type", ANY))
+        self._set_active()
+        fields = {key: header[key] for key in _PASSED_ON if key in header}
+        self.send(control_frame(op="connected", demand=self._demand, **fields))
+        return not self.is_closed  # who is gone by now has left everything, and must not be joined again
+
+    def source_lost(self, reason: str) -> None:
+        """See `subscription.Customer`."""
+        self._tell(LinkState.NO_PUBLISHER, reason)
+
+    def left(self) -> None:
+        """See `core.fanout.Outlet`."""
+        self._leaving = False
+        if self._wanted:
+            self._join()
+        elif self._subscription is not None:
+            subscription, self._subscription = self._subscription, None
+            subscription.stop_if_unused()
+
+    def without_tls(self) -> None:
+        """See `stream.Stream`. Who dials is told in its own words, by a refusal."""
+        self._refuse_stranger("it speaks no TLS, and this gateway speaks nothing else", NEEDS_TLS)
+
+    def _refuse_stranger(self, what: str, reason: str) -> None:
+        self._context.logger.warning("link from %s: %s", self.peer, what)
+        self.refuse(LinkState.REFUSED, reason)
+
+    def closed(self, reason: str) -> None:
+        """See `stream.Stream`."""
+        self.timer.cancel()
+        self._end_sieve()
+        if reason.startswith(("malformed", "TLS")):
+            self._context.logger.warning("link from %s: %s", self.peer, reason)
+        if self._subscription is not None:
+            self._subscription.remove(self)
+        if self._tenant is not None:
+            self._tenant.ended(reason)
+        self._exporter.ended(self)
+        if self.export is not None:
+            self._context.changed()
+
+    def _join(self) -> None:
+        assert self.export is not None
+        self._subscription = self._exporter.subscription(self.export)
+        self._subscription.join(self)
+
+    def _tell(self, state: LinkState, reason: str) -> None:
+        if (state, reason) != (self._state, self._reason):
+            self.send(control_frame(op="state", state=state, reason=reason))
+            self._set(state, reason)
+
+    def _end_sieve(self) -> None:
+        if self._sieve is not None:
+            sieve, self._sieve = self._sieve, None
+            sieve.end()
+            self._left_out += sieve.left_out
+            self._saved += sieve.saved
+
+    def _set_active(self) -> None:
+        limit = self._options.limit
+        self._set(LinkState.RATE_LIMITED if limit else LinkState.ACTIVE, limit)
+
+    def _set(self, state: LinkState, reason: str) -> None:
+        if (state, reason) != (self._state, self._reason):
+            self._state, self._reason = state, reason
+            self._context.changed()
+
+    def _too_late(self) -> None:
+        self.close("malformed: it did not introduce itself in time")
+
+    def _parse_first(self, data: memoryview) -> int:
+        if self._tls is None and begins_tls(data):
+            self._refuse_stranger(f"it speaks TLS, and this gateway has no certificate ({VARIABLE})", "no TLS here")
+            return len(data)
+        return self._when_header(self._parse_hello)(data)
+
+    def _parse_hello(self, fields: dict[str, str]) -> None:
+        try:
+            self.hello = Hello.from_fields(fields)
+        except AskError as error:
+            self.refuse(LinkState.REFUSED, str(error))
+            return
+        credential = self._context.config.credential
+        if credential is None:
+            self._admit(self.hello)
+            return
+        self._challenge = secrets.token_hex(16)
+        answer = proof(credential, "source", self.hello, self._challenge)
+        self.parse = self._when_header(self._parse_proof)
+        self.send(header_bytes({"relay": VERSION, "challenge": self._challenge, "proof": answer}))
+
+    def _parse_proof(self, fields: dict[str, str]) -> None:
+        assert self.hello is not None
+        credential = self._context.config.credential or b""
+        if is_proof(fields.get("proof", ""), credential, "sink", self.hello, self._challenge):
+            self._admit(self.hello)
+        else:
+            self._refuse_stranger(DIFFERS, DIFFERS)
+
+    def _admit(self, hello: Hello) -> None:
+        own = self._context.config.gateway
+        if hello.source_gateway != own:
+            self.refuse(LinkState.REFUSED, f"this is {own}, not {hello.source_gateway}")
+        elif own in hello.gateways_passed:
+            self.refuse(LinkState.REFUSED, f"a loop: {' to '.join((own, *hello.gateways_passed))}")
+        else:
+            self.parse = self._when_header(self._too_much)
+            self._exporter.admit(self, hello)
+
+    def _too_much(self, _fields: dict[str, str]) -> None:
+        raise LinkError("it went on before it was answered")
+
+    def _when_header(self, use: Callable[[dict[str, str]], None], prefix: int = 0) -> Callable[[memoryview], int]:
+        def parse(data: memoryview) -> int:
+            end = header_end(data, prefix)
+            if not end or len(data) < end:
+                return 0
+            use(header_fields(data[prefix + 4 : end]))
+            return end
+
+        return parse
+
+    def _parse_control(self, data: memoryview) -> int:
+        if len(data) >= 4 and data[:4] != CONTROL_MARK:
+            raise LinkError("it sent messages against the link's direction")
+        return self._when_header(self._control, prefix=4)(data)
+
+    def _answer_ping(self) -> None:
+        # Behind what waits it would have all of that sent, even what is older than the queue may hold.
+        if not self.is_closed and self.backlog.is_empty and self.backlog.is_between:
+            pong, self._pong = self._pong, b""
+            self.send(pong)
+
+    def _control(self, fields: dict[str, str]) -> None:
+        if fields.get("op") == "ping":
+            assert self.hello is not None
+            self._context.round_trip(self.hello.sink_gateway, seconds_from_field(fields.get("last", "")))
+            self._pong = control_frame(op="pong", token=fields.get("token", ""))
+            self._answer_ping()
+            return
+        wanted = fields.get("op") == "subscribe"
+        if wanted == self._wanted:
+            return
+        self._demand = fields.get("demand", "")
+        self._wanted = wanted
+        if not wanted:
+            self._leaving = True
+            if self._subscription is not None:
+                self._subscription.leave(self)
+        elif not self._leaving:
+            self._join()

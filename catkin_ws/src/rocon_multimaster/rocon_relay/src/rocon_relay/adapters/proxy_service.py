@@ -1,0 +1,68 @@
+"""One service of a proxy node, and the calls that are made of it."""
+
+from typing import Protocol
+
+from rocon_relay.adapters.context import Context
+from rocon_relay.adapters.registration import Node, Nodes, Owner, Registration
+from rocon_relay.core.service import ServiceImport
+from tcpros.adapters.stream import Stream
+
+
+class Tenant(Protocol):
+    """Who has taken over a connection."""
+
+    def ended(self, reason: str) -> None:
+        """The connection is closed; called once."""
+
+
+class Call(Tenant, Protocol):
+    """A client's connection, relayed."""
+
+    def fail(self, reason: str) -> None:
+        """Ends it; the client gets an error if it waits for something."""
+
+
+class ServiceOwner(Owner, Protocol):
+    """The importing end behind a service."""
+
+    def called(self, client: Stream, fields: dict[str, str]) -> Call:
+        """A client has come; returns what its connection belongs to from now on."""
+
+
+class ProxyService(Registration):
+    """A server on our master that is another gateway's.
+
+    Attributes:
+        wanted: what is shown; replaced by one of the same key.
+        calls: the connections of clients.
+    """
+
+    def __init__(self, context: Context, nodes: Nodes, owner: ServiceOwner, wanted: ServiceImport) -> None:
+        super().__init__(context, nodes, owner, wanted.proxy)
+        self.wanted = wanted
+        self.calls: set[Call] = set()
+        self._host = context.config.host
+        self._service_owner = owner
+
+    def registering(self, node: Node) -> tuple[str, tuple[str, ...]]:
+        """See `registration.Registration`."""
+        return "registerService", (self.wanted.service, self._uri(node), node.uri)
+
+    def unregistering(self, node: Node) -> tuple[str, tuple[str, ...]]:
+        """See `registration.Registration`."""
+        return "unregisterService", (self.wanted.service, self._uri(node))
+
+    def call(self, client: Stream, fields: dict[str, str]) -> Call:
+        """Takes a client with its connection header."""
+        call = self._service_owner.called(client, fields)
+        if not client.is_closed:
+            self.calls.add(call)
+        return call
+
+    def close_users(self) -> None:
+        """See `registration.Registration`."""
+        for call in tuple(self.calls):
+            call.fail(f"{self.wanted.service} is not relayed any more")
+
+    def _uri(self, node: Node) -> str:
+        return f"rosrpc://{self._host}:{node.port}"

@@ -1,0 +1,77 @@
+"""One topic of a proxy node, and the subscribers that it has."""
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from rocon_relay.adapters.context import Context
+from rocon_relay.adapters.registration import Node, Nodes, Owner, Registration
+from rocon_relay.core.connection import Import
+from rocon_relay.core.pattern import matches_whole
+from tcpros.adapters.stream import Stream
+
+
+class TopicOwner(Owner, Protocol):
+    """The importing end behind a topic."""
+
+    def subscribed(self, subscriber: Stream, fields: Mapping[str, str]) -> str:
+        """A subscriber has come; returns why it is refused, or ""."""
+
+    def unsubscribed(self, subscriber: Stream) -> None:
+        """A subscriber has gone."""
+
+
+class ProxyTopic(Registration):
+    """A publisher on our master that is another gateway's.
+
+    Attributes:
+        wanted: what is shown; replaced by one of the same key.
+        subscribers: connected subscribers, name by connection.
+    """
+
+    def __init__(self, context: Context, nodes: Nodes, owner: TopicOwner, wanted: Import) -> None:
+        super().__init__(context, nodes, owner, wanted.proxy)
+        self.wanted = wanted
+        self.subscribers: dict[Stream, str] = {}
+        self._topic_owner = owner
+
+    def registering(self, node: Node) -> tuple[str, tuple[str, ...]]:
+        """See `registration.Registration`."""
+        return "registerPublisher", (self.wanted.topic, self.wanted.type, node.uri)
+
+    def unregistering(self, node: Node) -> tuple[str, tuple[str, ...]]:
+        """See `registration.Registration`."""
+        return "unregisterPublisher", (self.wanted.topic, node.uri)
+
+    def refusal(self, name: str) -> str:
+        """Returns why a node of that name may not subscribe, "" if it may."""
+        if not self.is_serving:
+            return f"{self.wanted.topic} is not relayed any more"
+        allowed = self.wanted.allowed_nodes
+        if allowed and not any(matches_whole(pattern, name) for pattern in allowed):
+            whom = " and ".join(allowed)
+            return f"{self.wanted.topic} of {self.wanted.source_gateway} is relayed for {whom} only, not for {name}"
+        return ""
+
+    def subscribe(self, subscriber: Stream, fields: Mapping[str, str]) -> str:
+        """Takes a subscriber with its connection header; returns why it is refused, or ""."""
+        name = fields.get("callerid", "")
+        refusal = self.refusal(name) or self._topic_owner.subscribed(subscriber, fields)
+        if not refusal:
+            self.subscribers[subscriber] = name
+        return refusal
+
+    def unsubscribe(self, subscriber: Stream) -> None:
+        """Forgets a subscriber whose connection has ended."""
+        if self.subscribers.pop(subscriber, None) is not None:
+            self._topic_owner.unsubscribed(subscriber)
+
+    def close_disallowed(self) -> None:
+        """Closes subscribers that `wanted` does not allow, after it was replaced."""
+        for subscriber, name in tuple(self.subscribers.items()):
+            if self.is_serving and self.refusal(name):
+                subscriber.close("")
+
+    def close_users(self) -> None:
+        """See `registration.Registration`."""
+        for subscriber in tuple(self.subscribers):
+            subscriber.close("")

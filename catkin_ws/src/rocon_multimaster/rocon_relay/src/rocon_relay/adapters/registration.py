@@ -1,0 +1,167 @@
+"""What a proxy node shows on our master: registered or not, one step after the other, so that the last word wins."""
+
+import enum
+from collections.abc import Callable
+from typing import Protocol
+
+from rocon_relay.adapters.context import Context, Pause
+from tcpros.adapters.reactor import Timer
+
+CLOSE_AFTER = 0.5
+"""Users are closed so long after an unregistration was sent, even if the master does not answer [s]."""
+
+
+class Node(Protocol):
+    """The proxy node, as what it shows sees it."""
+
+    name: str
+    uri: str
+    port: int
+
+
+class Nodes(Protocol):
+    """The proxy nodes of a relay."""
+
+    def open(self, shown: "Registration") -> Node:
+        """Returns the node that shows it, listening."""
+
+    def release(self, shown: "Registration") -> None:
+        """Takes it from its node, and closes a node that shows nothing."""
+
+
+class Owner(Protocol):
+    """The importing end behind a registration."""
+
+    def shown(self) -> None:
+        """It is registered."""
+
+    def not_shown(self, reason: str) -> None:
+        """The master did not register it; it is asked again."""
+
+    def hidden(self) -> None:
+        """It is unregistered, its users are closed, and it is not to be shown again for now."""
+
+
+class _Phase(enum.Enum):
+    ABSENT = enum.auto()
+    REGISTERING = enum.auto()
+    PRESENT = enum.auto()
+    UNREGISTERING = enum.auto()
+
+
+class Registration:
+    """A topic or service of a proxy node.
+
+    Whoever uses it is closed only after the master was told: a rospy subscriber does not come back by itself.
+
+    Attributes:
+        proxy: the node's name.
+        is_serving: whether users are accepted.
+    """
+
+    def __init__(self, context: Context, nodes: Nodes, owner: Owner, proxy: str) -> None:
+        self.proxy = proxy
+        self.is_serving = False
+        self._context = context
+        self._nodes = nodes
+        self._owner = owner
+        self._node: Node | None = None
+        self._phase = _Phase.ABSENT
+        self._shall_show = False
+        self._must_hide = False
+        self._pause = Pause(context.config)
+        self._retry: Timer | None = None
+
+    def show(self) -> None:
+        """Registers it, again and again until the master does it."""
+        self._shall_show = True
+        self._step()
+
+    def hide(self) -> None:
+        """Unregisters it, then closes its users; the owner's `hidden` follows."""
+        self._shall_show = False
+        self._must_hide = True
+        self.is_serving = False
+        if self._retry is not None:
+            self._retry.cancel()
+            self._retry = None
+        if self._phase is _Phase.PRESENT:
+            self._context.reactor.call_later(CLOSE_AFTER, self._close_hidden)
+        self._step()
+
+    def refresh(self) -> None:
+        """Registers once more, if it is registered, for a master that has forgotten it."""
+        if self._phase is _Phase.PRESENT:
+            self._phase = _Phase.ABSENT
+            self._step()
+
+    def registering(self, node: Node) -> tuple[str, tuple[str, ...]]:
+        """Returns the master's method that registers it, and the arguments after the node's name."""
+        raise NotImplementedError
+
+    def unregistering(self, node: Node) -> tuple[str, tuple[str, ...]]:
+        """Returns the master's method that unregisters it, and the arguments after the node's name."""
+        raise NotImplementedError
+
+    def close_users(self) -> None:
+        """Closes the connections of all users."""
+        raise NotImplementedError
+
+    def _close_hidden(self) -> None:
+        if not self.is_serving:
+            self.close_users()
+
+    def _step(self) -> None:
+        if self._phase is _Phase.ABSENT and self._must_hide:
+            self._hidden()
+        elif self._phase is _Phase.ABSENT and self._shall_show:
+            self._register()
+        elif self._phase is _Phase.PRESENT and self._must_hide and self._node is not None:
+            self._phase = _Phase.UNREGISTERING
+            self._call(self.unregistering(self._node), self._unregistered)
+
+    def _hidden(self) -> None:
+        self._must_hide = False
+        self._close_hidden()
+        if self._node is not None:
+            self._node = None
+            self._nodes.release(self)
+        if self._shall_show:
+            self._register()
+        else:
+            self._owner.hidden()
+
+    def _register(self) -> None:
+        self._retry = None
+        try:
+            self._node = self._node or self._nodes.open(self)
+        except OSError as error:
+            self._registered(f"its port cannot be opened: {error.strerror}")
+            return
+        self._phase = _Phase.REGISTERING
+        self.is_serving = True
+        self._call(self.registering(self._node), self._registered)
+
+    def _call(self, asked: tuple[str, tuple[str, ...]], done: Callable[[str], None]) -> None:
+        method, arguments = asked
+        self._context.master.call(method, (self.proxy, *arguments), lambda _value: done(""), done)
+
+    def _registered(self, reason: str) -> None:
+        self._phase = _Phase.ABSENT if reason and not self._must_hide else _Phase.PRESENT
+        if self._phase is _Phase.PRESENT:
+            self._pause.reset()
+            if not self._must_hide:
+                self._owner.shown()
+        elif self._shall_show:
+            self._owner.not_shown(reason)
+            self._retry = self._context.reactor.call_later(self._pause.take(), self._again)
+            return
+        self._step()
+
+    def _again(self) -> None:
+        self._retry = None
+        self._step()
+
+    def _unregistered(self, _reason: str) -> None:
+        self._phase = _Phase.ABSENT
+        self._step()

@@ -1,0 +1,348 @@
+"""The real data plane: sockets, one thread, and what the control plane asks of it."""
+
+import logging
+import socket
+import threading
+import time
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
+from typing import TypeVar
+
+from rocon_relay.adapters.context import Context
+from rocon_relay.adapters.export_end import ExportEnd
+from rocon_relay.adapters.import_end import ImportEnd
+from rocon_relay.adapters.parameter_copy import ParameterExportEnd, ParameterImportEnd
+from rocon_relay.adapters.proxy_node import ProxyNodes
+from rocon_relay.adapters.service_export import ServiceExportEnd
+from rocon_relay.adapters.service_import import ServiceImportEnd
+from rocon_relay.adapters.subscription import Subscription
+from rocon_relay.core.connection import (
+    ConnectionConflictError,
+    Export,
+    Import,
+    Key,
+    LinkState,
+    LinkStatus,
+    OnChange,
+    RelayConfig,
+    RelayStatus,
+)
+from rocon_relay.core.link import Hello, Subject, mismatch
+from rocon_relay.core.pattern import compiled
+from rocon_relay.core.service import (
+    AnyExport,
+    AnyImport,
+    ParameterExport,
+    ParameterImport,
+    ServiceExport,
+    ServiceImport,
+)
+from tcpros.adapters.listener import Listener
+from tcpros.adapters.reactor import Reactor
+from tcpros.adapters.tls import Certificates
+
+MAX_STRANGERS = 256
+"""Connections to the relay's port that have not been accepted as links yet; one more closes the oldest."""
+
+_SUBJECTS = {
+    Export: Subject.TOPIC,
+    Import: Subject.TOPIC,
+    ServiceExport: Subject.SERVICE,
+    ServiceImport: Subject.SERVICE,
+    ParameterExport: Subject.PARAMETER,
+    ParameterImport: Subject.PARAMETER,
+}
+_WHAT = {
+    Subject.TOPIC: "publisher",
+    Subject.SERVICE: "server",
+    Subject.CALL: "server",
+    Subject.PARAMETER: "parameter",
+}
+_ImportEnd = ImportEnd | ServiceImportEnd | ParameterImportEnd
+Connected = TypeVar("Connected", AnyExport, AnyImport)
+_Name = tuple[Subject, Key]
+"""What tells all exports, and all imports, of a relay apart."""
+
+SHUTDOWN_TIME = 1.5
+"""How long the end waits for unregistrations [s]."""
+
+
+class TcpRelay:
+    """Implements `core.connection.Relay`; runs from its making to `shutdown`.
+
+    Args:
+        config: see there.
+        on_change: see `core.connection.Relay`.
+        logger: takes a line for each connection that ends for what came on it.
+        certificates: the fleet's; links are then encrypted, and those of who has none of it are refused.
+
+    Raises:
+        OSError: the port cannot be had.
+    """
+
+    def __init__(
+        self,
+        config: RelayConfig,
+        on_change: OnChange,
+        logger: logging.Logger,
+        certificates: Certificates | None = None,
+    ) -> None:
+        self._reactor = Reactor(logger)
+        self._context = Context(config, self._reactor, logger, self._changed, certificates)
+        self._on_change = on_change
+        self._nodes = ProxyNodes(self._context)
+        self._exports: Mapping[_Name, AnyExport] = {}
+        self._others: dict[_Name, ServiceExportEnd | ParameterExportEnd] = {}
+        self._imports: dict[_Name, _ImportEnd] = {}
+        self._retiring: dict[_Name, _ImportEnd] = {}
+        self._links: dict[_Name, ExportEnd] = {}
+        self._strangers: dict[ExportEnd, None] = {}
+        self._peers: dict[str, set[ExportEnd]] = {}
+        self._parked: dict[ExportEnd, Hello] = {}
+        self._subscriptions: dict[tuple[str, str, str], Subscription] = {}
+        self._change_is_told = False
+        self._is_down = threading.Event()
+        self._stopping = False
+        self._listener = Listener(self._reactor, config.bind, config.port, self._accepted)
+        self._listener.start()
+        self._reactor.call(self._ping_later)
+        self._reactor.call(self._watch_later)
+        self._reactor.start()
+
+    @property
+    def port(self) -> int:
+        """The TCP port where links arrive."""
+        return self._listener.port
+
+    def apply(self, exports: Collection[AnyExport], imports: Collection[AnyImport]) -> None:
+        """See `core.connection.Relay`."""
+        wanted_exports = _by_name(exports, "exports")
+        wanted_imports = _by_name(imports, "imports")
+        topics = [one for one in imports if isinstance(one, Import)]
+        _check_unique(((one.topic, one.proxy) for one in topics), "imports")
+        _check_unique((one.service for one in imports if isinstance(one, ServiceImport)), "imports")
+        for pattern in {pattern for one in topics for pattern in one.allowed_nodes}:
+            compiled(pattern)
+        self._reactor.call(lambda: self._apply(wanted_exports, wanted_imports))
+
+    def refresh(self) -> None:
+        """See `core.connection.Relay`."""
+        self._reactor.call(lambda: [end.refresh() for end in self._imports.values()] and None)
+
+    def status(self) -> RelayStatus:
+        """See `core.connection.Relay`."""
+        result: list[RelayStatus] = []
+        done = threading.Event()
+
+        def look() -> None:
+            result.append(self._status())
+            done.set()
+
+        self._reactor.call(look)
+        done.wait(1.0)
+        return result[0] if result else RelayStatus()
+
+    def shutdown(self) -> None:
+        """See `core.connection.Relay`."""
+        self._reactor.call(self._shut_down)
+        self._is_down.wait(SHUTDOWN_TIME + 0.5)
+        self._reactor.join(0.5)
+
+    def _apply(self, exports: Mapping[_Name, AnyExport], imports: Mapping[_Name, AnyImport]) -> None:
+        if self._stopping:
+            return
+        self._exports = exports
+        for name, link in tuple(self._links.items()):
+            if link.export != exports.get(name):
+                link.close("")
+        for name in self._others.keys() - exports.keys():
+            self._others.pop(name).close()
+        for name, export in exports.items():
+            if name not in self._others and not isinstance(export, Export):
+                end = ServiceExportEnd if isinstance(export, ServiceExport) else ParameterExportEnd
+                self._others[name] = end(self._context, export)
+        for end, hello in tuple(self._parked.items()):
+            self._admit_if_exported(end, hello)
+        for name in self._imports.keys() - imports.keys():
+            self._retire(name)
+        for name, import_ in imports.items():
+            self._want(name, import_)
+
+    def _want(self, name: _Name, wanted: AnyImport) -> None:
+        end = self._imports.get(name)
+        if end is not None:
+            if end.wanted != wanted:
+                end.replace(wanted)
+            return
+        self._imports[name] = end = self._import_end(wanted, lambda: self._retired(name))
+        if name not in self._retiring:
+            end.start()
+
+    def _import_end(self, wanted: AnyImport, ended: Callable[[], None]) -> _ImportEnd:
+        if isinstance(wanted, Import):
+            return ImportEnd(self._context, self._nodes, wanted, ended)
+        if isinstance(wanted, ServiceImport):
+            return ServiceImportEnd(self._context, self._nodes, wanted, ended)
+        return ParameterImportEnd(self._context, wanted, ended)
+
+    def _retire(self, name: _Name) -> None:
+        end = self._imports.pop(name)
+        if name not in self._retiring:  # otherwise it was waiting for its forerunner and has nothing to undo
+            self._retiring[name] = end
+            end.end()
+
+    def _retired(self, name: _Name) -> None:
+        self._retiring.pop(name, None)
+        if name in self._imports:
+            self._imports[name].start()
+        # An import that is not shown retires at once, while those after it still wait to be retired.
+        if self._stopping and not self._imports and not self._retiring:
+            self._stop()
+
+    def _accepted(self, sock: socket.socket, peer: str) -> None:
+        self._strangers[ExportEnd(self._context, self, sock, peer)] = None
+        if len(self._strangers) > MAX_STRANGERS:
+            next(iter(self._strangers)).close("malformed: too many connections wait to be accepted")
+
+    def admit(self, end: ExportEnd, hello: Hello) -> None:
+        """See `export_end.Exporter`."""
+        if not self._admit_if_exported(end, hello):
+            end.timer.cancel()
+            self._parked[end] = hello
+            what = " of ".join(filter(None, (f"{_WHAT[hello.subject]} {hello.source_node}".strip(), hello.topic)))
+            reason = f"{hello.source_gateway} exports no {what} to {hello.sink_gateway}"
+            end.timer = self._reactor.call_later(self._context.config.patience, lambda: self._give_up(end, reason))
+
+    def _give_up(self, end: ExportEnd, reason: str) -> None:
+        self._parked.pop(end, None)
+        end.refuse(LinkState.REFUSED, reason)
+
+    def _admit_if_exported(self, end: ExportEnd, hello: Hello) -> bool:
+        name = _subject(hello), Key(hello.topic, hello.sink_gateway, hello.source_node)
+        export = self._exports.get(name)
+        if export is None or end.is_closed:
+            return False
+        self._strangers.pop(end, None)
+        self._parked.pop(end, None)
+        peers = self._peers.setdefault(hello.sink_gateway, set())
+        if len(peers) >= self._context.config.max_links:
+            end.refuse(
+                LinkState.REFUSED, f"{hello.sink_gateway} has {len(peers)} links open here, and may have no more"
+            )
+            return True
+        peers.add(end)
+        if isinstance(export, Export):
+            self._admit_topic(name, end, hello, export)
+        else:
+            self._others[name].admit(end, hello)
+        return True
+
+    def _admit_topic(self, name: _Name, end: ExportEnd, hello: Hello, export: Export) -> None:
+        wrong = mismatch(hello.type, "*", export.type, "*")
+        if wrong:
+            end.refuse(LinkState.TYPE_MISMATCH, wrong)
+            return
+        former = self._links.pop(name, None)
+        self._links[name] = end
+        if former is not None:
+            former.close("its peer dialled anew")
+        end.accept(export)
+
+    def subscription(self, export: Export) -> Subscription:
+        """See `export_end.Exporter`."""
+        key = export.topic, export.source_node, export.subscriber
+        if key not in self._subscriptions:
+            self._subscriptions[key] = Subscription(
+                self._context, export, lambda: self._subscriptions.pop(key, None) and None
+            )
+        return self._subscriptions[key]
+
+    def ended(self, end: ExportEnd) -> None:
+        """See `export_end.Exporter`."""
+        self._strangers.pop(end, None)
+        self._parked.pop(end, None)
+        peers = self._peers.get(end.hello.sink_gateway, set()) if end.hello else set()
+        peers.discard(end)
+        if end.hello and not peers:
+            self._peers.pop(end.hello.sink_gateway, None)
+        if end.export is not None and self._links.get((Subject.TOPIC, end.export.key)) is end:
+            del self._links[Subject.TOPIC, end.export.key]
+
+    def _ping_later(self) -> None:
+        self._reactor.call_later(self._context.config.ping_period, self._ping)
+
+    def _ping(self) -> None:
+        """Measures the way to each gateway on one link, and forgets those that no link leads to."""
+        trips, asked = self._context.round_trips, set[str]()
+        for end in self._imports.values():
+            if isinstance(end, ImportEnd) and end.wanted.source_gateway not in asked:
+                gateway = end.wanted.source_gateway
+                if end.ping(trips[gateway].last if gateway in trips else 0.0):
+                    asked.add(gateway)
+        for gateway in trips.keys() - asked - self._peers.keys():
+            del trips[gateway]
+        self._ping_later()
+
+    def _watch_later(self) -> None:
+        period = self._context.config.silence / 5
+        due = time.monotonic() + period
+        # Who was frozen itself knows nothing of the others' silence.
+        self._reactor.call_later(period, lambda: self._watch(time.monotonic() > due + period))
+
+    def _watch(self, late: bool) -> None:
+        for end in tuple(self._imports.values()):
+            if isinstance(end, ImportEnd):
+                end.watch(late)
+        self._watch_later()
+
+    def _status(self) -> RelayStatus:
+        exports = {export: self._export_status(name) for name, export in self._exports.items()}
+        found = {gateway: trips.latency() for gateway, trips in self._context.round_trips.items()}
+        latencies = {gateway: latency for gateway, latency in found.items() if latency}
+        return RelayStatus(exports, {end.wanted: end.status() for end in self._imports.values()}, latencies)
+
+    def _export_status(self, name: _Name) -> LinkStatus:
+        end = self._links.get(name) or self._others.get(name)
+        return end.status() if end else LinkStatus(LinkState.PENDING, "not dialled by the far gateway")
+
+    def _changed(self) -> None:
+        if not self._change_is_told:
+            self._change_is_told = True
+            self._reactor.call(self._tell_change)
+
+    def _tell_change(self) -> None:
+        self._change_is_told = False
+        self._on_change()
+
+    def _shut_down(self) -> None:
+        if self._stopping:
+            return
+        self._stopping = True
+        self._listener.close("")
+        for link in (*self._links.values(), *self._others.values(), *self._strangers):
+            link.close("")
+        self._reactor.call_later(SHUTDOWN_TIME, self._stop)
+        for key in tuple(self._imports):
+            self._retire(key)
+        if not self._retiring:
+            self._stop()
+
+    def _stop(self) -> None:
+        self._is_down.set()
+        self._reactor.stop()
+
+
+def _subject(hello: Hello) -> Subject:
+    return Subject.SERVICE if hello.subject is Subject.CALL else hello.subject
+
+
+def _by_name(wanted: Collection[Connected], what: str) -> dict[_Name, Connected]:
+    _check_unique(((_SUBJECTS[type(one)], one.key) for one in wanted), what)
+    return {(_SUBJECTS[type(one)], one.key): one for one in wanted}
+
+
+def _check_unique(keys: Iterable[Hashable], what: str) -> None:
+    seen: set[Hashable] = set()
+    for key in keys:
+        if key in seen:
+            raise ConnectionConflictError(f"two {what} are the same connection: {key}")
+        seen.add(key)

@@ -1,0 +1,237 @@
+"""The exporting end of services: standing links, and calls that are passed on to the server."""
+
+from collections.abc import Mapping
+from typing import Any
+from urllib.parse import urlsplit
+
+from rocon_relay.adapters.context import Context
+from rocon_relay.adapters.export_end import ExportEnd, Tenant
+from rocon_relay.adapters.service_import import MAX_REASON, PASSED_ON
+from rocon_relay.adapters.service_pipe import ServicePipe
+from rocon_relay.core.connection import LinkState, LinkStatus, proxy_name
+from rocon_relay.core.link import Hello, Subject
+from rocon_relay.core.service import ServiceExport
+from tcpros.adapters.stream import Stream, dialled_socket, watch_liveness
+from tcpros.core.header import HeaderError, header_bytes, header_end, header_fields
+
+
+class ServiceExportEnd:
+    """One exported service: the link that stands for it, and the calls that go on.
+
+    Args:
+        context: what all parts share.
+        export: what is exported.
+
+    Attributes:
+        server: host and port where the last call found the server; None if it has to be looked up.
+    """
+
+    def __init__(self, context: Context, export: ServiceExport) -> None:
+        self.export = export
+        self.server: tuple[str, int] | None = None
+        self._context = context
+        self._standing: ExportEnd | None = None
+        self._calls: set[ExportedCall] = set()
+        self._done = [0, 0]
+
+    def admit(self, link: ExportEnd, hello: Hello) -> None:
+        """Takes a link: one client's, or one that is to stand as long as the far gateway shows the service."""
+        if hello.subject is Subject.CALL:
+            call = ExportedCall(self._context, self, link, hello)
+            self._calls.add(call)
+            link.serve(call)
+            call.start()
+            return
+        former, self._standing = self._standing, link
+        if former is not None:
+            former.close("its peer dialled anew")
+        link.serve(_Standing(self, link))
+        link.welcome({})
+        self._context.changed()
+
+    def stood(self, link: ExportEnd) -> None:
+        """A standing link has ended."""
+        if self._standing is link:
+            self._standing = None
+            self._context.changed()
+
+    def finished(self, call: "ExportedCall") -> None:
+        """A call's link has ended."""
+        self._calls.discard(call)
+        if call.pipe is not None:
+            self._done[0] += call.pipe.conversation.calls
+            self._done[1] += call.pipe.conversation.bytes
+
+    def close(self, _reason: str = "") -> None:
+        """Ends all its links."""
+        if self._standing is not None:
+            self._standing.close("")
+        for call in tuple(self._calls):
+            call.close()
+
+    def status(self) -> LinkStatus:
+        """How it does."""
+        pipes = [call.pipe.conversation for call in self._calls if call.pipe]
+        calls = self._done[0] + sum(one.calls for one in pipes)
+        size = self._done[1] + sum(one.bytes for one in pipes)
+        if self._standing is None:
+            return LinkStatus(LinkState.PENDING, "not dialled by the far gateway", len(self._calls), calls, size)
+        return LinkStatus(LinkState.ACTIVE, "", len(self._calls), calls, size)
+
+
+class _Standing(Tenant):
+    """The tenant of a standing link, which carries nothing."""
+
+    def __init__(self, owner: ServiceExportEnd, link: ExportEnd) -> None:
+        self._owner = owner
+        self._link = link
+
+    def ended(self, _reason: str) -> None:
+        self._owner.stood(self._link)
+
+
+class ExportedCall(Tenant):
+    """One client of another gateway: looks the server up, connects to it, says what the client said, and joins both.
+
+    Attributes:
+        pipe: what joins link and server, once the server has answered the handshake.
+    """
+
+    def __init__(self, context: Context, owner: ServiceExportEnd, link: ExportEnd, hello: Hello) -> None:
+        self.pipe: ServicePipe | None = None
+        self._context = context
+        self._owner = owner
+        self._link = link
+        self._hello = hello
+        self._server: _Server | None = None
+        self._remembered = False
+        self._is_over = False
+        self._timer = context.reactor.call_later(context.config.call_timeout, self._too_late)
+
+    def start(self) -> None:
+        """Connects to where the server was last, which spares the master a call, or looks it up."""
+        self._link.hold()
+        if self._owner.server is None:
+            self._look_up()
+        else:
+            self._remembered = True
+            self._dial(*self._owner.server)
+
+    def _look_up(self) -> None:
+        self._remembered = False
+        arguments = (self._context.config.node, self._hello.topic)
+        self._context.master.call("lookupService", arguments, self._located, self._failed)
+
+    def _located(self, uri: Any) -> None:
+        try:
+            parts = urlsplit(str(uri))
+            host, port = parts.hostname or "", parts.port or 0
+        except ValueError:
+            host, port = "", 0
+        if not host or not port:
+            self._failed(f"{uri!r} is no address of a server")
+            return
+        self._dial(host, port)
+
+    def _dial(self, host: str, port: int) -> None:
+        def found(address: str) -> None:
+            if self._is_over:
+                return
+            try:
+                header = header_bytes(self._header())
+            except HeaderError as error:
+                self._refuse(LinkState.REFUSED, str(error))
+                return
+            self._server = _Server(self._context, self, self._hello.source_node, header)
+            self._server.connect(address, port)
+            self._owner.server = host, port
+
+        self._context.resolver.resolve(host, found, self._failed)
+
+    def _header(self) -> Mapping[str, str]:
+        """What the client said, by the name that it would have here."""
+        said = dict(self._hello.client)
+        name = proxy_name(self._hello.sink_gateway, said.get("callerid", "") or "unnamed")
+        return {**said, "service": self._hello.topic, "callerid": name}
+
+    def found(self, header: Mapping[str, str]) -> None:
+        """The server has answered the handshake."""
+        assert self._server is not None
+        if "error" in header and self._remembered:
+            self._server.close(header["error"])  # it may be somebody else by now
+            return
+        self._timer.cancel()
+        if "error" in header:
+            self._refuse(LinkState.REFUSED, header["error"])
+            return
+        self.pipe = ServicePipe(self._link, self._server, self._context.config.max_message_size)
+        self._link.welcome({key: header[key] for key in PASSED_ON if key in header})
+
+    def lost(self, reason: str) -> None:
+        """The server has closed the connection, or could not be reached."""
+        self._server = None
+        if self._is_over:
+            return
+        if self._remembered and self.pipe is None:
+            self._look_up()
+        elif self.pipe is None:
+            self._failed(f"{self._hello.source_node}: {reason or 'it closed the connection'}")
+        else:
+            why = reason or "it closed the connection"
+            self._link.finish(self.pipe.conversation.error(f"{self._hello.source_node}: {why}"))
+
+    def close(self) -> None:
+        """Ends it."""
+        self._link.close("")
+
+    def ended(self, _reason: str) -> None:
+        """See `export_end.Tenant`."""
+        self._end()
+        self._owner.finished(self)
+
+    def _too_late(self) -> None:
+        self._failed(f"{self._hello.source_node} did not answer in time")
+
+    def _failed(self, reason: str) -> None:
+        self._owner.server = None
+        self._refuse(LinkState.NO_SERVER, reason)
+
+    def _refuse(self, state: LinkState, reason: str) -> None:
+        if not self._is_over:
+            self._end()
+            self._link.refuse(state, reason[:MAX_REASON])
+
+    def _end(self) -> None:
+        self._is_over = True
+        self._timer.cancel()
+        if self._server is not None:
+            self._server.close("")
+
+
+class _Server(Stream):
+    """The connection to the server."""
+
+    def __init__(self, context: Context, call: ExportedCall, node: str, header: bytes) -> None:
+        sock = dialled_socket()
+        super().__init__(context.reactor, sock, node)
+        watch_liveness(sock)
+        self._context = context
+        self._call = call
+        self._header = header
+        self.parse = self._parse_header
+
+    def connected(self) -> None:
+        self.send(self._header)
+
+    def closed(self, reason: str) -> None:
+        if reason.startswith("malformed"):
+            self._context.logger.warning("server %s: %s", self.peer, reason)
+        self._call.lost(reason)
+
+    def _parse_header(self, data: memoryview) -> int:
+        end = header_end(data)
+        if not end or len(data) < end:
+            return 0
+        fields = header_fields(data[4:end])
+        self._call.found(fields)
+        return end

@@ -1,0 +1,189 @@
+"""Outlets that look at whole messages: what options leave of them, and their decompression at the other end."""
+
+import time
+from collections.abc import Callable, Iterator
+
+from rocon_relay.core.option import LinkOptions
+from rocon_relay.core.sieve import TF_TYPES, Pace, deflated, inflated, matching_transforms, whole_frame
+from tcpros.adapters.reactor import Reactor, Timer
+from tcpros.core.backlog import UNBOUNDED, Backlog
+from tcpros.core.fanout import Fanout, Outlet
+from tcpros.core.frame import LENGTH_SIZE, Chunk
+
+
+class Sieve:
+    """Stands between a publisher's stream and one link; see `core.fanout.Outlet`.
+
+    Attributes:
+        backlog: the message that is arriving.
+        left_out: messages that did not cross because of the options.
+        saved: bytes that compression kept off the link.
+    """
+
+    takes_unseen = False
+
+    def __init__(self, reactor: Reactor, link: Outlet, options: LinkOptions, type_: str) -> None:
+        self.backlog = Backlog(UNBOUNDED, UNBOUNDED)
+        self.left_out = 0
+        self.saved = 0
+        self._reactor = reactor
+        self._link = link
+        self._keeps = options.keeps_frame() if options.tf_frames and type_ in TF_TYPES else None
+        self._pace = Pace(options.rate) if options.rate else None
+        self._compress = options.compress
+        self._newest: bytes | memoryview | None = None
+        self._timer: Timer | None = None
+
+    @property
+    def is_full(self) -> bool:
+        """See `core.fanout.Outlet`."""
+        return self._link.is_full
+
+    @property
+    def relieved(self) -> Callable[[], None]:
+        """See `core.fanout.Outlet`."""
+        return self._link.relieved
+
+    @relieved.setter
+    def relieved(self, call: Callable[[], None]) -> None:
+        self._link.relieved = call
+
+    def push(self, chunk: Chunk) -> None:
+        """See `core.fanout.Outlet`."""
+        self.backlog.queue(chunk)
+        self.flush()
+
+    def flush(self) -> None:
+        """See `core.fanout.Outlet`."""
+        for message in _messages(self.backlog):
+            self._take(message)
+
+    def left(self) -> None:
+        """See `core.fanout.Outlet`."""
+        self.end()
+        self._link.left()
+
+    def end(self) -> None:
+        """Sends nothing any more."""
+        self._newest = None
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def fileno(self) -> int:
+        """See `core.fanout.Outlet`."""
+        return self._link.fileno()
+
+    def passed(self, count: int, ended: bool) -> None:
+        """See `core.fanout.Outlet`; nothing passes unseen here."""
+        raise AssertionError("bytes went round a sieve")
+
+    def acknowledged(self) -> int:
+        """See `core.fanout.Outlet`."""
+        return self._link.acknowledged()
+
+    def close(self, reason: str) -> None:
+        """See `core.fanout.Outlet`."""
+        self._link.close(reason)
+
+    def _take(self, message: memoryview) -> None:
+        chosen: bytes | memoryview | None = message
+        if self._keeps is not None:
+            chosen = matching_transforms(message, self._keeps)
+        if chosen is None:
+            self.left_out += 1
+        elif self._pace is None:
+            self._send(chosen)
+        else:
+            self._send_newest(self._pace, chosen)
+
+    def _send_newest(self, pace: Pace, message: bytes | memoryview) -> None:
+        if self._newest is not None:
+            self.left_out += 1
+            self._newest = message
+            return
+        wait = pace.wait(time.monotonic())
+        if wait:
+            self._newest = message
+            self._timer = self._reactor.call_later(wait, self._send_waiting)
+        else:
+            pace.went(time.monotonic())
+            self._send(message)
+
+    def _send_waiting(self) -> None:
+        message, self._newest = self._newest, None
+        if message is not None and self._pace is not None:
+            self._pace.went(time.monotonic())
+            self._send(message)
+
+    def _send(self, message: bytes | memoryview) -> None:
+        if self._compress:
+            small = deflated(memoryview(message))
+            self.saved += len(message) - len(small)
+            message = small
+        self._link.push(whole_frame(message))
+
+
+class Inflater:
+    """Feeds a fanout with what a link carries compressed; see `core.fanout.Outlet`.
+
+    Attributes:
+        backlog: the message that is arriving.
+        saved: bytes that compression kept off the link.
+    """
+
+    takes_unseen = False
+
+    def __init__(self, fanout: Fanout, max_message_size: int) -> None:
+        self.backlog = Backlog(UNBOUNDED, UNBOUNDED)
+        self.saved = 0
+        self._fanout = fanout
+        self._max_message_size = max_message_size
+
+    @property
+    def is_full(self) -> bool:
+        """See `core.fanout.Outlet`."""
+        return self._fanout.is_full
+
+    @property
+    def relieved(self) -> Callable[[], None]:
+        """See `core.fanout.Outlet`."""
+        return self._fanout.relieved
+
+    @relieved.setter
+    def relieved(self, call: Callable[[], None]) -> None:
+        self._fanout.relieved = call
+
+    def push(self, chunk: Chunk) -> None:
+        """See `core.fanout.Outlet`."""
+        self.backlog.queue(chunk)
+        for message in _messages(self.backlog):
+            whole = inflated(message, self._max_message_size)
+            self.saved += len(whole) - len(message)
+            self._fanout.feed(whole_frame(whole).data)
+
+    def flush(self) -> None:
+        """See `core.fanout.Outlet`."""
+
+    def left(self) -> None:
+        """See `core.fanout.Outlet`."""
+
+    def fileno(self) -> int:
+        """See `core.fanout.Outlet`; never asked for."""
+        return -1
+
+    def passed(self, count: int, ended: bool) -> None:
+        """See `core.fanout.Outlet`; nothing passes unseen here."""
+        raise AssertionError("bytes went round an inflater")
+
+    def acknowledged(self) -> int:
+        """See `core.fanout.Outlet`."""
+        return self._fanout.acknowledged()
+
+    def close(self, reason: str) -> None:
+        """See `core.fanout.Outlet`."""
+
+
+def _messages(backlog: Backlog) -> Iterator[memoryview]:
+    """Takes the whole messages out of a backlog, their lengths left off."""
+    for frame in backlog.frames():
+        yield frame[LENGTH_SIZE:]

@@ -1,0 +1,192 @@
+"""The source's side of a topic: a small TCPROS subscriber that passes frames on as they come."""
+
+import socket
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+from rocon_relay.adapters.context import Context, Pause
+from rocon_relay.core.connection import ANY, Export
+from tcpros.adapters.reactor import Timer
+from tcpros.adapters.stream import Stream, dialled_socket
+from tcpros.core.fanout import Fanout, Outlet
+from tcpros.core.header import header_bytes, header_end, header_fields
+
+
+class Customer(Protocol):
+    """Who wants the messages: a link.
+
+    Attributes:
+        outlet: where they go, from the moment that `source_found` has accepted them.
+    """
+
+    outlet: Outlet
+
+    def source_found(self, header: Mapping[str, str]) -> bool:
+        """The publisher's connection header is there; False refuses its messages."""
+
+    def source_lost(self, reason: str) -> None:
+        """The publisher is not there, or no longer."""
+
+
+class Subscription:
+    """Subscribes to one topic of one node of our master, while there is a customer.
+
+    The node is asked again, with growing pauses, as long as it does not answer; its address is looked up each
+    time, so a restarted publisher is found again. The subscription is not registered with the master.
+    """
+
+    def __init__(self, context: Context, export: Export, emptied: Callable[[], None]) -> None:
+        self.topic = export.topic
+        self.name = export.subscriber or context.config.node
+        self.fanout = Fanout(context.config.max_message_size)
+        self._context = context
+        self._node = export.source_node
+        self._emptied = emptied
+        self._customers: list[Customer] = []
+        self._header: Mapping[str, str] | None = None
+        self._publisher: _Publisher | None = None
+        self._timer: Timer | None = None
+        self._pause = Pause(context.config)
+        self._asking = False
+        self._ended = False
+
+    def join(self, customer: Customer) -> None:
+        """Adds a customer; the first one starts the subscription."""
+        self._customers.append(customer)
+        if self._header is not None:
+            self._serve(customer)
+        elif self._publisher is None and self._timer is None:
+            self._ask()
+
+    def leave(self, customer: Customer) -> None:
+        """Removes a customer whose connection goes on; its `left` follows when it is at a frame's end."""
+        if customer not in self._customers:
+            return
+        self._customers.remove(customer)
+        self.fanout.leave(customer.outlet)
+        self.stop_if_unused()
+
+    def remove(self, customer: Customer) -> None:
+        """Removes a customer whose connection has ended."""
+        if customer in self._customers:
+            self._customers.remove(customer)
+        self.fanout.remove(customer.outlet)
+        self.stop_if_unused()
+
+    def stop_if_unused(self) -> None:
+        """Ends the subscription if nobody wants it any more."""
+        if self._ended or self._customers or len(self.fanout):
+            return
+        self._ended = True
+        if self._timer is not None:
+            self._timer.cancel()
+        if self._publisher is not None:
+            publisher, self._publisher = self._publisher, None
+            publisher.close("")
+        self._emptied()
+
+    def _serve(self, customer: Customer) -> None:
+        if self._header is not None and customer.source_found(self._header):
+            self.fanout.join(customer.outlet)
+
+    def _ask(self) -> None:
+        self._timer = None
+        if not self._asking and self._customers:
+            self._asking = True
+            self._context.master.call(
+                "lookupNode", (self._context.config.node, self._node), self._located, self._failed
+            )
+
+    def _located(self, uri: Any) -> None:
+        arguments = (self.name, self.topic, [["TCPROS"]])
+        self._context.server(str(uri)).call("requestTopic", arguments, self._offered, self._failed)
+
+    def _offered(self, answer: Any) -> None:
+        try:
+            protocol, host, port = answer
+            port = int(port)
+        except (TypeError, ValueError):
+            protocol, host, port = "", "", 0
+        if protocol != "TCPROS":
+            self._failed(f"{self._node} offers no TCPROS for {self.topic}")
+            return
+        self._context.resolver.resolve(str(host), lambda address: self._dial(address, port), self._failed)
+
+    def _dial(self, address: str, port: int) -> None:
+        if self._customers:
+            self._publisher = _Publisher(self, self._context, self._node)
+            self._publisher.connect(address, port)
+        self._asking = False  # not before: without a socket `_failed` follows
+
+    def found(self, header: Mapping[str, str]) -> None:
+        """Called with the publisher's connection header."""
+        self._header = header
+        self._pause.reset()
+        self.fanout.begin(header.get("latching") == "1")
+        for customer in tuple(self._customers):
+            self._serve(customer)
+
+    def lost(self, publisher: "_Publisher", reason: str) -> None:
+        """Called when the publisher's connection has ended."""
+        if publisher is not self._publisher:
+            return
+        self._publisher = self._header = None
+        self.fanout.restart()
+        for customer in tuple(self._customers):
+            self.fanout.remove(customer.outlet)
+        self._failed(reason or f"{self._node} closed the connection")
+
+    def _failed(self, reason: str) -> None:
+        self._asking = False
+        if not self._customers:
+            return
+        for customer in tuple(self._customers):
+            customer.source_lost(reason)
+        if self._timer is None:
+            self._timer = self._context.reactor.call_later(self._pause.take(), self._ask)
+
+
+class _Publisher(Stream):
+    """The connection to the publisher."""
+
+    def __init__(self, subscription: Subscription, context: Context, node: str) -> None:
+        sock = dialled_socket()
+        super().__init__(context.reactor, sock, node)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        self._subscription = subscription
+        self._context = context
+        self.parse = self._parse_header
+        self._timer = context.reactor.call_later(context.config.handshake_timeout, self._too_late)
+
+    def connected(self) -> None:
+        fields = {
+            "callerid": self._subscription.name,
+            "topic": self._subscription.topic,
+            "type": ANY,
+            "md5sum": ANY,
+            "tcp_nodelay": "1",
+        }
+        self.send(header_bytes(fields))
+
+    def closed(self, reason: str) -> None:
+        self._timer.cancel()
+        if reason.startswith("malformed"):
+            self._context.logger.warning("publisher %s of %s: %s", self.peer, self._subscription.topic, reason)
+        self._subscription.lost(self, reason)
+
+    def _too_late(self) -> None:
+        self.close("it sent no connection header in time")
+
+    def _parse_header(self, data: memoryview) -> int:
+        end = header_end(data)
+        if not end or len(data) < end:
+            return 0
+        header = header_fields(data[4:end])
+        self._timer.cancel()
+        if "error" in header:
+            self.close(header["error"])
+            return end
+        self.fanout = self._subscription.fanout
+        self.parse = self.fanout.feed
+        self._subscription.found(header)
+        return end

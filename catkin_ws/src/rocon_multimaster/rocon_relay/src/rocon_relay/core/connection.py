@@ -1,0 +1,287 @@
+"""What the control plane asks of the relay, and what the relay tells of it.
+
+The control plane turns all rules into two sets and hands the relay the whole of both, each time; the relay
+compares them with what runs and does the difference. Data always flows from an export to an import, and the
+importing side dials. So a pull is an import here and an export there, a flipped publisher the other way round,
+and a flipped subscriber an import, at the subscriber's gateway, of every publisher at the rule's gateway.
+"""
+
+import enum
+import re
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from rocon_relay.core.service import AnyExport, AnyImport
+
+from rocon_relay.core.error import RelayError
+from rocon_relay.core.latency import Latency
+from rocon_relay.core.option import NO_OPTIONS, LinkOptions
+
+ANY = "*"
+"""Stands for any type or any MD5 sum, as in TCPROS."""
+
+PROXY_PATH = "/relayed/"
+"""How the path of every proxy node's XML-RPC URI begins; the name of the gateway it lives in follows."""
+
+
+class ConnectionConflictError(RelayError):
+    """Two exports or two imports of one call describe the same connection differently."""
+
+
+class LinkState(enum.StrEnum):
+    """How a link does; the words are the ones that rules use."""
+
+    PENDING = "pending"
+    """Not there yet: being set up (import), or not yet fetched by anybody (export)."""
+    ACTIVE = "active"
+    """The link is up and, for an import, the proxy is registered. Data flows while somebody subscribes."""
+    RATE_LIMITED = "rate-limited"
+    """Active, and by a rule's option not every message crosses."""
+    NO_PUBLISHER = "no publisher"
+    """The link is up, and its source node does not answer or does not publish the topic."""
+    NO_SERVER = "no server"
+    """The link is up, and the last call did not reach the server."""
+    NO_PARAMETER = "no such parameter"
+    """The far master does not have it. Asked again, at most `RelayConfig.retry_longest` later."""
+    TYPE_MISMATCH = "type mismatch"
+    """Type or MD5 sum differ between the two ends, or between import and publisher."""
+    UNREACHABLE = "unreachable"
+    """The far relay does not answer. It is dialled again, at most `RelayConfig.retry_longest` later."""
+    REFUSED = "refused"
+    """The far relay answers no: nothing exported to us, wrong credential, a loop. Asked again likewise."""
+
+
+class Address(NamedTuple):
+    """Where a relay listens for links: host name or IP address, and TCP port."""
+
+    host: str
+    port: int
+
+
+class Key(NamedTuple):
+    """What tells the connections of one relay apart; `gateway` is the one at the other end."""
+
+    topic: str
+    gateway: str
+    source_node: str
+
+
+@dataclass(frozen=True, slots=True)
+class Export:
+    """Gateway `to_gateway` may fetch the messages that our node `source_node` publishes on `topic`.
+
+    Attributes:
+        topic: resolved name of the topic, the same on both masters.
+        type: message type as our master knows it, or `ANY`.
+        source_node: resolved name of a node on our master. Never one of our proxies.
+        to_gateway: unique name of the gateway that may fetch.
+        options: what our rules ask of the link.
+        subscriber: the node as which we subscribe to the publisher; "" is our own node. Clients of actions want to
+            see the server among their subscribers.
+    """
+
+    topic: str
+    type: str
+    source_node: str
+    to_gateway: str
+    options: LinkOptions = NO_OPTIONS
+    subscriber: str = ""
+
+    @property
+    def key(self) -> Key:
+        """What may occur once in a call of `Relay.apply`."""
+        return Key(self.topic, self.to_gateway, self.source_node)
+
+
+@dataclass(frozen=True, slots=True)
+class Import:
+    """Our master shall show a node `proxy_name(...)` that publishes what a node of another gateway publishes.
+
+    Attributes:
+        topic: resolved name of the topic, the same on both masters.
+        type: message type, registered on our master; or `ANY`.
+        md5sum: what the publisher's MD5 sum must be, or `ANY`.
+        source_gateway: unique name of the gateway that exports.
+        source_node: resolved name of the publishing node on that gateway's master.
+        address: where that gateway's relay listens.
+        allowed_nodes: regular expressions, sorted, of which the whole name of a subscribing node must match one; none
+            is any. They stay apart: flags, groups and references of one would mean something else, or nothing, in
+            an expression that joins several.
+        options: what our rules ask of the link; the source does it.
+    """
+
+    topic: str
+    type: str
+    md5sum: str
+    source_gateway: str
+    source_node: str
+    address: Address
+    allowed_nodes: tuple[str, ...] = ()
+    options: LinkOptions = NO_OPTIONS
+
+    @property
+    def key(self) -> Key:
+        """What may occur once in a call of `Relay.apply`."""
+        return Key(self.topic, self.source_gateway, self.source_node)
+
+    @property
+    def proxy(self) -> str:
+        """The name of the node that stands for the source on our master."""
+        return proxy_name(self.source_gateway, self.source_node)
+
+
+@dataclass(frozen=True, slots=True)
+class LinkStatus:
+    """How one export or import does. Counters run from the moment it was asked for.
+
+    Attributes:
+        state: the state.
+        reason: one sentence for people, "" when there is nothing to add.
+        subscribers: import: local subscribers, or clients, now connected; export: 1 while the far side asks for
+            data, or the clients that it has connected.
+        messages: whole messages that came from the source (import) or went towards the gateway (export); of a
+            service, calls.
+        bytes: their bytes, the four of each length included; of a service, of requests and responses.
+        drops: messages dropped for receivers that were too slow.
+        left_out: export: messages that did not cross because of the link's options.
+        saved: bytes of the messages that compression kept off the link.
+    """
+
+    state: LinkState
+    reason: str = ""
+    subscribers: int = 0
+    messages: int = 0
+    bytes: int = 0
+    drops: int = 0
+    left_out: int = 0
+    saved: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class RelayStatus:
+    """How everything that was asked for by the last `Relay.apply` does.
+
+    Attributes:
+        exports: by what was asked for.
+        imports: likewise.
+        latencies: by gateway, of those that a topic's link leads to or from.
+    """
+
+    exports: Mapping["AnyExport", LinkStatus] = field(default_factory=dict)
+    imports: Mapping["AnyImport", LinkStatus] = field(default_factory=dict)
+    latencies: Mapping[str, Latency] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class RelayConfig:
+    """What a relay must know from the start. Times are wall time [s], monotonic.
+
+    Attributes:
+        gateway: our unique name, as on the hub.
+        node: our ROS node's name: what local publishers see as their subscriber.
+        master_uri: our master.
+        host: name or address of this machine that nodes of our master can reach (ROS_IP, ROS_HOSTNAME).
+        port: TCP port for links; 0 is any free one.
+        bind: local address to listen on for links, "" is all.
+        node_bind: local address where the proxies of far nodes listen for nodes of our master, "" is all.
+        credential: secret shared by all gateways, None is none: see `docs/gateway.md`, Links. Not shown by repr.
+        max_links: links that one other gateway may have open here at once, calls of services included.
+        ping_period: between two measurements of the way to a gateway and back.
+        silence: for how long nothing may come on a topic's link, whose far end is asked to say something meanwhile; it
+            is noticed within a third more than this.
+        max_message_size: longest message that is carried [bytes]; a longer one closes its connection.
+        queue_size: messages that wait for one slow receiver at most.
+        queue_bytes: their bytes at most, though one message may always wait.
+        handshake_timeout: within which a peer must have introduced itself.
+        call_timeout: within which a master or node must have answered an XML-RPC call.
+        patience: how long a far relay waits for an export that is asked for and not there yet.
+        retry_shortest: first pause before a lost link is dialled again; doubles up to `retry_longest`.
+        retry_longest: longest such pause.
+    """
+
+    gateway: str
+    node: str
+    master_uri: str
+    host: str
+    port: int = 0
+    bind: str = ""
+    node_bind: str = ""
+    credential: bytes | None = field(default=None, repr=False)
+    max_message_size: int = 256 * 2**20
+    max_links: int = 1024
+    ping_period: float = 5.0
+    silence: float = 7.0
+    queue_size: int = 1000
+    queue_bytes: int = 16 * 2**20
+    handshake_timeout: float = 5.0
+    call_timeout: float = 3.0
+    patience: float = 2.0
+    retry_shortest: float = 0.1
+    retry_longest: float = 2.0
+
+
+class Relay(Protocol):
+    """The data plane as the control plane sees it.
+
+    The real one is `adapters.relay.relay.TcpRelay(config, on_change, logger)`, which runs once it is made.
+
+    All methods may be called from any thread, except from within `on_change`, and return without waiting for
+    the network (`shutdown` apart). `on_change()` is called from the relay's thread whenever the state of a
+    link has changed; it must only set an event.
+    """
+
+    @property
+    def port(self) -> int:
+        """The TCP port where links arrive, known as soon as the relay exists."""
+
+    def apply(self, exports: "Collection[AnyExport]", imports: "Collection[AnyImport]") -> None:
+        """Makes these, and no others, the connections that shall exist.
+
+        What is in both the old and the new sets goes on undisturbed. An import whose address alone changed
+        keeps its subscribers only if the new relay answers; one whose `allowed_nodes` changed drops those
+        that are no longer allowed. What is no longer asked for is unregistered, then closed, within a second.
+
+        Raises:
+            ConnectionConflictError: two exports or two imports have the same key. Nothing was changed.
+            re.error: one of `allowed_nodes` is no regular expression. Nothing was changed.
+        """
+
+    def refresh(self) -> None:
+        """Registers all proxies once more: for a master that was restarted and has forgotten them."""
+
+    def status(self) -> RelayStatus:
+        """How everything does, by the sets of the last `apply`; a snapshot."""
+
+    def shutdown(self) -> None:
+        """Unregisters and closes everything, ends the thread; returns when that is done, within 2 s."""
+
+
+OnChange = Callable[[], None]
+"""What a relay calls when the state of a link has changed."""
+
+
+def proxy_name(gateway: str, node: str) -> str:
+    """Returns the name under which `node` of `gateway` appears on our master: `/aadi1_gateway/pioneer1/amcl`.
+
+    What a ROS name must not hold (spaces, dots, hyphens) becomes an underscore; a name that would begin
+    with a digit or an underscore gets a `g` before it.
+    """
+    base = re.sub(r"[^A-Za-z0-9_]", "_", gateway)
+    if not base[:1].isalpha():
+        base = "g" + base
+    return f"/{base}/{node.lstrip('/')}"
+
+
+def proxy_uri(host: str, port: int, gateway: str) -> str:
+    """Returns the XML-RPC URI of a proxy node that lives in our gateway `gateway`."""
+    return f"http://{host}:{port}{PROXY_PATH}{re.sub(r'[^A-Za-z0-9_]', '_', gateway)}/"
+
+
+def is_proxy_uri(uri: str) -> bool:
+    """Tells whether a node's XML-RPC URI, as a master's lookupNode gives it, is some gateway's proxy.
+
+    So that no gateway exports a proxy, not even one that a killed gateway left behind on the master.
+    """
+    return PROXY_PATH in uri

@@ -1,0 +1,174 @@
+"""The link protocol: what two relays say to each other before and between the frames. See `docs/gateway.md`."""
+
+import dataclasses
+import enum
+import hashlib
+import hmac
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rocon_relay.core.connection import ANY, LinkState
+from rocon_relay.core.error import RelayError
+from rocon_relay.core.option import NO_OPTIONS, LinkOptions, OptionError, options_from_fields
+from tcpros.core.header import header_bytes
+
+VERSION = "1"
+
+
+class LinkError(RelayError):
+    """What a peer says is not the link protocol, or not a version of it that we speak."""
+
+
+class AskError(LinkError):
+    """A peer asks of a link what cannot be had; it is told so."""
+
+
+LONGEST_ROUND_TRIP = 60.0
+"""What is told of a round trip counts only below this [s]."""
+
+CLIENT = "client."
+"""Before the names of the fields that a call hands on from its client."""
+
+
+class Subject(enum.StrEnum):
+    """What a link is for: the field of the hello that holds the name."""
+
+    TOPIC = "topic"
+    SERVICE = "service"
+    """Stands as long as the service is shown, and carries nothing."""
+    CALL = "call"
+    """One client's connection to a service."""
+    PARAMETER = "parameter"
+
+
+@dataclass(frozen=True, slots=True)
+class Hello:
+    """What the importing side says first. The attributes are the header's fields.
+
+    Attributes:
+        topic: the name of the subject, whatever that is.
+        client: of a call, the fields of its client's connection header, sorted.
+        options: of a topic, what the sink asks for; a field for each that is not off.
+    """
+
+    topic: str
+    type: str
+    md5sum: str
+    source_node: str
+    source_gateway: str
+    sink_gateway: str
+    gateways_passed: tuple[str, ...]
+    nonce: str
+    subject: Subject = Subject.TOPIC
+    client: tuple[tuple[str, str], ...] = ()
+    options: LinkOptions = NO_OPTIONS
+
+    def of_client(self, fields: Mapping[str, str]) -> "Hello":
+        """Returns the hello of a call for a client with this connection header."""
+        return dataclasses.replace(self, client=tuple(sorted(fields.items())))
+
+    def fields(self) -> dict[str, str]:
+        """The connection header."""
+        return {
+            "relay": VERSION,
+            self.subject: self.topic,
+            "type": self.type,
+            "md5sum": self.md5sum,
+            "source_node": self.source_node,
+            "source_gateway": self.source_gateway,
+            "sink_gateway": self.sink_gateway,
+            "gateways_passed": ",".join(self.gateways_passed),
+            "nonce": self.nonce,
+            **self.options.fields(),
+            **{CLIENT + key: value for key, value in self.client},
+        }
+
+    @classmethod
+    def from_fields(cls, fields: Mapping[str, str]) -> "Hello":
+        """Reads a connection header.
+
+        Raises:
+            AskError: its options are not sound.
+            LinkError: another version, or a field is missing.
+        """
+        if fields.get("relay") != VERSION:
+            raise LinkError(f"it does not speak version {VERSION} of the link protocol")
+        subject = next((one for one in Subject if one in fields), Subject.TOPIC)
+        client = ((key.removeprefix(CLIENT), value) for key, value in fields.items() if key.startswith(CLIENT))
+        try:
+            return cls(
+                fields[subject],
+                fields["type"],
+                fields["md5sum"],
+                fields["source_node"],
+                fields["source_gateway"],
+                fields["sink_gateway"],
+                tuple(filter(None, fields["gateways_passed"].split(","))),
+                fields["nonce"],
+                subject,
+                tuple(sorted(client)),
+                options_from_fields(fields),
+            )
+        except KeyError as error:
+            raise LinkError(f"its hello lacks the field {error.args[0]}") from None
+        except OptionError as error:
+            raise AskError(f"options that cannot be had: {error}") from None
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """A no, with the state in which it leaves the link."""
+
+    state: LinkState
+    reason: str
+
+    def fields(self) -> dict[str, str]:
+        """The connection header."""
+        return {"relay": VERSION, "error": self.reason, "state": self.state}
+
+
+def state_from_field(word: str) -> LinkState:
+    """Returns the state of that name; a word that we do not know is `REFUSED`."""
+    return LinkState(word) if word in set(LinkState) else LinkState.REFUSED
+
+
+def limit_from_fields(fields: Mapping[str, str]) -> str:
+    """Returns how a welcome limits the rate, for people; "" where it does not."""
+    rate = fields.get("rate", "")[:24]
+    return f"at most {rate.removesuffix('.0')} messages a second" if rate else ""
+
+
+def seconds_from_field(text: str) -> float:
+    """Returns a time that somebody else has measured; 0 if it is none that can be."""
+    try:
+        seconds = float(text)
+    except ValueError:
+        return 0.0
+    return seconds if 0 < seconds < LONGEST_ROUND_TRIP else 0.0
+
+
+def mismatch(wanted_type: str, wanted_md5sum: str, type_: str, md5sum: str) -> str:
+    """Returns what is wrong between the wanted and the given type and MD5 sum, "" if they agree."""
+    if ANY not in (wanted_type, type_) and wanted_type != type_:
+        return f"the type here is {type_}, asked for was {wanted_type}"
+    if ANY not in (wanted_md5sum, md5sum) and wanted_md5sum != md5sum:
+        return f"the definition of {type_} differs: MD5 sum {md5sum} here, {wanted_md5sum} asked for"
+    return ""
+
+
+def proof(credential: bytes, role: str, hello: Hello, challenge: str) -> str:
+    """Returns what shows that we know the credential, for this hello and this challenge only.
+
+    Args:
+        credential: the shared secret.
+        role: "source" or "sink", so that neither side can send the other's proof back.
+        hello: as sent; its nonce is the sink's challenge to the source.
+        challenge: the source's challenge to the sink.
+    """
+    text = f"{role}\n{challenge}\n".encode() + header_bytes(hello.fields())
+    return hmac.new(credential, text, hashlib.sha256).hexdigest()
+
+
+def is_proof(given: str, credential: bytes, role: str, hello: Hello, challenge: str) -> bool:
+    """Tells in constant time whether `given` is that proof."""
+    return hmac.compare_digest(given.encode("utf-8", "replace"), proof(credential, role, hello, challenge).encode())

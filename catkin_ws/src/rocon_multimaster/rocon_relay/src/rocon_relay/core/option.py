@@ -1,0 +1,119 @@
+"""What a rule may ask of its links beyond carrying: how often, how much may wait, what of it, and how small."""
+
+import functools
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from rocon_relay.core.error import RelayError
+from rocon_relay.core.pattern import compiled
+
+_QUANTIFIERS = re.compile(r"[*+{]")
+_REPEATED_GROUP = re.compile(r"\)[*+?{]")
+_LONGEST_PATTERN = 256
+_MOST_QUANTIFIERS = 3
+
+
+class OptionError(RelayError):
+    """An option that cannot be meant."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkOptions:
+    """What the source does before anything crosses a link; nothing by default.
+
+    Attributes:
+        rate: at most so many messages a second cross, always the newest; 0 is any number [Hz].
+        queue_size: so many messages wait for a slow link at most, the oldest are dropped; 0 leaves that to the
+            publisher, which is slowed instead.
+        compress: messages cross deflated (zlib, level 1).
+        tf_frames: regular expressions: of a tf message only transforms cross whose child frame matches each of them.
+    """
+
+    rate: float = 0.0
+    queue_size: int = 0
+    compress: bool = False
+    tf_frames: tuple[str, ...] = ()
+
+    @property
+    def needs_messages(self) -> bool:
+        """Whether the source has to look at whole messages."""
+        return bool(self.rate or self.compress or self.tf_frames)
+
+    @property
+    def limit(self) -> str:
+        """The rate for people; "" without one."""
+        return f"at most {self.rate:g} messages a second" if self.rate else ""
+
+    def joined(self, other: "LinkOptions") -> "LinkOptions":
+        """Returns what satisfies both."""
+        return LinkOptions(
+            min((rate for rate in (self.rate, other.rate) if rate), default=0.0),
+            min((size for size in (self.queue_size, other.queue_size) if size), default=0),
+            self.compress or other.compress,
+            tuple(dict.fromkeys((*self.tf_frames, *other.tf_frames))),
+        )
+
+    def fields(self) -> dict[str, str]:
+        """The fields of a link's hello and welcome; none for an option that is not asked for."""
+        fields = {
+            "rate": f"{self.rate!r}" if self.rate else "",
+            "queue_size": str(self.queue_size or ""),
+            "compress": "zlib" if self.compress else "",
+            "tf_frames": "".join(self.tf_frames[:1]),
+        }
+        return {key: value for key, value in fields.items() if value}
+
+    def keeps_frame(self) -> Callable[[str], bool]:
+        """Returns what tells whether a transform with this child frame crosses; a leading slash counts for nothing."""
+        patterns = [re.compile(one) for one in self.tf_frames]
+
+        @functools.lru_cache(maxsize=1024)
+        def keeps(frame: str) -> bool:
+            return all(pattern.fullmatch(frame.lstrip("/")) for pattern in patterns)
+
+        return keeps
+
+
+NO_OPTIONS = LinkOptions()
+"""Everything crosses as it is."""
+
+
+def check_frames(pattern: str) -> None:
+    """Raises OptionError for a pattern that is no regular expression."""
+    try:
+        compiled(pattern)
+    except (re.error, RecursionError, OverflowError) as error:
+        raise OptionError(f"the tf_frames pattern '{pattern}' is not a regular expression: {error}") from None
+
+
+def options_from_fields(fields: Mapping[str, str]) -> LinkOptions:
+    """Returns the options in a hello.
+
+    Raises:
+        OptionError: they are not sound. As they come from somebody else, this includes patterns that could take long.
+    """
+    compress = fields.get("compress", "")
+    if compress not in ("", "zlib"):
+        raise OptionError(f"it asks for compression '{compress}'")
+    try:
+        rate, queue_size = float(fields.get("rate") or 0), int(fields.get("queue_size") or 0)
+    except ValueError as error:
+        raise OptionError(f"rate or queue_size: {error}") from None
+    if not (math.isfinite(rate) and rate >= 0 and queue_size >= 0):
+        raise OptionError(f"rate {rate} or queue_size {queue_size} is out of bounds")
+    pattern = fields.get("tf_frames", "")
+    check_frames(pattern)
+    if not _is_quick(pattern):
+        raise OptionError(f"the pattern '{pattern}' could take long to match; ask for it where the publisher is")
+    return LinkOptions(rate, queue_size, bool(compress), (pattern,) if pattern else ())
+
+
+def _is_quick(pattern: str) -> bool:
+    """Tells whether no text of a frame's length can make matching slow: few repetitions, none of a group."""
+    return (
+        len(pattern) <= _LONGEST_PATTERN
+        and len(_QUANTIFIERS.findall(pattern)) <= _MOST_QUANTIFIERS
+        and not _REPEATED_GROUP.search(pattern)
+    )

@@ -1,0 +1,92 @@
+"""What of a stream of messages crosses a link, where a rule asks for less than all of it. Serialised, no clock."""
+
+import struct
+import zlib
+from collections.abc import Callable
+
+from rocon_relay.core.error import RelayError
+from tcpros.core.frame import Chunk
+
+TF_TYPES = frozenset({"tf2_msgs/TFMessage", "tf/tfMessage"})
+"""Types that are one array of geometry_msgs/TransformStamped."""
+
+LEVEL = 1
+"""Of zlib: the quickest."""
+
+_LENGTH = struct.Struct("<I")
+_STAMP = 12  # seq and stamp, before a transform's frame_id
+_POSE = 56  # translation and rotation, after its child_frame_id
+
+
+class DeflatedError(RelayError):
+    """What should be a compressed message is none, or too long a one."""
+
+
+def matching_transforms(message: memoryview, keeps: Callable[[str], bool]) -> bytes | None:
+    """Returns a message of one of `TF_TYPES` with those transforms only whose child frame `keeps` accepts.
+
+    Returns:
+        None where none is left, or `message` is no such message.
+    """
+    try:
+        (count,) = _LENGTH.unpack_from(message)
+        position, kept = _LENGTH.size, []
+        for _ in range(count):
+            start = position
+            child_at = _after_text(message, start + _STAMP)
+            position = _after_text(message, child_at) + _POSE
+            if position > len(message):
+                return None
+            child = bytes(message[child_at + _LENGTH.size : position - _POSE])
+            if keeps(child.decode(errors="replace")):
+                kept.append(message[start:position])
+    except struct.error:
+        return None
+    return b"".join((_LENGTH.pack(len(kept)), *kept)) if kept else None
+
+
+def deflated(message: memoryview) -> bytes:
+    """Returns a message in zlib's format."""
+    return zlib.compress(message, LEVEL)
+
+
+def inflated(data: memoryview, max_size: int) -> bytes:
+    """Returns the message that was `deflated`. Raises DeflatedError if it is none or longer than `max_size`."""
+    inflate = zlib.decompressobj()
+    try:
+        message = inflate.decompress(data, max_size + 1)
+    except zlib.error as error:
+        raise DeflatedError(f"a message that is not compressed as it should be: {error}") from None
+    if not inflate.eof or inflate.unused_data or len(message) > max_size:
+        raise DeflatedError(f"a compressed message is cut or longer than {max_size} bytes")
+    return message
+
+
+def whole_frame(message: bytes | memoryview) -> Chunk:
+    """Returns a message as a frame of its own."""
+    frame = memoryview(b"".join((_LENGTH.pack(len(message)), message)))
+    return Chunk(frame, 0, True, len(frame), 1)
+
+
+class Pace:
+    """Spaces messages: after each, the next may go one period later.
+
+    Args:
+        rate: the most messages a second [Hz].
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._period = 1 / rate
+        self._due = 0.0
+
+    def wait(self, now: float) -> float:
+        """Returns how long the next message has to wait [s]."""
+        return max(0.0, self._due - now)
+
+    def went(self, now: float) -> None:
+        """Takes note that a message went."""
+        self._due = now + self._period
+
+
+def _after_text(message: memoryview, position: int) -> int:
+    return position + _LENGTH.size + int(_LENGTH.unpack_from(message, position)[0])

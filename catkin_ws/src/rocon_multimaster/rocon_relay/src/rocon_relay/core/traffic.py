@@ -1,0 +1,40 @@
+"""What flows on connections, from their counters."""
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass
+
+from rocon_relay.core.connection import LinkStatus
+
+
+@dataclass(frozen=True, slots=True)
+class Flow:
+    """What a connection carried since it was last looked at.
+
+    Attributes:
+        messages: a second.
+        bytes: of the messages, a second.
+    """
+
+    messages: float = 0.0
+    bytes: float = 0.0
+
+
+class Traffic:
+    """Turns counters into rates, from one look to the next."""
+
+    def __init__(self) -> None:
+        self._then = 0.0
+        self._before: dict[Hashable, LinkStatus] = {}
+
+    def look(self, now: float, links: Mapping[Hashable, LinkStatus]) -> dict[Hashable, Flow]:
+        """Returns how much flows on each connection; nothing yet on one that is looked at for the first time."""
+        elapsed = max(now - self._then, 1e-3)
+        flows = {key: _flow(self._before.get(key, link), link, elapsed) for key, link in links.items()}
+        self._then, self._before = now, dict(links)
+        return flows
+
+
+def _flow(before: LinkStatus, now: LinkStatus, elapsed: float) -> Flow:
+    # A link that was dialled anew counts from the beginning.
+    messages, size = now.messages - before.messages, now.bytes - before.bytes
+    return Flow(max(0, messages) / elapsed, max(0, size) / elapsed)

@@ -1,0 +1,8 @@
+"""Lets the tests import what stands beside them, and the certificates of tcpros' tests."""
+
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE), str(HERE.parents[2] / "tcpros/test/unit")]
+from identity import identities  # noqa: E402, F401 - a fixture

@@ -1,0 +1,76 @@
+"""Ends of connections in the middle of something: nothing of them stays behind."""
+
+import contextlib
+import logging
+import socket
+import struct
+
+import pytest
+
+from rocon_relay.adapters.context import Context
+from rocon_relay.adapters.export_end import ExportEnd
+from rocon_relay.adapters.subscription import Subscription
+from rocon_relay.core.connection import Export, RelayConfig
+from rocon_relay.core.link import Hello, Subject
+from tcpros.adapters.reactor import Reactor
+from tcpros.core.header import header_bytes
+
+RESET = struct.pack("ii", 1, 0)
+"""SO_LINGER by which `close` tells the other end at once that the connection is no more."""
+
+
+class Exporter:
+    """Admits everybody, and keeps the one subscription."""
+
+    def __init__(self, context):
+        self.context = context
+        self.export = Export("/chatter", "*", "/talker", "sink")
+        self.current = None
+        self.emptied = 0
+
+    def admit(self, end, hello):
+        end.accept(self.export)
+
+    def subscription(self, export):
+        self.current = self.current or Subscription(self.context, export, self._emptied)
+        return self.current
+
+    def ended(self, end):
+        """Nothing is kept of it here."""
+
+    def _emptied(self):
+        self.emptied += 1
+
+
+@pytest.fixture
+def exporter():
+    """An exporter whose loop does not run: nothing happens but what the test does."""
+    logger = logging.getLogger("relay.ends")
+    reactor = Reactor(logger)
+    config = RelayConfig("source", "/gateway", "http://127.0.0.1:1/", "127.0.0.1")
+    yield Exporter(Context(config, reactor, logger, lambda: None, None))
+    reactor.stop()
+    reactor._run()
+
+
+@contextlib.contextmanager
+def connection():
+    """Both ends of one."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        dialled = socket.create_connection(listener.getsockname())
+        accepted, _ = listener.accept()
+    with dialled:
+        yield dialled, accepted
+
+
+def test_a_link_that_ends_while_it_is_told_of_its_publisher_leaves_no_subscription_behind(exporter):
+    with connection() as (sink, accepted):
+        end = ExportEnd(exporter.context, exporter, accepted, "sink")
+        end.hello = Hello("/chatter", "*", "*", "/talker", "source", "sink", ("sink",), "00", Subject.TOPIC)
+        end.accept(exporter.export)
+        end.parse(memoryview(b"\xff\xff\xff\xff" + header_bytes({"op": "subscribe", "demand": "1"})))
+        sink.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
+    exporter.current.found({"type": "std_msgs/String", "md5sum": "0", "latching": "0"})
+    assert end.is_closed
+    assert len(exporter.current.fanout) == 0
+    assert exporter.emptied == 1

@@ -1,0 +1,63 @@
+import dataclasses
+
+import pytest
+
+from rocon_relay.core.connection import ANY, LinkState, is_proxy_uri, proxy_name, proxy_uri
+from rocon_relay.core.link import Hello, LinkError, Refusal, is_proof, mismatch, proof, state_from_field
+from tcpros.core.header import header_bytes, header_fields
+
+HELLO = Hello("/scan", "sensor_msgs/LaserScan", ANY, "/laser", "robot", "base", ("base",), "00ff")
+
+
+def test_a_hello_is_read_as_it_was_written():
+    assert Hello.from_fields(header_fields(header_bytes(HELLO.fields())[4:])) == HELLO
+
+
+def test_another_version_or_a_missing_field_is_a_link_error():
+    with pytest.raises(LinkError, match="version"):
+        Hello.from_fields({**HELLO.fields(), "relay": "2"})
+    fields = HELLO.fields()
+    del fields["source_node"]
+    with pytest.raises(LinkError, match="source_node"):
+        Hello.from_fields(fields)
+
+
+def test_a_proof_holds_for_its_credential_role_hello_and_challenge_only():
+    good = proof(b"secret", "sink", HELLO, "c")
+    assert is_proof(good, b"secret", "sink", HELLO, "c")
+    assert not is_proof(good, b"other", "sink", HELLO, "c")
+    assert not is_proof(good, b"secret", "source", HELLO, "c")
+    assert not is_proof(good, b"secret", "sink", HELLO, "d")
+    assert not is_proof(good, b"secret", "sink", dataclasses.replace(HELLO, topic="/tf"), "c")
+    assert not is_proof("\udcff", b"secret", "sink", HELLO, "c")
+
+
+def test_types_and_sums_agree_unless_both_are_said_and_differ():
+    assert mismatch("a/B", "1", "a/B", "1") == ""
+    assert mismatch(ANY, ANY, "a/B", "1") == ""
+    assert "a/C" in mismatch("a/C", "1", "a/B", "1")
+    assert "2" in mismatch("a/B", "2", "a/B", "1")
+
+
+def test_an_unknown_state_counts_as_refused():
+    assert state_from_field("type mismatch") is LinkState.TYPE_MISMATCH
+    assert state_from_field("melted") is LinkState.REFUSED
+    assert Refusal(LinkState.REFUSED, "no").fields()["error"] == "no"
+
+
+@pytest.mark.parametrize(
+    ("gateway", "name"),
+    [
+        ("aadi1_gateway", "/aadi1_gateway/pioneer1/amcl"),
+        ("Hub Gateway", "/Hub_Gateway/pioneer1/amcl"),
+        ("7-of-9.local", "/g7_of_9_local/pioneer1/amcl"),
+        ("", "/g/pioneer1/amcl"),
+    ],
+)
+def test_a_proxy_has_a_valid_name_that_says_where_it_comes_from(gateway, name):
+    assert proxy_name(gateway, "/pioneer1/amcl") == name
+
+
+def test_a_proxy_is_known_by_its_uri():
+    assert is_proxy_uri(proxy_uri("host", 1234, "Hub Gateway"))
+    assert not is_proxy_uri("http://host:1234/")

@@ -1,0 +1,61 @@
+import zlib
+from io import BytesIO
+
+import pytest
+from geometry_msgs.msg import TransformStamped
+from hypothesis import given
+from hypothesis import strategies as st
+from tf2_msgs.msg import TFMessage
+
+from rocon_relay.core.sieve import DeflatedError, Pace, deflated, inflated, matching_transforms
+
+
+def serialised(*frames):
+    buffer = BytesIO()
+    transforms = [TransformStamped(child_frame_id=frame) for frame in frames]
+    for number, one in enumerate(transforms):
+        one.header.frame_id = "map" * number
+        one.transform.translation.x = number
+    TFMessage(transforms).serialize(buffer)
+    return buffer.getvalue()
+
+
+a_name = st.text("ab/é", max_size=5)
+names = st.lists(a_name, max_size=6)
+
+
+@given(names, st.sets(a_name, max_size=3))
+def test_transforms_that_match_are_kept_as_they_were(frames, others):
+    wanted = {*frames[::2], *others}
+    kept = matching_transforms(memoryview(serialised(*frames)), wanted.__contains__)
+    whole = TFMessage().deserialize(serialised(*frames)).transforms
+    expected = [one for one in whole if one.child_frame_id in wanted]
+    assert (TFMessage().deserialize(kept).transforms if kept else []) == expected
+
+
+@given(names, st.integers(min_value=0, max_value=300), st.binary(max_size=8))
+def test_what_is_no_tf_message_is_left_out_and_raises_nothing(frames, cut, garbage):
+    data = serialised(*frames)
+    matching_transforms(memoryview(data[:cut] + garbage), lambda _frame: True)
+    assert matching_transforms(memoryview(data[: len(data) // 2]), lambda _frame: True) is None
+
+
+@given(st.binary(max_size=2000))
+def test_what_is_compressed_comes_back(message):
+    assert inflated(memoryview(deflated(memoryview(message))), 2000) == message
+
+
+def test_what_is_not_compressed_as_it_should_be_is_an_error():
+    bomb = zlib.compress(bytes(10_000_000))
+    for bad in (b"", b"garbage", deflated(memoryview(b"message"))[:-1], deflated(memoryview(b"m")) + b"more", bomb):
+        with pytest.raises(DeflatedError):
+            inflated(memoryview(bad), 1_000_000)
+
+
+def test_a_pace_spaces_messages_by_its_period():
+    pace = Pace(10.0)
+    assert pace.wait(5.0) == 0.0
+    pace.went(5.0)
+    assert pace.wait(5.04) == pytest.approx(0.06)
+    assert pace.wait(5.1) == pytest.approx(0.0)
+    assert pace.wait(9.0) == 0.0

@@ -1,0 +1,1 @@
+"""TCPROS without rospy: wire formats, and connections that one thread waits for."""

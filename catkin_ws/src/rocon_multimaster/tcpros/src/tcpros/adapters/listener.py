@@ -1,0 +1,59 @@
+"""A port of the relay's."""
+
+import errno
+import select
+import socket
+from collections.abc import Callable
+
+from tcpros.adapters.reactor import Reactor
+
+_IN = select.EPOLLIN
+_EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+
+
+class Listener:
+    """A listening socket in the reactor.
+
+    Attributes:
+        port: its port.
+    """
+
+    def __init__(
+        self, reactor: Reactor, host: str, port: int, accepted: Callable[[socket.socket, str], None], backlog: int = 128
+    ) -> None:
+        self._reactor = reactor
+        self._accepted = accepted
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            self._socket.bind((host, port))
+        except OSError:
+            self._socket.close()
+            raise
+        self._socket.listen(backlog)
+        self.port = int(self._socket.getsockname()[1])
+
+    def start(self) -> None:
+        """Begins to accept."""
+        self._reactor.add(self._socket.fileno(), self, _IN)
+
+    def ready(self, events: int) -> None:
+        """See `reactor.Handler`."""
+        try:
+            sock, address = self._socket.accept()
+        except OSError as error:
+            if error.errno in _EXHAUSTED:  # epoll would say it again at once, for ever
+                self._reactor.change(self._socket.fileno(), 0)
+                self._reactor.call_later(1.0, self._resume)
+            return
+        self._accepted(sock, f"{address[0]}:{address[1]}")
+
+    def close(self, reason: str) -> None:
+        """Stops listening; a second call does nothing."""
+        if self._socket.fileno() >= 0:
+            self._reactor.remove(self._socket.fileno())
+            self._socket.close()
+
+    def _resume(self) -> None:
+        if self._socket.fileno() >= 0:
+            self._reactor.change(self._socket.fileno(), _IN)

@@ -1,0 +1,145 @@
+"""XML-RPC calls to masters and nodes that nobody waits for."""
+
+import xmlrpc.client
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+from urllib.parse import urlsplit
+from xml.parsers.expat import ExpatError
+
+from tcpros.adapters.reactor import Reactor
+from tcpros.adapters.resolver import Resolver
+from tcpros.adapters.stream import Stream, dialled_socket
+from tcpros.core.error import TcprosError
+from tcpros.core.http import http_message, http_request
+
+MAX_PARALLEL = 4
+"""Calls to one server at a time: a Python XML-RPC server lets five connections wait, and drops more."""
+
+MAX_ANSWER = 4 * 2**20
+"""The longest answer to a call [bytes]: of getParam, where a parameter is copied; all others are short."""
+
+Done = Callable[[Any], None]
+Failed = Callable[[str], None]
+
+
+class _Call(Stream):
+    """One call on a connection of its own."""
+
+    def __init__(self, reactor: Reactor, uri: str, body: bytes, answered: Callable[[bytes, str], None]) -> None:
+        super().__init__(reactor, dialled_socket(), uri)
+        self.parse = self._response
+        self._answered = answered
+        self._body: bytes | None = None
+        self._received = bytearray()
+        parts = urlsplit(uri)
+        self._request = http_request(parts.netloc, parts.path, body)
+
+    def connected(self) -> None:
+        self.send(self._request)
+
+    def closed(self, reason: str) -> None:
+        if self._body is None and not reason:
+            message = http_message(self._received, -1, MAX_ANSWER)
+            if message is not None and message.length < 0:
+                self._body = bytes(self._received[message.start :])
+        self._answered(self._body or b"", reason or "it closed the connection")
+
+    def _response(self, data: memoryview) -> int:
+        self._received += data
+        message = http_message(self._received, -1, MAX_ANSWER)
+        if message is not None and 0 <= message.length <= len(self._received) - message.start:
+            self._body = bytes(self._received[message.start : message.end])
+            self.close("")
+        elif len(self._received) > MAX_ANSWER:
+            raise TcprosError(f"its answer is longer than {MAX_ANSWER} bytes")
+        return len(data)
+
+
+class Server:
+    """The XML-RPC server at one address: calls to it, a few at a time, in their order."""
+
+    def __init__(self, reactor: Reactor, resolver: Resolver, uri: str, timeout: float) -> None:
+        self.uri = uri
+        self._reactor = reactor
+        self._resolver = resolver
+        self._timeout = timeout
+        self._queue: deque[tuple[bytes, Done, Failed]] = deque()
+        self._running = 0
+
+    def call(self, method: str, arguments: tuple[Any, ...], done: Done, failed: Failed) -> None:
+        """Calls a method of the ROS master or slave API.
+
+        Args:
+            method: its name.
+            arguments: the caller's name first.
+            done: gets the value, where the call returned the status 1.
+            failed: gets one sentence otherwise; one of the two is called, once, within the timeout.
+        """
+        body = xmlrpc.client.dumps(arguments, method).encode()
+        self._queue.append((body, done, failed))
+        self._next()
+
+    def _next(self) -> None:
+        if self._queue and self._running < MAX_PARALLEL:
+            self._running += 1
+            _Attempt(self, *self._queue.popleft())
+
+    def finished(self) -> None:
+        """Called by each attempt at its end."""
+        self._running -= 1
+        self._next()
+
+    def dial(self, body: bytes, answered: Callable[[bytes, str], None]) -> None:
+        """Sends one request; `answered` gets the response's body and, should that be empty, why."""
+        parts = urlsplit(self.uri)
+        try:
+            host, port = parts.hostname, parts.port
+        except ValueError:
+            host, port = None, None
+        if not host or not port:
+            answered(b"", f"{self.uri!r} is no address")
+            return
+        call: _Call | None = None
+
+        def found(address: str) -> None:
+            nonlocal call
+            call = _Call(self._reactor, self.uri, body, answered)
+            self._reactor.call_later(self._timeout, lambda: call and call.close("it did not answer in time"))
+            call.connect(address, port)
+
+        self._resolver.resolve(host, found, lambda reason: answered(b"", reason))
+
+
+class _Attempt:
+    """One call under way."""
+
+    def __init__(self, server: Server, body: bytes, done: Done, failed: Failed) -> None:
+        self._server = server
+        self._done = done
+        self._failed = failed
+        server.dial(body, self._answered)
+
+    def _answered(self, body: bytes, reason: str) -> None:
+        self._server.finished()
+        if not body:
+            self._failed(f"{self._server.uri}: {reason}")
+            return
+        try:
+            (answer,), _ = xmlrpc.client.loads(body)
+            status, text, value = answer
+        except (
+            xmlrpc.client.Error,
+            ExpatError,
+            ValueError,
+            TypeError,
+            LookupError,
+            ArithmeticError,
+            AttributeError,
+        ) as error:
+            self._failed(f"{self._server.uri} answered nonsense: {error}")
+            return
+        if status == 1:
+            self._done(value)
+        else:
+            self._failed(str(text))

@@ -1,0 +1,121 @@
+"""Where messages begin and end in a stream of bytes; nothing of their content.
+
+A frame is a little-endian 32-bit length and a serialised message of that many bytes: TCPROS as it is. Links
+between relays carry the same frames, and between them control frames: a length that no message can have
+(`CONTROL`), then a connection header.
+"""
+
+import functools
+import struct
+from collections.abc import Iterator
+
+from tcpros.core.error import TcprosError
+from tcpros.core.header import header_bytes
+
+CONTROL = 0xFFFFFFFF
+CONTROL_MARK = b"\xff\xff\xff\xff"
+LENGTH_SIZE = 4
+"""Size of a frame's length [bytes]."""
+
+LARGE = 512 * 1024
+"""From so many bytes on, it costs less to let a message pass unseen (measured)."""
+
+_LENGTH = struct.Struct("<I")
+_unpack = _LENGTH.unpack_from
+
+
+class FrameError(TcprosError):
+    """A frame announces more bytes than a message may have."""
+
+
+def control_frame(**fields: str) -> bytes:
+    """Returns the control frame that holds `fields`."""
+    return CONTROL_MARK + header_bytes(fields)
+
+
+class Chunk:
+    """Consecutive bytes of a stream of frames, no length cut in two.
+
+    Attributes:
+        data: the bytes. Valid only until the next chunk is read: see `stable`.
+        head: how many of them continue a frame that began before; frames begin there.
+        head_ends: whether that frame ends with them; true as well where `head` is 0.
+        tail: where the frame begins that goes on after this chunk; `len(data)` if none begins and goes on.
+        ended: number of frames that end in this chunk.
+    """
+
+    __slots__ = ("__dict__", "data", "ended", "head", "head_ends", "tail")
+
+    def __init__(self, data: memoryview, head: int, head_ends: bool, tail: int, ended: int) -> None:
+        self.data = data
+        self.head = head
+        self.head_ends = head_ends
+        self.tail = tail
+        self.ended = ended
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the last frame goes on after this chunk."""
+        return self.tail < len(self.data) or not self.head_ends
+
+    @functools.cached_property
+    def stable(self) -> memoryview:
+        """A copy of the bytes that may be kept; made once, however many ask."""
+        return memoryview(bytes(self.data))
+
+    def frames(self) -> Iterator[tuple[int, int]]:
+        """Yields begin and end of every frame that lies whole in this chunk."""
+        position, data, tail = self.head, self.data, self.tail
+        while position < tail:
+            stop = position + 4 + _unpack(data, position)[0]
+            yield position, stop
+            position = stop
+
+
+class FrameSplitter:
+    """Follows one stream of frames.
+
+    Attributes:
+        remaining: bytes still to come of the frame that is arriving; 0 between two frames.
+        is_large: whether the newest frame is of `LARGE` bytes at least, and did not come all at once.
+    """
+
+    def __init__(self, max_message_size: int) -> None:
+        self.remaining = 0
+        self.is_large = False
+        self._limit = max_message_size
+
+    def split(self, data: memoryview) -> Chunk:
+        """Returns the bytes at the beginning of `data` that can be passed on.
+
+        All of it, but for a length that is not whole yet, or a control frame (see `is_control`) and what follows.
+
+        Raises:
+            FrameError: a message is longer than allowed.
+        """
+        end = len(data)
+        head = position = min(self.remaining, end)
+        ended = 1 if head and head == self.remaining else 0
+        self.remaining -= head
+        head_ends = not self.remaining
+        tail = end
+        while end - position >= 4:
+            length = _unpack(data, position)[0]
+            if length > self._limit:
+                if length == CONTROL:
+                    break
+                raise FrameError(f"a message of {length} bytes is longer than {self._limit}")
+            stop = position + 4 + length
+            if stop > end:
+                tail, position, self.remaining = position, end, stop - end
+                break
+            position = stop
+            ended += 1
+        if position > head:
+            self.is_large = self.remaining > 0 and length >= LARGE
+        return Chunk(data[:position], head, head_ends, min(tail, position), ended)
+
+
+def is_control(data: memoryview) -> bool:
+    """Tells whether a control frame begins here, between two frames."""
+    return data[:4] == CONTROL_MARK

@@ -1,0 +1,91 @@
+"""As much of HTTP/1.1 as XML-RPC between ROS nodes and masters needs, on bytes."""
+
+from dataclasses import dataclass
+
+from tcpros.core.error import TcprosError
+
+MAX_HEAD = 16 * 1024
+MAX_BODY = 96 * 1024
+
+
+class HttpError(TcprosError):
+    """What arrived is not HTTP, or too much of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class HttpMessage:
+    """A request or a response.
+
+    Attributes:
+        first: its first line.
+        length: bytes of the body that follows; -1 if it ends with the connection.
+        start: where the body begins.
+        keep_alive: whether the sender wants to go on with the connection.
+    """
+
+    first: str
+    length: int
+    start: int
+    keep_alive: bool
+
+    @property
+    def end(self) -> int:
+        """Where the body ends; meaningless where `length` is -1."""
+        return self.start + self.length
+
+
+def http_message(
+    data: bytes | bytearray | memoryview, default_length: int, max_body: int = MAX_BODY
+) -> HttpMessage | None:
+    """Reads a message's head; None while it is not whole.
+
+    Args:
+        data: what has arrived.
+        default_length: the body's length where the head does not tell.
+        max_body: the longest body that is allowed [bytes].
+
+    Raises:
+        HttpError: it is no HTTP, or longer than `MAX_HEAD` and `max_body` allow, or chunked.
+    """
+    text = bytes(data[: MAX_HEAD + 4])
+    end = text.find(b"\r\n\r\n")
+    if end < 0:
+        if len(data) > MAX_HEAD:
+            raise HttpError(f"an HTTP head longer than {MAX_HEAD} bytes")
+        return None
+    first, *lines = text[:end].decode("latin-1").split("\r\n")
+    if "HTTP/1." not in first:
+        raise HttpError("not HTTP/1")
+    fields = {key.strip().lower(): value.strip() for key, _, value in (line.partition(":") for line in lines)}
+    if "transfer-encoding" in fields:
+        raise HttpError("chunked HTTP is not supported")
+    connection = fields.get("connection", "close" if "HTTP/1.0" in first else "keep-alive").lower()
+    return HttpMessage(first, _length(fields, default_length, max_body), end + 4, connection != "close")
+
+
+def _length(fields: dict[str, str], default: int, most: int) -> int:
+    text = fields.get("content-length")
+    if text is None:
+        return default
+    if not (text.isascii() and text.isdigit()) or len(text) > 9 or int(text) > most:
+        raise HttpError(f"an HTTP body of {text[:20]} bytes; {most} are allowed")
+    return int(text)
+
+
+def http_request(host: str, path: str, body: bytes) -> bytes:
+    """Returns an XML-RPC request that wants the connection closed after the response."""
+    head = (
+        f"POST {path or '/'} HTTP/1.1\r\nHost: {host}\r\nUser-Agent: tcpros\r\nContent-Type: text/xml\r\n"
+        f"Content-Length: {len(body)}\r\nConnection: close\r\n\r\n"
+    )
+    return head.encode() + body
+
+
+def http_response(body: bytes, keep_alive: bool, status: str = "200 OK") -> bytes:
+    """Returns an XML-RPC response."""
+    connection = "keep-alive" if keep_alive else "close"
+    head = (
+        f"HTTP/1.1 {status}\r\nServer: tcpros\r\nContent-Type: text/xml\r\n"
+        f"Content-Length: {len(body)}\r\nConnection: {connection}\r\n\r\n"
+    )
+    return head.encode() + body

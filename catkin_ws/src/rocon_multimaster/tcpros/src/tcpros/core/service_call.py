@@ -1,0 +1,93 @@
+"""Calls of services on a connection: where requests and responses begin and end; nothing of their content.
+
+A request is a little-endian 32-bit length and so many bytes; a response the same after one byte that is 1, or 0 for an
+error, whose text then stands in the place of the response. (https://wiki.ros.org/ROS/TCPROS)
+"""
+
+import struct
+
+from tcpros.core.error import TcprosError
+
+_LENGTH = struct.Struct("<I")
+_FAILED = b"\x00"
+
+
+class CallError(TcprosError):
+    """A request or response announces more bytes than it may have, or a response comes unasked."""
+
+
+class _Follower:
+    """Follows messages of a length and a body in a stream of bytes."""
+
+    def __init__(self, prefix: int, max_size: int) -> None:
+        self._head_size = prefix + _LENGTH.size
+        self._max_size = max_size
+        self._head = b""
+        self._remaining = 0
+
+    @property
+    def is_within(self) -> bool:
+        """Whether a message has begun and not ended."""
+        return bool(self._head or self._remaining)
+
+    def feed(self, data: memoryview) -> int:
+        """Returns how many messages end in `data`. Raises CallError for one that is too long."""
+        position, ended, size = 0, 0, len(data)
+        while position < size:
+            if not self._remaining:
+                missing = self._head_size - len(self._head)
+                self._head += bytes(data[position : position + missing])
+                position += missing
+                if len(self._head) < self._head_size:
+                    break
+                self._remaining = _LENGTH.unpack(self._head[-_LENGTH.size :])[0]
+                if self._remaining > self._max_size:
+                    raise CallError(f"{self._remaining} bytes are more than {self._max_size}")
+            step = min(self._remaining, size - position)
+            self._remaining -= step
+            position += step
+            if not self._remaining:
+                self._head = b""
+                ended += 1
+        return ended
+
+
+class Conversation:
+    """The calls of one connection, one after the other.
+
+    Attributes:
+        calls: whole responses so far.
+        bytes: of requests and responses so far.
+    """
+
+    def __init__(self, max_size: int) -> None:
+        self.calls = 0
+        self.bytes = 0
+        self._asked = 0
+        self._requests = _Follower(0, max_size)
+        self._responses = _Follower(1, max_size)
+
+    def request(self, data: memoryview) -> None:
+        """Bytes from the client. Raises CallError."""
+        self.bytes += len(data)
+        self._asked += self._requests.feed(data)
+
+    def response(self, data: memoryview) -> None:
+        """Bytes from the server. Raises CallError."""
+        self.bytes += len(data)
+        self.calls += self._responses.feed(data)
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether the client is owed a response, so that the end of the connection is an error to it."""
+        return self._requests.is_within or self.calls < self._asked
+
+    def error(self, reason: str) -> bytes:
+        """Returns what tells the client that its call failed; nothing if it waits for none or has part of a response.
+
+        The end of the connection, which has to follow, tells it in the latter case.
+        """
+        if not self.is_waiting or self._responses.is_within:
+            return b""
+        text = reason.encode()
+        return _FAILED + _LENGTH.pack(len(text)) + text

@@ -1,0 +1,28 @@
+"""Certificates for tests, of this package and of those that use it."""
+
+import pytest
+
+from tcpros.adapters.authority import Authority
+from tcpros.adapters.tls import certificates_from
+
+
+class Identities:
+    """Certificates, made by the authority of one fleet or another when first asked for."""
+
+    def __init__(self, folder):
+        self._folder = folder
+        self._made = {}
+
+    def directory(self, name="robot", fleet="ours", days=30):
+        """Returns a machine's directory; `days` below 0 make a certificate that has expired."""
+        if (name, fleet) not in self._made:
+            self._made[name, fleet] = Authority(self._folder / fleet, days).certify(name)
+        return self._made[name, fleet]
+
+    def __call__(self, *arguments, **settings):
+        return certificates_from(str(self.directory(*arguments, **settings)))
+
+
+@pytest.fixture(scope="session")
+def identities(tmp_path_factory):
+    return Identities(tmp_path_factory.mktemp("identities"))
