@@ -189,7 +189,8 @@ enter_workspace() {
   set +u
   . "$workspace/devel/setup.bash"
   set -u
-  export PATH=$venv/bin:$PATH
+  # The workspace's own commands first: its xacro knows ROS 1's $(find), the venv's does not.
+  export PATH=$workspace/devel/bin:$venv/bin:$PATH
   # What a user installed into ~/.local for another interpreter or version breaks this one.
   export PYTHONNOUSERSITE=1
   # What a command says into a pipe or a log is to be read while it runs.

@@ -6,6 +6,8 @@ package's ``test/launch_args.yaml`` gives values: ``{file.launch: {argument: val
 
 import contextlib
 import io
+import os
+import subprocess
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -15,7 +17,8 @@ import roslaunch.xmlloader
 import roslib.packages
 import yaml
 
-SOURCE = Path(__file__).resolve().parents[2] / "catkin_ws" / "src"
+WORKSPACE = Path(__file__).resolve().parents[2] / "catkin_ws"
+SOURCE = WORKSPACE / "src"
 LAUNCH_FILES = sorted(path for path in SOURCE.rglob("launch/**/*.launch"))
 # What a user may have installed beside this workspace and our launch files can start instead of ours.
 FOREIGN_NODES = {("rviz", "rviz")}
@@ -34,8 +37,18 @@ def arguments_for(path: Path) -> list[str]:
     return [f"{name}:={value}" for name, value in values.items()]
 
 
+@pytest.fixture(scope="module")
+def plain_terminal() -> dict[str, str]:
+    """Returns the environment of a terminal in which only ``source catkin_ws/devel/setup.bash`` was typed."""
+    bare = {"HOME": os.environ.get("HOME", "/"), "PATH": "/usr/local/bin:/usr/bin:/bin"}
+    command = ["bash", "--norc", "-c", 'source "$0"/devel/setup.bash && env -0', str(WORKSPACE)]
+    output = subprocess.run(command, env=bare, check=True, capture_output=True, text=True, timeout=60).stdout
+    return dict(line.split("=", 1) for line in output.split("\0") if line)
+
+
 @pytest.fixture(autouse=True)
-def a_robot_computer(monkeypatch: pytest.MonkeyPatch) -> None:
+def a_robot_computer(monkeypatch: pytest.MonkeyPatch, plain_terminal: dict[str, str]) -> None:
+    monkeypatch.setenv("PATH", plain_terminal["PATH"])
     monkeypatch.setenv("HOSTNAME", "aadi1")
 
 
@@ -76,6 +89,28 @@ def test_each_argument_of_a_launch_file_is_used_or_says_that_it_changes_nothing(
 def test_what_is_handed_to_an_included_file_has_a_value(path: Path) -> None:
     handed = [one for include in ElementTree.parse(path).getroot().iter("include") for one in include.findall("arg")]
     assert not [one.get("name") for one in handed if "value" not in one.attrib]
+
+
+def test_a_terminal_that_sourced_the_workspace_gets_its_commands_and_no_other_python(
+    plain_terminal: dict[str, str],
+) -> None:
+    found = subprocess.run(
+        ["bash", "--norc", "-c", "type -P python3 xacro rocon_launch"],
+        env=plain_terminal, check=True, capture_output=True, text=True, timeout=60,
+    ).stdout.split()  # fmt: skip
+    commands = WORKSPACE / "devel" / "bin"
+    assert found == ["/usr/bin/python3", str(commands / "xacro"), str(commands / "rocon_launch")]
+
+
+def test_executables_carry_an_interpreter_that_has_their_modules() -> None:
+    wrong = {
+        str(path): line
+        for path in (WORKSPACE / "devel").glob("lib/*/*")
+        if path.is_file() and os.access(path, os.X_OK)
+        for line in path.read_bytes().splitlines()[:1]
+        if line.startswith(b"#!") and b"python" in line and b"/.setup/venv/bin/python3" not in line
+    }
+    assert not wrong
 
 
 def test_there_are_launch_files() -> None:

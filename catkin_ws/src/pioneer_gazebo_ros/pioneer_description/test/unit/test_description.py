@@ -1,7 +1,6 @@
 """The robot's model is what its interface promises, and the simulator's reader understands all of it."""
 
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -10,6 +9,7 @@ import yaml
 from pioneer_gazebo.adapters.urdf import robot_from_urdf
 
 PACKAGE = Path(__file__).parents[2]
+WORKSPACE = PACKAGE.parents[2]
 LINKS = {
     "base_link", "chassis", "top_plate", "front_sonar", "back_sonar", "swivel", "center_wheel", "center_hubcap",
     "left_wheel", "right_wheel", "left_hub", "right_hub", "camera_link", "laser",
@@ -18,7 +18,7 @@ MOVING_JOINTS = {"base_left_wheel_joint", "base_right_wheel_joint", "base_swivel
 
 
 def expanded(*arguments):
-    command = [Path(sys.executable).parent / "xacro", PACKAGE / "urdf" / "pioneer3dx.xacro", *arguments]
+    command = [WORKSPACE / "devel/bin/xacro", PACKAGE / "urdf" / "pioneer3dx.xacro", *arguments]
     return robot_from_urdf(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
 
