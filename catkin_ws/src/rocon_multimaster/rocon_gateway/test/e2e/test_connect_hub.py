@@ -57,7 +57,7 @@ def test_connect_hub_takes_an_address_without_a_scheme(fleet, connect) -> None:
     assert connect(fleet.hub_uri, "barred", **barred) == Code.HUB_CONNECTION_BLACKLISTED
     unlisted = {"whitelist": ("Another Hub",)}
     assert connect(fleet.hub_uri, "unlisted", **unlisted) == Code.HUB_CONNECTION_NOT_IN_NONEMPTY_WHITELIST
-    assert connect(fleet.hub_uri, "wrong", access=Access("not its password")) == Code.HUB_CONNECTION_FAILED
+    assert connect(fleet.hub_uri, "wrong", access=Access(lambda: "not its password")) == Code.HUB_CONNECTION_FAILED
 
 
 def test_each_call_of_connect_hub_looks_anew(strange_redis, connect) -> None:

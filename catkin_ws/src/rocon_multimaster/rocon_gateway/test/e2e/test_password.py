@@ -1,11 +1,17 @@
-"""A hub with a password: who has it works as ever, who has not is told once."""
+"""A hub with a password: gateways that have it connect, others get one line, and it never leaves a machine."""
 
+import re
+import socket
+import threading
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from pioneer_harness.wait import START, wait_until
+from rocon_hub.adapters.announcement import Announcement
+from rocon_hub_protocol.core.admission import HubSide
 
 # rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
@@ -51,3 +57,87 @@ def test_a_password_that_does_not_fit_is_one_line(fleet, tmp_path, hubs, ours, s
     (line,) = [line for line in lines if "refused" not in line]
     assert "ROCON_HUB_PASSWORD_FILE" in line
     assert not site.info().connected
+
+
+class Rogue:
+    """A host without the password that announces a hub by mDNS and answers those who come.
+
+    Attributes:
+        heard: all that anybody has sent it.
+        port: where it listens.
+    """
+
+    def __init__(self, name: str, answers: Callable[[bytes], bytes]) -> None:
+        self.heard: list[bytes] = []
+        self._answers = answers
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        threading.Thread(target=self._serve, daemon=True).start()
+        self.port = self._listener.getsockname()[1]
+        self._announcement = Announcement(name, self.port, everywhere=False, tls=False)
+        self._announcement.refresh()
+
+    def _serve(self) -> None:
+        try:
+            while True:
+                self._hear(self._listener.accept()[0])
+        except OSError:  # closed
+            return
+
+    def _hear(self, connection: socket.socket) -> None:
+        with connection:
+            connection.settimeout(3.0)
+            try:
+                while data := connection.recv(65536):
+                    self.heard.append(data)
+                    connection.sendall(self._answers(data))
+            except OSError:
+                return
+
+    def close(self) -> None:
+        self._announcement.close()
+        self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+
+
+def as_redis(_data: bytes) -> bytes:
+    """What a Redis with a password says to whoever has not said it."""
+    return b"-NOAUTH Authentication required.\r\n"
+
+
+class AsHub:
+    """Answers as a hub of ours that has another password: as far as it gets without knowing the right one."""
+
+    def __init__(self) -> None:
+        self._side: HubSide | None = None
+
+    def __call__(self, data: bytes) -> bytes:
+        if data.startswith(b"ROCON-PROVE"):
+            self._side = HubSide(OTHER, data)
+            return self._side.answer
+        self._side.verdict(data)
+        return b"+" + b"00" * 64 + b"\r\n"
+
+
+@pytest.fixture(params=[as_redis, AsHub], ids=["as a Redis", "as a hub"])
+def rogue(request, fleet) -> Iterator[Rogue]:
+    name = f"Rogue {fleet.hub_port}"
+    made = Rogue(name, request.param() if request.param is AsHub else request.param)
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize("how", ["without a hub", "on its hub", "by URI"])
+def test_a_host_that_is_taken_for_a_hub_learns_nothing_of_the_password(fleet, tmp_path, rogue, how) -> None:
+    """It once got the password in clear, from a gateway on its real hub within half a minute."""
+    right, has_hub = variables(tmp_path, SECRET), how == "on its hub"
+    if has_hub:
+        fleet.start_hub(right, zeroconf=True)
+    uri = f"http://127.0.0.1:{rogue.port}" if how == "by URI" else ""
+    site = fleet.site("base").start(right, hub_uri=uri, hub_whitelist=[fleet.hub_name, f"Rogue {fleet.hub_port}"])
+    if has_hub:
+        site.connected()
+    wait_until(lambda: rogue.heard and re.search("clear|know|no hub of ours", site.log.read_text()), "its refusal", 60)
+    # Nothing but shares and tags, which are random to whoever does not know the password.
+    word = rb"ROCON-PROVE 1 [0-9a-f]{32}\r\n|[0-9a-f]{64} [0-9a-f]{128}\r\n"
+    assert [data for data in rogue.heard if not re.fullmatch(word, data)] == []
+    assert site.info().hub_names == ([fleet.hub_name] if has_hub else [])

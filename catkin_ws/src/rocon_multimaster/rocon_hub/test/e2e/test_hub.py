@@ -20,7 +20,8 @@ from pioneer_harness.wait import START, wait_until
 from rocon_hub.adapters.redis_server import RedisServer
 from rocon_hub.adapters.registry import Registry
 from rocon_hub.core.setting import HubSetting, quoted
-from rocon_hub_protocol.adapters.redis_client import OPEN
+from rocon_hub_protocol.adapters.redis_client import OPEN, Access, NotOurHubError, redis_client
+from rocon_hub_protocol.core.address import HubAddress
 from tcpros.adapters.descriptor import raise_limit
 
 # rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
@@ -40,7 +41,7 @@ class Bench:
         return self.group.start(name, argv, environment, self.folder / f"{name}.log")
 
     def client(self, password: str | None = None) -> redis.Redis:
-        return redis.Redis(port=self.port, password=password, decode_responses=True, socket_timeout=2)
+        return redis_client(HubAddress("127.0.0.1", self.port), Access((lambda: password) if password else None))
 
     def admin(self) -> redis.Redis:
         """A client of the hub's own user, who may do everything; only this user's processes can be one."""
@@ -107,9 +108,28 @@ def test_a_password_is_asked_for_and_kept_out_of_the_log(bench: Bench, tmp_path:
     secret.write_text("open sesame\n")
     bench.start(ROCON_HUB_PASSWORD_FILE=str(secret))
     wait_until(lambda: bench.name("open sesame"), "the hub's name", START)
-    with bench.client() as client, pytest.raises(redis.AuthenticationError):
+    with bench.client() as client, pytest.raises(redis.AuthenticationError, match="wants a proof"):
+        client.get("rocon:hub:name")
+    with bench.client("open barley") as client, pytest.raises(NotOurHubError, match="another password"):
         client.get("rocon:hub:name")
     assert "open sesame" not in (bench.folder / "hub.log").read_text()
+
+
+def test_a_password_file_that_changes_holds_for_new_connections_and_leaves_the_others_alone(
+    bench: Bench, tmp_path: Path
+) -> None:
+    secret = tmp_path / "secret"
+    secret.write_text("open sesame\n")
+    bench.start(ROCON_HUB_PASSWORD_FILE=str(secret))
+    wait_until(lambda: bench.name("open sesame"), "the hub's name", START)
+    with bench.client("open sesame") as standing:
+        assert standing.ping()
+        secret.write_text("\n")  # cannot be meant: the old one stays in use
+        assert bench.name("open sesame") == "Test Hub"
+        secret.write_text("open barley\n")
+        assert bench.name("open barley") == "Test Hub"
+        assert bench.name("open sesame") is None
+        assert standing.get("rocon:hub:name") == "Test Hub"
 
 
 @pytest.fixture

@@ -25,7 +25,7 @@ class Servers:
         authorities = Authority(folder / "ours"), Authority(folder / "theirs"), Authority(folder / "ours", -1)
         directories = (authority.certify(f"robot{number}") for number, authority in enumerate(authorities))
         ours, foreign, expired = (Access(None, certificates_from(str(one))) for one in directories)
-        with_password = Access("open sesame", ours.certificates)
+        with_password = Access(lambda: "open sesame", ours.certificates)
         self.accesses = {"none": OPEN, "ours": ours, "foreign": foreign, "expired": expired, "secret": with_password}
         self._ports = PortReservation()
         self._servers: dict[str, RedisServer] = {}

@@ -10,7 +10,14 @@ from dataclasses import dataclass
 import redis
 
 from rocon_hub_protocol.adapters.password import FILE_VARIABLE
-from rocon_hub_protocol.adapters.redis_client import TIMEOUT, Access, needs_certificate, redis_client, unreachable
+from rocon_hub_protocol.adapters.redis_client import (
+    TIMEOUT,
+    Access,
+    NotOurHubError,
+    needs_certificate,
+    redis_client,
+    unreachable,
+)
 from rocon_hub_protocol.core.address import HubAddress
 from rocon_hub_protocol.core.code import Code, HubError
 from rocon_hub_protocol.core.key import (
@@ -256,15 +263,12 @@ class HubSession:
 
 
 def _refusal(error: redis.RedisError) -> str:
-    """Returns why Redis does not listen to us, and what to do; the client library has no classes for some of it."""
-    text = str(error)
-    if "without any password" in text:
-        return f"has no password, but we have one: unset {FILE_VARIABLE} here or set it there"
-    if "WRONGPASS" in text or "invalid password" in text:
-        return f"wants another password than ours (from {FILE_VARIABLE} or hub_password_file)"
+    """Returns why a hub does not accept us, and what to do."""
+    if isinstance(error, NotOurHubError):
+        return str(error)
     if isinstance(error, redis.exceptions.AuthenticationError):
         return f"wants a password: set {FILE_VARIABLE} to the file that holds it"
-    return f"refuses: {text}"
+    return f"refuses: {error}"
 
 
 def _sound(names, texts, parse):  # type: ignore[no-untyped-def]

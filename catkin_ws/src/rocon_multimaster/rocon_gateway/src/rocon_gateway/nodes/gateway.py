@@ -91,7 +91,8 @@ class GatewayNode:
         self._outcome = Outcome()
         self._said: tuple[object, object] = (None, None)
         access = Access(password_from(self._setting.hub_password_file), self._certificates())
-        self._relay = TcpRelay(self._relay_config(access.password), self._wake, self._logger, access.certificates)
+        config = self._relay_config(access.password and access.password())
+        self._relay = TcpRelay(config, self._wake, self._logger, access.certificates)
         self._hubs = Hubs(self._hub_config(access), self._record(), self._linked, self._wake, self._logger)
         self._turned, self._begun, self._done = threading.Condition(), 0, 0
         self._desk = Desk(book, self._hubs, self._relay, self._settle, self._set_period)

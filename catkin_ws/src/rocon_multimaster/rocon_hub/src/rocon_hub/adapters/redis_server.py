@@ -12,6 +12,7 @@ from pathlib import Path
 
 import redis
 
+from rocon_hub.adapters.front import Front
 from rocon_hub.core.error import PortBusyError, RedisError
 from rocon_hub.core.setting import ADMIN, SOCKET, Guard, HubSetting, is_open, redis_configuration
 from rocon_hub_protocol.adapters.redis_client import TIMEOUT, Access
@@ -24,9 +25,9 @@ START_TIMEOUT = 10.0
 def guard_from(access: Access) -> Guard:
     """Returns what Redis asks of its clients so that only who has this access gets in."""
     if access.certificates is None:
-        return Guard(access.password)
+        return Guard(access.password is not None)
     files = (str(access.certificates.directory / name) for name in (CERTIFICATE, KEY, AUTHORITY))
-    return Guard(access.password, *files)
+    return Guard(access.password is not None, *files)
 
 
 class SocketConnection(redis.UnixDomainSocketConnection):
@@ -59,7 +60,9 @@ class RedisServer:
     def __init__(self, setting: HubSetting, directory: Path, access: Access) -> None:
         self._setting = setting
         self._directory = directory
+        self._access = access
         self._guard = guard_from(access)
+        self._front: Front | None = None
         self._process: subprocess.Popen[bytes] | None = None
         self._admin_password = secrets.token_hex(32)
         self._users: list[str] = []
@@ -68,9 +71,10 @@ class RedisServer:
         directory.chmod(0o700)
         # A socket's path may have 107 bytes, which the directory's own may exceed; this one is short.
         self._folder = os.open(directory, os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
+        self._socket = f"/proc/self/fd/{self._folder}/{SOCKET}"
         pool = redis.ConnectionPool(
             connection_class=SocketConnection,
-            path=f"/proc/self/fd/{self._folder}/{SOCKET}",
+            path=self._socket,
             username=ADMIN,
             password=self._admin_password,
             socket_timeout=TIMEOUT,
@@ -107,6 +111,12 @@ class RedisServer:
                 start_new_session=True,
             )
         self._await()
+        if self._access.password:
+            context = self._access.certificates and self._access.certificates.server
+            try:
+                self._front = Front(self._setting.port, self._socket, self._access.password, context)
+            except OSError as error:
+                raise self._port_busy(error) from None
 
     def _check_port(self) -> None:
         address = "" if is_open(self._setting, self._guard) else "127.0.0.1"
@@ -115,9 +125,11 @@ class RedisServer:
             try:
                 probe.bind((address, self._setting.port))
             except OSError as error:
-                port = self._setting.port
-                text = f"hub: port {port} is in use ({error.strerror}): another hub or Redis runs there"
-                raise PortBusyError(f"{text}. End it, or set hub_port") from None
+                raise self._port_busy(error) from None
+
+    def _port_busy(self, error: OSError) -> PortBusyError:
+        text = f"hub: port {self._setting.port} is in use ({error.strerror}): another hub or Redis runs there"
+        return PortBusyError(f"{text}. End it, or set hub_port")
 
     def _write_configuration(self) -> Path:
         path = self._directory / "redis.conf"
@@ -147,8 +159,11 @@ class RedisServer:
         return lines[-1] if lines else "it said nothing"
 
     def stop(self) -> None:
-        """Ends the server, gently first; nothing to do if it has ended."""
+        """Ends the server, with SIGTERM first, and closes its port; nothing to do if it has ended."""
         process, self._process = self._process, None
+        front, self._front = self._front, None
+        if front:
+            front.close()
         self.client.connection_pool.disconnect()
         if process is None or process.poll() is not None:
             return

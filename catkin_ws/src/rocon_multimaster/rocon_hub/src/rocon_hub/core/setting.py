@@ -1,7 +1,7 @@
 """The hub's parameters, and the Redis configuration that follows from them."""
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from rocon_hub.core.error import HubNodeError
@@ -80,13 +80,14 @@ class Guard:
     """What keeps strangers out of the hub.
 
     Attributes:
-        password: what clients must say; None for nothing. Not shown by repr.
+        has_password: whether clients must prove that they know a password. Redis then has no port: they come over
+            the hub's `Front`.
         certificate: our own, a file; empty for no TLS. With it, clients must show one of the same authority.
         key: its key.
         authority: the authority's certificate.
     """
 
-    password: str | None = field(default=None, repr=False)
+    has_password: bool = False
     certificate: str = ""
     key: str = ""
     authority: str = ""
@@ -94,7 +95,7 @@ class Guard:
 
 def is_open(setting: HubSetting, guard: Guard) -> bool:
     """Tells whether other machines may connect: with a password or a certificate, or where the user insists."""
-    return bool(guard.password or guard.certificate) or setting.insecure
+    return guard.has_password or bool(guard.certificate) or setting.insecure
 
 
 def redis_configuration(setting: HubSetting, directory: Path, guard: Guard, admin_password: str) -> str:
@@ -124,16 +125,14 @@ def redis_configuration(setting: HubSetting, directory: Path, guard: Guard, admi
         "tcp-keepalive 10",
         "client-output-buffer-limit pubsub 8mb 2mb 30",
         f"user {ADMIN} reset on {quoted('>' + admin_password)} ~* &* +@all",
-        f"user default reset on {_secret(guard)} {' '.join(_PATTERNS)} {' '.join(f'+{one}' for one in COMMANDS)}",
+        f"user default reset on nopass {' '.join(_PATTERNS)} {' '.join(f'+{one}' for one in COMMANDS)}",
     ]
     return "\n".join(lines) + "\n"
 
 
-def _secret(guard: Guard) -> str:
-    return quoted(">" + guard.password) if guard.password else "nopass"
-
-
 def _ports(setting: HubSetting, guard: Guard) -> list[str]:
+    if guard.has_password:
+        return ["port 0"]
     if not guard.certificate:
         return [f"port {setting.port}"]
     return [

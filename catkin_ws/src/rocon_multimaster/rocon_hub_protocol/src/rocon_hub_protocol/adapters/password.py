@@ -1,7 +1,8 @@
 """The hub's password, from a file or the environment: never from a command line or a ROS parameter."""
 
+import logging
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from rocon_hub_protocol.core.code import Code, HubError
@@ -9,22 +10,69 @@ from rocon_hub_protocol.core.code import Code, HubError
 FILE_VARIABLE = "ROCON_HUB_PASSWORD_FILE"
 VARIABLE = "ROCON_HUB_PASSWORD"
 
+Password = Callable[[], str]
+"""Returns the password as it is now."""
 
-def password_from(path: str, environment: Mapping[str, str] = os.environ) -> str | None:
-    """Returns the password: the first line of the file at `path`, else of the file that the environment names, else
-    the environment's own; None where nothing is set.
+
+class PasswordFile:
+    """The first line of a file, read again when the file has changed. Any thread may call it.
+
+    A file that cannot be read then, or is empty, is logged once; the password before it stays in use.
+
+    Raises:
+        HubError: 14, where the file cannot be read at first or is empty.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._logger = logging.getLogger("rosout")
+        self._said = ""
+        try:
+            self._read = self._stamp()
+            self._password = _first_line(path)
+        except (OSError, ValueError) as error:
+            raise HubError(Code.HUB_CONNECTION_FAILED, f"the hub's password file cannot be used: {error}") from None
+
+    def __call__(self) -> str:
+        """Returns the password."""
+        try:
+            stamp = self._stamp()
+            if stamp != self._read:
+                self._read, self._password = stamp, _first_line(self._path)
+                self._said = ""
+                self._logger.info("the hub's password file has changed; its new password holds from now on")
+        except (OSError, ValueError) as error:
+            self._complain(f"the hub's password file cannot be used any more, keeping its last password: {error}")
+        return self._password
+
+    def _complain(self, text: str) -> None:
+        if text != self._said:
+            self._said = text
+            self._logger.error("%s", text)
+
+    def _stamp(self) -> tuple[int, ...]:
+        # Of what a link leads to: container runtimes replace the link.
+        now = self._path.stat()
+        return now.st_dev, now.st_ino, now.st_size, now.st_mtime_ns
+
+
+def password_from(path: str, environment: Mapping[str, str] = os.environ) -> Password | None:
+    """Returns the password of the file at `path`, else of the file that the environment names, else the environment's.
+
+    None where nothing is set.
 
     Raises:
         HubError: 14, for a file that is named but cannot be read or is empty.
     """
     path = path or environment.get(FILE_VARIABLE, "")
-    if not path:
-        return environment.get(VARIABLE) or None
-    try:
-        lines = Path(path).expanduser().read_text().splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise HubError(Code.HUB_CONNECTION_FAILED, f"the hub's password file cannot be read: {error}") from None
+    if path:
+        return PasswordFile(Path(path).expanduser())
+    password = environment.get(VARIABLE)
+    return (lambda: password) if password else None
+
+
+def _first_line(path: Path) -> str:
+    lines = path.read_text().splitlines()
     if not lines or not lines[0].strip():
-        text = f"the hub's password file {path} has no password in its first line"
-        raise HubError(Code.HUB_CONNECTION_FAILED, text)
+        raise ValueError(f"{path} has no password in its first line")
     return lines[0].strip()

@@ -1,4 +1,4 @@
-"""Clients of a hub's Redis, plain or with TLS."""
+"""Clients of a hub's Redis, plain or with TLS, with or without a password."""
 
 import socket
 import ssl
@@ -8,8 +8,11 @@ from typing import Any, TypeVar
 
 import redis
 
+from rocon_hub_protocol.adapters.password import FILE_VARIABLE, Password
 from rocon_hub_protocol.core.address import HubAddress
+from rocon_hub_protocol.core.admission import LONGEST_LINE, REFUSED, GatewaySide
 from rocon_hub_protocol.core.code import Code, HubError
+from rocon_hub_protocol.core.cpace import ProofError
 from tcpros.adapters.tls import NO_TLS, VARIABLE, Certificates, reason_of, speaks_plainly, speaks_tls
 
 Cause = TypeVar("Cause", bound=BaseException)
@@ -23,11 +26,11 @@ class Access:
     """What a hub may ask for.
 
     Attributes:
-        password: what its Redis wants to hear; None for nothing. Not shown by repr.
+        password: what it wants a proof of; None for nothing. Not shown by repr.
         certificates: for TLS; None for none.
     """
 
-    password: str | None = field(default=None, repr=False)
+    password: Password | None = field(default=None, repr=False)
     certificates: Certificates | None = None
 
 
@@ -35,46 +38,87 @@ OPEN = Access()
 """To hubs that ask for nothing."""
 
 
-class TlsConnection(redis.Connection):
-    """A connection with TLS.
+class NotOurHubError(redis.AuthenticationError):
+    """The other side and we do not have the same password, or only one of us has any; the text says which."""
 
-    redis' own makes a context for each that also believes every authority that the system trusts.
+
+class HubConnection(redis.Connection):
+    """A connection to a hub: TLS and the proof of the password come before Redis.
+
+    redis' own TLS makes a context for each connection, which also trusts every authority that the system trusts.
     """
 
-    def __init__(self, context: ssl.SSLContext, **settings: Any) -> None:
+    def __init__(self, access: Access, **settings: Any) -> None:
         super().__init__(**settings)
-        self._context = context
+        self._access = access
 
     def _connect(self) -> socket.socket:
         sock = super()._connect()
         try:
-            return self._context.wrap_socket(sock)
-        except OSError:
+            if self._access.certificates:
+                sock = self._access.certificates.client.wrap_socket(sock)
+            if self._access.password:
+                prove(sock, self._access.password())
+        except BaseException:
             sock.close()
             raise
+        return sock
 
 
-def redis_client(address: HubAddress, access: Access, encoding_errors: str = "replace") -> redis.Redis:
+def prove(sock: socket.socket, password: str) -> None:
+    """Has us and the hub at the other end prove to each other that we know the password.
+
+    Raises:
+        NotOurHubError: one of us does not know it, or it is no hub with a password.
+        OSError: the hub does not answer.
+    """
+    side = GatewaySide(password)
+    sock.sendall(side.first)
+    line = _line(sock)
+    if line.startswith(b"-NOAUTH"):
+        raise NotOurHubError("asks for the password in clear, which we never send: update it")
+    if line.startswith(b"-"):
+        raise NotOurHubError(f"has no password, but we have one: unset {FILE_VARIABLE} here or set it there")
+    try:
+        sock.sendall(side.prove(line))
+        line = _line(sock)
+        if line == REFUSED:
+            raise NotOurHubError(f"wants another password than ours (from {FILE_VARIABLE} or hub_password_file)")
+        known = side.accepts(line)
+    except ProofError as error:
+        raise NotOurHubError(f"is no hub of ours: {error}") from None
+    if not known:
+        raise NotOurHubError("does not know our password: it is no hub of ours")
+
+
+def _line(sock: socket.socket) -> bytes:
+    # The hub says one line, and then nothing until it is answered.
+    line = b""
+    while not line.endswith(b"\n"):
+        part = sock.recv(LONGEST_LINE + 1 - len(line))
+        if not part:
+            raise ConnectionError("Connection closed by server.")
+        line += part
+    return line
+
+
+def redis_client(address: HubAddress, access: Access) -> redis.Redis:
     """Returns a client that has not connected yet.
 
     Args:
         address: the hub.
-        access: what to say to it.
-        encoding_errors: what becomes of what is no text. If replaced, it is no JSON either, and counts as not written.
+        access: what it may ask for.
     """
-    kind: dict[str, Any] = {}
-    if access.certificates:
-        kind = {"connection_class": TlsConnection, "context": access.certificates.client}
     pool = redis.ConnectionPool(
+        connection_class=HubConnection,
+        access=access,
         host=address.host,
         port=address.port,
-        password=access.password,
         socket_timeout=TIMEOUT,
         socket_connect_timeout=TIMEOUT,
         socket_keepalive=True,
         decode_responses=True,
-        encoding_errors=encoding_errors,
-        **kind,
+        encoding_errors="replace",  # what is no text is no JSON then either, and counts as not written
     )
     return redis.Redis(connection_pool=pool)
 

@@ -1,0 +1,89 @@
+"""The words by which a gateway and a hub with a password prove to each other that they know it. See `docs/gateway.md`.
+
+    gateway: ROCON-PROVE 1 <session>       hub: +<share>
+    gateway: <share> <tag>                 hub: +<tag>, and Redis from here on
+
+All in hexadecimal, one line each, ended by CR LF. A Redis answers the first line with an error, and so does a hub
+without a password. `-` and a reason is the hub's refusal.
+"""
+
+import hmac
+import re
+import secrets
+
+from rocon_hub_protocol.core.cpace import Exchange, ProofError
+
+LONGEST_LINE = 512
+"""A line that is longer is none of these [bytes]."""
+
+UNPROVEN = b"-NOAUTH this hub wants a proof of its password\r\n"
+"""What a client hears that speaks to the hub as to any Redis."""
+
+REFUSED = b"-WRONGPASS the password is not this hub's\r\n"
+
+_CHANNEL = b"rocon hub 1"
+_FIRST = re.compile(rb"ROCON-PROVE 1 ([0-9a-f]{32})\r\n")
+_PROOF = re.compile(rb"([0-9a-f]{64}) ([0-9a-f]{128})\r\n")
+_SHARE = re.compile(rb"\+([0-9a-f]{64})\r\n")
+_TAG = re.compile(rb"\+([0-9a-f]{128})\r\n")
+
+
+class GatewaySide:
+    """What a gateway says. Send `first`; then each line of the hub goes into the method of its turn.
+
+    Args:
+        password: ours.
+
+    Attributes:
+        first: the first line.
+    """
+
+    def __init__(self, password: str) -> None:
+        session = secrets.token_bytes(16)
+        self._exchange = Exchange(password, _CHANNEL, session)
+        self._expected = b""
+        self.first = b"ROCON-PROVE 1 %s\r\n" % session.hex().encode()
+
+    def prove(self, line: bytes) -> bytes:
+        """Returns our proof, the answer to the hub's first line; raises ProofError if that is none."""
+        share = _bytes(_SHARE, line)
+        mine, self._expected = self._exchange.tags(self._exchange.share, share)
+        return b"%s %s\r\n" % (self._exchange.share.hex().encode(), mine.hex().encode())
+
+    def accepts(self, line: bytes) -> bool:
+        """Returns whether the hub's second line proves that it knows the password; raises ProofError if it is none."""
+        return hmac.compare_digest(_bytes(_TAG, line), self._expected)
+
+
+class HubSide:
+    """What a hub answers to one client.
+
+    Args:
+        password: ours.
+        first: the client's first line; raises ProofError if it is none.
+
+    Attributes:
+        answer: our first line.
+    """
+
+    def __init__(self, password: str, first: bytes) -> None:
+        self._exchange = Exchange(password, _CHANNEL, _bytes(_FIRST, first))
+        self.answer = b"+%s\r\n" % self._exchange.share.hex().encode()
+
+    def verdict(self, line: bytes) -> tuple[bool, bytes]:
+        """Returns whether the client's proof is right, and our answer to it; raises ProofError if it is none."""
+        found = _PROOF.fullmatch(line)
+        if not found:
+            raise ProofError("it sends no proof")
+        share, tag = (bytes.fromhex(one.decode()) for one in found.groups())
+        expected, mine = self._exchange.tags(share, self._exchange.share)
+        if not hmac.compare_digest(tag, expected):
+            return False, REFUSED
+        return True, b"+%s\r\n" % mine.hex().encode()
+
+
+def _bytes(pattern: re.Pattern[bytes], line: bytes) -> bytes:
+    found = pattern.fullmatch(line)
+    if not found:
+        raise ProofError("it does not speak the hub's protocol")
+    return bytes.fromhex(found[1].decode())
