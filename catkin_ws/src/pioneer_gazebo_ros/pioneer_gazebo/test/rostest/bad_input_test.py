@@ -91,7 +91,7 @@ class BadInputTest(unittest.TestCase):
         self.refused(self.delete("n" * 10**6), "does not exist")
 
     def test_poses(self) -> None:
-        self.refused(self.urdf("x", self.description, "x", pose(-6.0, 0.0), ""), "inside")
+        self.refused(self.urdf("x", self.description, "x", pose(-6.0, 0.0), ""), "overlap")
         self.refused(self.urdf("x", self.description, "x", pose(math.nan, 0.0), ""), "not finite")
         self.refused(self.urdf("x", self.description, "x", pose(0.0, math.inf), ""), "not finite")
         bad = ModelState("good", pose(math.nan, 0.0), Twist(), "")

@@ -196,8 +196,8 @@ class SimulatorTest(unittest.TestCase):
         again = spawn("pioneer1", *START)
         assert again.returncode == 1
         assert "already exists" in again.stderr + again.stdout
-        inside = spawn("pioneer2", *START)
-        assert "inside pioneer1" in inside.stderr + inside.stdout
+        overlapping = spawn("pioneer2", *START)
+        assert "overlap pioneer1" in overlapping.stderr + overlapping.stdout
         broken = service("spawn_urdf_model", srv.SpawnModel)("pioneer3", "<robot", "", Pose(), "")
         assert not broken.success
         assert "\n" not in broken.status_message

@@ -159,7 +159,7 @@ def test_spawning_into_a_wall_is_refused_and_leaves_nothing(
     simulate: MakeSimulation, robot: Robot, box: MakeBox
 ) -> None:
     simulation = simulate(box("wall", Pose((0.0, 0.0, 0.5)), (0.5, 0.5, 1.0)))
-    with pytest.raises(ModelError, match=r"r at \(0.00, 0.00\) would stand .* m inside wall::link::collision"):
+    with pytest.raises(ModelError, match=r"r at \(0.00, 0.00\) would overlap wall::link::collision by"):
         simulation.add_robot("r", "", robot, Pose())
     assert simulation.names() == ["floor", "wall"]
 

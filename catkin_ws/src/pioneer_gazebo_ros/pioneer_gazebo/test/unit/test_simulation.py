@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from pioneer_gazebo.core.body import body_from_robot, lowest_point
+from pioneer_gazebo.core.body import body_from_robot, lowest_points
 from pioneer_gazebo.core.drive import CommandError
 from pioneer_gazebo.core.engine import Engine, EngineError, Physics
 from pioneer_gazebo.core.error import ModelError
@@ -57,7 +57,7 @@ def test_odometry_on_wheels_that_never_slip_is_the_truth(simulation: Simulation,
 
 
 def test_fixed_joints_are_lumped_and_wheels_become_balls(robot: Robot) -> None:
-    body = body_from_robot(robot)
+    body = body_from_robot(robot, no_mesh)
     assert [part.name for part in body.parts] == ["base_link", "left_wheel", "right_wheel", "swivel", "caster"]
     assert [name for name, _ in body.parts[0].frames] == ["base_link", "laser"]
     wheel = body.parts[1].touches[0]
@@ -65,7 +65,7 @@ def test_fixed_joints_are_lumped_and_wheels_become_balls(robot: Robot) -> None:
     assert wheel.collision.shape == Sphere(0.0975)
     drums = [touch for touch in body.parts[0].touches if isinstance(touch.collision.shape, Cylinder)]
     assert len(drums) == 2
-    assert lowest_point(body, Pose()) == pytest.approx(0.0)
+    assert min(z for *_, z in lowest_points(body, Pose(), no_mesh)) == pytest.approx(0.0)
 
 
 def test_what_stands_in_the_ground_is_lifted_onto_it(simulation: Simulation, robot: Robot) -> None:

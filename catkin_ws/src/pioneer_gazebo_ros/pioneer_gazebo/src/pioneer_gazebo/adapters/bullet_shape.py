@@ -86,12 +86,21 @@ def _lone(shapes: Sequence[tuple[Collision, Pose]], triangles: Triangles, moving
             pybullet.GEOM_PLANE, planeNormal=collision.shape.normal, physicsClientId=client, **options
         )
     assert isinstance(collision.shape, Mesh)
-    corners, index = np.unique(triangles(collision.shape).reshape(-1, 3), axis=0, return_inverse=True)
     if not moving:
-        options |= {"indices": index.ravel().tolist(), "flags": pybullet.GEOM_FORCE_CONCAVE_TRIMESH}
+        return trimesh(triangles(collision.shape), client, **options)
+    corners = np.unique(triangles(collision.shape).reshape(-1, 3), axis=0)
     return pybullet.createCollisionShape(
         pybullet.GEOM_MESH, vertices=corners.tolist(), physicsClientId=client, **options
     )
+
+
+def trimesh(triangles: NDArray[np.float64], client: int, **options: Any) -> int:
+    """Returns a pybullet collision shape of triangles (n, 3, 3) that keeps its hollows."""
+    corners, index = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+    return pybullet.createCollisionShape(
+        pybullet.GEOM_MESH, vertices=corners.tolist(), indices=index.ravel().tolist(),
+        flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH, physicsClientId=client, **options,
+    )  # fmt: skip
 
 
 def _array(shapes: Sequence[tuple[Collision, Pose]], client: int) -> int:

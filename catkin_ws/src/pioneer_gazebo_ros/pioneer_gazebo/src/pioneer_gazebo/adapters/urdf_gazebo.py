@@ -61,7 +61,8 @@ def _read_reference(element: Element, link: str, extensions: Extensions, names: 
             names.check_link(child, link)
             extensions.devices += read_sensor(child, link, notes)
         elif child.tag in ("mu1", "mu"):
-            surface = dataclasses.replace(surface, friction=child.numbers(1)[0])
+            words = child.attribute("value", child.text)
+            surface = dataclasses.replace(surface, friction=child.numbers(1, words)[0])
         elif child.tag == "material":
             surface = dataclasses.replace(surface, colour=colour_of_material(child.text))
         elif child.tag not in SURFACE_QUIET:

@@ -15,34 +15,17 @@ from pioneer_gazebo.core.error import DescriptionError
 from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
 from pioneer_gazebo.core.robot import Robot
-from pioneer_gazebo.core.world import Box, Collision, Cylinder, Inertia, Link, Model, Shape, Sphere, Visual
+from pioneer_gazebo.core.section import Triangles
+from pioneer_gazebo.core.wheel import Touch, as_balls, is_wheel
+from pioneer_gazebo.core.world import Box, Collision, Cylinder, Inertia, Link, Mesh, Model, Plane, Shape, Sphere, Visual
 
 LEAST_MASS = 1e-3
 """A part lighter than this [kg] gets this mass: no solver works with none."""
-
-WHEEL_CLEARANCE = 0.004
-"""The drum that stands for a wheel against obstacles ends this much [m] above the ground."""
 
 LED_MASS = 1e5
 """What a body that is led weighs [kg]: enough that nothing it meets slows it down."""
 
 LED_INERTIA = Inertia(LED_MASS, LED_MASS, LED_MASS)
-
-
-@dataclass(frozen=True, slots=True)
-class Touch:
-    """A shape of a part.
-
-    Attributes:
-        link: name of the link it came from.
-        collision: the shape; its pose is in the part's frame.
-        rolling: meets the ground only. A wheel rolls as a ball, which touches at one point; what is wide about a ball
-            is kept from walls by this, and a drum of the wheel's true width meets them in its place.
-    """
-
-    link: str
-    collision: Collision
-    rolling: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +98,7 @@ def body_from_model(model: Model) -> Body:
         held = Link(kinds.WORLD)
         root = held if any(one.parent == kinds.WORLD for one in model.joints) else model.links[0]
         groups = _groups(model.name, root, root.pose, links.__getitem__, model.joints)
-        return Body(model.name, _parts(groups, model.joints, set()))
+        return Body(model.name, _parts(groups, model.joints, lambda *_: None))
     group = [(link, link.pose) for link in model.links]
     mass, inertia = (LED_MASS, LED_INERTIA) if model.script is not None else _lumped(group)
     touches = tuple(Touch(k.name, _moved(c, k.pose)) for k in model.links for c in k.collisions)
@@ -124,42 +107,56 @@ def body_from_model(model: Model) -> Body:
     return Body(model.name, (part,), model.script is not None)
 
 
-def body_from_robot(robot: Robot) -> Body:
-    """Returns the robot as the engine simulates it.
+def body_from_robot(robot: Robot, triangles: Triangles) -> Body:
+    """Returns the robot as the engine simulates it; ``triangles`` reads meshes.
 
     Raises:
         DescriptionError: a floating joint, which a tree of parts has no room for.
     """
-    wheels = {joint for drive in robot.drives for joint in (drive.leftJoint, drive.rightJoint)}
+    driven = {joint for drive in robot.drives for joint in (drive.leftJoint, drive.rightJoint)}
     groups = _groups(robot.name, robot.root, IDENTITY, robot.link, robot.joints)
-    return Body(robot.name, _parts(groups, robot.joints, wheels))
+
+    def rolling(touches: Sequence[Touch], joint: Joint, parent: Pose) -> _Rolling | None:
+        is_driven = joint.name in driven
+        return as_balls(touches, joint, triangles) if is_driven or is_wheel(touches, joint, parent, triangles) else None
+
+    return Body(robot.name, _parts(groups, robot.joints, rolling))
 
 
 _Group = list[tuple[Link, Pose]]
 """Links that are held together, each with its pose in the part."""
 
+_Rolling = tuple[list[Touch], list[Touch]]
+"""A wheel's shapes, and those that its parent takes over."""
 
-def _parts(groups: list[_Group], joints: Sequence[Joint], wheels: set[str]) -> tuple[Part, ...]:
-    """Returns a part for each group; the joints named in ``wheels`` turn balls that roll."""
+
+def _parts(
+    groups: list[_Group],
+    joints: Sequence[Joint],
+    rolling: Callable[[Sequence[Touch], Joint, Pose], _Rolling | None],
+) -> tuple[Part, ...]:
+    """Returns a part for each group; ``rolling`` returns what wheels become, by shapes, joint, parent's pose."""
     index = {group[0][0].name: number for number, group in enumerate(groups)}
     home = {link.name: (index[group[0][0].name], pose) for group in groups for link, pose in group}
     movable = {joint.child: joint for joint in joints if joint.kind != kinds.FIXED}
     touches: list[list[Touch]] = [[Touch(k.name, _moved(c, p)) for k, p in g for c in k.collisions] for g in groups]
-    parts = []
+    parts: list[Part] = []
+    frames: list[Pose] = []
     for number, group in enumerate(groups):
         joint = movable.get(group[0][0].name)
         parent = -1
         if joint is not None:
             parent, parent_pose = home[joint.parent]
             joint = replace(joint, pose=parent_pose.compose(joint.pose))
-            if joint.name in wheels:
-                rolling, drums = _as_balls(touches[number], joint)
-                touches[number] = rolling
+            found = rolling(touches[number], joint, frames[parent])
+            if found is not None:
+                touches[number], drums = found
                 touches[parent] += drums
+        frames.append(IDENTITY if joint is None else frames[parent].compose(joint.pose))
         held = group[0][0].name == kinds.WORLD
         mass, inertia = (0.0, Inertia()) if held else _lumped(group)
-        frames = tuple((link.name, pose) for link, pose in group if link.name != kinds.WORLD)
-        parts.append(Part(group[0][0].name, parent, joint, mass, inertia, (), frames, _looks(group)))
+        names = tuple((link.name, pose) for link, pose in group if link.name != kinds.WORLD)
+        parts.append(Part(group[0][0].name, parent, joint, mass, inertia, (), names, _looks(group)))
     return tuple(replace(p, touches=tuple(t)) for p, t in zip(parts, touches, strict=True))
 
 
@@ -200,40 +197,6 @@ def _moved(collision: Collision, pose: Pose) -> Collision:
     return replace(collision, pose=pose.compose(collision.pose))
 
 
-def _as_balls(touches: Iterable[Touch], joint: Joint) -> tuple[list[Touch], list[Touch]]:
-    """Returns a wheel's shapes as balls that roll, and the drums for its parent that meet obstacles in their place.
-
-    A cylinder or ball about the joint's axis becomes a ball of its radius; any other shape stays as it is.
-    """
-    balls, drums = [], []
-    for touch in touches:
-        shape = touch.collision.shape
-        if not isinstance(shape, Cylinder | Sphere) or not _about(touch.collision, joint.axis):
-            balls.append(touch)
-            continue
-        balls.append(replace(touch, collision=replace(touch.collision, shape=Sphere(shape.radius)), rolling=True))
-        drum = _drum(shape)
-        if drum is not None:
-            pose = joint.pose.compose(touch.collision.pose)
-            drums.append(replace(touch, collision=replace(touch.collision, shape=drum, pose=pose, friction=0.2)))
-    return balls, drums
-
-
-def _drum(shape: Shape) -> Cylinder | None:
-    if isinstance(shape, Cylinder) and shape.radius > 2 * WHEEL_CLEARANCE:
-        return Cylinder(shape.radius - WHEEL_CLEARANCE, shape.length)
-    return None
-
-
-def _about(collision: Collision, axis: Vector) -> bool:
-    """Tells whether the shape turns in place about ``axis`` through the part's origin."""
-    offset = np.cross(collision.pose.position, axis)
-    if float(np.linalg.norm(offset)) > 1e-3:
-        return False
-    along = collision.pose.matrix()[:3, 2]
-    return isinstance(collision.shape, Sphere) or abs(float(along @ np.array(axis))) > 0.999
-
-
 def _tensor(inertia: Inertia) -> NDArray[np.float64]:
     i = inertia
     return np.array([(i.ixx, i.ixy, i.ixz), (i.ixy, i.iyy, i.iyz), (i.ixz, i.iyz, i.izz)])
@@ -265,32 +228,35 @@ def _ball_inertia(mass: float, radius: float) -> Inertia:
     return Inertia(moment, moment, moment)
 
 
-def lowest_point(body: Body, pose: Pose) -> float:
-    """Returns the height [m] of the body's lowest point at ``pose``, joints at 0; infinity where it has no shapes.
-
-    Meshes count with their origin only.
-    """
+def lowest_points(body: Body, pose: Pose, triangles: Triangles) -> list[Vector]:
+    """Returns x, y [m] of each of the body's shapes at ``pose``, joints at 0, and z of its lowest point."""
     frames = [pose]
-    lowest = math.inf
+    points = []
     for number, part in enumerate(body.parts):
         if number:
             assert part.joint is not None
             frames.append(frames[part.parent].compose(part.joint.pose))
         for touch in part.touches:
             placed = frames[number].compose(touch.collision.pose)
-            lowest = min(lowest, placed.position[2] - half_height(touch.collision.shape, placed))
-    return lowest
+            x, y, _ = placed.position
+            points.append((x, y, heights(touch.collision.shape, placed, triangles)[0]))
+    return points
 
 
-def half_height(shape: Shape, pose: Pose) -> float:
-    """Returns how far the shape reaches below its origin [m]."""
+def heights(shape: Shape, pose: Pose, triangles: Triangles) -> tuple[float, float]:
+    """Returns the heights [m] of the lowest and highest point of a shape at ``pose``; a plane's are its origin's."""
     up = pose.matrix()[2, :3]
+    z = pose.position[2]
     match shape:
-        case Box(size=(x, y, z)):
-            return float(abs(up) @ np.array([x, y, z])) / 2
+        case Box(size=size):
+            reach = float(abs(up) @ np.array(size)) / 2
         case Cylinder(radius=radius, length=length):
-            return radius * math.sqrt(max(0.0, 1 - float(up[2]) ** 2)) + abs(float(up[2])) * length / 2
+            reach = radius * math.sqrt(max(0.0, 1 - float(up[2]) ** 2)) + abs(float(up[2])) * length / 2
         case Sphere(radius=radius):
-            return radius
-        case _:
-            return 0.0
+            reach = radius
+        case Mesh():
+            along = triangles(shape).reshape(-1, 3) @ up
+            return z + float(along.min()), z + float(along.max())
+        case Plane():
+            reach = 0.0
+    return z - reach, z + reach

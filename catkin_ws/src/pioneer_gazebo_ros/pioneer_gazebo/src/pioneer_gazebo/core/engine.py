@@ -135,10 +135,13 @@ class Engine(Protocol):
         """Applies a force [N] at ``point`` and a torque [N m] during the next step."""
 
     def contacts(self, handle: int) -> list[Contact]:
-        """Returns the body's contacts with anything but the ground in the last step."""
+        """Returns the body's contacts in the last step, but for those with what carries it."""
 
     def touching(self) -> set[int]:
-        """Returns the handles of all bodies that touched anything but the ground in the last step."""
+        """Returns the handles of all bodies that touched anything in the last step but what carries them."""
+
+    def support(self, points: Sequence[tuple[float, float]], top: float) -> float | None:
+        """Returns the greatest height [m], at most ``top``, that anything standing has below these x, y [m]."""
 
     def overlap(self, handle: int) -> list[Contact]:
         """Returns where the body stands inside something other than the ground, without a step."""

@@ -148,6 +148,10 @@ class FakeEngine:
         """See `Engine`."""
         return self.touched & self._bodies.keys()
 
+    def support(self, points: Sequence[tuple[float, float]], top: float) -> float | None:
+        """See `Engine`; the ground is at 0."""
+        return 0.0 if points and top >= 0.0 else None
+
     def overlap(self, handle: int) -> list[Contact]:
         """See `Engine`; there are none."""
         del handle

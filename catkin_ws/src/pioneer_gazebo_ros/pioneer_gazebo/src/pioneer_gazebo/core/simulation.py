@@ -6,13 +6,12 @@ than a step, and commands act from the next step on.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pioneer_gazebo.core.actor import Actors
-from pioneer_gazebo.core.body import Body, body_from_model, body_from_robot, lowest_point
+from pioneer_gazebo.core.body import Body, body_from_model, body_from_robot
 from pioneer_gazebo.core.drive import Odometry
 from pioneer_gazebo.core.engine import STILL, Contact, Engine, Physics, Velocity
 from pioneer_gazebo.core.entity import Driven, Entity, Mounted, driven_on, mounted_on
@@ -23,16 +22,11 @@ from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.scene import Scene
 from pioneer_gazebo.core.schedule import TICK_RATE, period_of
 from pioneer_gazebo.core.section import Triangles
+from pioneer_gazebo.core.spot import DEEPEST_START, STEP_UP, deepest, lifted
 from pioneer_gazebo.core.standing import Standing
 from pioneer_gazebo.core.view import View
 from pioneer_gazebo.core.world import Model, World
 from pioneer_gazebo.core.wrench import Wrench, Wrenches
-
-DEEPEST_START = 0.02
-"""A model may be spawned at most this far [m] inside something else."""
-
-GROUND_GAP = 0.0005
-"""What is spawned in the ground is lifted until it is this far [m] above."""
 
 
 class Simulation:
@@ -54,11 +48,12 @@ class Simulation:
         """
         self._engine = engine
         scene = Scene(triangles)
+        self._triangles = triangles
         self._view = View(scene)
         self._seed, self._odometry_error, self._odometry_scale = seed, odometry_error, odometry_scale
         self._entities: dict[str, Entity] = {}
         self._by_handle: dict[int, Entity] = {}
-        self._standing = Standing(engine, scene)
+        self._standing = Standing(engine, scene, triangles)
         self._actors = Actors(engine)
         self._wrenches = Wrenches(engine)
         self._collided: list[Entity] = []
@@ -130,7 +125,7 @@ class Simulation:
         """Adds a model without sensors and plugins; ``anywhere``: also inside something else, as a world may have it.
 
         Raises:
-            ModelError: its name is taken, or it would stand inside something.
+            ModelError: its name is taken, or it would overlap something.
             EngineError: a shape cannot be made.
         """
         self._check_name(model.name)
@@ -151,11 +146,11 @@ class Simulation:
         """Adds a robot with its root link at ``pose``.
 
         Raises:
-            ModelError: its name is taken, or it would stand inside something.
+            ModelError: its name is taken, or it would overlap something.
             DescriptionError, CommandError, EngineError: its description cannot be simulated.
         """
         self._check_name(name)
-        body = body_from_robot(robot)
+        body = body_from_robot(robot, self._triangles)
         errors = self._seed, self._odometry_error, self._odometry_scale
         drives = [driven_on(body, name, config, *errors) for config in robot.drives]
         entity = self._add(name, namespace, body, pose, robot, anywhere=False)
@@ -167,18 +162,14 @@ class Simulation:
         return entity
 
     def _add(self, name: str, namespace: str, body: Body, pose: Pose, robot: Robot | None, anywhere: bool) -> Entity:
-        lowest = lowest_point(body, pose)
-        if -1.0 < lowest < GROUND_GAP and body.parts[0].mass > 0:
-            x, y, z = pose.position
-            pose = replace(pose, position=(x, y, z + GROUND_GAP - lowest))
+        pose = lifted(self._engine, body, pose, self._triangles, DEEPEST_START if anywhere else STEP_UP)
         handle = self._engine.add(body, pose)
-        overlap = [] if anywhere else self._engine.overlap(handle)
-        deepest = max(overlap, key=lambda contact: contact.depth, default=None)
-        if deepest is not None and deepest.depth > DEEPEST_START:
-            inside = self.touched_name(deepest)
+        worst = None if anywhere else deepest(self._engine.overlap(handle))
+        if worst is not None:
+            inside = self.touched_name(worst)
             self._engine.remove(handle)
             x, y, _ = pose.position
-            raise ModelError(f"model {name} at ({x:.2f}, {y:.2f}) would stand {deepest.depth:.2f} m inside {inside}")
+            raise ModelError(f"model {name} at ({x:.2f}, {y:.2f}) would overlap {inside} by {worst.depth:.2f} m")
         return self._keep(Entity(name, namespace, body, handle, pose, robot, after=pose))
 
     def _keep(self, entity: Entity) -> Entity:

@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 
-from pioneer_gazebo.core.body import half_height
+from pioneer_gazebo.core.body import heights
 from pioneer_gazebo.core.engine import Engine
 from pioneer_gazebo.core.nearest import nearest, scoped_name
 from pioneer_gazebo.core.pose import Pose, Vector
 from pioneer_gazebo.core.scene import Scene
-from pioneer_gazebo.core.world import Mesh, Model, PlacedCollision, Plane, World
+from pioneer_gazebo.core.section import Triangles
+from pioneer_gazebo.core.world import Model, PlacedCollision, Plane, World
 
 GROUND_TOP = 0.03
 """A standing shape whose top is not above this [m] is ground: wheels roll on it, and touching it is no collision."""
@@ -16,16 +17,18 @@ GROUND_TOP = 0.03
 class Standing:
     """Static models by name; engine and scene are told of every change, which rebuilds them."""
 
-    def __init__(self, engine: Engine, scene: Scene) -> None:
-        self._engine, self._scene = engine, scene
+    def __init__(self, engine: Engine, scene: Scene, triangles: Triangles) -> None:
+        self._engine, self._scene, self._triangles = engine, scene, triangles
         self._first: dict[str, Model] = {}
         self._obstacles: list[PlacedCollision] = []
         self.models: dict[str, Model] = {}
 
     def _set(self, models: dict[str, Model]) -> None:
-        placed = list(World("", tuple(models.values())).collisions())
-        ground = [one for one in placed if is_ground(one)]
-        obstacles = [one for one in placed if not is_ground(one)]
+        placed = World("", tuple(models.values())).collisions()
+        ground: list[PlacedCollision] = []
+        obstacles: list[PlacedCollision] = []
+        for one in placed:
+            (ground if is_ground(one, self._triangles) else obstacles).append(one)
         self._engine.set_standing(ground, obstacles)
         self._scene.set_standing(obstacles)
         self.models, self._obstacles = models, obstacles
@@ -60,9 +63,7 @@ class Standing:
         return scoped_name(found) if found is not None else "the world"
 
 
-def is_ground(one: PlacedCollision) -> bool:
-    """Tells whether a standing shape is ground; a mesh never is."""
+def is_ground(one: PlacedCollision, triangles: Triangles) -> bool:
+    """Tells whether a standing shape is ground."""
     shape = one.collision.shape
-    if isinstance(shape, Plane):
-        return True
-    return not isinstance(shape, Mesh) and one.pose.position[2] + half_height(shape, one.pose) <= GROUND_TOP
+    return isinstance(shape, Plane) or heights(shape, one.pose, triangles)[1] <= GROUND_TOP

@@ -88,7 +88,7 @@ class Snapshot:
         text = rospy.get_param("/robot_description", "")
         if not text:
             return NO_OUTLINE
-        return outline_of(body_from_robot(robot_from_urdf(text)), LASER_HEIGHT, triangles_of_mesh)
+        return outline_of(body_from_robot(robot_from_urdf(text), triangles_of_mesh), LASER_HEIGHT, triangles_of_mesh)
 
     def _shown(self, name: str, outline: NDArray[np.float64]) -> Shown:
         pose = conversions.pose_from_message(self._model(name, "").pose)

@@ -1,0 +1,88 @@
+"""What wheels roll on where it is not ground: the tops of obstacles.
+
+A wheel is a ball that is wider than it looks, so it must not meet the sides of obstacles. Their tops, as thin slabs
+or as the triangles that face up, meet wheels only.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from pioneer_gazebo.adapters.bullet_body import GROUND, ROLLING
+from pioneer_gazebo.adapters.bullet_shape import FRICTION_AT_MOST, Triangles, batches, standing_body, trimesh
+from pioneer_gazebo.core.pose import Pose, conjugate, rotated
+from pioneer_gazebo.core.world import Box, Cylinder, Mesh, PlacedCollision
+
+THICKNESS = 0.02
+"""Of a slab [m]."""
+
+NARROWEST = 0.2
+"""A top that is narrower [m] carries nothing."""
+
+UPRIGHT = 0.9
+STEEPEST = 0.5
+"""A triangle whose normal rises by less than this is a wall."""
+
+
+def carriers(placed: Sequence[PlacedCollision], triangles: Triangles, client: int) -> list[int]:
+    """Makes fixed bodies of all tops and returns pybullet's numbers for them."""
+    slabs = [slab for one in placed if (slab := _slab(one)) is not None]
+    made = [standing_body(batch, triangles, client) for batch in batches(slabs)]
+    for one in placed:
+        if isinstance(one.collision.shape, Mesh):
+            facing_up = _facing_up(triangles(one.collision.shape), one.pose)
+            if len(facing_up):
+                made.append(_mesh_top(one, facing_up, client))
+    for body in made:
+        pybullet.setCollisionFilterGroupMask(body, -1, GROUND, ROLLING, physicsClientId=client)
+    return made
+
+
+def _slab(one: PlacedCollision) -> PlacedCollision | None:
+    """Returns the top of a box or of an upright cylinder, None for anything else and for what is too narrow."""
+    shape = one.collision.shape
+    up = rotated(conjugate(one.pose.rotation), (0.0, 0.0, 1.0))
+    if isinstance(shape, Cylinder):
+        if abs(up[2]) < UPRIGHT or 2 * shape.radius < NARROWEST:
+            return None
+        return _top(one, Cylinder(shape.radius, min(THICKNESS, shape.length)), 2, up[2], shape.length)
+    if not isinstance(shape, Box):
+        return None
+    axis = max(range(3), key=lambda index: abs(up[index]))
+    size = list(shape.size)
+    if min(size[:axis] + size[axis + 1 :]) < NARROWEST:
+        return None
+    height, size[axis] = size[axis], min(THICKNESS, size[axis])
+    return _top(one, Box((size[0], size[1], size[2])), axis, up[axis], height)
+
+
+def _top(one: PlacedCollision, shape: Box | Cylinder, axis: int, up: float, height: float) -> PlacedCollision:
+    thickness = shape.size[axis] if isinstance(shape, Box) else shape.length
+    offset = [0.0, 0.0, 0.0]
+    offset[axis] = (height - thickness) / 2 * (1.0 if up > 0 else -1.0)
+    pose = one.pose.compose(Pose((offset[0], offset[1], offset[2])))
+    return replace(one, collision=replace(one.collision, shape=shape), pose=pose)
+
+
+def _facing_up(corners: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
+    """Returns the triangles of a mesh at ``pose`` that are not steep, whichever way round they are."""
+    up = pose.matrix()[2, :3]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1)
+    return corners[np.abs(normals @ up) > STEEPEST * np.maximum(lengths, 1e-12)]
+
+
+def _mesh_top(one: PlacedCollision, corners: NDArray[np.float64], client: int) -> int:
+    shape = trimesh(corners, client)
+    body = pybullet.createMultiBody(
+        baseMass=0.0, baseCollisionShapeIndex=shape, basePosition=one.pose.position,
+        baseOrientation=one.pose.rotation, physicsClientId=client,
+    )  # fmt: skip
+    friction = min(one.collision.friction, FRICTION_AT_MOST)
+    pybullet.changeDynamics(
+        body, -1, lateralFriction=friction, restitution=one.collision.restitution, physicsClientId=client
+    )
+    return body
