@@ -15,19 +15,19 @@ from rocon_hub_protocol.core.key import (
     NAME_KEY,
     PROTOCOL_KEY,
     alive_key,
-    letters_key,
     lost_key,
     record_key,
+    requests_key,
 )
 from rocon_hub_protocol.core.record import (
-    Letter,
     Offer,
+    PeerRequest,
     Purpose,
     Record,
     Reply,
-    letter_from_text,
-    text_from_letter,
+    request_from_text,
     text_from_record,
+    text_from_request,
 )
 from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule
 
@@ -188,7 +188,7 @@ class Crowd:
 
     def _join(self, member: Member) -> None:
         name, speech = member.name, member.speech
-        member.events.ask(("SUBSCRIBE", GATEWAYS_KEY), ("SUBSCRIBE", letters_key(name)))
+        member.events.ask(("SUBSCRIBE", GATEWAYS_KEY), ("SUBSCRIBE", requests_key(name)))
         flips = tuple(RemoteRule(member.onward, Rule(Kind.PUBLISHER, topic)) for topic in self._topics(member))
         record = text_from_record(Record(name, "instance", "127.0.0.1", 9, flips=flips))
         _, present = speech.ask(("MGET", NAME_KEY, PROTOCOL_KEY), ("SMEMBERS", GATEWAYS_KEY))
@@ -196,14 +196,14 @@ class Crowd:
         speech.ask(
             ("MGET", *(alive_key(other.decode()) for other in present or [name.encode()])),
             ("MULTI",),
-            *(("HDEL", letters_key(other.decode()), name) for other in present),
+            *(("HDEL", requests_key(other.decode()), name) for other in present),
             ("SET", record_key(name), record),
             ("SET", alive_key(name), "instance", "PX", ALIVE),
             ("DEL", lost_key(name)),
             ("SADD", GATEWAYS_KEY, name),
             ("PUBLISH", GATEWAYS_KEY, f'{{"gateway": "{name}", "event": "joined"}}'),
             ("EXEC",),
-            ("HGETALL", letters_key(name)),
+            ("HGETALL", requests_key(name)),
         )
         self._selector.register(member.events.socket, selectors.EVENT_READ, member)
         self._beats.append((time.monotonic() + HEARTBEAT, member))
@@ -221,13 +221,13 @@ class Crowd:
 
     def _offer(self, member: Member) -> None:
         offers = tuple(Offer(one, "std_msgs/String", "/node", Purpose.FLIP) for one in self._topics(member))
-        self._write(member, member.onward, Letter(offers=offers))
+        self._write(member, member.onward, PeerRequest(offers=offers))
 
-    def _write(self, member: Member, receiver: str, letter: Letter) -> None:
-        key = letters_key(receiver)
+    def _write(self, member: Member, receiver: str, request: PeerRequest) -> None:
+        key = requests_key(receiver)
         member.speech.ask(
             ("MULTI",),
-            ("HSET", key, member.name, text_from_letter(letter)),
+            ("HSET", key, member.name, text_from_request(request)),
             ("PUBLISH", key, member.name),
             ("EXEC",),
         )
@@ -245,17 +245,17 @@ class Crowd:
             raise OSError(f"the hub closed the connection of {member.name}")
         messages, member.rest = _messages(member.rest + data)
         for channel, said in messages:
-            if channel == letters_key(member.name).encode():
-                self._take_letter(member, said.decode())
+            if channel == requests_key(member.name).encode():
+                self._take_request(member, said.decode())
             elif channel == GATEWAYS_KEY.encode() and member.onward.encode() in said and b'"joined"' in said:
                 self._meet(member)
 
-    def _take_letter(self, member: Member, sender: str) -> None:
-        ((text,),) = member.speech.ask(("HMGET", letters_key(member.name), sender))
-        letter = letter_from_text(text)
-        if letter.offers:
-            replies = tuple(Reply(Kind.PUBLISHER, one.topic, one.node, "active") for one in letter.offers)
-            self._write(member, sender, Letter(replies=replies))
-        elif {one.topic for one in letter.replies} == set(self._topics(member)):
+    def _take_request(self, member: Member, sender: str) -> None:
+        ((text,),) = member.speech.ask(("HMGET", requests_key(member.name), sender))
+        request = request_from_text(text)
+        if request.offers:
+            replies = tuple(Reply(Kind.PUBLISHER, one.topic, one.node, "active") for one in request.offers)
+            self._write(member, sender, PeerRequest(replies=replies))
+        elif {one.topic for one in request.replies} == set(self._topics(member)):
             member.answered += 1
             member.answered_at = time.monotonic()

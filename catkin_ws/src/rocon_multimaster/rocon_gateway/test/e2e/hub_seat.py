@@ -9,18 +9,18 @@ import redis
 
 from pioneer_harness.port import PortReservation
 from pioneer_harness.wait import wait_until
-from rocon_gateway.adapters.hub import Hub, HubContext, Publication
+from rocon_gateway.adapters.hub_client import HubClient, HubContext, Publication
 from rocon_gateway.adapters.hub_session import HubSession
 from rocon_gateway.core.presence import Candidate, HubView
 from rocon_hub.adapters.redis_server import RedisServer
 from rocon_hub.adapters.registry import Registry
-from rocon_hub.core.setting import HubSetting
+from rocon_hub.core.config import HubConfig
 from rocon_hub_protocol.adapters.redis_client import OPEN
 from rocon_hub_protocol.core.address import HubAddress
 from rocon_hub_protocol.core.code import Code, HubError
-from rocon_hub_protocol.core.record import Letter, Offer, Purpose, Record
+from rocon_hub_protocol.core.record import Offer, PeerRequest, Purpose, Record
 
-LETTER = Letter(offers=(Offer("/flow", "std_msgs/String", "/talker", Purpose.FLIP),))
+REQUEST = PeerRequest(offers=(Offer("/flow", "std_msgs/String", "/talker", Purpose.FLIP),))
 
 
 class Seat:
@@ -50,7 +50,7 @@ class Seat:
             examine=lambda _session, _request: None,
             logger=logging.getLogger("seat"),
         )
-        self._hub = Hub([Candidate(self._address)], True, self._said({}), context)
+        self._hub = HubClient([Candidate(self._address)], True, self._said({}), context)
 
     def _open(self, _way: Candidate) -> HubSession:
         if self.is_barred:
@@ -60,20 +60,20 @@ class Seat:
         self.session = HubSession(self._address, OPEN, self.name, self._instance)
         return self.session
 
-    def _take(self, _hub: Hub, view: HubView | None) -> None:
+    def _take(self, _hub: HubClient, view: HubView | None) -> None:
         self.view = view or HubView()
 
-    def _said(self, letters: dict[str, Letter]) -> Publication:
-        return Publication(Record(self.name, self._instance, "127.0.0.1", 9), letters, frozenset({".*"}))
+    def _said(self, requests: dict[str, PeerRequest]) -> Publication:
+        return Publication(Record(self.name, self._instance, "127.0.0.1", 9), requests, frozenset({".*"}))
 
-    def tell(self, **letters: Letter) -> None:
+    def tell(self, **requests: PeerRequest) -> None:
         """Sets what it tells whom."""
-        self._hub.publish(self._said(letters))
+        self._hub.publish(self._said(requests))
 
-    def hears(self, sender: str) -> Letter | None:
-        """The letter of `sender`, as it knows it; None for a gateway that it does not know."""
+    def hears(self, sender: str) -> PeerRequest | None:
+        """The request of `sender`, as it knows it; None for a gateway that it does not know."""
         remote = self.view.remotes.get(sender)
-        return remote.letter if remote else None
+        return remote.request if remote else None
 
     def connected(self) -> "Seat":
         wait_until(lambda: self.view.connected, f"{self.name} on the hub", 5)
@@ -102,7 +102,7 @@ class Bench:
     def __init__(self, folder: Path) -> None:
         self._ports = PortReservation()
         self.port = self._ports.take(19380)
-        self.server = RedisServer(HubSetting(port=self.port), folder / "redis", OPEN)
+        self.server = RedisServer(HubConfig(port=self.port), folder / "redis", OPEN)
         self.server.start()
         self.client: redis.Redis = self.server.client
         self.registry = Registry(self.client, 60.0)

@@ -8,7 +8,7 @@ import redis
 
 from pioneer_harness.masters import is_running
 from pioneer_harness.wait import START, wait_until
-from rocon_gateway.adapters.hubs import HubConfig, Hubs
+from rocon_gateway.adapters.hubs import Hubs, HubsConfig
 from rocon_hub_protocol.adapters.redis_client import Access
 from rocon_hub_protocol.core.code import Code, HubError
 from rocon_hub_protocol.core.key import NAME_KEY, PROTOCOL_KEY
@@ -27,7 +27,7 @@ def connect() -> Iterator[Connect]:
 
     def call(uri: str, name: str = "caller", **settings: object) -> Code:
         if name not in made:
-            made[name] = Hubs(HubConfig(**settings), Record(name, name, "", 1), set, list, logging.getLogger(name))
+            made[name] = Hubs(HubsConfig(**settings), Record(name, name, "", 1), set, list, logging.getLogger(name))
         try:
             made[name].connect(uri)
         except HubError as error:

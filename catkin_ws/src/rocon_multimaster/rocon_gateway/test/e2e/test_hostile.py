@@ -17,7 +17,7 @@ from measure import MB, checked, memory, open_files
 from nonsense import drawn
 
 from pioneer_harness.wait import START, wait_until
-from rocon_hub_protocol.core.key import GATEWAYS_KEY, alive_key, letters_key, record_key
+from rocon_hub_protocol.core.key import GATEWAYS_KEY, alive_key, record_key, requests_key
 
 # rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
@@ -52,7 +52,7 @@ def sent_since(log: Path, moment: float) -> int:
 
 
 def assert_none_doubled(log: Path) -> None:
-    """Messages come, whole and in order; but whoever overwrites the letters on the hub may have made them pause."""
+    """Messages come, whole and in order; but whoever overwrites the requests on the hub may have made them pause."""
     began = time.monotonic()
     wait_until(lambda: checked(log)[-1][0] > began, "the flow goes on", 5)
     rows = checked(log)
@@ -72,19 +72,19 @@ def test_garbage_in_redis_values_does_no_harm(standing_fleet, standing, flow) ->
         records.append(json.dumps(strange).encode())
     base.flip(".*", "subscriber", "/ghost")
     base.pull(".*", "publisher", ".*")
-    letters = [b"[" * 100_000, b'{"offers":NaN}', *drawn(nonsense.letters, 60), *records]
-    suffixes = drawn(st.binary(max_size=3), len(letters))
-    for number, (letter, suffix) in enumerate(zip(letters, itertools.cycle(suffixes), strict=False)):
+    requests = [b"[" * 100_000, b'{"offers":NaN}', *drawn(nonsense.requests, 60), *records]
+    suffixes = drawn(st.binary(max_size=3), len(requests))
+    for number, (request, suffix) in enumerate(zip(requests, itertools.cycle(suffixes), strict=False)):
         ghost = f"ghost{number}".encode() + suffix
-        client.hset(letters_key("base"), ghost, letter)
+        client.hset(requests_key("base"), ghost, request)
         client.set(record_key("").encode() + ghost, records[number % len(records)])
         client.set(alive_key("").encode() + ghost, b"\xff", px=1500)
         client.sadd(GATEWAYS_KEY, ghost)
-        client.publish(GATEWAYS_KEY, (letter, b'{"gateway": 3, "event": "joined"}', b"[]")[number % 3])
+        client.publish(GATEWAYS_KEY, (request, b'{"gateway": 3, "event": "joined"}', b"[]")[number % 3])
         client.publish(GATEWAYS_KEY, b'{"gateway": "' + f"ghost{number}".encode() + b'", "event": "joined"}')
-        client.publish(letters_key("base"), ghost)
-        client.publish(record_key("robot"), letter)
-    for key in (letters_key("base"), letters_key("robot")):
+        client.publish(requests_key("base"), ghost)
+        client.publish(record_key("robot"), request)
+    for key in (requests_key("base"), requests_key("robot")):
         client.set(key, b"not a hash")
         client.publish(key, b"robot")
     began = time.monotonic()
@@ -103,7 +103,7 @@ def test_a_wrong_type_under_every_key_of_the_hub_is_overcome(standing_fleet, sta
     for key in (GATEWAYS_KEY, record_key("base"), alive_key("base"), "rocon:lost:base"):
         # Both at once: in between its owner could write it again.
         client.pipeline().delete(key).hset(key, "x", "x").execute()
-    client.set(letters_key("base"), "x")
+    client.set(requests_key("base"), "x")
     client.close()
     robot.talk("/after", "honest")
     wait_until(lambda: base.info().connected and robot.info().connected, "both on the hub", 10)

@@ -5,13 +5,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hub_seat import LETTER, Bench, Seat
+from hub_seat import REQUEST, Bench, Seat
 
 from pioneer_harness.tcp_proxy import TcpProxy
 from pioneer_harness.wait import wait_until
 from rocon_hub.adapters.registry import Registry
-from rocon_hub_protocol.core.key import GATEWAYS_KEY, NAME_KEY, alive_key, letters_key, record_key
-from rocon_hub_protocol.core.record import EMPTY, Record, text_from_letter, text_from_record
+from rocon_hub_protocol.core.key import GATEWAYS_KEY, NAME_KEY, alive_key, record_key, requests_key
+from rocon_hub_protocol.core.record import NO_REQUEST, Record, text_from_record, text_from_request
 
 
 @pytest.fixture
@@ -22,10 +22,10 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 
 
 def told(bench: Bench) -> tuple[Seat, Seat]:
-    """A base and a robot that has written it a letter, which the base knows."""
+    """A base and a robot that has written it a request, which the base knows."""
     base, robot = bench.seat("base"), bench.seat("robot")
-    robot.tell(base=LETTER)
-    wait_until(lambda: base.hears("robot") == LETTER, "the letter", 5)
+    robot.tell(base=REQUEST)
+    wait_until(lambda: base.hears("robot") == REQUEST, "the request", 5)
     return base, robot
 
 
@@ -34,37 +34,37 @@ def test_what_is_cancelled_while_its_gateway_is_off_the_hub_is_withdrawn_when_it
     robot.lose()
     robot.tell()
     robot.find()
-    wait_until(lambda: base.hears("robot") == EMPTY, "the withdrawal", 5)
-    assert not bench.client.exists(letters_key("base"))
+    wait_until(lambda: base.hears("robot") == NO_REQUEST, "the withdrawal", 5)
+    assert not bench.client.exists(requests_key("base"))
 
 
 def test_what_a_killed_gateway_had_told_is_withdrawn_by_its_next_instance(bench: Bench) -> None:
     base, robot = told(bench)
     robot.lose()
     bench.seat("robot", "2")
-    wait_until(lambda: base.hears("robot") == EMPTY, "the withdrawal", 5)
+    wait_until(lambda: base.hears("robot") == NO_REQUEST, "the withdrawal", 5)
 
 
 def test_what_was_withdrawn_while_the_receiver_was_off_the_hub_is_forgotten_when_it_returns(bench: Bench) -> None:
     base, robot = told(bench)
     base.lose()
     robot.tell()
-    wait_until(lambda: not bench.client.exists(letters_key("base")), "the withdrawal", 5)
+    wait_until(lambda: not bench.client.exists(requests_key("base")), "the withdrawal", 5)
     base.find()
-    assert base.hears("robot") == EMPTY
+    assert base.hears("robot") == NO_REQUEST
 
 
-def test_on_a_hub_that_was_emptied_letters_hold_until_their_senders_have_had_time_to_write(bench: Bench) -> None:
+def test_on_a_hub_that_was_emptied_requests_hold_until_their_senders_have_had_time_to_write(bench: Bench) -> None:
     base, robot = told(bench)
     base.lose()
     robot.lose()
     bench.client.flushall()
     bench.registry.open("Test Hub")
     base.find()
-    assert base.hears("robot") == LETTER
+    assert base.hears("robot") == REQUEST
     robot.find()
-    wait_until(lambda: bench.client.hexists(letters_key("base"), "robot"), "the letter on the hub", 5)
-    assert base.hears("robot") == LETTER
+    wait_until(lambda: bench.client.hexists(requests_key("base"), "robot"), "the request on the hub", 5)
+    assert base.hears("robot") == REQUEST
 
 
 def test_a_thousand_who_join_at_once_are_read_together_and_cost_no_sign_of_life(bench: Bench) -> None:
@@ -79,35 +79,35 @@ def test_a_thousand_who_join_at_once_are_read_together_and_cost_no_sign_of_life(
         for name in names:
             pipe.set(record_key(name), text_from_record(Record(name, "1", "127.0.0.1", 9)))
             pipe.set(alive_key(name), "1")
-            pipe.hset(letters_key("base"), name, text_from_letter(LETTER))
+            pipe.hset(requests_key("base"), name, text_from_request(REQUEST))
             pipe.publish(GATEWAYS_KEY, json.dumps({"gateway": name, "event": "joined"}))
         pipe.execute()
     lost: set[str] = set()
     # The last name's record is not always the last one to be read.
-    wait_until(lambda: lost.update(bench.registry.look()) or all(map(base.hears, names)), "all letters", 60)
+    wait_until(lambda: lost.update(bench.registry.look()) or all(map(base.hears, names)), "all requests", 60)
     assert lost == set()
-    assert [base.hears(name) for name in names] == [LETTER] * len(names)
+    assert [base.hears(name) for name in names] == [REQUEST] * len(names)
     assert questions(bench) - asked < 50
     base.leave()
     proxy.close()
 
 
 def questions(bench: Bench, command: str = "hmget") -> int:
-    """How often the hub was asked that; by default: to read letters of single senders."""
+    """How often the hub was asked that; by default: to read requests of single senders."""
     return int(bench.client.info("commandstats").get(f"cmdstat_{command}", {"calls": 0})["calls"])
 
 
-def test_who_is_gone_is_struck_from_each_receivers_letters_by_one_command(bench: Bench) -> None:
+def test_who_is_gone_is_struck_from_each_receivers_requests_by_one_command(bench: Bench) -> None:
     gone, left = [f"gone{number}" for number in range(50)], [f"robot{number}" for number in range(20)]
     bench.client.sadd(GATEWAYS_KEY, *gone, *left)
     for name in left:
         bench.client.set(alive_key(name), "1")
-        bench.client.hset(letters_key(name), mapping=dict.fromkeys([*gone, "robot0"], "{}"))
+        bench.client.hset(requests_key(name), mapping=dict.fromkeys([*gone, "robot0"], "{}"))
     registry = Registry(bench.client, 0.0)
     assert set(registry.look()) == set(gone)
     assert registry.clear() == set(gone)
     assert bench.client.smembers(GATEWAYS_KEY) == set(left)
-    assert [bench.client.hkeys(letters_key(name)) for name in left] == [["robot0"]] * len(left)
+    assert [bench.client.hkeys(requests_key(name)) for name in left] == [["robot0"]] * len(left)
     assert questions(bench, "hdel") == len(gone) + len(left)
 
 
@@ -134,15 +134,15 @@ def test_a_hub_that_has_started_and_has_no_name_yet_is_no_stranger_unless_it_sta
     assert base.complaints == [(2, f"the Redis at http://127.0.0.1:{bench.port} is not a hub: it has no name")]
 
 
-def test_letters_to_who_takes_its_leave_go_with_it(bench: Bench) -> None:
-    """A sender that is away at that time could not withdraw its letter, and would not when the receiver returns."""
+def test_requests_to_who_takes_its_leave_go_with_it(bench: Bench) -> None:
+    """A sender that is away at that time could not withdraw its request, and would not when the receiver returns."""
     base = bench.seat("base")
-    bench.client.hset(letters_key("base"), "robot", text_from_letter(LETTER))
+    bench.client.hset(requests_key("base"), "robot", text_from_request(REQUEST))
     base.leave()
-    assert not bench.client.exists(letters_key("base"))
+    assert not bench.client.exists(requests_key("base"))
 
 
-def test_what_a_stranger_wrote_in_the_place_of_anothers_letters_keeps_nobody_off_the_hub(bench: Bench) -> None:
+def test_what_a_stranger_wrote_in_the_place_of_anothers_requests_keeps_nobody_off_the_hub(bench: Bench) -> None:
     bench.client.sadd(GATEWAYS_KEY, "ghost")
-    bench.client.set(letters_key("ghost"), "not a hash")
+    bench.client.set(requests_key("ghost"), "not a hash")
     bench.seat("robot")

@@ -6,7 +6,7 @@ from rocon_gateway.core.option_rule import OptionRule
 from rocon_gateway.core.reconcile import reconcile
 from rocon_gateway.core.rulebook import RuleBook
 from rocon_gateway.core.situation import Outcome, Remote, Situation
-from rocon_hub_protocol.core.record import Letter, Record, letter_from_text, text_from_letter
+from rocon_hub_protocol.core.record import PeerRequest, Record, request_from_text, text_from_request
 from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule
 from rocon_relay.core.connection import Import, LinkState, LinkStatus
 from rocon_relay.core.service import AnyImport
@@ -77,7 +77,7 @@ class Fleet:
 
     def situation(self, gateway: FakeGateway) -> Situation:
         others = {name: other for name, other in self.gateways.items() if name != gateway.name}
-        letters = {name: other.outcome.letters.get(gateway.name, Letter()) for name, other in others.items()}
+        requests = {name: other.outcome.requests.get(gateway.name, PeerRequest()) for name, other in others.items()}
         return Situation(
             book=gateway.book,
             firewall=gateway.firewall,
@@ -85,7 +85,7 @@ class Fleet:
             connected=True,
             names=frozenset(others),
             remotes={
-                name: Remote(other.record, letter_from_text(text_from_letter(letters[name])))
+                name: Remote(other.record, request_from_text(text_from_request(requests[name])))
                 for name, other in others.items()
             },
             links=gateway.links,

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from rocon_gateway.core.setting import GatewaySetting
+from rocon_gateway.core.config import GatewayConfig
 
 MULTIMASTER = Path(__file__).parents[3]
 
@@ -64,9 +64,9 @@ def test_the_launch_files_have_rocons_arguments_with_their_defaults(file: str, e
 
 
 def test_the_node_has_rocons_parameters_with_their_defaults() -> None:
-    setting = GatewaySetting()
-    assert {name: getattr(setting, name) for name in PARAMETERS} == PARAMETERS
-    assert not any(getattr(setting, name) for name in LISTS)
+    config = GatewayConfig()
+    assert {name: getattr(config, name) for name in PARAMETERS} == PARAMETERS
+    assert not any(getattr(config, name) for name in LISTS)
 
 
 def test_the_default_blacklist_is_rocons() -> None:

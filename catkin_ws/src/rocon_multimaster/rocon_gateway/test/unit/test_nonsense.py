@@ -5,21 +5,22 @@ from gateway_model import gateway, publisher
 from gateway_msgs import msg
 from hypothesis import given
 from hypothesis import strategies as st
-from nonsense import hellos, kinds, letters, records, texts
+from nonsense import hellos, kinds, records, requests, texts
 
 from rocon_gateway import conversions
+from rocon_gateway.core.error import RequestError
 from rocon_gateway.core.matching import rule_matches
 from rocon_gateway.core.reconcile import reconcile
 from rocon_gateway.core.situation import Remote, Situation
-from rocon_hub_protocol.core.code import Code, RequestError
+from rocon_hub_protocol.core.code import Code
 from rocon_hub_protocol.core.record import (
-    Letter,
+    PeerRequest,
     Record,
     RecordError,
-    letter_from_text,
     record_from_text,
-    text_from_letter,
+    request_from_text,
     text_from_record,
+    text_from_request,
 )
 from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule
 from rocon_relay.core.connection import RelayError
@@ -39,18 +40,18 @@ def test_a_strangers_record_is_read_as_it_will_be_written_or_refused(text: bytes
     assert record_from_text(text_from_record(record)) == record
 
 
-@given(letters)
-def test_a_strangers_letter_is_read_as_it_will_be_written_or_refused(text: bytes) -> None:
+@given(requests)
+def test_a_strangers_request_is_read_as_it_will_be_written_or_refused(text: bytes) -> None:
     try:
-        letter = letter_from_text(text)
+        request = request_from_text(text)
     except RecordError:
         return
-    assert letter_from_text(text_from_letter(letter)) == letter
+    assert request_from_text(text_from_request(request)) == request
 
 
-@given(records, letters, st.booleans())
-def test_no_record_or_letter_stops_the_comparison_or_takes_what_was_not_given(
-    record: bytes, letter: bytes, firewall: bool
+@given(records, requests, st.booleans())
+def test_no_record_or_request_stops_the_comparison_or_takes_what_was_not_given(
+    record: bytes, request: bytes, firewall: bool
 ) -> None:
     own = gateway("base", publisher("/flow", "/node"), publisher("/kept", "/node"), firewall=firewall)
     rules = [
@@ -63,13 +64,15 @@ def test_no_record_or_letter_stops_the_comparison_or_takes_what_was_not_given(
         local=frozenset(own.local),
         connected=True,
         names=frozenset({"robot"}),
-        remotes={"robot": Remote(_sound(record, record_from_text, RECORD), _sound(letter, letter_from_text, Letter()))},
+        remotes={
+            "robot": Remote(_sound(record, record_from_text, RECORD), _sound(request, request_from_text, PeerRequest()))
+        },
         namespace="base",
     )
     outcome = reconcile(situation)
     assert reconcile(situation) == outcome
     assert {one.to_gateway for one in outcome.exports} <= {"robot"}
-    text_from_letter(outcome.letters.get("robot", Letter())).encode()
+    text_from_request(outcome.requests.get("robot", PeerRequest())).encode()
 
 
 RECORD = Record("robot", "i", "127.0.0.1", 4000)

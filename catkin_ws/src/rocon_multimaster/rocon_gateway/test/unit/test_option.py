@@ -1,8 +1,8 @@
 import pytest
 
+from rocon_gateway.core.config import GatewayConfig
+from rocon_gateway.core.error import ConfigError, GatewayError
 from rocon_gateway.core.option_rule import option_rule, options_for
-from rocon_gateway.core.setting import GatewaySetting, SettingError
-from rocon_hub_protocol.core.code import GatewayError
 from rocon_relay.core.option import NO_OPTIONS, LinkOptions, OptionError
 
 
@@ -46,6 +46,6 @@ def test_the_first_row_that_means_a_connection_counts():
 def test_what_cannot_be_meant_is_refused_with_one_line_that_names_it(row, word):
     with pytest.raises((GatewayError, OptionError), match=word):
         option_rule(row)
-    with pytest.raises(SettingError, match=rf"^gateway: ~rule_options: .*{word}") as caught:
-        GatewaySetting(rule_options=[row])
+    with pytest.raises(ConfigError, match=rf"^gateway: ~rule_options: .*{word}") as caught:
+        GatewayConfig(rule_options=[row])
     assert "\n" not in str(caught.value)

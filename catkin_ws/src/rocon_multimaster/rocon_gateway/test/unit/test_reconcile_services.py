@@ -6,11 +6,12 @@ import pytest
 from gateway_model import FakeGateway, Fleet, fleet_of, gateway, publisher, service, subscriber, to
 
 from rocon_gateway.core.action import actions, parts
+from rocon_gateway.core.error import RequestError
 from rocon_gateway.core.matching import ALL
 from rocon_gateway.core.reconcile import reconcile
 from rocon_gateway.core.rulebook import RuleBook
 from rocon_gateway.core.situation import State
-from rocon_hub_protocol.core.code import Code, RequestError
+from rocon_hub_protocol.core.code import Code
 from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule
 from rocon_relay.core.connection import LinkState, proxy_name
 

@@ -3,6 +3,7 @@
 import pytest
 from gateway_msgs.msg import ConnectionType, ErrorCodes
 
+from rocon_gateway.core.error import RequestError
 from rocon_gateway.core.matching import (
     ALL,
     absolute_name,
@@ -15,7 +16,7 @@ from rocon_gateway.core.matching import (
     rule_from_text,
     rule_matches,
 )
-from rocon_hub_protocol.core.code import Code, RequestError
+from rocon_hub_protocol.core.code import Code
 from rocon_hub_protocol.core.rule import CONNECTIONS, Connection, Kind, Rule
 
 UUID = "0123456789abcdef0123456789abcdef"

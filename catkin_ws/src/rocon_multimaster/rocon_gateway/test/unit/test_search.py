@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from rocon_gateway.adapters import hubs
-from rocon_gateway.adapters.hubs import HubConfig, Hubs
+from rocon_gateway.adapters.hubs import Hubs, HubsConfig
 from rocon_hub_protocol.core.address import HubAddress
 from rocon_hub_protocol.core.record import Record
 
@@ -31,12 +31,12 @@ def test_a_gateway_that_has_no_descriptor_for_a_hub_joins_it_once_there_is_one(
     def discovery(_on_change: Any) -> SimpleNamespace:
         return SimpleNamespace(sightings=lambda: [SIGHTING], rest=lambda: None, interfaces=frozenset(), stack=None)
 
-    monkeypatch.setattr(hubs, "Hub", hub)
+    monkeypatch.setattr(hubs, "HubClient", hub)
     monkeypatch.setattr(hubs, "Discovery", discovery)
     monkeypatch.setattr(hubs, "RETRY", 0.01)
     caplog.set_level(logging.INFO)
     record = Record("a", "1", "127.0.0.1", 9)
-    made = Hubs(HubConfig(discover=True), record, lambda: (), lambda: None, logging.getLogger("test"))
+    made = Hubs(HubsConfig(discover=True), record, lambda: (), lambda: None, logging.getLogger("test"))
     try:
         assert joined.wait(10)
     finally:

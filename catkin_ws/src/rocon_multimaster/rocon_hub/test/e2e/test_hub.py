@@ -19,7 +19,7 @@ from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
 from rocon_hub.adapters.redis_server import RedisServer
 from rocon_hub.adapters.registry import Registry
-from rocon_hub.core.setting import HubSetting, quoted
+from rocon_hub.core.config import HubConfig, quoted
 from rocon_hub_protocol.adapters.redis_client import OPEN, Access, NotOurHubError, redis_client
 from rocon_hub_protocol.core.address import HubAddress
 from tcpros.adapters.descriptor import raise_limit
@@ -135,7 +135,7 @@ def test_a_password_file_that_changes_holds_for_new_connections_and_leaves_the_o
 @pytest.fixture
 def server(bench: Bench, tmp_path: Path) -> Iterator[RedisServer]:
     """A hub's Redis, as it is by default, without the hub."""
-    made = RedisServer(HubSetting(port=bench.port), tmp_path / "redis", OPEN)
+    made = RedisServer(HubConfig(port=bench.port), tmp_path / "redis", OPEN)
     made.start()
     yield made
     made.stop()

@@ -10,7 +10,7 @@ from pioneer_harness.port import PortReservation
 from rocon_gateway.adapters.hub_session import HubSession
 from rocon_hub.adapters.redis_server import RedisServer
 from rocon_hub.adapters.registry import Registry
-from rocon_hub.core.setting import HubSetting
+from rocon_hub.core.config import HubConfig
 from rocon_hub_protocol.adapters.redis_client import OPEN, Access
 from rocon_hub_protocol.core.address import HubAddress
 from rocon_hub_protocol.core.code import Code, HubError
@@ -33,7 +33,7 @@ class Servers:
         for name in ("none", "ours", "secret"):
             port = self._ports.take(17480)
             self._addresses[name] = HubAddress("127.0.0.1", port)
-            server = RedisServer(HubSetting(port=port), folder / "redis" / name, self.accesses[name])
+            server = RedisServer(HubConfig(port=port), folder / "redis" / name, self.accesses[name])
             self._servers[name] = server
         for server in self._servers.values():
             server.start()

@@ -3,17 +3,17 @@
 import pytest
 
 from rocon_hub_protocol.core.record import (
-    Letter,
     Offer,
+    PeerRequest,
     Purpose,
     Record,
     RecordError,
     Reply,
     Want,
-    letter_from_text,
     record_from_text,
-    text_from_letter,
+    request_from_text,
     text_from_record,
+    text_from_request,
 )
 from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule
 
@@ -27,7 +27,7 @@ RECORD = Record(
     flips=(RemoteRule("Hub_Gateway", Rule(Kind.SUBSCRIBER, "/odom", "")),),
     pulls=(RemoteRule("Hub_Gateway", Rule(Kind.PUBLISHER, "/clock", "/gazebo")),),
 )
-LETTER = Letter(
+REQUEST = PeerRequest(
     (Offer("/a", "std_msgs/String", "/talker", Purpose.FLIP), Offer("/b", "x/Y", "/n", Purpose.PULL, "/listener")),
     (Want("/odom", "/amcl", Purpose.FLIP),),
     (Reply(Kind.PUBLISHER, "/a", "/talker", "active", "wörds"),),
@@ -38,8 +38,8 @@ def test_a_record_survives_the_hub() -> None:
     assert record_from_text(text_from_record(RECORD)) == RECORD
 
 
-def test_a_letter_survives_the_hub() -> None:
-    assert letter_from_text(text_from_letter(LETTER)) == LETTER
+def test_a_request_survives_the_hub() -> None:
+    assert request_from_text(text_from_request(REQUEST)) == REQUEST
 
 
 @pytest.mark.parametrize(
@@ -66,6 +66,6 @@ def test_a_bad_record_is_an_error_of_ours(text: str | bytes) -> None:
 @pytest.mark.parametrize(
     "text", ["{}", '{"offers":{},"wants":[],"replies":[]}', '{"offers":[],"wants":[["/a","","x"]],"replies":[]}']
 )
-def test_a_bad_letter_is_an_error_of_ours(text: str) -> None:
+def test_a_bad_request_is_an_error_of_ours(text: str) -> None:
     with pytest.raises(RecordError):
-        letter_from_text(text)
+        request_from_text(text)

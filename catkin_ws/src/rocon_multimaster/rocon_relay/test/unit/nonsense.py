@@ -42,7 +42,7 @@ def _rows(*columns: st.SearchStrategy[str]) -> st.SearchStrategy[Any]:
     return st.lists(st.tuples(*columns).map(list), max_size=6) | junk
 
 
-letter_documents = st.fixed_dictionaries(
+request_documents = st.fixed_dictionaries(
     {
         "offers": _rows(texts, texts, texts, purposes, texts),
         "wants": _rows(texts, texts, purposes),
@@ -69,7 +69,7 @@ def _text(document: Any) -> bytes:
     return json.dumps(document).encode()
 
 
-letters = letter_documents.map(_text) | st.binary(max_size=60) | junk.map(_text)
+requests = request_documents.map(_text) | st.binary(max_size=60) | junk.map(_text)
 records = record_documents.map(_text) | st.binary(max_size=60) | junk.map(_text)
 
 hellos = st.fixed_dictionaries(

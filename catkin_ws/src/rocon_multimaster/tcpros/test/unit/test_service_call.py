@@ -5,7 +5,7 @@ import struct
 
 import pytest
 
-from tcpros.core.service_call import CallError, Conversation
+from tcpros.core.service_call import Conversation, ServiceCallError
 
 
 def request(body: bytes) -> bytes:
@@ -52,7 +52,7 @@ def test_who_waits_for_a_whole_response_is_told_an_error_as_one() -> None:
 
 
 def test_more_than_is_allowed_is_an_error_at_its_length() -> None:
-    with pytest.raises(CallError, match="101 bytes are more than 100"):
+    with pytest.raises(ServiceCallError, match="101 bytes are more than 100"):
         Conversation(100).request(memoryview(struct.pack("<I", 101)))
-    with pytest.raises(CallError):
+    with pytest.raises(ServiceCallError):
         Conversation(100).response(memoryview(b"\x01" + struct.pack("<I", 101)))

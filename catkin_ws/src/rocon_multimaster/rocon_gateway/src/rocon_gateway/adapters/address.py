@@ -6,7 +6,7 @@ import socket
 
 import rosgraph.network
 
-from rocon_gateway.core.setting import SettingError
+from rocon_gateway.core.error import ConfigError
 
 
 def own_address(towards: str) -> str:
@@ -33,16 +33,14 @@ def interface_address(interface: str) -> str:
     """Returns the IPv4 address of this machine's network interface of that name, eth0 say.
 
     Raises:
-        SettingError: there is no such interface, or it has no address.
+        ConfigError: there is no such interface, or it has no address.
     """
     import ifaddr  # costs nothing to gateways that are not told an interface
 
     addresses = {adapter.name: [ip.ip for ip in adapter.ips if ip.is_IPv4] for adapter in ifaddr.get_adapters()}
     if not addresses.get(interface):
         known = ", ".join(sorted(name for name, own in addresses.items() if own))
-        raise SettingError(
-            f"gateway: ~network_interface: no interface {interface!r} with an address here, only {known}"
-        )
+        raise ConfigError(f"gateway: ~network_interface: no interface {interface!r} with an address here, only {known}")
     return str(addresses[interface][0])
 
 

@@ -10,7 +10,7 @@ import rosgraph
 import rosgraph.network
 from gateway_msgs.srv import RemoteGatewayInfo
 
-from rocon_hub_protocol.core.code import GatewayError
+from rocon_gateway.core.error import GatewayError
 
 CALLER = "/rocon_gateway_tool"
 SUFFIX = "/remote_gateway_info"

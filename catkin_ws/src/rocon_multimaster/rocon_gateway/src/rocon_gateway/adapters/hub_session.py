@@ -27,20 +27,20 @@ from rocon_hub_protocol.core.key import (
     NAMESPACES_KEY,
     PROTOCOL_KEY,
     alive_key,
-    letters_key,
     lost_key,
     record_key,
+    requests_key,
 )
 from rocon_hub_protocol.core.record import (
     PROTOCOL,
-    Letter,
+    PeerRequest,
     Record,
     RecordError,
-    letter_from_text,
     record_from_text,
+    request_from_text,
     sound_namespaces,
-    text_from_letter,
     text_from_record,
+    text_from_request,
 )
 
 ALIVE = 2.0
@@ -72,14 +72,14 @@ class HubSession:
         self.name = name
         self.instance = instance
         self.client = redis_client(address, access)
-        self._written: dict[str, Letter] = {}
+        self._written: dict[str, PeerRequest] = {}
         self._record = ""
         try:
             self.hub_name = self._introduce()
             # Of the server's process: one hub has several addresses, and must be joined but once.
             self.identity = str(self.client.info("server")["run_id"])
             self.events = self.client.pubsub()
-            channels = (GATEWAYS_KEY, letters_key(name), EXAMINE_KEY)
+            channels = (GATEWAYS_KEY, requests_key(name), EXAMINE_KEY)
             self.events.subscribe(*channels)
             # What is read from now on cannot miss a change: it is either in what is read or told.
             for _ in channels:
@@ -103,32 +103,32 @@ class HubSession:
         """The instance that lives under our name, if any."""
         return self.client.get(alive_key(self.name))
 
-    def join(self, record: Record, letters: Mapping[str, Letter], namespaces: Collection[str] = ()) -> None:
-        """Registers us, in place of whoever bore our name; whoever hears of it finds record and letters there.
+    def join(self, record: Record, requests: Mapping[str, PeerRequest], namespaces: Collection[str] = ()) -> None:
+        """Registers us, in place of whoever bore our name; whoever hears of it finds record and requests there.
 
-        Letters that we, or who bore our name, wrote before are withdrawn from those to whom we have nothing to say.
+        Requests that we, or who bore our name, wrote before are withdrawn from those to whom we have nothing to say.
 
         Args:
             record: how we describe ourselves.
-            letters: to each other gateway.
+            requests: to each other gateway.
             namespaces: of robots, which nobody forgets before the hub does.
         """
         self._tell_namespaces(namespaces)
         self._record = text_from_record(record)
-        self._written = dict(letters)
-        others = sorted(self.client.smembers(GATEWAYS_KEY) - {self.name, *letters})
+        self._written = dict(requests)
+        others = sorted(self.client.smembers(GATEWAYS_KEY) - {self.name, *requests})
         with self.client.pipeline() as pipe:
             for receiver in others:
-                pipe.hdel(letters_key(receiver), self.name)
+                pipe.hdel(requests_key(receiver), self.name)
             pipe.set(record_key(self.name), self._record)
             pipe.set(alive_key(self.name), self.instance, px=int(ALIVE * 1000))
             pipe.delete(lost_key(self.name))
             pipe.sadd(GATEWAYS_KEY, self.name)
-            for receiver, letter in letters.items():
-                pipe.hset(letters_key(receiver), self.name, text_from_letter(letter))
+            for receiver, request in requests.items():
+                pipe.hset(requests_key(receiver), self.name, text_from_request(request))
             self._tell(pipe, "joined", namespaces)
             results = pipe.execute(raise_on_error=False)
-        # What is no hash, because a stranger wrote it, has no letters of ours to delete.
+        # What is no hash, because a stranger wrote it, has no requests of ours to delete.
         for error in results[len(others) :]:
             if isinstance(error, redis.RedisError):
                 raise error
@@ -185,48 +185,48 @@ class HubSession:
         texts = self.client.mget([record_key(name) for name in names]) if names else []
         return dict(_sound(names, texts, record_from_text))
 
-    def letters(self, senders: Collection[str] | None = None) -> dict[str, Letter | None]:
-        """Returns the letters to us, all or those of `senders`; None for a sender who has none or no sound one.
+    def requests(self, senders: Collection[str] | None = None) -> dict[str, PeerRequest | None]:
+        """Returns the requests to us, all or those of `senders`; None for a sender who has none or no sound one.
 
         Raises:
-            HubError: 17 if somebody wrote no letters in their place. That is removed; who joins anew gets letters.
+            HubError: 17 if somebody wrote no requests in their place. That is removed; who joins anew gets requests.
         """
         try:
-            texts = self._letters(senders)
+            texts = self._requests(senders)
         except redis.ResponseError as error:
-            self.client.delete(letters_key(self.name))
-            raise HubError(Code.HUB_CONNECTION_LOST, f"our letters there could not be read: {error}") from None
-        return {**dict.fromkeys(texts), **dict(_sound(list(texts), list(texts.values()), letter_from_text))}
+            self.client.delete(requests_key(self.name))
+            raise HubError(Code.HUB_CONNECTION_LOST, f"our requests there could not be read: {error}") from None
+        return {**dict.fromkeys(texts), **dict(_sound(list(texts), list(texts.values()), request_from_text))}
 
-    def _letters(self, senders: Collection[str] | None) -> dict[str, str | None]:
+    def _requests(self, senders: Collection[str] | None) -> dict[str, str | None]:
         if senders is None:
-            return self.client.hgetall(letters_key(self.name))
+            return self.client.hgetall(requests_key(self.name))
         ordered = sorted(senders)
-        return dict(zip(ordered, self.client.hmget(letters_key(self.name), ordered), strict=True))
+        return dict(zip(ordered, self.client.hmget(requests_key(self.name), ordered), strict=True))
 
-    def write(self, record: Record, letters: Mapping[str, Letter]) -> None:
+    def write(self, record: Record, requests: Mapping[str, PeerRequest]) -> None:
         """Writes what differs from what was written last."""
         text = text_from_record(record)
         with self.client.pipeline() as pipe:
             if text != self._record:
                 pipe.set(record_key(self.name), text)
                 pipe.publish(record_key(self.name), self.name)
-            for receiver in {*letters, *self._written}:
-                letter = letters.get(receiver)
-                if letter == self._written.get(receiver):
+            for receiver in {*requests, *self._written}:
+                request = requests.get(receiver)
+                if request == self._written.get(receiver):
                     continue
-                if letter is None:
-                    pipe.hdel(letters_key(receiver), self.name)
+                if request is None:
+                    pipe.hdel(requests_key(receiver), self.name)
                 else:
-                    pipe.hset(letters_key(receiver), self.name, text_from_letter(letter))
-                pipe.publish(letters_key(receiver), self.name)
+                    pipe.hset(requests_key(receiver), self.name, text_from_request(request))
+                pipe.publish(requests_key(receiver), self.name)
             if len(pipe):
                 pipe.execute()
         self._record = text
-        self._written = dict(letters)
+        self._written = dict(requests)
 
     def forget(self, receiver: str) -> None:
-        """Has the letter to `receiver` written anew: it is a new instance, or was lost with the old hub."""
+        """Has the request to `receiver` written anew: it is a new instance, or was lost with the old hub."""
         self._written.pop(receiver, None)
 
     def describe(self, names: Collection[str]) -> list[Description]:
@@ -247,11 +247,11 @@ class HubSession:
         if self.holder not in (None, self.instance):
             return
         with self.client.pipeline() as pipe:
-            # The letters to us too: who wrote one and is away now could not withdraw it before we return.
-            pipe.delete(record_key(self.name), alive_key(self.name), letters_key(self.name))
+            # The requests to us too: who wrote one and is away now could not withdraw it before we return.
+            pipe.delete(record_key(self.name), alive_key(self.name), requests_key(self.name))
             pipe.srem(GATEWAYS_KEY, self.name)
             for receiver in self._written:
-                pipe.hdel(letters_key(receiver), self.name)
+                pipe.hdel(requests_key(receiver), self.name)
             self._tell(pipe, "left")
             pipe.execute()
 

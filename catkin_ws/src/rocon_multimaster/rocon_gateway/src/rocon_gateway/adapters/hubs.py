@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
 from rocon_gateway.adapters.examiner import Examiner
-from rocon_gateway.adapters.hub import RETRY, Hub, HubContext, Publication
+from rocon_gateway.adapters.hub_client import RETRY, HubClient, HubContext, Publication
 from rocon_gateway.adapters.hub_session import Description, HubSession
 from rocon_gateway.core.membership import Memberships, Overview
 from rocon_gateway.core.presence import Candidate, HubView, check_lists
@@ -15,7 +15,7 @@ from rocon_hub_protocol.adapters.discovery import Discovery
 from rocon_hub_protocol.adapters.redis_client import OPEN, Access
 from rocon_hub_protocol.core.address import address_from_uri
 from rocon_hub_protocol.core.code import Code, HubError
-from rocon_hub_protocol.core.record import Letter, Record
+from rocon_hub_protocol.core.record import PeerRequest, Record
 
 LOOK = 3.0
 """For how long announced hubs are looked for when we are on one already [s]; for longer if we are on none."""
@@ -31,7 +31,7 @@ _NO_SEARCH = "no hub_uri is given and mDNS is off: waiting for a call of ~connec
 
 
 @dataclass(frozen=True)
-class HubConfig:
+class HubsConfig:
     """Which hubs we join.
 
     Attributes:
@@ -69,7 +69,7 @@ class Hubs:
 
     def __init__(
         self,
-        config: HubConfig,
+        config: HubsConfig,
         record: Record,
         linked: Callable[[], Collection[str]],
         on_change: Callable[[], None],
@@ -93,8 +93,8 @@ class Hubs:
         self._changed = threading.Condition()
         self._memberships = Memberships()
         self._view = Overview()
-        self._hubs: list[Hub] = []
-        self._claims: dict[str, Hub] = {}
+        self._hubs: list[HubClient] = []
+        self._claims: dict[str, HubClient] = {}
         self._refused: set[tuple[Candidate, ...]] = set()
         self._complaints: dict[object, str] = {}
         self._stopping = False
@@ -113,9 +113,9 @@ class Hubs:
         with self._changed:
             return self._view
 
-    def publish(self, record: Record, letters: Mapping[str, Letter], interest: frozenset[str]) -> None:
+    def publish(self, record: Record, requests: Mapping[str, PeerRequest], interest: frozenset[str]) -> None:
         """Sets what we tell all, what we tell each, and which gateways (patterns) we want to hear of."""
-        said = Publication(record, letters, interest)
+        said = Publication(record, requests, interest)
         with self._changed:
             if said == self._said:
                 return
@@ -168,7 +168,7 @@ class Hubs:
 
     def _add(self, ways: tuple[Candidate, ...], named: bool) -> None:
         if not self._stopping:
-            self._hubs.append(Hub(ways, named, self._said, self._context))
+            self._hubs.append(HubClient(ways, named, self._said, self._context))
 
     def _is_on(self, identity: str) -> bool:
         hub = self._claims.get(identity)
@@ -186,7 +186,7 @@ class Hubs:
             raise
         return session
 
-    def _claim(self, hub: Hub, session: HubSession) -> None:
+    def _claim(self, hub: HubClient, session: HubSession) -> None:
         with self._changed:
             if self._claims.get(session.identity, hub) is not hub:
                 text = f"'{session.hub_name}' at {session.address} is a hub that we are on already"
@@ -194,10 +194,10 @@ class Hubs:
             self._release(hub)
             self._claims[session.identity] = hub
 
-    def _release(self, hub: Hub) -> None:
+    def _release(self, hub: HubClient) -> None:
         self._claims = {identity: one for identity, one in self._claims.items() if one is not hub}
 
-    def _take(self, hub: Hub, view: HubView | None) -> None:
+    def _take(self, hub: HubClient, view: HubView | None) -> None:
         with self._changed:
             before = self._view.connected
             if view is None:
@@ -239,7 +239,7 @@ class Hubs:
                 try:
                     self._follow(discovery)
                 except OSError as error:  # out of descriptors
-                    self._complain(Hub, f"cannot join a hub that was found: {error}")
+                    self._complain(HubClient, f"cannot join a hub that was found: {error}")
                 self._woken.wait(RETRY)
             else:
                 discovery.rest()

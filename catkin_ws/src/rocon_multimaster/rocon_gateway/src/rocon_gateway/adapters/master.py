@@ -8,7 +8,7 @@ import xmlrpc.client
 from typing import Any
 from xml.parsers.expat import ExpatError
 
-from rocon_hub_protocol.core.code import GatewayError
+from rocon_gateway.core.error import GatewayError
 from rocon_hub_protocol.core.rule import Connection, Kind
 from rocon_relay.core.connection import ANY, is_proxy_uri
 

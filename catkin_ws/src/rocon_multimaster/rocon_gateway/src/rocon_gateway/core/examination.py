@@ -5,7 +5,7 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from rocon_hub_protocol.core.code import GatewayError
+from rocon_gateway.core.error import GatewayError
 
 MAX_TEXT = 512
 """A longer text in an answer is none of ours."""

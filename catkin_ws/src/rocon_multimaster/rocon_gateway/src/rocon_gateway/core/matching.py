@@ -8,7 +8,8 @@ import functools
 import re
 from collections.abc import Collection, Iterable
 
-from rocon_hub_protocol.core.code import Code, RequestError
+from rocon_gateway.core.error import RequestError
+from rocon_hub_protocol.core.code import Code
 from rocon_hub_protocol.core.rule import Connection, Kind, Rule
 from rocon_relay.core.pattern import compiled, matches_whole
 

@@ -15,7 +15,7 @@ class Overview:
     Attributes:
         hubs: those that we are on now.
         names: unique names of all gateways that are present on any of them, or were on one that is lost.
-        remotes: those of them that our rules or their letters concern; each once, however many hubs it is on.
+        remotes: those of them that our rules or their requests concern; each once, however many hubs it is on.
         namespaces: of all robots that were told of on any of them.
     """
 

@@ -67,7 +67,7 @@ class HubView:
         host: where the others on it reach us; empty likewise.
         listed: unique names of all gateways that the hub says are alive, ourselves apart.
         names: unique names of all that count as present: those, and some that it has just stopped listing.
-        remotes: those of them that our rules or their letters concern.
+        remotes: those of them that our rules or their requests concern.
         namespaces: of all robots that were told of there.
     """
 

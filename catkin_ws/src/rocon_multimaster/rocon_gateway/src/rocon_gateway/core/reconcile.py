@@ -1,4 +1,4 @@
-"""From rules, local connections and other gateways to links, letters and rule states: one pure function.
+"""From rules, local connections and other gateways to links, requests and rule states: one pure function.
 
 Data flows from the gateway that has the publisher to the one that has the subscriber, and both must agree:
 
@@ -14,7 +14,7 @@ flip, pull of an action   as of each of its topics                   as of each 
 pull of a parameter       wants and copies what is advertised        lets it be read
 ========================  =========================================  ======================================
 
-Offers, wants and the replies to them travel as letters through the hub.
+Offers, wants and the replies to them travel as requests through the hub.
 """
 
 import re
@@ -23,6 +23,7 @@ from functools import partial
 
 from rocon_gateway.core import verdict
 from rocon_gateway.core.action import ACTION_KINDS, actions, parts
+from rocon_gateway.core.decision import Decision, PendingVerdict, always
 from rocon_gateway.core.matching import (
     ALL,
     absolute_name,
@@ -33,7 +34,6 @@ from rocon_gateway.core.matching import (
     is_literal,
     rule_matches,
 )
-from rocon_gateway.core.plan import Judge, Plan, always
 from rocon_gateway.core.situation import Flipped, Outcome, Remote, RuleState, Situation, State, Verdict
 from rocon_hub_protocol.core.record import Offer, Purpose, Reply, Want
 from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule
@@ -63,12 +63,12 @@ class _Reconciler:
         self.local = sorted(situation.local | found)
         self.action_topics = {part for action in found for part in map(_key, parts(action))}
         self.publishers = [one for one in self.local if one.kind == Kind.PUBLISHER]
-        self.plan = Plan(situation)
+        self.decision = Decision(situation)
         self.flipped: dict[Flipped, None] = {}
         self.flipped_in: dict[Flipped, None] = {}
         self.pulled: dict[Flipped, None] = {}
         # Verdicts wait for all imports: which nodes one allows is known only when all rules have had their say.
-        self.pending: list[tuple[str, str, Rule, Judge]] = []
+        self.pending: list[tuple[str, str, Rule, PendingVerdict]] = []
         self.pending_replies: list[tuple[str, Callable[[], Reply]]] = []
 
     def outcome(self) -> Outcome:
@@ -79,14 +79,14 @@ class _Reconciler:
             self._towards("pull", remote, self._pull)
         interface = {_key(part): part for one in advertised for part in (one, *parts(one))}
         for gateway, other in self.situation.remotes.items():
-            self._take_letter(gateway, other, interface)
+            self._take_request(gateway, other, interface)
         for gateway, reply in self.pending_replies:
-            self.plan.reply(gateway, reply())
+            self.decision.reply(gateway, reply())
         return Outcome(
             advertised=tuple(advertised),
-            letters=self.plan.letters(),
-            exports=self.plan.exports(),
-            imports=self.plan.imports(),
+            requests=self.decision.requests(),
+            exports=self.decision.exports(),
+            imports=self.decision.imports(),
             states=tuple(RuleState(action, gateway, rule, judge()) for action, gateway, rule, judge in self.pending),
             flipped=tuple(self.flipped),
             flipped_in=tuple(self.flipped_in),
@@ -132,9 +132,9 @@ class _Reconciler:
 
     # Our flips and pulls
 
-    def _towards(self, action: str, remote: RemoteRule, act: Callable[..., Iterator[Judge]]) -> None:
+    def _towards(self, action: str, remote: RemoteRule, act: Callable[..., Iterator[PendingVerdict]]) -> None:
         """Does one rule towards every gateway that it matches, and keeps how to judge it."""
-        judges: list[Judge] = []
+        judges: list[PendingVerdict] = []
         targets = gateways_meant(remote.gateway, self.others)
         for gateway in targets:
             other = self.situation.remotes.get(gateway)
@@ -148,7 +148,7 @@ class _Reconciler:
     def _no_target(self, pattern: str) -> Verdict:
         return verdict.no_gateway(pattern, self.others) if self.situation.connected else verdict.NO_HUB
 
-    def _flip(self, remote: RemoteRule, gateway: str, other: Remote) -> Iterator[Judge]:
+    def _flip(self, remote: RemoteRule, gateway: str, other: Remote) -> Iterator[PendingVerdict]:
         rule = remote.rule
         allowed, barred = self._sorted_out(rule, self.book.flips.excluded(remote))
         yield from map(always, barred)
@@ -173,7 +173,9 @@ class _Reconciler:
                 self._flipped_to(gateway, other, connection, answer)
                 yield always(_judged(answer, other, gateway))
 
-    def _flip_subscribers(self, rule: Rule, gateway: str, other: Remote, allowed: list[Connection]) -> Iterator[Judge]:
+    def _flip_subscribers(
+        self, rule: Rule, gateway: str, other: Remote, allowed: list[Connection]
+    ) -> Iterator[PendingVerdict]:
         topics = {connection.name for connection in allowed}
         if is_literal(rule.name) and not self._own_barrier(rule):
             # Known without any subscriber: the topic is there when one comes.
@@ -187,7 +189,7 @@ class _Reconciler:
                 self._flipped_to(gateway, other, connection, answer)
             yield judge if listening or not rule.node else partial(verdict.unheard, judge, topic, rule.node, self.local)
 
-    def _flip_action(self, gateway: str, other: Remote, action: Connection) -> Judge:
+    def _flip_action(self, gateway: str, other: Remote, action: Connection) -> PendingVerdict:
         answers, judges = [], []
         for part in parts(action):
             if part.kind == Kind.PUBLISHER:
@@ -203,16 +205,16 @@ class _Reconciler:
     def _offered(self, gateway: str, other: Remote, connection: Connection) -> Reply | None:
         """Flips a publisher or server, and returns what is answered."""
         purpose = Purpose.SERVICE if connection.kind == Kind.SERVICE else Purpose.FLIP
-        self.plan.offer(gateway, connection, purpose)
+        self.decision.offer(gateway, connection, purpose)
         return _reply(other, connection.kind, connection.name, connection.node)
 
-    def _wanted(self, gateway: str, other: Remote, topic: str, nodes: str) -> tuple[Reply | None, Judge]:
+    def _wanted(self, gateway: str, other: Remote, topic: str, nodes: str) -> tuple[Reply | None, PendingVerdict]:
         """Flips a topic's subscribers, and returns what is answered and how to judge it."""
-        self.plan.want(gateway, Want(topic, nodes, Purpose.FLIP))
+        self.decision.want(gateway, Want(topic, nodes, Purpose.FLIP))
         answer = _reply(other, Kind.SUBSCRIBER, topic, nodes)
         judges = [
-            self.plan.import_publisher(gateway, other, Connection(Kind.PUBLISHER, topic, one.type, one.node), nodes)
-            for one in other.letter.offers
+            self.decision.import_publisher(gateway, other, Connection(Kind.PUBLISHER, topic, one.type, one.node), nodes)
+            for one in other.request.offers
             if one.purpose == Purpose.ANSWER and one.topic == topic
         ]
         return answer, lambda: verdict.best([one() for one in judges], _judged(answer, other, gateway))
@@ -227,7 +229,7 @@ class _Reconciler:
             status = "accepted" if all(answers) else "pending"
         self.flipped[Flipped(gateway, connection, status)] = None
 
-    def _pull(self, remote: RemoteRule, gateway: str, other: Remote) -> Iterator[Judge]:
+    def _pull(self, remote: RemoteRule, gateway: str, other: Remote) -> Iterator[PendingVerdict]:
         rule = remote.rule
         offered = [one for one in other.record.advertisements if rule_matches(rule, one, self.name)]
         # Pulling one topic by name is consent enough; pulling everything leaves out what we blacklist.
@@ -251,52 +253,52 @@ class _Reconciler:
         namespace = foreign_namespace(own, connection.name, self.situation.robots)
         return "" if asks_for(rule.name, namespace) else namespace
 
-    def _pull_connection(self, gateway: str, other: Remote, connection: Connection) -> Judge:
+    def _pull_connection(self, gateway: str, other: Remote, connection: Connection) -> PendingVerdict:
         name, node = connection.name, connection.node
         if connection.kind in ACTION_KINDS:
             judges = [(part.kind, self._pull_connection(gateway, other, part)) for part in parts(connection)]
             return _of_action(connection, "here", judges)
         if connection.kind == Kind.PUBLISHER:
-            self.plan.want(gateway, Want(name, node, Purpose.PULL))
-            return self.plan.import_publisher(gateway, other, connection, "")
+            self.decision.want(gateway, Want(name, node, Purpose.PULL))
+            return self.decision.import_publisher(gateway, other, connection, "")
         if connection.kind == Kind.SERVICE:
-            self.plan.want(gateway, Want(name, node, Purpose.SERVICE))
-            return self.plan.import_service(gateway, other, connection)
+            self.decision.want(gateway, Want(name, node, Purpose.SERVICE))
+            return self.decision.import_service(gateway, other, connection)
         if connection.kind == Kind.PARAMETER:
-            self.plan.want(gateway, Want(name, node, Purpose.PARAMETER))
-            return self.plan.import_parameter(gateway, other, connection)
+            self.decision.want(gateway, Want(name, node, Purpose.PARAMETER))
+            return self.decision.import_parameter(gateway, other, connection)
         return self._feed(gateway, other, connection)
 
-    def _feed(self, gateway: str, other: Remote, subscriber: Connection) -> Judge:
+    def _feed(self, gateway: str, other: Remote, subscriber: Connection) -> PendingVerdict:
         """Offers our own publishers to a pulled subscriber."""
         said = []
         for publisher in self.publishers:
             if publisher.name == subscriber.name and not self._barred(publisher):
-                self.plan.offer(gateway, publisher, Purpose.PULL, subscriber.node)
+                self.decision.offer(gateway, publisher, Purpose.PULL, subscriber.node)
                 said.append(_judged(_reply(other, publisher.kind, publisher.name, publisher.node), None, gateway))
         return always(verdict.best(said, Verdict(State.NO_PUBLISHER, f"nobody here publishes {subscriber.name}")))
 
     # What the other gateways ask of us
 
-    def _take_letter(self, gateway: str, other: Remote, interface: dict[tuple[Kind, str, str], Connection]) -> None:
-        for offer in other.letter.offers:
+    def _take_request(self, gateway: str, other: Remote, interface: dict[tuple[Kind, str, str], Connection]) -> None:
+        for offer in other.request.offers:
             if offer.purpose == Purpose.FLIP:
                 self._take_flipped(gateway, other, offer, Kind.PUBLISHER)
             elif offer.purpose == Purpose.SERVICE:
                 self._take_flipped(gateway, other, offer, Kind.SERVICE)
             elif offer.purpose == Purpose.PULL and (Kind.SUBSCRIBER, offer.topic, offer.to_node) in interface:
                 self._take_offer(gateway, other, _offered_connection(offer, Kind.PUBLISHER), re.escape(offer.to_node))
-        for want in other.letter.wants:
+        for want in other.request.wants:
             if want.purpose == Purpose.FLIP:
                 self._take_flipped_subscriber(gateway, want)
                 continue
             kind = _PULLED.get(want.purpose)
             if kind and (kind, want.topic, want.node) in interface:
-                self.plan.export(gateway, interface[kind, want.topic, want.node])
+                self.decision.export(gateway, interface[kind, want.topic, want.node])
 
     def _take_flipped(self, gateway: str, other: Remote, offer: Offer, kind: Kind) -> None:
         if self.situation.firewall:
-            self.plan.reply(gateway, Reply(kind, offer.topic, offer.node, State.FIREWALLED))
+            self.decision.reply(gateway, Reply(kind, offer.topic, offer.node, State.FIREWALLED))
             return
         connection = _offered_connection(offer, kind)
         self.flipped_in[Flipped(gateway, connection)] = None
@@ -304,9 +306,9 @@ class _Reconciler:
 
     def _take_offer(self, gateway: str, other: Remote, offered: Connection, nodes: str) -> None:
         if offered.kind == Kind.SERVICE:
-            judge = self.plan.import_service(gateway, other, offered)
+            judge = self.decision.import_service(gateway, other, offered)
         else:
-            judge = self.plan.import_publisher(gateway, other, offered, nodes)
+            judge = self.decision.import_publisher(gateway, other, offered, nodes)
 
         def reply() -> Reply:
             said = judge()
@@ -316,13 +318,13 @@ class _Reconciler:
 
     def _take_flipped_subscriber(self, gateway: str, want: Want) -> None:
         if self.situation.firewall:
-            self.plan.reply(gateway, Reply(Kind.SUBSCRIBER, want.topic, want.node, State.FIREWALLED))
+            self.decision.reply(gateway, Reply(Kind.SUBSCRIBER, want.topic, want.node, State.FIREWALLED))
             return
         self.flipped_in[Flipped(gateway, Connection(Kind.SUBSCRIBER, want.topic, ANY, want.node))] = None
         mine = [one for one in self.publishers if one.name == want.topic]
         allowed = [one for one in mine if not self._barred(one)]
         for connection in allowed:
-            self.plan.offer(gateway, connection, Purpose.ANSWER)
+            self.decision.offer(gateway, connection, Purpose.ANSWER)
         if allowed:
             said = Verdict(State.ACTIVE)
         elif mine:
@@ -331,7 +333,7 @@ class _Reconciler:
             said = verdict.blacklisted(barrier, mine[0])
         else:
             said = verdict.no_publisher(want.topic, self.situation.local)
-        self.plan.reply(gateway, Reply(Kind.SUBSCRIBER, want.topic, want.node, said.state, said.reason))
+        self.decision.reply(gateway, Reply(Kind.SUBSCRIBER, want.topic, want.node, said.state, said.reason))
 
 
 _PULLED = {Purpose.PULL: Kind.PUBLISHER, Purpose.SERVICE: Kind.SERVICE, Purpose.PARAMETER: Kind.PARAMETER}
@@ -350,7 +352,7 @@ def _barrier(blacklist: Iterable[Rule], connection: Connection) -> Rule | None:
     return next(filter(None, found), None)
 
 
-def _of_action(action: Connection, at: str, judges: list[tuple[Kind, Judge]]) -> Judge:
+def _of_action(action: Connection, at: str, judges: list[tuple[Kind, PendingVerdict]]) -> PendingVerdict:
     return lambda: verdict.of_action(action, at, [(kind, judge()) for kind, judge in judges])
 
 
@@ -359,7 +361,7 @@ def _offered_connection(offer: Offer, kind: Kind) -> Connection:
 
 
 def _reply(other: Remote, kind: Kind, topic: str, node: str) -> Reply | None:
-    return next((one for one in other.letter.replies if (one.kind, one.topic, one.node) == (kind, topic, node)), None)
+    return next((one for one in other.request.replies if (one.kind, one.topic, one.node) == (kind, topic, node)), None)
 
 
 def _judged(answer: Reply | None, flipped_to: Remote | None, gateway: str) -> Verdict:

@@ -4,8 +4,9 @@ import dataclasses
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from rocon_gateway.core.error import RequestError
 from rocon_gateway.core.matching import ALL, absolute_name, base_name, blacklisting, check_pattern, is_literal
-from rocon_hub_protocol.core.code import Code, RequestError
+from rocon_hub_protocol.core.code import Code
 from rocon_hub_protocol.core.rule import CONNECTIONS, Connection, Kind, RemoteRule, Rule
 
 

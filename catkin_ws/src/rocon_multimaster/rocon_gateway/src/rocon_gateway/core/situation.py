@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from rocon_gateway.core.option_rule import OptionRule
 from rocon_gateway.core.rulebook import RuleBook
-from rocon_hub_protocol.core.record import EMPTY, Letter, Record
+from rocon_hub_protocol.core.record import NO_REQUEST, PeerRequest, Record
 from rocon_hub_protocol.core.rule import Connection, Rule
 from rocon_relay.core.connection import LinkStatus
 from rocon_relay.core.service import AnyExport, AnyImport
@@ -66,7 +66,7 @@ class Remote:
     """Another gateway as we see it: what it tells all, and what it tells us."""
 
     record: Record
-    letter: Letter = EMPTY
+    request: PeerRequest = NO_REQUEST
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Situation:
         local: our master's publishers, subscribers and services, without our own and without any gateway's proxies.
         connected: whether we are on a hub. Without one the remotes are those last seen.
         names: unique names of all other gateways that are alive.
-        remotes: those of them that our rules or their letters concern, by unique name.
+        remotes: those of them that our rules or their requests concern, by unique name.
         links: how our imports do.
         namespace: our robot's; patterns bring nothing out of another robot's. "" where there is none.
         robots: namespaces of all robots that we have heard of.
@@ -119,7 +119,7 @@ class Outcome:
 
     Attributes:
         advertised: our public interface.
-        letters: by unique name of the receiver; gateways that are absent get none.
+        requests: by unique name of the receiver; gateways that are absent get none.
         exports: what our relay shall export.
         imports: what our relay shall import.
         states: one for each rule, in the order advertisements, flips, pulls.
@@ -129,7 +129,7 @@ class Outcome:
     """
 
     advertised: tuple[Connection, ...] = ()
-    letters: Mapping[str, Letter] = field(default_factory=dict)
+    requests: Mapping[str, PeerRequest] = field(default_factory=dict)
     exports: frozenset[AnyExport] = frozenset()
     imports: frozenset[AnyImport] = frozenset()
     states: tuple[RuleState, ...] = ()

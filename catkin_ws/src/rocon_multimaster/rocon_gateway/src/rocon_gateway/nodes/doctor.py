@@ -18,7 +18,7 @@ from rocon_gateway.core.diagnosis import Finding, Level
 from rocon_hub_protocol.adapters.password import password_from
 from rocon_hub_protocol.adapters.redis_client import Access
 from rocon_hub_protocol.core.address import address_from_uri
-from rocon_hub_protocol.core.code import GatewayError
+from rocon_hub_protocol.core.code import HubProtocolError
 from tcpros.adapters.tls import certificates_from
 from tcpros.core.error import CertificateError
 
@@ -87,7 +87,7 @@ def _one_hub(uri: str, info: GatewayInfo | None) -> Iterator[Finding | str]:
                 yield from _members(session, info)
             finally:
                 session.close()
-    except (GatewayError, CertificateError, redis.RedisError) as error:
+    except (HubProtocolError, CertificateError, redis.RedisError) as error:
         yield Finding(Level.FAULT, str(error), "give the doctor and the gateway what the hub asks for")
 
 

@@ -19,17 +19,18 @@ from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes import entry
 from rocon_gateway import conversions
 from rocon_gateway.adapters.address import interface_address, own_address
-from rocon_gateway.adapters.hubs import HubConfig, Hubs
+from rocon_gateway.adapters.hubs import Hubs, HubsConfig
 from rocon_gateway.adapters.master import MasterError, MasterWatch
+from rocon_gateway.core.config import GatewayConfig, book_from_config, with_custom_rules
+from rocon_gateway.core.error import ConfigError, GatewayError
 from rocon_gateway.core.membership import Overview
 from rocon_gateway.core.reconcile import reconcile
-from rocon_gateway.core.setting import GatewaySetting, SettingError, book_from_setting, with_custom_rules
 from rocon_gateway.core.situation import Outcome, Situation
-from rocon_gateway.nodes.desk import Desk
 from rocon_gateway.nodes.registration import register_anew
+from rocon_gateway.nodes.service_handlers import ServiceHandlers
 from rocon_hub_protocol.adapters.password import password_from
 from rocon_hub_protocol.adapters.redis_client import Access
-from rocon_hub_protocol.core.code import GatewayError
+from rocon_hub_protocol.core.code import HubProtocolError
 from rocon_hub_protocol.core.record import Record
 from rocon_relay.adapters.relay import TcpRelay
 from rocon_relay.core.connection import LinkState, RelayConfig
@@ -58,9 +59,9 @@ class GatewayNode:
     status a rule, with state and reason), `/diagnostics` (the same, and one status a connection with what flows on it,
     each second while somebody listens).
 
-    Services: see `Desk`.
+    Services: see `ServiceHandlers`.
 
-    Parameters: the fields of `GatewaySetting`, private.
+    Parameters: the fields of `GatewayConfig`, private.
 
     Threads: the main thread compares and applies; the hub and the relay have one each; services run in rospy's.
 
@@ -70,16 +71,16 @@ class GatewayNode:
 
     def __init__(self) -> None:
         self._logger = logging.getLogger("rosout")
-        self._setting = config_from_mapping(GatewaySetting, _parameters(), rospy.get_name())
-        self._period = self._setting.watch_loop_period
-        self._options = self._setting.options()
-        self._name, self._instance = self._setting.unique_name(), uuid.uuid4().hex
-        book, complaints = book_from_setting(self._setting, self._name)
+        self._config = config_from_mapping(GatewayConfig, _parameters(), rospy.get_name())
+        self._period = self._config.watch_loop_period
+        self._options = self._config.options()
+        self._name, self._instance = self._config.unique_name(), uuid.uuid4().hex
+        book, complaints = book_from_config(self._config, self._name)
         for complaint in complaints:
             rospy.logerr("rule left out: %s", complaint)
         self._reader, self._writer = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         self._stopping = self._opened = False
-        interface = self._setting.network_interface
+        interface = self._config.network_interface
         self._fixed_host = interface_address(interface) if interface else ""
         self._host = self._fixed_host or own_address("")
         self._info = rospy.Publisher("~gateway_info", GatewayInfo, queue_size=5, latch=True)
@@ -90,17 +91,17 @@ class GatewayNode:
         self._traffic = Traffic()
         self._outcome = Outcome()
         self._said: tuple[object, object] = (None, None)
-        access = Access(password_from(self._setting.hub_password_file), self._certificates())
+        access = Access(password_from(self._config.hub_password_file), self._certificates())
         config = self._relay_config(access.password and access.password())
         self._relay = TcpRelay(config, self._wake, self._logger, access.certificates)
         self._hubs = Hubs(self._hub_config(access), self._record(), self._linked, self._wake, self._logger)
         self._turned, self._begun, self._done = threading.Condition(), 0, 0
-        self._desk = Desk(book, self._hubs, self._relay, self._settle, self._set_period)
+        self._handlers = ServiceHandlers(book, self._hubs, self._relay, self._settle, self._set_period)
         rospy.Subscriber("~force_update", Empty, lambda _: self._wake())
         rospy.on_shutdown(self._stop)
 
     def _certificates(self) -> Certificates | None:
-        found = certificates_from(self._setting.tls_directory)
+        found = certificates_from(self._config.tls_directory)
         fault = found.fault() if found else ""
         if fault:
             # A clock that is not set yet may be the reason, so this is not the end.
@@ -115,28 +116,28 @@ class GatewayNode:
             host=rosgraph.network.get_host_name(),
             # As every node: with a ROS_IP on the loopback, other machines reach nothing but the links.
             node_bind=rosgraph.network.get_bind_address(),
-            port=self._setting.relay_port,
+            port=self._config.relay_port,
             # Who may join the hub may link, and nobody else.
             credential=password.encode() if password else None,
-            max_message_size=self._setting.max_message_size,
+            max_message_size=self._config.max_message_size,
         )
 
-    def _hub_config(self, access: Access) -> HubConfig:
-        return HubConfig(
-            uris=self._setting.hub_uris,
-            whitelist=self._setting.hubs_allowed,
-            blacklist=self._setting.hubs_refused,
-            discover=self._setting.discovers,
+    def _hub_config(self, access: Access) -> HubsConfig:
+        return HubsConfig(
+            uris=self._config.hub_uris,
+            whitelist=self._config.hubs_allowed,
+            blacklist=self._config.hubs_refused,
+            discover=self._config.discovers,
             access=access,
             host=self._fixed_host,
-            namespaces=self._setting.known_namespaces,
+            namespaces=self._config.known_namespaces,
         )
 
     def spin(self) -> None:
         """Runs until shutdown, then takes everything back."""
         try:
             self._turn()
-            self._desk.open()
+            self._handlers.open()
             self._opened = True
             rospy.loginfo("gateway '%s', relay on port %d", self._name, self._relay.port)
             self._loop()
@@ -186,23 +187,23 @@ class GatewayNode:
         with self._turned:
             self._begun += 1
         view = self._hubs.view()
-        book = self._desk.book
+        book = self._handlers.book
         situation = Situation(
             book=book,
-            firewall=self._setting.firewall,
+            firewall=self._config.firewall,
             local=self._master.local,
             connected=view.connected,
             names=view.names,
             remotes=view.remotes,
             links=self._relay.status().imports,
             options=self._options,
-            namespace=self._setting.own_namespace,
+            namespace=self._config.own_namespace,
             robots=view.namespaces,
         )
         self._outcome = outcome = reconcile(situation)
         self._relay.apply(outcome.exports, outcome.imports)
         interest = frozenset(remote.gateway for remote in (*book.flips.rules, *book.pulls.rules))
-        self._hubs.publish(self._record(outcome), outcome.letters, interest)
+        self._hubs.publish(self._record(outcome), outcome.requests, interest)
         self._tell(view)
         with self._turned:
             self._done = self._begun
@@ -218,17 +219,17 @@ class GatewayNode:
             self._turned.wait_for(lambda: self._done >= due or self._stopping, SETTLE)
 
     def _record(self, outcome: Outcome | None = None) -> Record:
-        book = self._desk.book if outcome else None
+        book = self._handlers.book if outcome else None
         return Record(
             name=self._name,
             instance=self._instance,
             host=self._host,
             port=self._relay.port,
-            firewall=self._setting.firewall,
+            firewall=self._config.firewall,
             advertisements=outcome.advertised if outcome else (),
             flips=book.flips.rules if book else (),
             pulls=book.pulls.rules if book else (),
-            namespace=self._setting.own_namespace,
+            namespace=self._config.own_namespace,
         )
 
     def _linked(self) -> set[str]:
@@ -250,18 +251,18 @@ class GatewayNode:
         self._said = (info, self._outcome.states)
 
     def _gateway_info(self, view: Overview) -> GatewayInfo:
-        book, outcome = self._desk.book, self._outcome
+        book, outcome = self._handlers.book, self._outcome
         remote_rule = conversions.message_from_remote_rule
         flipped = conversions.message_from_flipped
         return GatewayInfo(
             name=self._name,
-            discover_hubs_by_zeroconf=self._setting.discovers,
-            discover_hubs_by_uri=list(self._setting.hub_uris),
+            discover_hubs_by_zeroconf=self._config.discovers,
+            discover_hubs_by_uri=list(self._config.hub_uris),
             connected=view.connected,
             ip=view.hubs[0].host if view.connected else self._host,
             hub_names=[hub.hub_name for hub in view.hubs],
             hub_uris=[hub.hub_uri for hub in view.hubs],
-            firewall=self._setting.firewall,
+            firewall=self._config.firewall,
             public_watchlist=[conversions.message_from_rule(rule) for rule in book.advertisements.rules],
             public_interface=[conversions.message_from_connection(one) for one in outcome.advertised],
             flipped_connections=[conversions.status_message_from_flipped(one) for one in outcome.flipped],
@@ -314,10 +315,10 @@ def _parameters() -> dict[str, Any]:
         rospy.logwarn("the custom rules file is left out: %s", error)
         return parameters
     except yaml.YAMLError as error:
-        raise SettingError(f"gateway: {path} is not YAML: {error}") from None
+        raise ConfigError(f"gateway: {path} is not YAML: {error}") from None
 
 
 def main() -> int:
     """Entry point of the executables `gateway` and `gateway.py`."""
     raise_limit()
-    return entry.run("gateway", GatewayNode, (GatewayError, CertificateError))
+    return entry.run("gateway", GatewayNode, (GatewayError, HubProtocolError, CertificateError))

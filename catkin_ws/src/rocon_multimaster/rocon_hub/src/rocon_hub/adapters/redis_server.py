@@ -13,8 +13,8 @@ from pathlib import Path
 import redis
 
 from rocon_hub.adapters.front import Front
+from rocon_hub.core.config import ADMIN, SOCKET, Guard, HubConfig, is_open, redis_configuration
 from rocon_hub.core.error import PortBusyError, RedisError
-from rocon_hub.core.setting import ADMIN, SOCKET, Guard, HubSetting, is_open, redis_configuration
 from rocon_hub_protocol.adapters.redis_client import TIMEOUT, Access
 from tcpros.adapters.tls import AUTHORITY, CERTIFICATE, KEY
 
@@ -48,7 +48,7 @@ class RedisServer:
     """One process. It must be started by the program's main thread: it dies with the thread that started it.
 
     Args:
-        setting: the hub's parameters.
+        config: the hub's parameters.
         directory: for configuration, log and socket; made if absent, readable by us only.
         access: what gateways must say and show.
 
@@ -57,8 +57,8 @@ class RedisServer:
         log: what the server prints.
     """
 
-    def __init__(self, setting: HubSetting, directory: Path, access: Access) -> None:
-        self._setting = setting
+    def __init__(self, config: HubConfig, directory: Path, access: Access) -> None:
+        self._config = config
         self._directory = directory
         self._access = access
         self._guard = guard_from(access)
@@ -114,27 +114,27 @@ class RedisServer:
         if self._access.password:
             context = self._access.certificates and self._access.certificates.server
             try:
-                self._front = Front(self._setting.port, self._socket, self._access.password, context)
+                self._front = Front(self._config.port, self._socket, self._access.password, context)
             except OSError as error:
                 raise self._port_busy(error) from None
 
     def _check_port(self) -> None:
-        address = "" if is_open(self._setting, self._guard) else "127.0.0.1"
+        address = "" if is_open(self._config, self._guard) else "127.0.0.1"
         with socket.socket() as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
-                probe.bind((address, self._setting.port))
+                probe.bind((address, self._config.port))
             except OSError as error:
                 raise self._port_busy(error) from None
 
     def _port_busy(self, error: OSError) -> PortBusyError:
-        text = f"hub: port {self._setting.port} is in use ({error.strerror}): another hub or Redis runs there"
+        text = f"hub: port {self._config.port} is in use ({error.strerror}): another hub or Redis runs there"
         return PortBusyError(f"{text}. End it, or set hub_port")
 
     def _write_configuration(self) -> Path:
         path = self._directory / "redis.conf"
         path.touch(mode=0o600)
-        path.write_text(redis_configuration(self._setting, self._directory, self._guard, self._admin_password))
+        path.write_text(redis_configuration(self._config, self._directory, self._guard, self._admin_password))
         return path
 
     def _await(self) -> None:

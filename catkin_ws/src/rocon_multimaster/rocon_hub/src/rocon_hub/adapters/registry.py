@@ -12,9 +12,9 @@ from rocon_hub_protocol.core.key import (
     NAME_KEY,
     PROTOCOL_KEY,
     alive_key,
-    letters_key,
     lost_key,
     record_key,
+    requests_key,
 )
 from rocon_hub_protocol.core.record import PROTOCOL
 
@@ -94,8 +94,8 @@ class Registry:
         with self._client.pipeline(transaction=False) as pipe:
             pipe.srem(GATEWAYS_KEY, *gone)
             for name in gone:
-                pipe.delete(record_key(name), letters_key(name), lost_key(name))
+                pipe.delete(record_key(name), requests_key(name), lost_key(name))
             for receiver in everybody:
-                pipe.hdel(letters_key(receiver), *gone)
-            # What is no hash, because a stranger wrote it, has no letters to delete.
+                pipe.hdel(requests_key(receiver), *gone)
+            # What is no hash, because a stranger wrote it, has no requests to delete.
             pipe.execute(raise_on_error=False)

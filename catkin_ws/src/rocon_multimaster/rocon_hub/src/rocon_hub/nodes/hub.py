@@ -13,11 +13,11 @@ from pioneer_node.nodes import entry
 from rocon_hub.adapters.announcement import Announcement
 from rocon_hub.adapters.redis_server import RedisServer, guard_from
 from rocon_hub.adapters.registry import Registry
+from rocon_hub.core.config import HubConfig, is_open
 from rocon_hub.core.error import AnnouncementError, HubNodeError, RedisError
-from rocon_hub.core.setting import HubSetting, is_open
 from rocon_hub_protocol.adapters.password import password_from
 from rocon_hub_protocol.adapters.redis_client import OPEN, Access
-from rocon_hub_protocol.core.code import GatewayError
+from rocon_hub_protocol.core.code import HubProtocolError
 from tcpros.adapters.tls import certificates_from
 from tcpros.core.error import CertificateError
 
@@ -42,7 +42,7 @@ class HubNode:
 
     Subscribes: nothing. Publishes: nothing. Services: none; gateways speak to Redis.
 
-    Parameters: the fields of `HubSetting`, private.
+    Parameters: the fields of `HubConfig`, private.
 
     Threads: the main thread alone, but for rospy's own and those of the mDNS announcement.
 
@@ -52,16 +52,16 @@ class HubNode:
     """
 
     def __init__(self) -> None:
-        self._setting = config_from_mapping(HubSetting, entry.parameters(), rospy.get_name())
-        access = Access(password_from(self._setting.password_file), certificates_from(self._setting.tls_directory))
-        directory = Path(rospkg.get_ros_home()) / "redis" / self._setting.directory_name
-        self._server = RedisServer(self._setting, directory, access)
-        self._registry = Registry(self._server.client, self._setting.gateway_gone_timeout)
+        self._config = config_from_mapping(HubConfig, entry.parameters(), rospy.get_name())
+        access = Access(password_from(self._config.password_file), certificates_from(self._config.tls_directory))
+        directory = Path(rospkg.get_ros_home()) / "redis" / self._config.directory_name
+        self._server = RedisServer(self._config, directory, access)
+        self._registry = Registry(self._server.client, self._config.gateway_gone_timeout)
         self._stop = threading.Event()
         rospy.on_shutdown(self._stop.set)
-        self._open = is_open(self._setting, guard_from(access))
+        self._open = is_open(self._config, guard_from(access))
         tls = access.certificates is not None
-        self._announcement = Announcement(self._setting.name, self._setting.port, self._open, tls)
+        self._announcement = Announcement(self._config.name, self._config.port, self._open, tls)
         self._unannounced = ""
         self._failures = 0
         self._complaint = ""
@@ -72,7 +72,7 @@ class HubNode:
         fault = access.certificates.fault() if access.certificates else ""
         if fault:
             rospy.logerr("no gateway accepts our certificate (%s)", fault)
-        if self._setting.insecure and access == OPEN:
+        if self._config.insecure and access == OPEN:
             rospy.logwarn(
                 "INSECURE: anybody on the network can connect to this hub and through it to every gateway. "
                 "Use it on a network of your own only, or set a password"
@@ -96,16 +96,16 @@ class HubNode:
         self._server.start()
         self._started, self._unanswered = time.monotonic(), 0
         try:
-            self._registry.open(self._setting.name)
+            self._registry.open(self._config.name)
         except redis.ResponseError as error:
             text = f"hub: redis-server does not take the hub's name ({error}); is ~max_memory too small?"
             raise RedisError(text) from None
-        rospy.loginfo("hub '%s' on port %d (redis-server %d)", self._setting.name, self._setting.port, self._server.pid)
+        rospy.loginfo("hub '%s' on port %d (redis-server %d)", self._config.name, self._config.port, self._server.pid)
 
     def _watch(self) -> None:
         next_announcement = 0.0
         while not self._stop.wait(LOOK_PERIOD):
-            if self._setting.zeroconf and time.monotonic() >= next_announcement:
+            if self._config.zeroconf and time.monotonic() >= next_announcement:
                 self._announce()
                 next_announcement = time.monotonic() + ANNOUNCEMENT_PERIOD
             try:
@@ -132,7 +132,7 @@ class HubNode:
             rospy.logwarn("gateway %r is not heard of any more", name)
         if time.monotonic() < self._next_clear:
             return
-        self._next_clear = time.monotonic() + 1.0 / self._setting.watcher_thread_rate
+        self._next_clear = time.monotonic() + 1.0 / self._config.watcher_thread_rate
         for name in self._registry.clear():
             rospy.loginfo("gateway %r removed", name)
         self._registry.write()
@@ -144,7 +144,7 @@ class HubNode:
         """Says what is wrong with our Redis: once, until it changes or all is well again."""
         complaint = f"redis-server: {error}"
         if "OOM command not allowed" in str(error):
-            limit = self._setting.max_memory
+            limit = self._config.max_memory
             complaint = f"redis-server is full ({limit}), so gateways cannot join or change rules: raise ~max_memory"
         if complaint != self._complaint:
             rospy.logerr("%s", complaint)
@@ -171,4 +171,4 @@ class HubNode:
 
 def main() -> int:
     """Entry point of the executables `hub` and `hub.py`."""
-    return entry.run("hub", HubNode, (HubNodeError, GatewayError, CertificateError))
+    return entry.run("hub", HubNode, (HubNodeError, HubProtocolError, CertificateError))

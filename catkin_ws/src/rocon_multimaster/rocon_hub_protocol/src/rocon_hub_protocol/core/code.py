@@ -1,4 +1,4 @@
-"""The result codes of the gateway's services, and the error that carries one."""
+"""The result codes of the gateway's services, and the errors of this package."""
 
 import enum
 
@@ -28,23 +28,11 @@ class Code(enum.IntEnum):
     REMOTE_GATEWAY_TARGET_HAS_MULTIPLE_MATCHES = 53
 
 
-class GatewayError(Exception):
-    """The root of what the control plane raises."""
+class HubProtocolError(Exception):
+    """The root of this package's errors."""
 
 
-class RequestError(GatewayError):
-    """A request that is refused; nothing was changed.
-
-    Attributes:
-        code: what the service answers in `result`.
-    """
-
-    def __init__(self, code: Code, message: str) -> None:
-        super().__init__(message)
-        self.code = code
-
-
-class HubError(GatewayError):
+class HubError(HubProtocolError):
     """A hub that cannot be used.
 
     Attributes:

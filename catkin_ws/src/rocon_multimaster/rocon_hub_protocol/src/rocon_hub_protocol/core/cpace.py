@@ -12,7 +12,7 @@ import secrets
 from nacl.bindings import crypto_scalarmult
 from nacl.exceptions import CryptoError
 
-from rocon_hub_protocol.core.code import GatewayError
+from rocon_hub_protocol.core.code import HubProtocolError
 
 SHARE_LENGTH = 32
 """Length of what each side sends first [bytes]."""
@@ -26,7 +26,7 @@ _PRIME = 2**255 - 19
 _A = 486662
 
 
-class ProofError(GatewayError):
+class ProofError(HubProtocolError):
     """What the other side sends is no share of this exchange."""
 
 

@@ -20,9 +20,9 @@ def alive_key(gateway: str) -> str:
     return f"rocon:alive:{gateway}"
 
 
-def letters_key(gateway: str) -> str:
-    """Returns the key of the letters to a gateway (hash: sender to letter), and the channel that tells senders."""
-    return f"rocon:letters:{gateway}"
+def requests_key(gateway: str) -> str:
+    """Returns the key of the requests to a gateway (hash: sender to request), and the channel that tells senders."""
+    return f"rocon:requests:{gateway}"
 
 
 def lost_key(gateway: str) -> str:

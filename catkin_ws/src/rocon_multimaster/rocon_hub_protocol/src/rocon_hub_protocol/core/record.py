@@ -10,16 +10,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from rocon_hub_protocol.core.code import GatewayError
+from rocon_hub_protocol.core.code import HubProtocolError
 from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule, is_namespace
 
-PROTOCOL = 1
+PROTOCOL = 2
 """The number of this layout, in `rocon:hub:protocol`."""
 
 Value = TypeVar("Value")
 
 
-class RecordError(GatewayError):
+class RecordError(HubProtocolError):
     """A document on the hub that is not one of ours."""
 
 
@@ -119,13 +119,13 @@ class Reply:
 
 
 @dataclass(frozen=True, slots=True)
-class Letter:
+class PeerRequest:
     """All that one gateway has to tell one other; a new one replaces the old.
 
     Attributes:
         offers: publishers to import, at the receiver's discretion.
         wants: what to offer or export to the sender.
-        replies: on what the receiver's own letter asks.
+        replies: on what the receiver's own request asks.
     """
 
     offers: tuple[Offer, ...] = ()
@@ -133,8 +133,8 @@ class Letter:
     replies: tuple[Reply, ...] = ()
 
 
-EMPTY = Letter()
-"""A letter with nothing in it is not written."""
+NO_REQUEST = PeerRequest()
+"""A request with nothing in it is not written."""
 
 
 def is_text(value: object) -> bool:
@@ -186,21 +186,21 @@ def record_from_text(text: str | bytes) -> Record:
     )
 
 
-def text_from_letter(letter: Letter) -> str:
-    """Returns the JSON text of a letter."""
+def text_from_request(request: PeerRequest) -> str:
+    """Returns the JSON text of a request."""
     return _text(
         {
-            "offers": [[one.topic, one.type, one.node, one.purpose, one.to_node] for one in letter.offers],
-            "wants": [[one.topic, one.node, one.purpose] for one in letter.wants],
-            "replies": [[one.kind, one.topic, one.node, one.state, one.reason] for one in letter.replies],
+            "offers": [[one.topic, one.type, one.node, one.purpose, one.to_node] for one in request.offers],
+            "wants": [[one.topic, one.node, one.purpose] for one in request.wants],
+            "replies": [[one.kind, one.topic, one.node, one.state, one.reason] for one in request.replies],
         }
     )
 
 
-def letter_from_text(text: str | bytes) -> Letter:
-    """Returns the letter in a JSON text. Raises RecordError."""
+def request_from_text(text: str | bytes) -> PeerRequest:
+    """Returns the request in a JSON text. Raises RecordError."""
     document = _document(text)
-    return Letter(
+    return PeerRequest(
         offers=_rows(document, "offers", 5, lambda r: Offer(r[0], r[1], r[2], Purpose(r[3]), r[4])),
         wants=_rows(document, "wants", 3, lambda r: Want(r[0], r[1], Purpose(r[2]))),
         replies=_rows(document, "replies", 5, lambda r: Reply(Kind(r[0]), r[1], r[2], r[3], r[4])),

@@ -12,7 +12,7 @@ from rocon_relay.core.error import RelayError
 Answer = tuple[int, str, Any]
 
 
-class CallError(RelayError):
+class SlaveApiError(RelayError):
     """What arrived is no XML-RPC call."""
 
 
@@ -46,12 +46,12 @@ class SlaveApi:
         """Returns the response's body.
 
         Raises:
-            CallError: it is no XML-RPC call at all. A wrong method or wrong arguments get a response.
+            SlaveApiError: it is no XML-RPC call at all. A wrong method or wrong arguments get a response.
         """
         try:
             arguments, method = xmlrpc.client.loads(request)
         except (xmlrpc.client.Error, ExpatError, ValueError, TypeError, LookupError, ArithmeticError, AttributeError):
-            raise CallError("no XML-RPC call") from None
+            raise SlaveApiError("no XML-RPC call") from None
         function = self._methods.get(method or "")
         if function is None:
             fault = xmlrpc.client.Fault(-1, f"a relayed node has no method {method}")

@@ -12,7 +12,7 @@ _LENGTH = struct.Struct("<I")
 _FAILED = b"\x00"
 
 
-class CallError(TcprosError):
+class ServiceCallError(TcprosError):
     """A request or response announces more bytes than it may have, or a response comes unasked."""
 
 
@@ -31,7 +31,7 @@ class _Follower:
         return bool(self._head or self._remaining)
 
     def feed(self, data: memoryview) -> int:
-        """Returns how many messages end in `data`. Raises CallError for one that is too long."""
+        """Returns how many messages end in `data`. Raises ServiceCallError for one that is too long."""
         position, ended, size = 0, 0, len(data)
         while position < size:
             if not self._remaining:
@@ -42,7 +42,7 @@ class _Follower:
                     break
                 self._remaining = _LENGTH.unpack(self._head[-_LENGTH.size :])[0]
                 if self._remaining > self._max_size:
-                    raise CallError(f"{self._remaining} bytes are more than {self._max_size}")
+                    raise ServiceCallError(f"{self._remaining} bytes are more than {self._max_size}")
             step = min(self._remaining, size - position)
             self._remaining -= step
             position += step
@@ -68,12 +68,12 @@ class Conversation:
         self._responses = _Follower(1, max_size)
 
     def request(self, data: memoryview) -> None:
-        """Bytes from the client. Raises CallError."""
+        """Bytes from the client. Raises ServiceCallError."""
         self.bytes += len(data)
         self._asked += self._requests.feed(data)
 
     def response(self, data: memoryview) -> None:
-        """Bytes from the server. Raises CallError."""
+        """Bytes from the server. Raises ServiceCallError."""
         self.bytes += len(data)
         self.calls += self._responses.feed(data)
 

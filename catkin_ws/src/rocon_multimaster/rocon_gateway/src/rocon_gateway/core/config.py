@@ -5,10 +5,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from rocon_gateway.core.error import ConfigError, GatewayError
 from rocon_gateway.core.matching import ALL, rule_from_text
 from rocon_gateway.core.option_rule import OptionRule, option_rule
 from rocon_gateway.core.rulebook import RuleBook, remote_rule
-from rocon_hub_protocol.core.code import Code, GatewayError
+from rocon_hub_protocol.core.code import Code
 from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule, is_namespace
 from rocon_relay.core.option import OptionError
 
@@ -16,12 +17,8 @@ APPENDED = ("default_flips", "default_advertisements", "default_pulls", "rule_op
 """Keys of a custom rules file that add to a parameter; all others replace it."""
 
 
-class SettingError(GatewayError):
-    """A parameter of the gateway that cannot be meant."""
-
-
 @dataclass(frozen=True)
-class GatewaySetting:
+class GatewayConfig:
     """Parameters of the node `gateway`, named as rocon names them where rocon has them.
 
     Attributes:
@@ -80,26 +77,26 @@ class GatewaySetting:
     max_message_size: int = 256 * 2**20
 
     def __post_init__(self) -> None:
-        """Raises SettingError for values that cannot be meant."""
+        """Raises ConfigError for values that cannot be meant."""
         if not self.name.strip() or not self.name.isprintable():
-            raise SettingError(f"gateway: ~name must be a printable text, not {self.name!r}")
+            raise ConfigError(f"gateway: ~name must be a printable text, not {self.name!r}")
         if self.watch_loop_period <= 0:
-            raise SettingError("gateway: ~watch_loop_period must be greater than 0")
+            raise ConfigError("gateway: ~watch_loop_period must be greater than 0")
         if not 0 <= self.relay_port < 65536:
-            raise SettingError(f"gateway: ~relay_port must be 0 to 65535, not {self.relay_port}")
+            raise ConfigError(f"gateway: ~relay_port must be 0 to 65535, not {self.relay_port}")
         for parameter, value in [("namespace", self.namespace)] * bool(self.namespace.strip("/")) + [
             ("robot_namespaces", one) for one in _entries("robot_namespaces", self.robot_namespaces)
         ]:
             if not is_namespace(value.removeprefix("/")):
-                raise SettingError(f"gateway: ~{parameter} must be one ROS name, not {value!r}")
+                raise ConfigError(f"gateway: ~{parameter} must be one ROS name, not {value!r}")
         self.options()
 
     def options(self) -> tuple[OptionRule, ...]:
-        """Returns what is asked of links. Raises SettingError for what cannot be meant."""
+        """Returns what is asked of links. Raises ConfigError for what cannot be meant."""
         try:
             return tuple(option_rule(row) for row in _rows(self.rule_options))
         except (GatewayError, OptionError) as error:
-            raise SettingError(f"gateway: ~rule_options: {error}") from None
+            raise ConfigError(f"gateway: ~rule_options: {error}") from None
 
     def unique_name(self) -> str:
         """Returns a unique name; a new one with each call unless `disable_uuids`."""
@@ -138,35 +135,35 @@ class GatewaySetting:
 
 
 def with_custom_rules(parameters: Mapping[str, Any], custom: object) -> dict[str, Any]:
-    """Returns `parameters` with what a custom rules file holds. Raises SettingError if that is no mapping."""
+    """Returns `parameters` with what a custom rules file holds. Raises ConfigError if that is no mapping."""
     if custom is None:
         return dict(parameters)
     if not isinstance(custom, Mapping):
-        raise SettingError("gateway: ~custom_rules_file must hold a mapping of parameters")
+        raise ConfigError("gateway: ~custom_rules_file must hold a mapping of parameters")
     merged = dict(parameters)
     for key, value in custom.items():
         merged[key] = [*(merged.get(key) or ()), *(value or ())] if key in APPENDED else value
     return merged
 
 
-def book_from_setting(setting: GatewaySetting, name: str) -> tuple[RuleBook, tuple[str, ...]]:
+def book_from_config(config: GatewayConfig, name: str) -> tuple[RuleBook, tuple[str, ...]]:
     """Returns the rules to start with, for unique name `name`, and a complaint about each that cannot be had.
 
     One bad rule keeps no other from being taken.
     """
     blacklist, complaints = [], []
-    for row in _rows(setting.default_blacklist):
+    for row in _rows(config.default_blacklist):
         try:
             blacklist.append(_rule(row))
         except GatewayError as error:
             complaints.append(f"default_blacklist: {error}")
     book = RuleBook(name, tuple(blacklist))
-    if setting.advertise_all:
+    if config.advertise_all:
         book = book.advertising_all(())
     changes: tuple[tuple[str, Any, Callable[[RuleBook, object], RuleBook]], ...] = (
-        ("default_advertisements", setting.default_advertisements, lambda book, row: book.advertised([_rule(row)])),
-        ("default_flips", setting.default_flips, _flipped),
-        ("default_pulls", setting.default_pulls, _pulled),
+        ("default_advertisements", config.default_advertisements, lambda book, row: book.advertised([_rule(row)])),
+        ("default_flips", config.default_flips, _flipped),
+        ("default_pulls", config.default_pulls, _pulled),
     )
     for parameter, rows, change in changes:
         for row in _rows(rows):
@@ -190,7 +187,7 @@ def _pulled(book: RuleBook, row: object) -> RuleBook:
 def _remote(row: object) -> RemoteRule | str:
     """Returns the rule of a row, or only the gateway where the row has no rule."""
     if not isinstance(row, Mapping) or not isinstance(row.get("gateway"), str):
-        raise SettingError(f"{row!r} names no gateway")
+        raise ConfigError(f"{row!r} names no gateway")
     gateway = row["gateway"]
     rule = _rule(row["rule"]) if row.get("rule") else Rule(Kind.PUBLISHER, ALL)
     checked = remote_rule(gateway, rule, Code.HUB_UNKNOWN_ERROR)
@@ -199,7 +196,7 @@ def _remote(row: object) -> RemoteRule | str:
 
 def _rule(row: object) -> Rule:
     if not isinstance(row, Mapping):
-        raise SettingError(f"{row!r} is not a rule of name, node and type")
+        raise ConfigError(f"{row!r} is not a rule of name, node and type")
     node = str(row.get("node") or "")
     # In YAML, people write None for no node.
     node = "" if node.lower() == "none" else node
@@ -215,5 +212,5 @@ def _entries(name: str, value: Any) -> tuple[str, ...]:
     if isinstance(value, str):
         value = [entry for entry in value.split(";") if entry.strip()]
     if not isinstance(value, (list, tuple)) or not all(isinstance(entry, str) for entry in value):
-        raise SettingError(f"gateway: ~{name} must be a list of texts, not {value!r}")
+        raise ConfigError(f"gateway: ~{name} must be a list of texts, not {value!r}")
     return tuple(entry.strip() for entry in value)

@@ -2,39 +2,40 @@
 
 import pytest
 
+from rocon_gateway.core.config import GatewayConfig, book_from_config, with_custom_rules
+from rocon_gateway.core.error import ConfigError
 from rocon_gateway.core.matching import ALL
-from rocon_gateway.core.setting import GatewaySetting, SettingError, book_from_setting, with_custom_rules
 from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule
 
 
 def test_a_unique_name_has_32_digits_more_unless_told_not_to() -> None:
-    name = GatewaySetting(name="pirate").unique_name()
+    name = GatewayConfig(name="pirate").unique_name()
     assert name.startswith("pirate")
     assert len(name) == len("pirate") + 32
-    assert GatewaySetting(name="Hub_Gateway", disable_uuids=True).unique_name() == "Hub_Gateway"
+    assert GatewayConfig(name="Hub_Gateway", disable_uuids=True).unique_name() == "Hub_Gateway"
 
 
 @pytest.mark.parametrize("values", [{"name": " "}, {"name": "a\nb"}, {"watch_loop_period": 0.0}, {"relay_port": -1}])
 def test_a_value_that_cannot_be_meant_is_refused(values: dict[str, object]) -> None:
-    with pytest.raises(SettingError):
-        GatewaySetting(**values)
+    with pytest.raises(ConfigError):
+        GatewayConfig(**values)
 
 
 def test_hub_lists_may_be_lists_or_texts() -> None:
-    assert GatewaySetting(hub_whitelist=["a", "b"]).hubs_allowed == ("a", "b")
-    assert GatewaySetting(hub_blacklist="a; b;").hubs_refused == ("a", "b")
-    with pytest.raises(SettingError):
-        _ = GatewaySetting(hub_whitelist=[1]).hubs_allowed
+    assert GatewayConfig(hub_whitelist=["a", "b"]).hubs_allowed == ("a", "b")
+    assert GatewayConfig(hub_blacklist="a; b;").hubs_refused == ("a", "b")
+    with pytest.raises(ConfigError):
+        _ = GatewayConfig(hub_whitelist=[1]).hubs_allowed
 
 
 def test_default_rules_become_rules() -> None:
-    setting = GatewaySetting(
+    config = GatewayConfig(
         default_blacklist=[{"name": "/rosout.*", "node": None, "type": "publisher"}],
         default_advertisements=[{"name": "/map", "node": "None", "type": "publisher"}],
         default_flips=[{"gateway": "pirate", "rule": {"name": "/odom", "node": "/nonesuch", "type": "subscriber"}}],
         default_pulls=[{"gateway": "pirate"}],
     )
-    book, complaints = book_from_setting(setting, "mine")
+    book, complaints = book_from_config(config, "mine")
     assert complaints == ()
     assert book.blacklist == (Rule(Kind.PUBLISHER, "/rosout.*"),)
     assert book.advertisements.rules == (Rule(Kind.PUBLISHER, "/map"),)
@@ -43,7 +44,7 @@ def test_default_rules_become_rules() -> None:
 
 
 def test_a_bad_default_rule_is_named_and_the_others_are_taken() -> None:
-    setting = GatewaySetting(
+    config = GatewayConfig(
         default_blacklist=[{"name": "(", "type": "publisher"}],
         default_flips=[
             {"rule": {"name": "/a", "type": "publisher"}},
@@ -52,28 +53,28 @@ def test_a_bad_default_rule_is_named_and_the_others_are_taken() -> None:
             "pirate",
         ],
     )
-    book, complaints = book_from_setting(setting, "mine")
+    book, complaints = book_from_config(config, "mine")
     assert [remote.gateway for remote in book.flips.rules] == ["pirate"]
     assert len(complaints) == 4
 
 
 def test_advertise_all_may_be_an_empty_list_for_no() -> None:
-    assert not book_from_setting(GatewaySetting(advertise_all=[]), "mine")[0].advertisements.everything
-    assert book_from_setting(GatewaySetting(advertise_all=True), "mine")[0].advertisements.everything
+    assert not book_from_config(GatewayConfig(advertise_all=[]), "mine")[0].advertisements.everything
+    assert book_from_config(GatewayConfig(advertise_all=True), "mine")[0].advertisements.everything
 
 
 def test_a_custom_rules_file_appends_rules_and_replaces_the_rest() -> None:
     merged = with_custom_rules({"default_flips": [1], "firewall": True}, {"default_flips": [2], "firewall": False})
     assert merged == {"default_flips": [1, 2], "firewall": False}
     assert with_custom_rules({"name": "a"}, None) == {"name": "a"}
-    with pytest.raises(SettingError):
+    with pytest.raises(ConfigError):
         with_custom_rules({}, ["rules"])
 
 
 def test_namespaces_of_robots_may_be_declared_and_must_be_names() -> None:
-    setting = GatewaySetting(namespace="/pioneer1", robot_namespaces="alice; /bob")
-    assert (setting.own_namespace, setting.known_namespaces) == ("pioneer1", {"pioneer1", "alice", "bob"})
-    assert GatewaySetting().known_namespaces == set()
+    config = GatewayConfig(namespace="/pioneer1", robot_namespaces="alice; /bob")
+    assert (config.own_namespace, config.known_namespaces) == ("pioneer1", {"pioneer1", "alice", "bob"})
+    assert GatewayConfig().known_namespaces == set()
     for wrong in ({"namespace": "a/b"}, {"robot_namespaces": ["a b"]}, {"robot_namespaces": 3}, {"namespace": "7"}):
-        with pytest.raises(SettingError):
-            GatewaySetting(**wrong)
+        with pytest.raises(ConfigError):
+            GatewayConfig(**wrong)

@@ -19,8 +19,8 @@ from rocon_gateway.core.matching import gateways_meant
 from rocon_gateway.core.presence import Candidate, HubView, Presence
 from rocon_gateway.core.situation import Remote
 from rocon_hub_protocol.core.code import Code, HubError
-from rocon_hub_protocol.core.key import EXAMINE_KEY, GATEWAYS_KEY, letters_key, record_key
-from rocon_hub_protocol.core.record import EMPTY, Letter, Record, is_text, sound_namespaces
+from rocon_hub_protocol.core.key import EXAMINE_KEY, GATEWAYS_KEY, record_key, requests_key
+from rocon_hub_protocol.core.record import NO_REQUEST, PeerRequest, Record, is_text, sound_namespaces
 from tcpros.adapters.descriptor import readable
 
 RETRY = 0.5
@@ -47,12 +47,12 @@ class Publication:
 
     Attributes:
         record: to all; its host is filled in, which depends on the way to the hub.
-        letters: to each other gateway.
+        requests: to each other gateway.
         interest: patterns of the gateways that we want to hear of.
     """
 
     record: Record
-    letters: Mapping[str, Letter] = dataclasses.field(default_factory=dict)
+    requests: Mapping[str, PeerRequest] = dataclasses.field(default_factory=dict)
     interest: frozenset[str] = frozenset()
 
 
@@ -73,9 +73,9 @@ class HubContext:
     """
 
     open: Callable[[Candidate], HubSession]
-    claim: Callable[["Hub", HubSession], None]
+    claim: Callable[["HubClient", HubSession], None]
     linked: Callable[[], Collection[str]]
-    take: Callable[["Hub", HubView | None], None]
+    take: Callable[["HubClient", HubView | None], None]
     complain: Callable[[object, str], None]
     examine: Callable[[HubSession, str], None]
     logger: logging.Logger
@@ -85,13 +85,13 @@ class HubContext:
 
 @dataclass
 class _News:
-    """Of which gateways events say that there is something to read: letters to us, and records."""
+    """Of which gateways events say that there is something to read: requests to us, and records."""
 
     senders: set[str] = dataclasses.field(default_factory=set)
     records: set[str] = dataclasses.field(default_factory=set)
 
 
-class Hub:
+class HubClient:
     """One hub, joined as long as it is there, tried again for ever when it is not.
 
     Methods return at once and may be called from any thread, `describe` apart, which waits for the hub.
@@ -225,16 +225,18 @@ class Hub:
         self._displaced = False
         self._host = self._context.host or own_address(session.address.host)
         self._presence.start(session.present(), time.monotonic())
-        session.join(self._record, self._letters, self._context.namespaces)
+        session.join(self._record, self._requests, self._context.namespaces)
         self._namespaces |= session.namespaces()
         self._session, self._told_lost = session, False
         self._nameless.clear()
         self._watched: set[str] = set()
-        # A letter of who is listed is on the hub or was withdrawn; the others have not had the time to write theirs.
+        # A request of who is listed is on the hub or was withdrawn; the others have not had the time to write theirs.
         known = {name: remote for name, remote in self._view.remotes.items() if name in self._presence.names}
         self._records: dict[str, Record] = {name: remote.record for name, remote in known.items()}
-        self._inbox: dict[str, Letter] = {name: known[name].letter for name in known.keys() - self._presence.listed}
-        self._take_letters(session, None)
+        self._inbox: dict[str, PeerRequest] = {
+            name: known[name].request for name in known.keys() - self._presence.listed
+        }
+        self._take_requests(session, None)
         self._context.logger.info("on hub '%s' at %s as '%s'", session.hub_name, session.address, session.name)
 
     @property
@@ -242,10 +244,10 @@ class Hub:
         return dataclasses.replace(self._said.record, host=self._host)
 
     @property
-    def _letters(self) -> dict[str, Letter]:
-        """Our letters to those who are on this hub."""
+    def _requests(self) -> dict[str, PeerRequest]:
+        """Our requests to those who are on this hub."""
         here = self._presence.names
-        return {name: letter for name, letter in self._said.letters.items() if name in here}
+        return {name: request for name, request in self._said.requests.items() if name in here}
 
     def _exit(self, session: HubSession) -> None:
         self._session = None
@@ -260,7 +262,7 @@ class Hub:
         beat = time.monotonic()
         while not self._stopping:
             self._look(session)
-            session.write(self._record, self._letters)
+            session.write(self._record, self._requests)
             if time.monotonic() >= beat:
                 self._live(session)
                 # From its end: however slow the hub is, there is time for events before the next one.
@@ -284,7 +286,7 @@ class Hub:
         if news.records:
             self._records.update(session.records(news.records))
         if news.senders:
-            self._take_letters(session, news.senders)
+            self._take_requests(session, news.senders)
 
     def _events(self, session: HubSession, beat: float) -> Iterator[tuple[str, str]]:
         """Yields channel and text of what has come, until the next sign of life is due."""
@@ -303,7 +305,7 @@ class Hub:
         holder, listed = session.live()
         if holder is None or (holder == session.instance and not listed):
             # The hub has forgotten us: it was emptied, or we were silent for too long.
-            session.join(self._record, self._letters, self._context.namespaces)
+            session.join(self._record, self._requests, self._context.namespaces)
         elif holder != session.instance:
             self._displaced = True
             raise HubError(Code.HUB_CONNECTION_LOST, f"another gateway took our name '{session.name}'")
@@ -311,7 +313,7 @@ class Hub:
     def _take_event(self, session: HubSession, channel: str, text: str, news: _News) -> None:
         if channel == GATEWAYS_KEY:
             self._take_gateway_event(session, text, news)
-        elif channel == letters_key(session.name):
+        elif channel == requests_key(session.name):
             news.senders.add(text)
         elif channel == EXAMINE_KEY:
             self._context.examine(session, text)
@@ -338,15 +340,15 @@ class Hub:
         elif what == "expired":
             self._presence.expire(name, time.monotonic())
 
-    def _take_letters(self, session: HubSession, senders: Collection[str] | None) -> None:
-        for sender, letter in session.letters(senders).items():
-            if letter is None:
+    def _take_requests(self, session: HubSession, senders: Collection[str] | None) -> None:
+        for sender, request in session.requests(senders).items():
+            if request is None:
                 self._inbox.pop(sender, None)
             else:
-                self._inbox[sender] = letter
+                self._inbox[sender] = request
 
     def _look(self, session: HubSession) -> None:
-        """Follows whom our rules and their letters concern, and makes the view of it."""
+        """Follows whom our rules and their requests concern, and makes the view of it."""
         if self._presence.waiting:
             self._presence.settle(self._context.linked(), time.monotonic())
         names, interest = self._presence.names, self._said.interest
@@ -356,7 +358,7 @@ class Hub:
             self._inbox.pop(gone, None)
             self._records.pop(gone, None)
         remotes = {
-            name: Remote(self._records[name], self._inbox.get(name, EMPTY))
+            name: Remote(self._records[name], self._inbox.get(name, NO_REQUEST))
             for name in sorted(concerned)
             if name in self._records
         }

@@ -23,15 +23,15 @@ COMMANDS = (
 """What the protocol needs, and gateways may use."""
 
 _PATTERNS = (
-    *("%R~rocon:hub:*", "~rocon:gateway:*", "~rocon:alive:*", "~rocon:letters:*", "~rocon:lost:*"),
+    *("%R~rocon:hub:*", "~rocon:gateway:*", "~rocon:alive:*", "~rocon:requests:*", "~rocon:lost:*"),
     *("~rocon:gateways", "~rocon:namespaces"),
-    *("&rocon:gateways", "&rocon:gateway:*", "&rocon:letters:*", "&rocon:examine", "&rocon:examined:*"),
+    *("&rocon:gateways", "&rocon:gateway:*", "&rocon:requests:*", "&rocon:examine", "&rocon:examined:*"),
 )
 """Keys and channels of gateways, as Redis' ACL writes them: those of the hub itself are read-only."""
 
 
 @dataclass(frozen=True)
-class HubSetting:
+class HubConfig:
     """Parameters of the node `hub`.
 
     Attributes:
@@ -93,30 +93,30 @@ class Guard:
     authority: str = ""
 
 
-def is_open(setting: HubSetting, guard: Guard) -> bool:
+def is_open(config: HubConfig, guard: Guard) -> bool:
     """Tells whether other machines may connect: with a password or a certificate, or where the user insists."""
-    return guard.has_password or bool(guard.certificate) or setting.insecure
+    return guard.has_password or bool(guard.certificate) or config.insecure
 
 
-def redis_configuration(setting: HubSetting, directory: Path, guard: Guard, admin_password: str) -> str:
+def redis_configuration(config: HubConfig, directory: Path, guard: Guard, admin_password: str) -> str:
     """Returns the text of a redis.conf for a private server that keeps nothing on disk.
 
     Args:
-        setting: the hub's parameters.
+        config: the hub's parameters.
         directory: where the server's Unix socket `SOCKET` is.
         guard: what gateways must say and show.
         admin_password: that of the user `ADMIN`.
     """
     lines = [
-        f"bind {_EVERYWHERE if is_open(setting, guard) else _LOOPBACK}",
-        f"protected-mode {'no' if is_open(setting, guard) else 'yes'}",
-        *_ports(setting, guard),
+        f"bind {_EVERYWHERE if is_open(config, guard) else _LOOPBACK}",
+        f"protected-mode {'no' if is_open(config, guard) else 'yes'}",
+        *_ports(config, guard),
         "daemonize no",
         "supervised no",
         "databases 1",
         'save ""',
         "appendonly no",
-        f"maxmemory {setting.max_memory}",
+        f"maxmemory {config.max_memory}",
         "maxmemory-policy noeviction",
         f"dir {quoted(str(directory))}",
         f"unixsocket {SOCKET}",
@@ -130,14 +130,14 @@ def redis_configuration(setting: HubSetting, directory: Path, guard: Guard, admi
     return "\n".join(lines) + "\n"
 
 
-def _ports(setting: HubSetting, guard: Guard) -> list[str]:
+def _ports(config: HubConfig, guard: Guard) -> list[str]:
     if guard.has_password:
         return ["port 0"]
     if not guard.certificate:
-        return [f"port {setting.port}"]
+        return [f"port {config.port}"]
     return [
         "port 0",
-        f"tls-port {setting.port}",
+        f"tls-port {config.port}",
         f"tls-cert-file {quoted(guard.certificate)}",
         f"tls-key-file {quoted(guard.key)}",
         f"tls-ca-cert-file {quoted(guard.authority)}",

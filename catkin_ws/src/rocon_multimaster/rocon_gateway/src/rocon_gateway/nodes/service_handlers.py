@@ -8,13 +8,14 @@ from gateway_msgs import srv
 
 from rocon_gateway import conversions
 from rocon_gateway.adapters.hubs import Hubs
+from rocon_gateway.core.error import GatewayError, RequestError
 from rocon_gateway.core.matching import check_pattern
 from rocon_gateway.core.rulebook import RuleBook
-from rocon_hub_protocol.core.code import Code, GatewayError, HubError, RequestError
+from rocon_hub_protocol.core.code import Code, HubError
 from rocon_relay.core.connection import Relay
 
 
-class Desk:
+class ServiceHandlers:
     """Holds the rules and serves requests to change them.
 
     Args:

@@ -1,4 +1,4 @@
-"""What one `reconcile` has decided so far: exports, imports and letters, and how each import does."""
+"""What one `reconcile` has decided so far: exports, imports and requests, and how each import does."""
 
 import dataclasses
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from rocon_gateway.core import verdict
 from rocon_gateway.core.action import status_topic
 from rocon_gateway.core.option_rule import options_for
 from rocon_gateway.core.situation import Remote, Situation, State, Verdict
-from rocon_hub_protocol.core.record import EMPTY, Letter, Offer, Purpose, Reply, Want
+from rocon_hub_protocol.core.record import NO_REQUEST, Offer, PeerRequest, Purpose, Reply, Want
 from rocon_hub_protocol.core.rule import Connection, Kind
 from rocon_relay.core.connection import ANY, Address, Export, Import, Key
 from rocon_relay.core.option import LinkOptions
@@ -21,14 +21,14 @@ from rocon_relay.core.service import (
     ServiceImport,
 )
 
-Judge = Callable[[], Verdict]
+PendingVerdict = Callable[[], Verdict]
 """Tells how a connection does, once the whole set of imports is known."""
 
 Part = TypeVar("Part", Offer, Want, Reply)
 
 
-class Plan:
-    """Grows as rules and letters are gone through; complete once all have been.
+class Decision:
+    """Grows as rules and requests are gone through; complete once all have been.
 
     Args:
         situation: what is decided from.
@@ -50,7 +50,7 @@ class Plan:
         self._wants: dict[str, dict[Want, None]] = {}
         self._replies: dict[str, dict[Reply, None]] = {}
 
-    # Letters
+    # Requests
 
     def offer(self, gateway: str, connection: Connection, purpose: Purpose, to_node: str = "") -> None:
         """Offers `gateway` a publisher or server of ours, and exports it there."""
@@ -62,20 +62,20 @@ class Plan:
         _add(self._wants, gateway, want)
 
     def reply(self, gateway: str, reply: Reply) -> None:
-        """Answers what a letter of `gateway` asks."""
+        """Answers what a request of `gateway` asks."""
         _add(self._replies, gateway, reply)
 
-    def letters(self) -> dict[str, Letter]:
+    def requests(self) -> dict[str, PeerRequest]:
         """Returns what to write to whom."""
-        letters = {
-            gateway: Letter(
+        requests = {
+            gateway: PeerRequest(
                 tuple(sorted(self._offers.get(gateway, ()))),
                 tuple(sorted(self._wants.get(gateway, ()))),
                 tuple(sorted(self._replies.get(gateway, ()))),
             )
             for gateway in {*self._offers, *self._wants, *self._replies}
         }
-        return {gateway: letter for gateway, letter in letters.items() if letter != EMPTY}
+        return {gateway: request for gateway, request in requests.items() if request != NO_REQUEST}
 
     # Exports
 
@@ -108,7 +108,7 @@ class Plan:
 
     # Imports
 
-    def import_publisher(self, gateway: str, other: Remote, connection: Connection, nodes: str) -> Judge:
+    def import_publisher(self, gateway: str, other: Remote, connection: Connection, nodes: str) -> PendingVerdict:
         """Imports a remote publisher for the nodes that match (empty: any), and returns how to judge that."""
         here = self._types.get(connection.name, ANY)
         if ANY not in (here, connection.type) and here != connection.type:
@@ -124,7 +124,7 @@ class Plan:
         self._nodes.setdefault(wanted.key, set()).add(nodes)
         return lambda: verdict.from_link(self._import_for(wanted.key), self._situation.links)
 
-    def import_service(self, gateway: str, other: Remote, connection: Connection) -> Judge:
+    def import_service(self, gateway: str, other: Remote, connection: Connection) -> PendingVerdict:
         """Imports a remote server, unless its name is taken, and returns how to judge that.
 
         A name has one server. A local one keeps it, and of several remote ones that which has it now.
@@ -143,7 +143,7 @@ class Plan:
 
         return judge
 
-    def import_parameter(self, gateway: str, other: Remote, connection: Connection) -> Judge:
+    def import_parameter(self, gateway: str, other: Remote, connection: Connection) -> PendingVerdict:
         """Copies a remote parameter once, and returns how to judge that; of one name, the first one asked for."""
         wanted = ParameterImport(connection.name, gateway, _address(other))
         chosen = self._parameters.setdefault(wanted.name, wanted)
@@ -191,7 +191,7 @@ class Plan:
         return dataclasses.replace(self._imports[key], allowed_nodes=tuple(sorted(nodes)))
 
 
-def always(said: Verdict) -> Judge:
+def always(said: Verdict) -> PendingVerdict:
     """Returns how to judge what is known already."""
     return lambda: said
 
