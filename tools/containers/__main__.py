@@ -2,6 +2,7 @@
 
 import argparse
 import functools
+import json
 import os
 import subprocess
 import sys
@@ -38,6 +39,7 @@ def _parser() -> argparse.ArgumentParser:
     down = commands.add_parser("down", help="end the fleet and remove its containers and network")
     down.set_defaults(run=_down)
     status = commands.add_parser("status", help="one line a computer: container, gateway, rules, robot, localisation")
+    status.add_argument("--json", action="store_true", help="as JSON, for programs")
     status.set_defaults(run=_status)
     logs = commands.add_parser("logs", help="what the computers say: ./pioneer logs -f aadi1")
     logs.add_argument("-f", "--follow", action="store_true")
@@ -77,7 +79,7 @@ def _status(options: argparse.Namespace) -> int:
     latest: dict[str, dict[str, Any]] = {}
     asked = [(one, ("--settled", "--timeout", "4")) for one in computers if one.running]
     follow(asked, lambda computer, line: latest.__setitem__(computer.name, line))
-    print(status_table(computers, latest))
+    print(json.dumps({"computers": latest}) if options.json else status_table(computers, latest))
     return 0 if all(one.running for one in computers) else 1
 
 

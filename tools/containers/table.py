@@ -15,19 +15,23 @@ HEADINGS = (
     "SCAN",
     "LOCALISED",
     "WAYPOINTS",
-    "LACKS / LAST WORD",
+    "MISSING / LAST WORD",
 )
 
 
 def progress_line(name: str, report: Mapping[str, Any]) -> str:
-    """Returns one line on how far a computer has come."""
+    """Returns one line on how far a computer's start-up is."""
     return f"{name:16} {report['stage']:9} {report.get('lacks') or report.get('waypoint') or ''}".rstrip()
 
 
 def status_table(computers: Sequence[Computer], reports: Mapping[str, Mapping[str, Any]]) -> str:
     """Returns one row a computer."""
-    rows = [HEADINGS, *(_row(computer, reports.get(computer.name, {})) for computer in computers)]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(HEADINGS))]
+    return aligned([HEADINGS, *(_row(computer, reports.get(computer.name, {})) for computer in computers)])
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> str:
+    """Returns rows as lines whose columns are as wide as they must be."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return "\n".join(
         "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
     )

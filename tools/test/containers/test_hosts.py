@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from errand import Errands
+from router import Network, Router, router
 
 from containers.engine import ContainerError, Project, compose_command
-from containers.errand import Errands
 from containers.harness import PATIENCE, Fleet, fleet
 from containers.image import ensure_image
-from containers.router import Network, Router, router
 from containers.state import desktop_token, hub_password
 
 COMPOSE = Path(__file__).parents[3] / "docker" / "compose.yaml"

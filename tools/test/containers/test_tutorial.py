@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from contextlib import ExitStack, closing
 
 import pytest
+from shell import Shell
 
 from containers.engine import output
 from containers.harness import Fleet, fleet
-from containers.shell import Shell
 
 BASE = "aadiworkstation"
 GATEWAY = "export HOSTNAME; roslaunch pioneer_networking pioneer_gateway.launch"

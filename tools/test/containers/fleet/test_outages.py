@@ -1,15 +1,15 @@
 """Computers that end, die, or lose their network, while all robots drive: they come back, and the rest never notices.
 
 Undisturbed is a robot that reaches every waypoint of its round and whose computer never was without odometry for longer
-than a robot bears before it stops (`containers.errand`).
+than a robot bears before it stops (`errand`).
 """
 
 import re
 from collections.abc import Iterator
 
 import pytest
+from errand import ACROSS, Errands
 
-from containers.errand import ACROSS, Errands
 from containers.harness import PATIENCE, Fleet
 from pioneer_harness.wait import wait_until
 

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from errand import ROUNDS, WALLS, Errand
 from PIL import Image
 
 from containers.engine import output
-from containers.errand import ROUNDS, WALLS, Errand
 from containers.harness import PATIENCE, Fleet
 
 

@@ -11,10 +11,10 @@ import pytest
 import websocket
 import yaml
 from PIL import Image
+from vnc import Screen
 
 from containers.engine import DESKTOP, output
 from containers.harness import PATIENCE, ROOT, Fleet
-from containers.vnc import Screen
 from pioneer_description.core.scene import Mark, View, marks_of, missing
 from pioneer_harness.wait import wait_until
 

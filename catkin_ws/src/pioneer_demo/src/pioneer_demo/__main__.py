@@ -1,4 +1,4 @@
-"""``python -m pioneer_demo``: the command behind ``./pioneer demo``."""
+"""``python -m pioneer_demo``: the commands behind ``./pioneer demo`` and ``./pioneer fleet``."""
 
 import sys
 

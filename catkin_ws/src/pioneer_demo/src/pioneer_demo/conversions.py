@@ -9,7 +9,7 @@ from geometry_msgs.msg import Twist
 
 from pioneer_demo.core.geometry import Pose, yaw_from_quaternion
 from pioneer_demo.core.recording import Hits
-from pioneer_demo.core.track import ClientState, Points, Queue
+from pioneer_demo.core.track import Points
 
 BEAMS_KEPT = 180
 """Of each scan for a film, about."""
@@ -56,11 +56,6 @@ def mount_of(description: str, link: str) -> Pose:
         name, step = joints[name]
         pose = step.compose(pose)
     return pose
-
-
-def queue_from_message(message: Any) -> Queue:
-    """Returns a ``simple_navigation_goals/WaypointQueue``'s counts."""
-    return Queue(ClientState(message.state), message.received, message.reached, message.aborted, message.text)
 
 
 def status_from_message(message: Any) -> str:

@@ -7,75 +7,12 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 import rospkg
 
-from pioneer_harness.proc import arguments, has_variable, process_states
-from pioneer_harness.wait import wait_until
-
-_MARK = "PIONEER_DEMO_TEST"
-_START_UP, _WHOLE, _CTRL_C = 120.0, 300.0, 5.0
-_FOREIGN = {"ROS_NAMESPACE": "/elsewhere", "ROS_HOSTNAME": "no-such-host.invalid", "GATEWAY_NETWORK_INTERFACE": "eth9"}
-"""What a user's shell may hold for another fleet: every demo here runs with it."""
-
-
-class RunningDemo:
-    """A demo in a session of its own, with a mark in its environment by which everything it starts can be found."""
-
-    def __init__(self, report, *options):
-        self.report = report
-        self.mark = str(report)
-        self.output = report.with_suffix(".txt")
-        environment = {
-            **os.environ,
-            **_FOREIGN,
-            _MARK: self.mark,
-            "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
-        }
-        command = [sys.executable, "-m", "pioneer_demo", "--report", str(report), *map(str, options)]
-        with self.output.open("wb") as output:
-            self.process = subprocess.Popen(
-                command, env=environment, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
-            )
-
-    def text(self):
-        return self.output.read_text(errors="replace")
-
-    def processes(self):
-        """Returns the command lines of everything alive that carries the mark, by pid."""
-        marked = (pid for pid, state in process_states().items() if state.alive and has_variable(pid, _MARK, self.mark))
-        return {pid: " ".join(arguments(pid)) for pid in marked}
-
-    def await_words(self, words, timeout):
-        def said():
-            assert self.process.poll() is None, f"the demo ended too early:\n{self.text()}"
-            return words in self.text()
-
-        wait_until(said, f"'{words}' in the demo's output", timeout)
-
-    def end(self):
-        for pid in self.processes():
-            try:
-                os.kill(pid, signal.SIGKILL)
-            except ProcessLookupError:
-                continue
-        self.process.wait()
-
-
-@pytest.fixture
-def start(tmp_path):
-    demos = []
-
-    def begin(*options):
-        demos.append(RunningDemo(tmp_path / f"report{len(demos)}", *options))
-        return demos[-1]
-
-    yield begin
-    for demo in demos:
-        demo.end()
+_START_UP, _WHOLE = 120.0, 300.0
 
 
 def assert_all_gone(demo):
@@ -112,13 +49,7 @@ def seconds_of(film):
 
 def interrupted_after(demo, words, timeout, number=signal.SIGINT):
     demo.await_words(words, timeout)
-    demo.process.send_signal(number)
-    began = time.monotonic()
-    assert demo.process.wait(3 * _CTRL_C) == 128 + number, demo.text()
-    assert time.monotonic() - began <= _CTRL_C
-    assert_all_gone(demo)
-    # After SIGHUP the terminal is gone, and nothing may be written to it.
-    assert ("every process of this demo has ended" in demo.text()) == (number != signal.SIGHUP)
+    demo.interrupt(number)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGQUIT, signal.SIGHUP])
@@ -168,7 +99,7 @@ def test_a_demo_in_ones_own_world_wants_its_map_and_one_beside_it_takes_other_po
 
 
 def test_a_bad_argument_is_one_line_and_starts_nothing(tmp_path):
-    command = [sys.executable, "-m", "pioneer_demo", "--robots", "0", "--report", str(tmp_path / "report")]
+    command = [sys.executable, "-m", "pioneer_demo", "demo", "--robots", "0", "--report", str(tmp_path / "report")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1

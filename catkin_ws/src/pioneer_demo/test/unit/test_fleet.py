@@ -5,9 +5,10 @@ import pytest
 
 from pioneer_demo.core.fleet import Fleet, faults, stuck_report, time_limit
 from pioneer_demo.core.geometry import Pose
-from pioneer_demo.core.track import ClientState, Queue, RobotTrack
+from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.view import live_lines, state_word
 from pioneer_demo.core.waypoint import Leg
+from pioneer_fleet.core.monitor import ClientState, Queue
 
 
 @pytest.fixture
@@ -54,9 +55,9 @@ def test_the_time_limit_grows_with_the_way(fleet):
     assert time_limit(fleet) > short
 
 
-def test_the_live_view_has_a_line_a_robot_and_one_for_the_simulator(fleet):
+def test_the_live_view_has_a_line_for_progress_simulator_and_each_robot(fleet):
     lines = live_lines(fleet)
-    assert len(lines) == 3
+    assert len(lines) == 4
     assert "4.0 m to go" in lines[1]
     assert "localisation error – m" in lines[1]
 

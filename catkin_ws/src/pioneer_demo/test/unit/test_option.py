@@ -7,7 +7,7 @@ import yaml
 
 from pioneer_demo.adapters.world_folder import map_names, place_count, places_by_world
 from pioneer_demo.core.error import OptionError
-from pioneer_demo.core.option import DemoConfig, check_fleet, config_from_arguments
+from pioneer_demo.core.option import DemoConfig, FleetConfig, Machine, check_fleet, demo_config, fleet_config
 
 POSES = Path(__file__).parents[3] / "pioneer_gazebo_ros" / "pioneer_description" / "config"
 
@@ -15,7 +15,7 @@ PLACES, ELSEWHERE = {"closed_maze": 15, "small_world": 6}, 10
 
 
 def parsed(*arguments, processors=2):
-    return config_from_arguments(arguments, PLACES, ELSEWHERE, processors)
+    return demo_config(arguments, Machine(PLACES, ELSEWHERE, processors))
 
 
 def test_without_arguments_two_robots_drive_in_the_closed_maze_at_real_time():
@@ -34,16 +34,25 @@ def test_a_fleet_drives_as_fast_as_the_processors_carry_and_no_faster_than_real_
 
 def test_a_factor_that_was_chosen_is_told_in_one_line_and_one_that_was_asked_for_is_kept():
     chosen, asked = parsed("--robots", "10"), parsed("--robots", "10", "--rtf", "1")
-    assert (
-        chosen.choice == "Real-time factor 0.5: 2 processors carry no more with 10 robots (--rtf R insists on another)"
-    )
+    assert chosen.choice == "Real-time factor 0.5: 2 processors carry no more with 10 robots (--rtf R sets another)"
     assert (asked.real_time_factor, asked.choice) == (1.0, "")
 
 
 def test_every_option_arrives():
     line = "--robots 5 --world small_world --seed 7 --rtf 0 --waypoints 4 --report out --limit 99"
     config = parsed(*line.split(" "))
-    assert config == DemoConfig(5, "small_world", 7, 0.0, 4, Path("out"), 99.0)
+    assert config == DemoConfig(
+        robots=5, world="small_world", seed=7, real_time_factor=0.0, waypoints=4, report=Path("out"), limit=99.0,
+        log=Path("out/log"),
+    )  # fmt: skip
+
+
+def test_a_fleet_has_the_options_of_a_demo_but_for_waypoints_and_report():
+    machine = Machine(PLACES, ELSEWHERE, 2)
+    expected = FleetConfig(robots=3, real_time_factor=0.5, log=Path("logs"))
+    assert fleet_config(["--robots", "3", "--rtf", "0.5", "--log", "logs"], machine) == expected
+    with pytest.raises(OptionError, match="--waypoints"):
+        fleet_config(["--waypoints", "3"], machine)
 
 
 def test_any_world_file_may_be_driven_in():

@@ -14,8 +14,9 @@ from pioneer_demo.core.error import MapFileError
 from pioneer_demo.core.fleet import Fleet
 from pioneer_demo.core.geometry import Pose
 from pioneer_demo.core.report import Outcome, columns, report, table, verdict_line
-from pioneer_demo.core.track import ClientState, Queue, RobotTrack
+from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.waypoint import Leg
+from pioneer_fleet.core.monitor import ClientState, Queue
 
 
 @pytest.fixture

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from pioneer_demo.core.geometry import Pose
-from pioneer_demo.core.track import ClientState, Queue, RobotTrack
+from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.waypoint import Leg
+from pioneer_fleet.core.monitor import ClientState, Queue
 
 
 def leg(x, y=0.0):

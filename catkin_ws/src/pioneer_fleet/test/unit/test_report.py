@@ -1,4 +1,9 @@
-from pioneer_fleet.core.report import Report, Stage, deviation_from_covariance
+from pioneer_fleet.core.monitor import ClientState, Queue, deviation_from_covariance
+from pioneer_fleet.core.report import Report, Stage
+
+
+def queue(received: int = 0, reached: int = 0, aborted: int = 0, waiting: int = 0) -> Queue:
+    return Queue(ClientState.IDLE, received, reached, aborted, "", waiting)
 
 
 def robot(**known: object) -> Report:
@@ -27,13 +32,13 @@ def test_a_rule_that_thins_messages_out_is_in_force() -> None:
 
 
 def test_a_robot_with_rules_and_sensors_but_no_pose_is_not_ready() -> None:
-    report = robot(gateway="g", hub="h", rules=ACTIVE, odom_at=1.0, scan_at=1.0, waypoint="")
+    report = robot(gateway="g", hub="h", rules=ACTIVE, odom_at=1.0, scan_at=1.0, queue=queue())
     assert report.stage is Stage.SENSING
     assert report.lacks == "amcl has not localised the robot"
 
 
 def test_a_ready_robot_moves_when_it_turns_or_drives() -> None:
-    report = robot(gateway="g", hub="h", rules=ACTIVE, odom_at=1.0, scan_at=1.0, waypoint="", pose=(0.0, 0.0, 0.0))
+    report = robot(gateway="g", hub="h", rules=ACTIVE, odom_at=1.0, scan_at=1.0, queue=queue(), pose=(0.0, 0.0, 0.0))
     assert report.stage is Stage.READY
     assert not report.lacks
     report.angular = -0.4
@@ -47,14 +52,14 @@ def test_a_robot_that_stands_where_it_was_sent_has_moved_and_one_that_only_waits
         "rules": ACTIVE,
         "odom_at": 1.0,
         "scan_at": 1.0,
-        "waypoint": "",
+        "queue": queue(),
         "pose": (0.0,) * 3,
     }
-    assert robot(**ready, received=3, reached=2, aborted=1).has_come(Stage.MOVING)
+    assert robot(**ready | {"queue": queue(3, 2, 1)}).has_come(Stage.MOVING)
     assert not robot(**ready).has_come(Stage.MOVING)
-    assert not robot(**ready, received=3, reached=1, waiting=2).has_come(Stage.MOVING)
-    assert not robot(**ready, received=1, aborted=1).has_come(Stage.MOVING)
-    assert not robot(received=1, reached=1).has_come(Stage.MOVING), "its gateway is gone meanwhile"
+    assert not robot(**ready | {"queue": queue(3, 1, 0, 2)}).has_come(Stage.MOVING)
+    assert not robot(**ready | {"queue": queue(1, 0, 1)}).has_come(Stage.MOVING)
+    assert not robot(queue=queue(1, 1)).has_come(Stage.MOVING), "its gateway is gone meanwhile"
     assert robot(**ready).has_come(Stage.READY)
 
 
@@ -78,15 +83,15 @@ def test_the_deviation_is_the_larger_of_the_two() -> None:
 
 def test_a_robot_has_arrived_when_all_it_was_sent_to_is_dealt_with() -> None:
     assert robot().has_arrived(0)
-    assert not robot(received=1).has_arrived(2)
-    assert not robot(received=2, waiting=1).has_arrived(2)
-    assert robot(received=2, reached=1, aborted=1).has_arrived(2)
+    assert not robot(queue=queue(1)).has_arrived(2)
+    assert not robot(queue=queue(2, waiting=1)).has_arrived(2)
+    assert robot(queue=queue(2, 1, 1)).has_arrived(2)
 
 
 def test_the_longest_gap_is_of_simulated_time_and_a_new_world_is_none() -> None:
     report = robot()
     for now, stamp in ((0.0, 100.0), (9.0, 100.1), (9.1, 100.6), (9.2, 3.0), (9.3, 3.1)):
-        report.hear_odom(now, stamp)
-        report.hear_scan(now, stamp)
+        report.add_odom(now, stamp)
+        report.add_scan(now, stamp)
     line = report.as_json(10.0)
     assert (line["odom_gap"], line["scan_gap"], line["odom_age"]) == (0.5, 0.5, 0.7)

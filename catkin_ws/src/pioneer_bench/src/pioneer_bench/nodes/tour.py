@@ -120,7 +120,7 @@ class TourNode:
         self._group.check()
         robot = self._robot
         known = robot.pose is not None and robot.localised and robot.queue is not None
-        return known and self._observer.can_be_told(robot)
+        return known and self._observer.can_be_sent(robot)
 
     def _follow(self, limit: float) -> str:
         """Watches until all waypoints are dealt with; returns what went wrong, empty if nothing."""

@@ -1,31 +1,32 @@
-"""The files that a demo writes, checked before anything is started."""
+"""The files that a command writes, checked before anything is started."""
 
 import os
 from pathlib import Path
 
 from pioneer_demo.core.error import OptionError
-from pioneer_demo.core.option import DemoConfig
+from pioneer_demo.core.option import DemoConfig, FleetConfig
 
 
-def make_outputs(config: DemoConfig) -> None:
-    """Creates the report's folder, after a check of where the film goes.
+def make_outputs(config: FleetConfig) -> None:
+    """Creates the folders that are written, after a check of where a film goes.
 
     Raises:
         OptionError: one of them cannot be written.
         VideoError: no film can be made.
     """
-    if config.video is not None:
+    if isinstance(config, DemoConfig) and config.video is not None:
         _check_folder("--video", config.video.parent)
         from pioneer_demo.adapters.video import encoder
 
         encoder()
-    try:
-        config.report.mkdir(parents=True, exist_ok=True)
-    except FileExistsError:
-        raise OptionError(f"--report must be a folder; {config.report} is a file") from None
-    except OSError as error:
-        raise OptionError(f"--report: cannot create the folder {config.report} ({error.strerror})") from None
-    _check_folder("--report", config.report)
+    for option, folder in config.outputs:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except FileExistsError:
+            raise OptionError(f"{option} must be a folder; {folder} is a file") from None
+        except OSError as error:
+            raise OptionError(f"{option}: cannot create the folder {folder} ({error.strerror})") from None
+        _check_folder(option, folder)
 
 
 def _check_folder(option: str, folder: Path) -> None:

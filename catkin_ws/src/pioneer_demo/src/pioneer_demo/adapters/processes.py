@@ -1,4 +1,4 @@
-"""The processes of a demo: started on free ports, watched, accounted for, ended."""
+"""The processes of a fleet: started on free ports, watched, accounted for, ended."""
 
 import glob
 import os
@@ -19,7 +19,7 @@ from pioneer_demo.core.command import (
 from pioneer_demo.core.cost import Cost
 from pioneer_demo.core.kind import COMMAND, kind
 from pioneer_demo.core.launch_log import NodeDeath, node_deaths
-from pioneer_demo.core.option import DemoConfig
+from pioneer_demo.core.option import FleetConfig
 from pioneer_harness.accounting import Account
 from pioneer_harness.error import ProcessDiedError
 from pioneer_harness.port import PortReservation
@@ -31,11 +31,10 @@ _LAST_GRACE = 3.0
 
 
 class FleetProcesses:
-    """All processes of one demo. To be used from the main thread only, as a context manager."""
+    """All processes of one fleet. To be used from the main thread only, as a context manager."""
 
-    def __init__(self, config: DemoConfig, log: Path) -> None:
-        """``log`` is a directory of this demo's own; its parents exist."""
-        self._config, self._log = config, log
+    def __init__(self, config: FleetConfig) -> None:
+        self._config, self._log = config, config.log
         self._reservation = PortReservation()
         self.ports = _ports(self._reservation, config.robots)
         self.group = ProcessGroup()
@@ -49,7 +48,7 @@ class FleetProcesses:
             ProcessStartError: a command cannot be found.
         """
         self._log.mkdir(exist_ok=True)
-        shutil.rmtree(self._log / "ros", ignore_errors=True)  # the last demo's
+        shutil.rmtree(self._log / "ros", ignore_errors=True)  # the last run's
         for command in commands(self._config, self.ports):
             home = {"ROS_HOME": str(self._log / "ros"), "ROS_LOG_DIR": str(self._log / "ros" / "log")}
             log = self._log / f"{re.sub(r'[^A-Za-z0-9_]+', '-', command.name)}.log"

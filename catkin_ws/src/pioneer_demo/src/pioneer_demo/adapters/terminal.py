@@ -1,5 +1,6 @@
 """Progress on a terminal, redrawn in place, or as lines now and then where there is none."""
 
+import os
 import shutil
 import sys
 import time
@@ -11,16 +12,19 @@ _REPEAT = 5.0
 
 
 class Display:
-    """Shows a block of lines that changes. Not thread-safe: one thread shows.
+    """Shows a block of lines that changes. Not thread-safe.
 
     On a terminal the block is drawn over itself, at most four times a second; elsewhere it is printed every five
     seconds. A new phase shows at once on both.
+
+    Attributes:
+        in_place: whether this is a terminal.
     """
 
     def __init__(self, output: TextIO = sys.stdout, columns: Callable[[], int] | None = None) -> None:
-        """``columns`` tells the terminal's width; by default the system is asked each time."""
+        """``columns`` returns the terminal's width; by default the system's answer."""
         self._output = output
-        self._in_place = output.isatty()
+        self.in_place = output.isatty()
         self._columns = columns or (lambda: shutil.get_terminal_size().columns)
         self._drawn = 0
         self._next = 0.0
@@ -31,18 +35,24 @@ class Display:
         now = time.monotonic()
         if now < self._next and phase == self._phase:
             return
-        self._phase, self._next = phase, now + (_REDRAW if self._in_place else _REPEAT)
-        if self._in_place:
+        self._phase, self._next = phase, now + (_REDRAW if self.in_place else _REPEAT)
+        if self.in_place:
             self._draw(lines)
         else:
             print(*lines, sep="\n", file=self._output, flush=True)
 
     def clear(self) -> None:
-        """Takes the block away."""
+        """Removes the block."""
         self._draw([])
 
+    def painted(self, text: str, good: bool) -> str:
+        """Returns ``text`` in green or red, as it is where there is no terminal or NO_COLOR is set."""
+        if not self.in_place or os.environ.get("NO_COLOR"):
+            return text
+        return f"\x1b[{32 if good else 31}m{text}\x1b[0m"
+
     def _draw(self, lines: Sequence[str]) -> None:
-        if not self._in_place:
+        if not self.in_place:
             return
         columns = self._columns()
         up = f"\x1b[{self._drawn}F" if self._drawn else ""

@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 
-from pioneer_demo.core.option import DemoConfig
+from pioneer_demo.core.option import FleetConfig
 
 HUB_MASTER, HUB_GATEWAY_MASTER, FIRST_ROBOT_MASTER, HUB = 11311, 11312, 11313, 6380
 _LOOPBACK = "127.0.0.1"
@@ -39,7 +39,7 @@ class Command:
     environment: Mapping[str, str]
 
 
-def commands(config: DemoConfig, ports: Ports) -> list[Command]:
+def commands(config: FleetConfig, ports: Ports) -> list[Command]:
     """Returns what runs on the hub computer, in the hub gateway's terminal, and on each robot computer."""
     shared = {
         "ROS_IP": _LOOPBACK,

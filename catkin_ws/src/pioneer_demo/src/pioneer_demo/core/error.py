@@ -26,8 +26,8 @@ class StartError(DemoError):
 
 
 class FlipError(DemoError):
-    """The gateway refused a rule that the demo needs."""
+    """The gateway refused a rule that the observer needs."""
 
 
 class StuckError(DemoError):
-    """The fleet was still under way at its time limit; the message names who, and what is known of why."""
+    """The fleet did not finish in time; the message says which robots, and what is known of the reason."""

@@ -1,40 +1,34 @@
-"""The command line of ``./pioneer demo``."""
+"""The command lines of ``./pioneer fleet`` and ``./pioneer demo``."""
 
 import argparse
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from pioneer_demo.core.capacity import factor_held
 from pioneer_demo.core.error import OptionError
 
 
-@dataclasses.dataclass(frozen=True)
-class DemoConfig:
-    """What a demo is to do.
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FleetConfig:
+    """What a fleet is to be.
 
     Attributes:
         robots: how many.
         world: name of a world of pioneer_gazebo, or path of a .world file whose map has been drawn beside it.
-        seed: of the waypoints, the simulator's sensor noise and the filters.
+        seed: of the simulator's sensor noise and the filters, and of a demo's waypoints.
         real_time_factor: wanted; 0 is as fast as the machine can.
-        processors: how many the factor was chosen for; 0 where it was asked for.
-        waypoints: a robot.
-        report: directory for report.json, fleet.png and the logs.
-        limit: simulated time after which the fleet counts as stuck [s]; 0 is in proportion to the way.
-        video: where a film of the run goes; None for none.
+        processors: how many the factor was chosen for; 0 where it was given.
+        log: directory for what every process logs.
     """
 
     robots: int = 2
     world: str = "closed_maze"
     seed: int = 1
     real_time_factor: float = 1.0
-    waypoints: int = 3
-    report: Path = Path("demo-report")
-    limit: float = 0.0
-    video: Path | None = None
     processors: float = 0.0
+    log: Path = Path("fleet-log")
 
     @property
     def choice(self) -> str:
@@ -43,7 +37,7 @@ class DemoConfig:
             return ""
         return (
             f"Real-time factor {self.real_time_factor:g}: {self.processors:g} processors carry no more with "
-            f"{self.robots} robots (--rtf R insists on another)"
+            f"{self.robots} robots (--rtf R sets another)"
         )
 
     @property
@@ -56,6 +50,34 @@ class DemoConfig:
         """Name of the world's map."""
         return _map_name(self.world)
 
+    @property
+    def outputs(self) -> tuple[tuple[str, Path], ...]:
+        """The folders that are written, by their options."""
+        return (("--log", self.log),)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DemoConfig(FleetConfig):
+    """What a demo is to do.
+
+    Attributes:
+        waypoints: a robot.
+        report: directory for report.json and fleet.png; the logs are in it.
+        limit: simulated time after which the fleet counts as stuck [s]; 0 is in proportion to the way.
+        video: where a film of the run goes; None for none.
+    """
+
+    waypoints: int = 3
+    report: Path = Path("demo-report")
+    log: Path = Path("demo-report/log")
+    limit: float = 0.0
+    video: Path | None = None
+
+    @property
+    def outputs(self) -> tuple[tuple[str, Path], ...]:
+        """The folders that are written, by their options."""
+        return (("--report", self.report),)
+
 
 def _is_path(world: str) -> bool:
     return "/" in world or world.endswith(".world")
@@ -67,48 +89,62 @@ def _map_name(world: str) -> str:
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        raise OptionError(f"{message} (see ./pioneer demo --help)")
+        raise OptionError(f"{message} (see {self.prog} --help)")
 
 
-def config_from_arguments(
-    arguments: Sequence[str], places: Mapping[str, int], places_elsewhere: int, processors: float
-) -> DemoConfig:
-    """Returns the configuration; ``--help`` prints and exits as argparse does.
+@dataclasses.dataclass(frozen=True)
+class Machine:
+    """What the options depend on.
 
-    Args:
-        arguments: the command line without the program's name.
+    Attributes:
         places: for each world of pioneer_gazebo that has a map, how many robots have an initial pose in it.
         places_elsewhere: how many have one in any other world.
-        processors: how many there are, by which the real-time factor is chosen unless the arguments do.
+        processors: how many there are, by which the real-time factor is chosen unless the options do.
+    """
+
+    places: Mapping[str, int]
+    places_elsewhere: int
+    processors: float
+
+
+def demo_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
+    """Returns the configuration of ``./pioneer demo``; ``--help`` prints and exits as argparse does.
 
     Raises:
         OptionError: an unknown option, or a value out of its range.
     """
-    values = vars(_parser(list(places)).parse_args(arguments))
-    wanted = values.pop("real_time_factor")
-    config = DemoConfig(**values)
-    if wanted is not None:
-        config = dataclasses.replace(config, real_time_factor=wanted)
-    check_fleet(config.robots, config.world, places, places_elsewhere)
-    _check(config)
-    if wanted is None:
-        config = dataclasses.replace(
-            config, real_time_factor=factor_held(config.robots, processors), processors=processors
-        )
+    values = vars(_demo_parser(list(machine.places)).parse_args(arguments))
+    config = DemoConfig(**_chosen(values, machine), log=values["report"] / "log")
+    _check_demo(config)
     return config
 
 
+def fleet_config(arguments: Sequence[str], machine: Machine) -> FleetConfig:
+    """The same for ``./pioneer fleet``."""
+    return FleetConfig(**_chosen(vars(_fleet_parser(list(machine.places)).parse_args(arguments)), machine))
+
+
+def _chosen(values: dict[str, Any], machine: Machine) -> dict[str, Any]:
+    """Returns checked values with a real-time factor: the one given, else what the processors carry."""
+    check_fleet(values["robots"], values["world"], machine.places, machine.places_elsewhere)
+    _check(values)
+    if values["real_time_factor"] is None:
+        factor = factor_held(values["robots"], machine.processors)
+        return {**values, "real_time_factor": factor, "processors": machine.processors}
+    return values
+
+
 def check_fleet(robots: int, world: str, places: Mapping[str, int], places_elsewhere: int | None = None) -> None:
-    """Sees to it that a world is known and has a place for each robot.
+    """Checks that a world is known and has a place for each robot.
 
     Args:
         robots: how many.
         world: its name, or the path of its file.
         places: for each world that has a name, how many robots have an initial pose in it.
-        places_elsewhere: how many have one in a world that is given by its file; None where no file will do.
+        places_elsewhere: how many have one in a world that is given by its file; None where no file is accepted.
 
     Raises:
-        OptionError: it is not, or has not.
+        OptionError: it is unknown, or has too few.
     """
     if world not in places and (places_elsewhere is None or not _is_path(world)):
         file = "" if places_elsewhere is None else ", or a .world file"
@@ -119,55 +155,83 @@ def check_fleet(robots: int, world: str, places: Mapping[str, int], places_elsew
         raise OptionError(f"--robots must be 1 to {most} in {name}, not {robots}")
 
 
-def _check(config: DemoConfig) -> None:
-    for option, value in (("--world", config.world), ("--report", config.report), ("--video", config.video)):
+def _check(values: Mapping[str, Any]) -> None:
+    for name in ("world", "log", "report", "video"):
         try:
-            str(value).encode()
+            str(values.get(name, "")).encode()
         except UnicodeEncodeError:
-            shown = str(value).encode(errors="surrogateescape")
-            raise OptionError(f"{option} must be UTF-8, not {shown!r}: ROS cannot handle other names") from None
+            shown = str(values[name]).encode(errors="surrogateescape")
+            raise OptionError(f"--{name} must be UTF-8, not {shown!r}: ROS cannot handle other names") from None
+    factor = values["real_time_factor"]
+    if factor is not None and not 0.0 <= factor < float("inf"):
+        raise OptionError(f"--rtf must be 0 (as fast as possible) or more, not {factor:g}")
+    if not 0 <= values["seed"] < 2**31:
+        raise OptionError(f"--seed must be 0 to {2**31 - 1}, not {values['seed']}")
+
+
+def _check_demo(config: DemoConfig) -> None:
     if not 1 <= config.waypoints <= 50:
         raise OptionError(f"--waypoints must be 1 to 50, not {config.waypoints}")
-    if not 0.0 <= config.real_time_factor < float("inf"):
-        raise OptionError(f"--rtf must be 0 (as fast as possible) or more, not {config.real_time_factor:g}")
-    if not 0 <= config.seed < 2**31:
-        raise OptionError(f"--seed must be 0 to {2**31 - 1}, not {config.seed}")
     if config.video is not None and not config.video.suffix:
         raise OptionError(f"--video must name a file such as run.mp4, not '{config.video}'")
     if not 0.0 <= config.limit < float("inf"):
         raise OptionError(f"--limit must be 0 (in proportion to the way) or more seconds, not {config.limit:g}")
 
 
-def _parser(worlds: Sequence[str]) -> argparse.ArgumentParser:
-    default = DemoConfig()
+def _parser(prog: str, description: str, epilog: str, worlds: Sequence[str]) -> _Parser:
+    """Returns a parser of the options that every fleet has."""
+    default = FleetConfig()
     parser = _Parser(
-        prog="./pioneer demo",
-        description="A fleet of simulated Pioneers drives to waypoints: a hub, a hub gateway with the simulator, and "
-        "one ROS master and gateway a robot. Ctrl-C ends everything.",
-        epilog="Exit status: 0 when every waypoint was reached without a collision, 1 when not, 2 for bad arguments, "
-        "130 after Ctrl-C.",
+        prog=prog,
+        description=description,
+        epilog=epilog,
         allow_abbrev=False,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("--robots", type=int, default=default.robots, metavar="N", help="robots (default %(default)s)")
-    add(
-        "--world",
-        default=default.world,
-        metavar="W",
-        help=f"{', '.join(worlds)}, or a .world file with its map beside it (default %(default)s)",
-    )
-    add("--seed", type=int, default=default.seed, metavar="S", help="of waypoints and noise (default %(default)s)")
+    add("--world", default=default.world, metavar="W",
+        help=f"{', '.join(worlds)}, or a .world file with its map beside it (default %(default)s)")  # fmt: skip
+    add("--seed", type=int, default=default.seed, metavar="S",
+        help="of sensor noise, filters and a demo's waypoints (default %(default)s)")  # fmt: skip
     add("--rtf", dest="real_time_factor", type=float, metavar="R",
         help="real-time factor to hold, 0 = as fast as possible (default: 1, or less where that is more than the "
         "processors carry)")  # fmt: skip
-    add("--waypoints", type=int, default=default.waypoints, metavar="K", help="a robot (default %(default)s)")
-    add(
-        "--report",
-        type=Path,
-        default=default.report,
-        metavar="DIR",
-        help="numbers, picture, logs (default %(default)s)",
+    return parser
+
+
+def _fleet_parser(worlds: Sequence[str]) -> _Parser:
+    parser = _parser(
+        "./pioneer fleet",
+        "Starts a fleet of simulated Pioneers on this machine and keeps it up: a hub, a hub gateway with\n"
+        "the simulator, and one ROS master, gateway and navigation a robot. Ctrl-C ends everything.",
+        "Meanwhile, in other terminals:\n"
+        "  ./pioneer status              one line a robot\n"
+        "  ./pioneer rviz                RViz of the fleet\n"
+        "  ./pioneer teleop pioneer1     drive a robot by keyboard\n"
+        "Example: ./pioneer fleet --robots 5 --world utm_0",
+        worlds,
     )
+    add = parser.add_argument
+    add("--log", type=Path, default=FleetConfig().log, metavar="DIR", help="logs (default %(default)s)")
+    return parser
+
+
+def _demo_parser(worlds: Sequence[str]) -> _Parser:
+    default = DemoConfig()
+    parser = _parser(
+        "./pioneer demo",
+        "Starts a fleet as ./pioneer fleet does, sends every robot to waypoints, and reports how it went.\n"
+        "Ctrl-C ends everything.",
+        "Exit status: 0 when every waypoint was reached without a collision, 1 when not, 2 for bad arguments,\n"
+        "130 after Ctrl-C.\n"
+        "Example: ./pioneer demo --robots 5 --world utm_0 --video run.mp4",
+        worlds,
+    )
+    add = parser.add_argument
+    add("--waypoints", type=int, default=default.waypoints, metavar="K", help="a robot (default %(default)s)")
+    add("--report", type=Path, default=default.report, metavar="DIR",
+        help="numbers, picture, logs (default %(default)s)")  # fmt: skip
     add("--limit", type=float, default=default.limit, metavar="T",
         help="simulated seconds until a fleet counts as stuck (default: in proportion to the way)")  # fmt: skip
     add("--video", type=Path, metavar="FILE", help="a film of the run from above, mp4 (needs ffmpeg)")

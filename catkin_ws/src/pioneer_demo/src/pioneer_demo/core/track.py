@@ -3,13 +3,13 @@
 import bisect
 import collections
 import dataclasses
-import enum
 import math
 
 import numpy as np
 
 from pioneer_demo.core.geometry import Pose, remaining_length
 from pioneer_demo.core.waypoint import Leg
+from pioneer_fleet.core.monitor import ClientState, Queue, RobotMonitor
 
 Points = list[tuple[float, float]]
 
@@ -17,25 +17,6 @@ _MOVED = 0.05
 _PATH_STEP = 0.05
 _ERROR_INTERVAL = 0.1
 _ODOMETRY_KEPT = 400
-
-
-class ClientState(enum.IntEnum):
-    """States of the waypoint client, numbered as in ``simple_navigation_goals/WaypointQueue``."""
-
-    IDLE = 0
-    WAITING_FOR_MOVE_BASE = 1
-    DRIVING = 2
-
-
-@dataclasses.dataclass(frozen=True)
-class Queue:
-    """A report of the waypoint client: how many waypoints it got, reached and gave up, and what it says."""
-
-    state: ClientState
-    received: int
-    reached: int
-    aborted: int
-    text: str
 
 
 @dataclasses.dataclass
@@ -66,6 +47,7 @@ class RobotTrack:
 
     def __init__(self, name: str) -> None:
         self.name = name
+        self.monitor = RobotMonitor()
         self.visits: list[Visit] = []
         self.pose: Pose | None = None
         self.driven: Points = []
@@ -73,13 +55,17 @@ class RobotTrack:
         self.first_motion: float | None = None
         self.collisions = 0
         self.errors: list[float] = []
-        self.queue: Queue | None = None
         self.plan: Points = []
         self.status = ""
         self._stamp = self._picked = -math.inf
         self._correction: Pose | None = None
         self._odometry: collections.deque[tuple[float, Pose]] = collections.deque(maxlen=_ODOMETRY_KEPT)
         self._unjudged: collections.deque[tuple[float, Pose]] = collections.deque(maxlen=_ODOMETRY_KEPT)
+
+    @property
+    def queue(self) -> Queue | None:
+        """The waypoint client's newest report."""
+        return self.monitor.queue
 
     @property
     def start(self) -> tuple[float, float] | None:
@@ -136,6 +122,7 @@ class RobotTrack:
         if stamp < self._stamp:
             return
         self._stamp, self.pose = stamp, pose
+        self.monitor.pose = (pose.x, pose.y, pose.yaw)
         self._extend_path(stamp, pose)
         if self.localised and stamp - self._picked >= _ERROR_INTERVAL:
             self._picked = stamp
@@ -164,7 +151,7 @@ class RobotTrack:
     def add_queue(self, queue: Queue) -> None:
         """Takes in the waypoint client's report and closes the visits it tells of."""
         before = self.queue or Queue(ClientState.IDLE, 0, 0, 0, "")
-        self.queue = queue
+        self.monitor.queue = queue
         for _ in range(queue.aborted - before.aborted):
             self._close(False)
         for _ in range(queue.reached - before.reached):

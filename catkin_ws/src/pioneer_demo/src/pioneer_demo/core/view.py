@@ -1,9 +1,12 @@
-"""The texts people read while the demo runs."""
+"""The texts people read while a fleet runs."""
 
 import math
 
+from pioneer_demo.core.command import Ports, master_uri
 from pioneer_demo.core.fleet import Fleet, Simulator
-from pioneer_demo.core.track import ClientState, RobotTrack
+from pioneer_demo.core.option import FleetConfig
+from pioneer_demo.core.track import RobotTrack
+from pioneer_fleet.core.monitor import ClientState
 
 _WORDS = {
     ClientState.IDLE: "waiting",
@@ -12,9 +15,56 @@ _WORDS = {
 }
 
 
+_BAR = 24
+
+_GUIDE = """\
+{robots} in {world} after {seconds:.1f} s. Ctrl-C ends everything.
+
+  ./pioneer status             one line a robot (--json)
+  ./pioneer rviz               RViz of the fleet
+  ./pioneer teleop pioneer1    drive a robot by keyboard
+
+For other ROS commands, in ./pioneer shell:
+
+{masters}
+
+  rostopic pub -1 /pioneer1/map_goal geometry_msgs/Twist '[1.0, 2.0, 0.0]' '[0.0, 0.0, 90.0]'   # on pioneer1's master
+"""
+
+
+def guide(config: FleetConfig, ports: Ports, seconds: float) -> str:
+    """Returns how to use a fleet that is up, ``seconds`` after its start."""
+    names = ["base station", *(f"pioneer{number}" for number in range(1, config.robots + 1))]
+    uris = map(master_uri, (ports.hub_gateway_master, *ports.robot_masters))
+    masters = "\n".join(f"  export ROS_MASTER_URI={uri}   # {name}" for name, uri in zip(names, uris, strict=True))
+    robots = "1 robot is ready" if config.robots == 1 else f"{config.robots} robots are ready"
+    return _GUIDE.format(robots=robots, world=config.map_name, seconds=seconds, masters=masters)
+
+
 def live_lines(fleet: Fleet) -> list[str]:
-    """Returns a line for the simulator and one for each robot."""
-    return [simulator_line(fleet.simulator), *(robot_line(robot) for robot in fleet.robots)]
+    """Returns the lines of a demo: waypoints so far, the simulator, and each robot."""
+    return [progress_line(fleet), simulator_line(fleet.simulator), *(robot_line(robot) for robot in fleet.robots)]
+
+
+def fleet_lines(fleet: Fleet) -> list[str]:
+    """Returns the lines of a fleet that was given no waypoints by us: the simulator, and each robot."""
+    return [simulator_line(fleet.simulator), *(idle_line(robot) for robot in fleet.robots)]
+
+
+def progress_line(fleet: Fleet) -> str:
+    """Returns a bar over all waypoints of all robots."""
+    done, count = sum(robot.current for robot in fleet.robots), sum(len(robot.visits) for robot in fleet.robots)
+    full = _BAR * done // max(1, count)
+    return f"waypoints  [{'#' * full}{'-' * (_BAR - full)}]  {done} of {count}"
+
+
+def idle_line(robot: RobotTrack) -> str:
+    """Returns state, place, waypoints, localisation error and collisions of one robot."""
+    place = f"({robot.pose.x:6.2f}, {robot.pose.y:6.2f})" if robot.pose else "(     –,      –)"
+    counts = f"{robot.queue.reached} of {robot.queue.received}" if robot.queue else "–"
+    collisions = f"  collisions {robot.collisions}" if robot.collisions else ""
+    error = f"localisation error {number(robot.error, 2)} m"
+    return f"{robot.name:<10} {state_word(robot):<21}  at {place}  waypoints {counts}  {error}{collisions}"
 
 
 def simulator_line(simulator: Simulator) -> str:

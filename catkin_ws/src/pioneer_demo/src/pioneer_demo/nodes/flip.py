@@ -1,6 +1,7 @@
-"""The rules by which the demo sees into the robots' masters."""
+"""The rules by which the base station sees into the robots' masters."""
 
 import threading
+from collections.abc import Sequence
 
 import rospy
 from gateway_msgs.msg import ConnectionType, ErrorCodes, RemoteRule, Rule
@@ -11,38 +12,51 @@ from pioneer_demo.core.error import DemoError, FlipError
 
 _SERVICE = "/gateway/flip"
 _RETRY = 0.2
-_SUBSCRIBED = ("map_goal_client/queue", "move_base/NavfnROS/plan", "move_base/status")
+STATE = ("map_goal_client/queue",)
+"""What every fleet flips of a robot, beside /tf."""
+COURSE = (*STATE, "move_base/NavfnROS/plan", "move_base/status")
+"""What a demo flips, for its picture and for what it says of a robot that is stuck."""
 _NOT_YET = (ErrorCodes.NO_HUB_CONNECTION, ErrorCodes.HUB_CONNECTION_LOST, ErrorCodes.REMOTE_GATEWAY_NOT_VISIBLE)
 
 
 class FlipRequest(threading.Thread):
-    """Asks the hub gateway for the demo's flips, in a thread of its own: a service call cannot be interrupted.
+    """Asks the hub gateway for the observer's flips, in a thread of its own: a service call cannot be interrupted.
 
-    Subscribers (the robots' publishers become visible here, to ``node`` alone): the waypoint client's queue, the
-    global plan, the state of move_base, and the corrections on /tf. One publisher: the waypoints.
+    Subscribers (the robots' publishers become visible here, to ``node`` alone): ``topics`` of each robot, and the
+    corrections on /tf. One publisher: the waypoints.
     """
 
-    def __init__(self, node: str, robots: int) -> None:
+    def __init__(self, node: str, robots: int, topics: Sequence[str]) -> None:
         """Prepares the request of ``node`` (a name without slash) for so many robots."""
         super().__init__(name="flip request", daemon=True)
-        self._node, self._robots = node, robots
+        self._rules = _rules(node, robots, topics)
         self._cancelled = threading.Event()
-        self.done = False
-        self.error: DemoError | None = None
+        self._accepted = False
+        self._error: DemoError | None = None
 
     def cancel(self) -> None:
-        """Makes the thread give up soon."""
+        """Makes the thread end soon."""
         self._cancelled.set()
+
+    def accepted(self) -> bool:
+        """Returns whether the gateway has accepted the rules.
+
+        Raises:
+            FlipError: it has refused them.
+        """
+        if self._error is not None:
+            raise self._error
+        return self._accepted
 
     def run(self) -> None:
         """Calls the service until it accepts, refuses, or ``cancel`` was called."""
         try:
-            self.done = self._request()
+            self._accepted = self._request()
         except FlipError as error:
-            self.error = error
+            self._error = error
 
     def _request(self) -> bool:
-        request = RemoteRequest(cancel=False, remotes=_rules(self._node, self._robots))
+        request = RemoteRequest(cancel=False, remotes=self._rules)
         call = rospy.ServiceProxy(_SERVICE, Remote)
         while not self._cancelled.is_set():
             try:
@@ -52,16 +66,18 @@ class FlipRequest(threading.Thread):
             if answer is not None and answer.result == ErrorCodes.SUCCESS:
                 return True
             if answer is not None and answer.result not in _NOT_YET:
-                raise FlipError(f"the hub gateway refused the demo's flips: {answer.error_message} ({answer.result})")
+                raise FlipError(
+                    f"the hub gateway refused the observer's flips: {answer.error_message} ({answer.result})"
+                )
             self._cancelled.wait(_RETRY)
         return False
 
 
-def _rules(node: str, robots: int) -> list[RemoteRule]:
+def _rules(node: str, robots: int, names: Sequence[str]) -> list[RemoteRule]:
     rules = []
     for number in range(1, robots + 1):
         robot = robot_name(number)
-        topics = ["/tf", *(f"/{robot}/{topic}" for topic in _SUBSCRIBED)]
+        topics = ["/tf", *(f"/{robot}/{topic}" for topic in names)]
         rules += [_rule(number, ConnectionType.SUBSCRIBER, topic, node) for topic in topics]
         rules.append(_rule(number, ConnectionType.PUBLISHER, f"/{robot}/map_goal", node))
     return rules

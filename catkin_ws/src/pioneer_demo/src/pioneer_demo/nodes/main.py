@@ -1,4 +1,4 @@
-"""The command: arguments in, exit status out."""
+"""The commands ``fleet`` and ``demo``: arguments in, exit status out."""
 
 import dataclasses
 import os
@@ -15,7 +15,7 @@ from pioneer_demo.adapters.processes import FleetProcesses
 from pioneer_demo.adapters.stopwatch import Stopwatch
 from pioneer_demo.adapters.world_folder import place_count, places_by_world
 from pioneer_demo.core.error import DemoError, OptionError
-from pioneer_demo.core.option import DemoConfig, config_from_arguments
+from pioneer_demo.core.option import DemoConfig, FleetConfig, Machine, demo_config, fleet_config
 from pioneer_harness.error import HarnessError
 from pioneer_harness.proc import processors
 
@@ -27,33 +27,39 @@ _FOREIGN = (
 """Variables that mean another fleet, or another machine than this one."""
 
 
-def main(arguments: Sequence[str], interrupt: Interrupt) -> int:
-    """Runs a demo and returns its exit status: 0, 1 for a failure, 2 for bad arguments, 130 after Ctrl-C."""
+def main(words: Sequence[str], interrupt: Interrupt) -> int:
+    """Runs a command, ``fleet`` or ``demo``, with its options.
+
+    Returns:
+        The exit status: 0, 1 for a failure, 2 for bad arguments, 130 after Ctrl-C.
+    """
     watch = Stopwatch()
+    command, *arguments = words
     for name in _FOREIGN:
         os.environ.pop(name, None)
     try:
-        config, map_file = _configured(arguments)
+        config, map_file = _configured(command, arguments)
         make_outputs(config)
         interrupt.check()
         return _run(config, map_file, watch, interrupt)
     except Interrupted as error:
-        print(f"{error}: every process of this demo has ended.")
+        print(f"{error}: every process of this {command} has ended.")
         return error.status
     except OptionError as error:
-        print(f"pioneer demo: {error}", file=sys.stderr)
+        print(f"pioneer {command}: {error}", file=sys.stderr)
         return _BAD_ARGUMENTS
     except BrokenPipeError:
-        print("pioneer demo: the reader of its output has ended; so has every process of this demo", file=sys.stderr)
+        text = f"pioneer {command}: the reader of its output has ended; so has every process of this {command}"
+        print(text, file=sys.stderr)
         mute()
         return _FAILED
     except (DemoError, HarnessError, OSError) as error:
-        print(f"pioneer demo: {error}", file=sys.stderr)
+        print(f"pioneer {command}: {error}", file=sys.stderr)
         return _FAILED
 
 
-def _run(config: DemoConfig, map_file: Path, watch: Stopwatch, interrupt: Interrupt) -> int:
-    with FleetProcesses(config, config.report / "log") as processes:
+def _run(config: FleetConfig, map_file: Path, watch: Stopwatch, interrupt: Interrupt) -> int:
+    with FleetProcesses(config) as processes:
         ports = processes.ports
         print(f"Ports: {ports}" + ("" if ports.are_the_tutorials else " (some of the tutorial's are busy)"), flush=True)
         if config.choice:
@@ -61,22 +67,31 @@ def _run(config: DemoConfig, map_file: Path, watch: Stopwatch, interrupt: Interr
         processes.start()
         watch.note("processes started")
         # Imported while the processes start, because numpy and the like take their time.
-        from pioneer_demo.nodes.demo import Demo
+        if isinstance(config, DemoConfig):
+            from pioneer_demo.nodes.demo import Demo
 
-        return Demo(config, map_file, watch, interrupt, processes).run()
+            return Demo(config, map_file, watch, interrupt, processes).run()
+        from pioneer_demo.nodes.fleet import FleetRun
+
+        fleet = FleetRun(config, watch, interrupt, processes)
+        try:
+            fleet.start()
+            print(fleet.guide(), flush=True)
+            fleet.stay_up()
+        finally:
+            fleet.stop(in_order=False)
 
 
-def _configured(arguments: Sequence[str]) -> tuple[DemoConfig, Path]:
+def _configured(command: str, arguments: Sequence[str]) -> tuple[FleetConfig, Path]:
     """Returns the configuration and the map's YAML file."""
     packages = rospkg.RosPack()
     try:
         simulator = Path(packages.get_path("pioneer_gazebo"))
         poses = Path(packages.get_path("pioneer_description")) / "config"
-        places = places_by_world(simulator / "map", poses)
-        places_elsewhere = place_count(poses)
+        machine = Machine(places_by_world(simulator / "map", poses), place_count(poses), processors())
     except (rospkg.ResourceNotFound, OSError) as error:
         raise DemoError(f"the workspace is not built or not sourced: {error}") from error
-    config = config_from_arguments(arguments, places, places_elsewhere, processors())
+    config = demo_config(arguments, machine) if command == "demo" else fleet_config(arguments, machine)
     if not config.is_own_world:
         return config, simulator / "map" / f"{config.map_name}.yaml"
     world = Path(config.world).expanduser().resolve()

@@ -1,4 +1,4 @@
-"""What the demo sees of the fleet, and what it says to it, from the hub gateway's master."""
+"""What the base station sees of the fleet, and the waypoints it sends, on the hub gateway's master."""
 
 import functools
 import threading
@@ -21,6 +21,7 @@ from pioneer_demo.core.fleet import Fleet
 from pioneer_demo.core.geometry import Pose
 from pioneer_demo.core.recording import Recording
 from pioneer_demo.core.track import RobotTrack
+from pioneer_fleet.conversions import queue_from_message
 
 NAME = "fleet_observer"
 
@@ -28,7 +29,7 @@ _MAP, _ODOM, _BASE = "map", "odom", "base_link"
 
 
 class ObserverNode:
-    """Stores the newest of what the fleet publishes in a ``Fleet`` and sends waypoints.
+    """Stores the newest of what the fleet publishes in a ``Fleet``, and sends waypoints.
 
     Subscribes:
         /clock, /gazebo/ready, /gazebo/real_time_factor, /tf, /gateway/gateway_info,
@@ -59,8 +60,8 @@ class ObserverNode:
         for robot in fleet.robots:
             self._subscribe_robot(robot)
 
-    def can_be_told(self, robot: RobotTrack) -> bool:
-        """Returns whether somebody listens to the robot's waypoints: its client, through the gateways."""
+    def can_be_sent(self, robot: RobotTrack) -> bool:
+        """Returns whether the robot's waypoint client is connected, through the gateways."""
         return bool(self._goals[robot.name].get_num_connections() > 0)
 
     def send(self, robot: RobotTrack, goal: Pose) -> None:
@@ -68,7 +69,7 @@ class ObserverNode:
         self._goals[robot.name].publish(conversions.twist_from_goal(goal))
 
     def waiting_flips(self) -> list[str]:
-        """Returns topic and state of each of the demo's flips that is not accepted yet."""
+        """Returns topic and state of each of the observer's flips that is not accepted yet."""
         with self._lock:
             accepted = RemoteRuleWithStatus.ACCEPTED
             return [f"{rule}: {status}" for rule, status in self.flips.items() if status != accepted]
@@ -114,14 +115,15 @@ class ObserverNode:
             if parent == _MAP and child in self._frames:
                 self._frames[child].add_correction(conversions.pose_from_transform(transform.transform))
             elif child in self._bases and parent in self._frames:
-                pose = conversions.pose_from_transform(transform.transform)
-                self._bases[child].add_odometry(transform.header.stamp.to_sec(), pose)
+                stamp, pose = transform.header.stamp.to_sec(), conversions.pose_from_transform(transform.transform)
+                self._bases[child].add_odometry(stamp, pose)
+                self._bases[child].monitor.add_odom(time.monotonic(), stamp)
 
     def _on_truth(self, robot: RobotTrack, message: Odometry) -> None:
         robot.add_truth(message.header.stamp.to_sec(), conversions.pose_from_message(message.pose.pose))
+        robot.monitor.linear, robot.monitor.angular = message.twist.twist.linear.x, message.twist.twist.angular.z
         if robot.first_motion is not None:
             self.moving_since.setdefault(robot.name, time.monotonic())
-
         if self._recording is not None and robot.pose is not None:
             self._recording.add_pose(robot.name, message.header.stamp.to_sec(), robot.pose)
 
@@ -137,7 +139,7 @@ class ObserverNode:
         robot.collisions = message.data
 
     def _on_queue(self, robot: RobotTrack, message: WaypointQueue) -> None:
-        robot.add_queue(conversions.queue_from_message(message))
+        robot.add_queue(queue_from_message(message))
 
     def _on_status(self, robot: RobotTrack, message: GoalStatusArray) -> None:
         robot.status = conversions.status_from_message(message)

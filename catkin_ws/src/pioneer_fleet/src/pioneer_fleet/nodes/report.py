@@ -22,7 +22,9 @@ from sensor_msgs.msg import LaserScan
 from simple_navigation_goals.msg import WaypointQueue
 from std_msgs.msg import Float64
 
-from pioneer_fleet.core.report import Report, Stage, deviation_from_covariance
+from pioneer_fleet.conversions import queue_from_message
+from pioneer_fleet.core.monitor import deviation_from_covariance
+from pioneer_fleet.core.report import Report, Stage
 from pioneer_fleet.core.tour import Place, places_from_mapping, tour
 
 MASTER_LOOK = 0.2
@@ -99,9 +101,10 @@ class ReportNode:
         if not self._goals.get_num_connections():
             return
         self._sent, places = True, self._errand.places
+        received = self._report.queue.received if self._report.queue else 0
         if places:
-            self._due = self._report.received + len(places)
-        elif self._errand.waypoints and not self._report.received:
+            self._due = received + len(places)
+        elif self._errand.waypoints and not received:
             places = self._tour()
         for x, y, heading in places:
             goal = Twist()
@@ -113,12 +116,16 @@ class ReportNode:
         places = places_from_mapping(rospy.get_param("/"))
         return tour(places, number, self._errand.robots, self._errand.waypoints) if places else []
 
+    def _key(self) -> tuple[Stage, int]:
+        """Returns what the main thread is woken for when it changes."""
+        return self._report.stage, self._report.queue.waiting if self._report.queue else 0
+
     def _listen(self, topic: str, kind: Any, callback: Any) -> None:
         def locked(message: Any) -> None:
             with self._changed:
-                before = (self._report.stage, self._report.waiting)
+                before = self._key()
                 callback(message)
-                if (self._report.stage, self._report.waiting) != before:
+                if self._key() != before:
                     self._changed.notify()
 
         rospy.Subscriber(topic, kind, locked, queue_size=QUEUE, tcp_nodelay=True)
@@ -131,11 +138,11 @@ class ReportNode:
         self._report.rules = dict(_rule(status) for status in message.status)
 
     def _on_odom(self, message: Odometry) -> None:
-        self._report.hear_odom(time.monotonic(), message.header.stamp.to_sec())
+        self._report.add_odom(time.monotonic(), message.header.stamp.to_sec())
         self._report.linear, self._report.angular = message.twist.twist.linear.x, message.twist.twist.angular.z
 
     def _on_scan(self, message: LaserScan) -> None:
-        self._report.hear_scan(time.monotonic(), message.header.stamp.to_sec())
+        self._report.add_scan(time.monotonic(), message.header.stamp.to_sec())
 
     def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
         pose = message.pose.pose
@@ -144,10 +151,7 @@ class ReportNode:
         self._report.deviation = deviation_from_covariance(message.pose.covariance)
 
     def _on_queue(self, message: WaypointQueue) -> None:
-        self._report.waypoint = message.text
-        self._report.waiting = len(message.waiting) + bool(message.current.header.frame_id)
-        self._report.received, self._report.reached = message.received, message.reached
-        self._report.aborted = message.aborted
+        self._report.queue = queue_from_message(message)
 
     def _on_factor(self, message: Float64) -> None:
         self._report.real_time_factor = round(message.data, 2)

@@ -1,0 +1,41 @@
+"""What ``./pioneer status`` shows of a fleet that runs as processes of this machine."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+from pioneer_demo.core.command import Ports, master_uri
+from pioneer_demo.core.fleet import Fleet
+from pioneer_demo.core.option import FleetConfig
+from pioneer_demo.core.track import RobotTrack
+from pioneer_demo.core.view import state_word
+
+
+def fleet_status(fleet: Fleet, config: FleetConfig, ports: Ports, phase: str, now: float) -> dict[str, Any]:
+    """Returns the state of a fleet for ``json.dumps``; ``now`` is monotonic [s]. SI units; null for unknown."""
+    masters = zip((robot.name for robot in fleet.robots), ports.robot_masters, strict=True)
+    return {
+        "phase": phase,
+        "world": config.world,
+        "log": str(Path.cwd() / config.log),
+        "hub": f"http://127.0.0.1:{ports.hub}",
+        "master": master_uri(ports.hub_gateway_master),
+        "simulated_seconds": round(fleet.simulator.time, 3),
+        "real_time_factor": _known(fleet.simulator.real_time_factor),
+        "robots": [_robot(robot, port, now) for robot, (_, port) in zip(fleet.robots, masters, strict=True)],
+    }
+
+
+def _robot(robot: RobotTrack, port: int, now: float) -> dict[str, Any]:
+    return {
+        "robot": robot.name,
+        "master": master_uri(port),
+        "state": state_word(robot),
+        **robot.monitor.robot_json(now),
+        "localisation_error": _known(robot.error),
+        "collisions": robot.collisions,
+    }
+
+
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else round(value, 3)

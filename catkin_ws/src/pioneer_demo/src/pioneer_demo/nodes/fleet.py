@@ -1,0 +1,164 @@
+"""A fleet from its first process to its last: started, watched, published for ``./pioneer status``, ended."""
+
+import os
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+import rospy
+
+from pioneer_demo.adapters.interrupt import Interrupt
+from pioneer_demo.adapters.processes import FleetProcesses
+from pioneer_demo.adapters.stopwatch import Stopwatch
+from pioneer_demo.adapters.terminal import Display
+from pioneer_demo.core.command import master_uri, robot_name
+from pioneer_demo.core.error import StartError
+from pioneer_demo.core.fleet import Fleet
+from pioneer_demo.core.option import FleetConfig
+from pioneer_demo.core.recording import Recording
+from pioneer_demo.core.status import fleet_status
+from pioneer_demo.core.track import RobotTrack
+from pioneer_demo.core.view import fleet_lines, guide
+from pioneer_demo.nodes.flip import STATE, FlipRequest
+from pioneer_demo.nodes.observer import NAME, ObserverNode
+from pioneer_fleet.adapters.registry import Entry
+from pioneer_harness.masters import is_running
+
+_LOOK = 0.05
+_SAMPLE = 1.0
+_START_UP, _START_UP_PER_ROBOT = 90.0, 20.0
+_STEPS = 7
+# roslaunch itself gives a node 15 s before it sends the next signal.
+_GRACE, _GRACE_IN_A_HURRY = 30.0, 3.0
+
+
+class FleetRun:
+    """One fleet on this machine.
+
+    Attributes:
+        fleet: what is known of it; guarded by ``lock``.
+        processes: its processes.
+        observer: its node on the hub gateway's master; None until that master runs.
+    """
+
+    def __init__(self, config: FleetConfig, watch: Stopwatch, interrupt: Interrupt, processes: FleetProcesses) -> None:
+        """``processes`` have been started; ``stop`` ends them."""
+        self.processes, self.watch = processes, watch
+        self.fleet = Fleet([RobotTrack(robot_name(number)) for number in range(1, config.robots + 1)])
+        self.lock = threading.Lock()
+        self.display = Display()
+        self.observer: ObserverNode | None = None
+        self._config, self._interrupt = config, interrupt
+        self._entry, self._started = Entry(), time.time()
+        self._step, self._sampled = 0, 0.0
+        self._phase = "starting"
+
+    def start(
+        self,
+        topics: Sequence[str] = STATE,
+        recording: Recording | None = None,
+        meanwhile: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Waits until every robot takes waypoints.
+
+        Args:
+            topics: what the observer flips of each robot, beside /tf.
+            recording: gets scans and poses.
+            meanwhile: called once every robot stands in the world, while their navigation still starts.
+
+        Raises:
+            StartError: not in time.
+        """
+        uri = master_uri(self.processes.ports.hub_gateway_master)
+        self._starting(lambda: is_running(uri, _LOOK), "Hub_Gateway's ROS master", "hub gateway's master up")
+        self._join_ros(uri, topics, recording)
+        simulator, robots, flips = self.fleet.simulator, self.fleet.robots, self._flips
+        self._starting(lambda: simulator.ready, "the simulator", "simulator ready")
+        self._starting(lambda: all(robot.pose for robot in robots), "the robots' spawning", "robots spawned")
+        meanwhile()
+        self._starting(flips.accepted, "the hub gateway's flips", "flips accepted")
+        self._starting(lambda: all(robot.localised for robot in robots), "amcl on each robot", "robots localised")
+        self._starting(lambda: all(robot.queue for robot in robots), "each robot's waypoint client", "clients up")
+        self._starting(
+            lambda: all(map(self.seen.can_be_sent, robots)), "the way back to each robot", "robots connected"
+        )
+
+    def stay_up(self) -> None:
+        """Shows the fleet until the end is asked for; on a terminal only, since nothing may ever happen."""
+        terminal = self.display.in_place
+        while True:
+            self.look(fleet_lines if terminal else None, "up")
+
+    @property
+    def seen(self) -> ObserverNode:
+        """The observer, which runs."""
+        assert self.observer is not None, "only after start"
+        return self.observer
+
+    def wait_for(self, condition: Callable[[], object], what: str, milestone: str, timeout: float) -> None:
+        """Waits for a condition, showing ``what`` is awaited; a process's death or Ctrl-C end the wait.
+
+        Raises:
+            StartError: not within ``timeout`` [s].
+        """
+        began, phase = time.monotonic(), f"waiting for {what}"
+        step = f"starting, {self._step} of {_STEPS}: " if self._step else ""
+        while not condition():
+            waited = time.monotonic() - began
+            if waited > timeout:
+                flips = self.observer.waiting_flips() if self.observer else []
+                raise StartError("; ".join([f"timed out after {waited:.0f} s waiting for {what}", *flips]))
+            self.look(lambda fleet: [f"{self.watch.seconds():5.1f} s  {step}{phase} …"], phase)
+        self.watch.note(milestone)
+
+    def look(self, lines: Callable[[Fleet], list[str]] | None, phase: str) -> None:
+        """One turn of every loop: check whether to end, show and publish the state, account, then rest a moment."""
+        self._interrupt.check()
+        self.processes.check()
+        with self.lock:
+            text = lines(self.fleet) if lines else []
+        if lines:
+            self.display.show(text, phase)
+        if time.monotonic() - self._sampled > _SAMPLE or phase != self._phase:
+            self._phase = phase
+            self._publish()
+        changed = self.processes.group.changed
+        with changed:
+            changed.wait(_LOOK)
+
+    def stop(self, in_order: bool) -> tuple[str, ...]:
+        """Ends everything, in a hurry unless ``in_order``; returns the command lines of what had to be killed."""
+        if self.observer is not None:
+            self._flips.cancel()
+            rospy.signal_shutdown("the fleet ends")
+        self.display.clear()
+        try:
+            if in_order:
+                return self.processes.stop(_GRACE, urgent=self._interrupt.has_come)
+            return self.processes.stop(_GRACE_IN_A_HURRY, urgent=lambda: False)
+        finally:
+            self._entry.close()
+
+    def guide(self) -> str:
+        """Returns what a user needs to know of a fleet that is up."""
+        return guide(self._config, self.processes.ports, self.watch.seconds())
+
+    def _starting(self, condition: Callable[[], object], what: str, milestone: str) -> None:
+        self._step += 1
+        self.wait_for(condition, what, milestone, _START_UP + _START_UP_PER_ROBOT * self._config.robots)
+        if self._step == _STEPS:
+            self._step = 0
+
+    def _join_ros(self, uri: str, topics: Sequence[str], recording: Recording | None) -> None:
+        os.environ.update(ROS_MASTER_URI=uri, ROS_IP="127.0.0.1", ROS_LOG_DIR=str(self._config.log / "ros"))
+        rospy.init_node(NAME, disable_signals=True)
+        self.observer = ObserverNode(self.fleet, self.lock, recording)
+        self._flips = FlipRequest(NAME, self._config.robots, topics)
+        self._flips.start()
+
+    def _publish(self) -> None:
+        self.processes.sample()
+        with self.lock:
+            status = fleet_status(self.fleet, self._config, self.processes.ports, self._phase, time.monotonic())
+        self._entry.write({**status, "started": self._started})
+        self._sampled = time.monotonic()

@@ -1,0 +1,61 @@
+"""A fleet that stays up: found by ``./pioneer status``, driven by goals and by keyboard, ended by Ctrl-C."""
+
+import json
+import os
+import pty
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from pioneer_harness.wait import wait_until
+
+PIONEER = Path(__file__).resolve().parents[5] / "pioneer"
+START_UP, DRIVE, COMMAND = 120.0, 60.0, 30.0
+
+
+def status(fleet):
+    """Returns what ``./pioneer status`` says of this fleet; others may run beside it."""
+    command = [PIONEER, "status", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=COMMAND, check=False)
+    fleets = json.loads(done.stdout)["fleets"] if done.returncode == 0 else []
+    return next((one for one in fleets if one["pid"] == fleet.process.pid), None)
+
+
+@pytest.fixture
+def keyboard():
+    """A terminal: the end to type into, and the one to give to a command."""
+    ours, theirs = pty.openpty()
+    yield ours, theirs
+    os.close(ours)
+    os.close(theirs)
+
+
+def test_a_fleet_stays_up_for_status_goals_and_teleop_until_ctrl_c(start, keyboard):
+    fleet = start("--robots", 1, "--world", "small_world", command="fleet")
+    fleet.await_words("1 robot is ready in small_world", START_UP)
+    (robot,) = status(fleet)["robots"]
+    assert (robot["robot"], robot["reached"], robot["moving"]) == ("pioneer1", 0, False)
+    assert robot["master"] in fleet.text()
+
+    environment = {**os.environ, "ROS_MASTER_URI": robot["master"], "ROS_IP": "127.0.0.1"}
+    x, y, _ = robot["pose"]
+    goal = ["geometry_msgs/Twist", f"[{x}, {y}, 0.0]", "[0.0, 0.0, 0.0]"]
+    subprocess.run(
+        ["rostopic", "pub", "-1", "/pioneer1/map_goal", *goal], env=environment, check=True, timeout=COMMAND,
+        capture_output=True,
+    )  # fmt: skip
+    wait_until(lambda: status(fleet)["robots"][0]["reached"] == 1, "the goal, which is where it stands", DRIVE)
+
+    ours, theirs = keyboard
+    teleop = subprocess.Popen(
+        ["rosrun", "pioneer_fleet", "teleop", "pioneer1"], env=environment, stdin=theirs, stdout=subprocess.DEVNULL
+    )
+    os.write(ours, b"aa")
+    wait_until(lambda: status(fleet)["robots"][0]["moving"], "the robot that turns", DRIVE)
+    os.write(ours, b"q")
+    assert teleop.wait(COMMAND) == 0
+    wait_until(lambda: not status(fleet)["robots"][0]["moving"], "the robot's stop", DRIVE)
+
+    fleet.interrupt()
+    assert status(fleet) is None

@@ -1,0 +1,1 @@
+"""One foreign thing each: the files by which running fleets are found."""

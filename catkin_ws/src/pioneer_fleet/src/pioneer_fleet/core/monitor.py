@@ -1,0 +1,112 @@
+"""What one robot says of itself, whoever listens: its own computer, or the base station through the gateways."""
+
+import dataclasses
+import enum
+import math
+from collections.abc import Sequence
+from typing import Any
+
+MOVING_SPEED = 0.02
+"""A robot slower than this [m/s], and turning slower than this [rad/s] times five, stands still."""
+
+
+class ClientState(enum.IntEnum):
+    """States of the waypoint client, numbered as in ``simple_navigation_goals/WaypointQueue``."""
+
+    IDLE = 0
+    WAITING_FOR_MOVE_BASE = 1
+    DRIVING = 2
+
+
+@dataclasses.dataclass(frozen=True)
+class Queue:
+    """A report of the waypoint client.
+
+    Attributes:
+        state: what it does.
+        received, reached, aborted: waypoints so far.
+        text: its last words.
+        waiting: waypoints not reached yet, the one under way included.
+    """
+
+    state: ClientState
+    received: int
+    reached: int
+    aborted: int
+    text: str
+    waiting: int = 0
+
+
+@dataclasses.dataclass(kw_only=True)
+class RobotMonitor:
+    """The newest of everything; what was never received is None.
+
+    Attributes:
+        odom_at, scan_at: when the last one arrived, monotonic [s].
+        odom_stamp, scan_stamp: their stamps [s of simulated time].
+        odom_gap, scan_gap: the longest time between two stamps so far [s of simulated time]: a simulator that pauses
+            leaves no gap, a link that loses messages does.
+        linear, angular: the robot's speed [m/s, rad/s].
+        pose: x, y [m] and heading [rad] in ``map``.
+        deviation: standard deviation of the position that amcl estimates [m].
+        queue: the waypoint client's newest report.
+    """
+
+    odom_at: float | None = None
+    scan_at: float | None = None
+    odom_stamp: float | None = None
+    scan_stamp: float | None = None
+    odom_gap: float = 0.0
+    scan_gap: float = 0.0
+    linear: float = 0.0
+    angular: float = 0.0
+    pose: tuple[float, float, float] | None = None
+    deviation: float | None = None
+    queue: Queue | None = None
+
+    @property
+    def moving(self) -> bool:
+        """Whether the robot drives or turns."""
+        return abs(self.linear) > MOVING_SPEED or abs(self.angular) > 5 * MOVING_SPEED
+
+    def add_odom(self, now: float, stamp: float) -> None:
+        """Records odometry that arrived ``now`` (monotonic [s]) with ``stamp`` [s]."""
+        self.odom_gap = _longer_gap(self.odom_gap, self.odom_stamp, stamp)
+        self.odom_at, self.odom_stamp = now, stamp
+
+    def add_scan(self, now: float, stamp: float) -> None:
+        """Records a scan in the same way."""
+        self.scan_gap = _longer_gap(self.scan_gap, self.scan_stamp, stamp)
+        self.scan_at, self.scan_stamp = now, stamp
+
+    def robot_json(self, now: float) -> dict[str, Any]:
+        """Returns the robot's part of a report for ``json.dumps``; ages [s] in place of times; ``now`` is monotonic."""
+        queue = self.queue or Queue(ClientState.IDLE, 0, 0, 0, "")
+        return {
+            "odom_age": _age(self.odom_at, now),
+            "odom_gap": round(self.odom_gap, 2),
+            "scan_age": _age(self.scan_at, now),
+            "scan_gap": round(self.scan_gap, 2),
+            "moving": self.moving,
+            "speed": round(self.linear, 2) + 0.0,  # no -0.0
+            "pose": None if self.pose is None else [round(value, 3) for value in self.pose],
+            "deviation": self.deviation if self.deviation is None else round(self.deviation, 3),
+            "waypoint": None if self.queue is None else queue.text,
+            "waiting": queue.waiting,
+            "received": queue.received,
+            "reached": queue.reached,
+            "aborted": queue.aborted,
+        }
+
+
+def deviation_from_covariance(covariance: Sequence[float]) -> float:
+    """Returns the larger standard deviation of x and y [m] from a 6 × 6 covariance, row by row."""
+    return math.sqrt(max(covariance[0], covariance[7], 0.0))
+
+
+def _longer_gap(gap: float, last: float | None, stamp: float) -> float:
+    return gap if last is None else max(gap, stamp - last)
+
+
+def _age(moment: float | None, now: float) -> float | None:
+    return None if moment is None else round(now - moment, 2)

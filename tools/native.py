@@ -1,0 +1,143 @@
+"""``./pioneer status``, ``rviz`` and ``teleop``: find the fleet that runs, as processes or as containers."""
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any, NoReturn
+
+import containers
+from containers.engine import ContainerError
+from containers.table import aligned
+from pioneer_fleet.adapters.registry import running_fleets
+
+HEADINGS = ("ROBOT", "STATE", "ROBOT MOVES", "ODOM", "POSITION", "ERROR", "WAYPOINTS", "LAST WORD")
+Fleet = Mapping[str, Any]
+
+
+def main(words: Sequence[str]) -> int:
+    """Runs one of the commands; returns the exit status."""
+    options = _parser().parse_args(words)
+    try:
+        return int(options.run(options))
+    except ContainerError as error:
+        print(f"pioneer: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 130
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser("./pioneer")
+    parser.set_defaults(project=os.environ.get("PIONEER_PROJECT", "pioneer"))
+    commands = parser.add_subparsers(required=True)
+
+    def command(name: str, run: Any, description: str, example: str) -> argparse.ArgumentParser:
+        one = commands.add_parser(name, description=description, epilog=f"example: {example}")
+        one.set_defaults(run=run)
+        return one
+
+    text = "Shows the fleets that run on this machine, as processes or as containers: a line a robot or computer."
+    status = command("status", _status, text, "./pioneer status --json")
+    status.add_argument("--json", action="store_true", help="as JSON, for programs")
+    command("rviz", _rviz, "Opens RViz on the fleet that runs on this machine as processes.", "./pioneer rviz")
+    text = "Drives a robot by keyboard; the fleet runs on this machine, as processes or as containers."
+    teleop = command("teleop", _teleop, text, "./pioneer teleop pioneer1")
+    teleop.add_argument("robot", help="its name, such as pioneer1")
+    return parser
+
+
+def _status(options: argparse.Namespace) -> int:
+    fleets, computers = running_fleets(), _has_containers(options.project)
+    if not fleets and not computers:
+        raise ContainerError("no fleet runs: ./pioneer fleet starts one as processes, ./pioneer up as containers")
+    if options.json and fleets:
+        print(json.dumps({"fleets": fleets}))
+        return 0
+    print("\n\n".join(map(fleet_table, fleets)), end="\n" if fleets else "")
+    if not computers:
+        return 0
+    from containers.__main__ import main as containers_main
+
+    if fleets:
+        print()
+    return containers_main(["status", *(["--json"] if options.json else [])])
+
+
+def fleet_table(fleet: Fleet) -> str:
+    """Returns a line on a fleet and one for each of its robots."""
+    factor = fleet["real_time_factor"]
+    facts = [
+        f"{fleet['world']}: {fleet['phase']}",
+        f"up {time.time() - fleet['started']:.0f} s",
+        f"real-time factor {'–' if factor is None else format(factor, '.2f')}",
+        f"base station {fleet['master']}",
+        f"pid {fleet['pid']}",
+    ]
+    return "\n".join([", ".join(facts), aligned([HEADINGS, *map(_row, fleet["robots"])])])
+
+
+def _row(robot: Mapping[str, Any]) -> tuple[str, ...]:
+    pose, error = robot["pose"], robot["localisation_error"]
+    lost = f", {robot['aborted']} lost" if robot["aborted"] else ""
+    return (
+        robot["robot"],
+        robot["state"],
+        f"{'drives' if robot['moving'] else 'stands'} {robot['speed']:.2f} m/s",
+        "none" if robot["odom_age"] is None else f"{robot['odom_age']:.2f} s",
+        "-" if pose is None else f"({pose[0]:.2f}, {pose[1]:.2f})",
+        "-" if error is None else f"{error:.2f} m",
+        f"{robot['reached']}/{robot['received']}{lost}",
+        robot["waypoint"] or "",
+    )
+
+
+def _rviz(options: argparse.Namespace) -> NoReturn:
+    fleets = running_fleets()
+    if not fleets and _has_containers(options.project):
+        raise ContainerError("the fleet runs in containers: ./pioneer up --desktop has its RViz in the browser")
+    fleet = _newest(fleets)
+    launch = ["roslaunch", "pioneer_description", "multi_pioneer_rviz.launch", "description:=false"]
+    _become(fleet["master"], [*launch, f"robots:={len(fleet['robots'])}"])
+
+
+def _teleop(options: argparse.Namespace) -> int:
+    command, fleets = ["rosrun", "pioneer_fleet", "teleop", options.robot], running_fleets()
+    if not fleets and _has_containers(options.project):
+        from containers.__main__ import main as containers_main
+
+        return containers_main(["exec", options.robot.replace("pioneer", "aadi"), *command])
+    masters = {robot["robot"]: robot["master"] for robot in _newest(fleets)["robots"]}
+    if options.robot not in masters:
+        raise ContainerError(f"no robot '{options.robot}' in the fleet; there are {', '.join(masters)}")
+    return _become(masters[options.robot], command)
+
+
+def _newest(fleets: Sequence[Fleet]) -> Fleet:
+    if not fleets:
+        raise ContainerError("no fleet runs: ./pioneer fleet starts one")
+    return fleets[-1]
+
+
+def _become(master: str, command: Sequence[str]) -> NoReturn:
+    """Replaces this process by a command in the workspace's environment, on a master of this machine."""
+    os.environ.update(ROS_MASTER_URI=master, ROS_IP="127.0.0.1")
+    for name in ("ROS_HOSTNAME", "ROS_NAMESPACE"):
+        os.environ.pop(name, None)
+    os.execv(containers.ROOT / "pioneer", ["./pioneer", "run", *command])
+
+
+def _has_containers(project: str) -> bool:
+    """Returns whether a fleet of containers exists, by the quickest question that Docker answers."""
+    if shutil.which("docker") is None:
+        return False
+    question = ["docker", "ps", "-aq", "--filter", f"label=com.docker.compose.project={project}"]
+    return bool(subprocess.run(question, capture_output=True, text=True, check=False).stdout.strip())
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
