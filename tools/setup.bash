@@ -131,7 +131,7 @@ prepare_venv() {
 workspace_read() {
   find "$workspace/src" -type d -name __pycache__ -prune -o \( -name CMakeLists.txt -o -name package.xml -o -name setup.py \
     -o -name '*.msg' -o -name '*.srv' -o -name '*.action' -o -name '*.cfg' -o -name '*.cmake*' -o -path '*/kernels/*.py' \
-    -o -name compile_kernel.py \) -type f "$@"
+    -o -path '*/pioneer_kernels/*.py' \) -type f "$@"
 }
 
 # workspace_listed TEST...: the files of which the build wants to know only that they are there.

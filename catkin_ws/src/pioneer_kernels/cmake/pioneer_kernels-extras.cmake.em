@@ -1,7 +1,7 @@
 @[if DEVELSPACE]@
-set(PIONEER_COMPILE_KERNEL "@(CMAKE_CURRENT_SOURCE_DIR)/scripts/compile_kernel.py")
+set(PIONEER_KERNELS_PYTHON "@(CMAKE_CURRENT_SOURCE_DIR)/src")
 @[else]@
-set(PIONEER_COMPILE_KERNEL "${pioneer_kernels_DIR}/../../../lib/pioneer_kernels/compile_kernel.py")
+set(PIONEER_KERNELS_PYTHON "${pioneer_kernels_DIR}/../../../@(CATKIN_GLOBAL_PYTHON_DESTINATION)")
 @[end if]@
 set(PIONEER_CPU "host" CACHE STRING "LLVM processor name that kernels are compiled for; host, or x86-64 for an image")
 
@@ -26,8 +26,7 @@ function(pioneer_kernel_sources source result)
 endfunction()
 
 # Compiles every kernel module src/<project>/kernels/<noun>.py of the calling package into the
-# extension <project>._<noun>, importable without numba. A kernel module names what it exports in
-# SIGNATURES = {"function": "numba signature"}.
+# extension <project>._<noun>, importable without numba. A kernel module marks what it exports with pioneer_kernels' kernel decorator.
 function(pioneer_compile_kernels)
   set(package_dir "${CMAKE_CURRENT_SOURCE_DIR}/src/${PROJECT_NAME}")
   set(output_dir "${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_PYTHON_DESTINATION}/${PROJECT_NAME}")
@@ -44,11 +43,12 @@ function(pioneer_compile_kernels)
     add_custom_command(
       OUTPUT "${stamp}"
       COMMAND ${CMAKE_COMMAND} -E make_directory "${output_dir}"
-      COMMAND ${PYTHON_EXECUTABLE} "${PIONEER_COMPILE_KERNEL}"
+      COMMAND ${CMAKE_COMMAND} -E env "PYTHONPATH=${PIONEER_KERNELS_PYTHON}" ${PYTHON_EXECUTABLE} -m pioneer_kernels.compile
         --source-root "${CMAKE_CURRENT_SOURCE_DIR}/src" --module "${PROJECT_NAME}.kernels.${noun}"
         --extension "_${noun}" --output "${output_dir}" --cpu "${PIONEER_CPU}"
       COMMAND ${CMAKE_COMMAND} -E touch "${stamp}"
-      DEPENDS ${read} "${PIONEER_COMPILE_KERNEL}"
+      DEPENDS ${read} "${PIONEER_KERNELS_PYTHON}/pioneer_kernels/compile.py"
+        "${PIONEER_KERNELS_PYTHON}/pioneer_kernels/declaration.py"
       COMMENT "Compiling kernel ${PROJECT_NAME}._${noun}"
       VERBATIM)
     add_custom_target(${PROJECT_NAME}_kernel_${noun} ALL DEPENDS "${stamp}")

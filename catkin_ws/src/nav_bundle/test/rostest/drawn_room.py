@@ -5,10 +5,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core import kernel
 from nav_bundle.core.grid import Grid, grid_from_text
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.sensor import placement
+from nav_bundle.kernels.likelihood import expected_ranges
 
 CHAMBER = ["#########", "#.......#", "#..#....#", "#.......#", "#.....###", "#.......#", "#########"]
 ROOM = [
@@ -42,5 +42,5 @@ def ranges_at(grid: Grid, pose: Pose, laser: Pose, beams: int = 180, farthest: f
     robot = np.array([[pose.x, pose.y, pose.yaw]])
     mounted = np.array([laser.x, laser.y, laser.yaw])
     bearings = np.linspace(-math.pi, math.pi, beams)
-    kernel.expected_ranges(robot, mounted, bearings, grid.cells, placement(grid), farthest, ranges)
+    expected_ranges(robot, mounted, bearings, grid.cells, placement(grid), farthest, ranges)
     return ranges[0]

@@ -14,8 +14,8 @@ from nav_bundle.core.local_planner import STANDSTILL, Situation, Velocity
 from nav_bundle.core.move_base_config import setup_from_parameters
 from nav_bundle.core.oscillation import Oscillation
 from nav_bundle.core.pose import Pose
-from nav_bundle.core.rollout import Horizon, Scales
 from nav_bundle.core.trajectory_planner import TrajectoryPlanner
+from nav_bundle.kernels.trajectory import Horizon, Scales
 from pioneer_node.core.parameter import ParameterError
 
 LOCAL = {"rolling_window": True, "width": 4.0, "height": 4.0, "robot_radius": 0.2, "inflation_radius": 0.0}

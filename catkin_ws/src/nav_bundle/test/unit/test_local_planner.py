@@ -20,9 +20,10 @@ from nav_bundle.core.local_planner import STANDSTILL, Decision, LocalPlannerErro
 from nav_bundle.core.navfn import MEETING_DISTANCE, NavfnConfig, NavfnPlanner
 from nav_bundle.core.planner import path_between
 from nav_bundle.core.pose import Pose
-from nav_bundle.core.rollout import Horizon, Rollout, Scales
+from nav_bundle.core.rollout import Rollout
 from nav_bundle.core.trajectory_config import trajectory_config_from_parameters
 from nav_bundle.core.trajectory_planner import TrajectoryPlanner
+from nav_bundle.kernels.trajectory import Horizon, Scales
 from pioneer_node.core.parameter import ParameterError
 
 RESOLUTION = 0.05

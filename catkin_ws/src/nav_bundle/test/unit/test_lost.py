@@ -53,7 +53,7 @@ class Trial:
         while True:
             x, y, yaw = self.generator.uniform([0.4, 0.4, -math.pi], [9.6, 6.6, math.pi])
             cell = BUILDING.cell_at(x, y)
-            if BUILDING.cells[cell] == FREE and CLEARANCE.squares[cell] > (0.4 / BUILDING.resolution) ** 2:
+            if BUILDING.cells[cell] == FREE and CLEARANCE.cells.squares[cell] > (0.4 / BUILDING.resolution) ** 2:
                 return Pose(x, y, yaw)
 
     def right(self) -> bool:

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from nav_bundle.adapters.map_file import read_map, write_map
-from nav_bundle.core import kernel
 from nav_bundle.core.amcl_config import AmclConfig
 from nav_bundle.core.costmap.config import costmap_config_from_parameters
 from nav_bundle.core.costmap.cost import FREE, INSCRIBED, LETHAL, cost_by_squared_distance
@@ -28,6 +27,8 @@ from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
 from nav_bundle.core.particle import ParticleFilter
 from nav_bundle.core.planner import NoPathError, path_between
 from nav_bundle.core.pose import Pose
+from nav_bundle.kernels import costmap as kernel
+from nav_bundle.kernels.costmap import Place, Rays
 
 alike = settings(derandomize=True, deadline=None, max_examples=50)
 
@@ -97,7 +98,7 @@ def test_thresholds_part_free_unknown_and_occupied(
 def inflated(costs: NDArray[np.uint8], radius: int, scaling: float) -> NDArray[np.uint8]:
     """Returns the costs inflated as far as ``radius`` [cells], inscribed up to two cells."""
     cells = costs.copy()
-    kernel.inflate(cells, 0, cells.shape[0], 0, cells.shape[1], radius, table_of(radius, scaling), False)
+    kernel.inflate(cells, (0, cells.shape[0], 0, cells.shape[1]), radius, table_of(radius, scaling), False)
     return cells
 
 
@@ -132,7 +133,7 @@ def test_a_ray_clears_the_way_to_its_hit_and_nothing_behind_or_beside_it(
     cells = np.full((60, 60), LETHAL, np.uint8)
     ahead = np.array([math.cos(bearing), math.sin(bearing)])
     hit = np.array(sensor) + reach * ahead
-    kernel.clear_rays(cells, 0.0, 0.0, 0.1, *sensor, hit[None, :], 10.0)
+    kernel.clear_rays(cells, Place(0.0, 0.0, 0.1), Rays(*sensor, hit[None, :], 10.0))
     cleared = np.argwhere(cells == FREE)
     centres = (cleared[:, ::-1] + 0.5) * 0.1 - sensor
     assert cells[int(sensor[1] / 0.1), int(sensor[0] / 0.1)] == FREE
@@ -150,7 +151,7 @@ def test_a_filled_outline_has_the_cells_inside_and_none_far_outside(
     cells = np.zeros((60, 60), np.uint8)
     turn = np.array([[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]])
     corners = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * (length, width)
-    kernel.fill_polygon(cells, 0.0, 0.0, 0.1, np.ascontiguousarray(corners @ turn + centre), LETHAL)
+    kernel.fill_polygon(cells, Place(0.0, 0.0, 0.1), np.ascontiguousarray(corners @ turn + centre), LETHAL)
     rows, cols = np.mgrid[0:60, 0:60]
     points = (np.stack([cols, rows], axis=-1) + 0.5) * 0.1 - centre
     beyond = (np.abs(points @ turn.T) - (length, width)).max(axis=-1)

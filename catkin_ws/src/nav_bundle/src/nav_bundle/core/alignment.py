@@ -6,10 +6,10 @@ odometry. Its estimate is a good start for a least-squares fit of the scan to th
 
 import numpy as np
 
-from nav_bundle.core import kernel
 from nav_bundle.core.particle import Estimate
 from nav_bundle.core.pose import Pose, angle_difference
 from nav_bundle.core.sensor import Beams, DistanceField
+from nav_bundle.kernels.alignment import align
 
 SIGMA = 0.1
 """Spread of hits about obstacles [m]; what is three times as far from any is taken for something unmapped."""
@@ -30,8 +30,7 @@ def refined(estimate: Estimate, beams: Beams, field: DistanceField) -> Pose:
     prior = estimate.cluster_covariance + np.eye(3) * PRIOR_FLOOR**2
     information = np.ascontiguousarray(np.linalg.inv(prior) * SIGMA**2)
     start, found = np.array([estimate.pose.x, estimate.pose.y, estimate.pose.yaw]), np.empty(3)
-    arguments = (points, field.squares, field.placement, information, SIGMA, ITERATIONS, found)
-    agreement = kernel.align(start, *arguments)
+    agreement = align(start, points, field.cells, information, SIGMA, ITERATIONS, found)
     pose = Pose(*found.tolist())
     near = pose.distance(estimate.pose) < FARTHEST
     near = near and abs(angle_difference(pose.yaw, estimate.pose.yaw)) < FARTHEST

@@ -12,7 +12,7 @@ from nav_bundle.core.local_planner import Decision, LocalPlannerError, Route, Si
 from nav_bundle.core.meeting import careful_speed
 from nav_bundle.core.oscillation import Oscillation
 from nav_bundle.core.planner import Path
-from nav_bundle.core.rollout import Horizon, Scales
+from nav_bundle.kernels.trajectory import Horizon, Scales
 
 _NO_COMMAND = (
     "The dwa local planner failed to find a valid plan, cost functions discarded all candidates. "

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core import kernel
 from nav_bundle.core.local_planner import Situation, Velocity
-from nav_bundle.core.rollout import Horizon, Rollout, Scales
+from nav_bundle.core.rollout import Rollout
+from nav_bundle.kernels.dynamic_window import Nose, score, trace
+from nav_bundle.kernels.plan_distance import goal_grid
+from nav_bundle.kernels.trajectory import Horizon, Scales
 
 
 @dataclass(frozen=True)
@@ -32,26 +34,22 @@ class DynamicWindow(Rollout):
         self, acc: Velocity, horizon: Horizon, scales: Scales, nose_scales: NoseScales, nose: float, accelerating: bool
     ) -> None:
         super().__init__(acc, horizon, scales)
-        each = (scales.plan, scales.goal, scales.obstacle, nose_scales.alignment, nose_scales.front)
-        self._all_scales = np.array([*each, nose_scales.twirling], np.float64)
-        self._alignment = nose_scales.alignment
-        self._nose, self._accelerating = nose, accelerating
-        self._to_front = np.empty((0, 0), np.int32)
+        self._nose = Nose(nose, self._to_plan, nose_scales.alignment, nose_scales.front, nose_scales.twirling)
+        self._alignment, self._accelerating = nose_scales.alignment, accelerating
 
     def begin_window(self, situation: Situation, plan: NDArray[np.float64], aligned: bool) -> bool:
         """Takes a moment like ``begin``; the nose keeps to the plan only where ``aligned``."""
         if not self.begin(situation, plan):
             return False
-        self._all_scales[3] = self._alignment if aligned else 0.0
-        if self._to_front.shape != self._to_plan.shape:
-            self._to_front = np.empty_like(self._to_plan)
+        to_front = self._nose.to_front
+        if to_front.shape != self._to_plan.shape:
+            to_front = np.empty_like(self._to_plan)
+        self._nose = self._nose._replace(to_front=to_front, alignment=self._alignment if aligned else 0.0)
         points = np.ascontiguousarray(plan[:, :2])
         pose = situation.pose
         towards = math.atan2(points[-1, 1] - pose.y, points[-1, 0] - pose.x)
-        points[-1] += self._nose * math.cos(towards), self._nose * math.sin(towards)
-        outline = situation.costmap.footprint.outline(pose)
-        cells = situation.costmap.cells
-        return bool(kernel.goal_grid(cells, *self._place, points, outline, self._to_front, self._queue) > 0)
+        points[-1] += self._nose.length * math.cos(towards), self._nose.length * math.sin(towards)
+        return goal_grid(self._floor, points, to_front, self._queue) > 0
 
     def _search(
         self, samples: NDArray[np.float64], reach: bool, every: bool, time: float = math.inf
@@ -59,30 +57,11 @@ class DynamicWindow(Rollout):
         if not reach:
             return super()._search(samples, reach, every, time)
         results = np.empty((len(samples), 5))
-        best = kernel.score(
-            self._costmap.cells,
-            *self._place,
-            self._to_plan,
-            self._to_goal,
-            self._to_front,
-            self._costmap.footprint.vertices,
-            self._pose,
-            self._velocity,
-            self._acc,
-            samples,
-            self._until(time),
-            self._all_scales,
-            self._nose,
-            self._accelerating,
-            every,
-            results,
-        )
-        return int(best), results
+        moment = (self._ground, self._nose, self._motion, samples, self._until(time), self._scales)
+        return score(*moment, self._accelerating, every, results), results
 
     def poses(self, velocity: Velocity, time: float = math.inf) -> NDArray[np.float64]:
         """Returns the poses (n, 3) that ``velocity`` leads through within ``time`` [s], the horizon's at most."""
         poses = np.empty((256, 3))
         sample = np.array([velocity.x, velocity.y, velocity.turn], np.float64)
-        motion = (self._pose, self._velocity, self._acc)
-        count = kernel.trace(*motion, sample, self._until(time), self._accelerating, poses)
-        return poses[:count]
+        return poses[: trace(self._motion, sample, self._until(time), self._accelerating, poses)]

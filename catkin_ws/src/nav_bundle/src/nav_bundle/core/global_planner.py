@@ -12,7 +12,7 @@ from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
 from nav_bundle.core.orientation import Orientation, oriented
 from nav_bundle.core.planner import Path
 from nav_bundle.core.pose import Pose
-from nav_bundle.core.wave import FAR
+from nav_bundle.kernels.navfn import FAR
 from pioneer_node.core.live import Live
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 

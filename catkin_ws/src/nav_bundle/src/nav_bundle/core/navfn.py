@@ -7,13 +7,14 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core import kernel
 from nav_bundle.core.costmap.cost import INSCRIBED, UNKNOWN
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.geometry import Geometry
 from nav_bundle.core.planner import GoalOutsideError, NoPathError, Path, StartOutsideError
 from nav_bundle.core.pose import Pose
-from nav_bundle.core.wave import FAR, Guide, Wave
+from nav_bundle.core.wave import Guide, Wave
+from nav_bundle.kernels import navfn as kernel
+from nav_bundle.kernels.navfn import FAR
 
 NEUTRAL_COST = 50
 """What a free cell costs."""
@@ -153,7 +154,7 @@ class NavfnSearch:
     def _points_down(self, end: tuple[int, int]) -> NDArray[np.float64]:
         """Returns points (row, col) down the gradient from ``end`` to the robot, none where that got stuck."""
         steps = np.empty((4 * sum(self.potential.shape) + self.potential.size // 8, 2), np.float64)
-        return steps[: kernel.descend(self.potential, steps, *end, *self._start)]
+        return steps[: kernel.descend(self.potential, steps, end, self._start)]
 
     def _cells_down(self, end: tuple[int, int]) -> NDArray[np.float64]:
         """Returns cells (row, col) from ``end`` to the robot, each the lowest of the eight around the one before."""
@@ -170,7 +171,7 @@ class NavfnSearch:
         return np.array(cells, np.float64)
 
     def _nearest(self) -> tuple[int, int]:
-        cell = kernel.nearest_reached(self.potential, *self._goal_cell, self._tolerance / self.geometry.resolution)
+        cell = kernel.nearest_reached(self.potential, self._goal_cell, self._tolerance / self.geometry.resolution)
         if cell < 0:
             raise NoPathError("Failed to get a plan.")
         row, col = divmod(int(cell), self.geometry.cols)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core import kernel
 from nav_bundle.core.amcl_config import AmclConfig
 from nav_bundle.core.grid import FREE, Grid
 from nav_bundle.core.pose import Pose
+from nav_bundle.kernels import particle as kernel
 
 PoseSource = Callable[[int], NDArray[np.float64]]
 """Makes that many poses (x, y [m], yaw [rad]; shape (n, 3))."""
@@ -153,9 +153,9 @@ class ParticleFilter:
             renew = (generator.random(most) < share).astype(np.uint8)
             fresh[renew > 0] = random_poses(int(renew.sum()))
         drawn = np.empty((most, 3))
-        cumulative = np.cumsum(self.weights)
-        arguments = (config.min_particles, config.kld_err, config.kld_z, self._table, drawn)
-        count = kernel.resample(self.poses, cumulative, uniforms, renew, fresh, *arguments)
+        draws = kernel.Draws(np.cumsum(self.weights), uniforms, renew, fresh)
+        limits = kernel.Limits(config.min_particles, config.kld_err, config.kld_z)
+        count = kernel.resample(self.poses, draws, limits, self._table, drawn)
         self.poses = drawn[:count].copy()
         self.weights = np.full(count, 1.0 / count)
 

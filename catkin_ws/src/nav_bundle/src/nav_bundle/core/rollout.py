@@ -6,35 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core import kernel
 from nav_bundle.core.local_planner import Situation, Velocity
 from nav_bundle.core.pose import Pose
+from nav_bundle.kernels import trajectory as kernel
+from nav_bundle.kernels.plan_distance import Floor, distance_grids
+from nav_bundle.kernels.trajectory import Ground, Horizon, Motion, Scales
 
 _COST, _X, _Y, _YAW = 0, 1, 2, 3
 _NO_PLAN = np.empty((0, 2))
-
-
-@dataclass(frozen=True)
-class Scales:
-    """Cost of a cell's step to the plan and to the local goal, of a unit of costmap cost, of a radian of heading."""
-
-    plan: float
-    goal: float
-    obstacle: float
-    heading: float = 0.0
-
-
-@dataclass(frozen=True)
-class Horizon:
-    """How far samples are followed: time [s], way [m] and turning speed [rad/s] between two looks.
-
-    ``heading`` [s] is when a sample is scored where headings count, which is at its end otherwise.
-    """
-
-    time: float
-    way: float
-    turn: float
-    heading: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -51,9 +30,7 @@ class Rollout:
 
     def __init__(self, acc: Velocity, horizon: Horizon, scales: Scales) -> None:
         self._acc = np.array([acc.x, acc.y, acc.turn], np.float64)
-        self._horizon = np.array([horizon.time, horizon.way, horizon.turn], np.float64)
-        self._scales = np.array([scales.plan, scales.goal, scales.obstacle, scales.heading], np.float64)
-        self.horizon = horizon
+        self.horizon, self._scales = horizon, scales
         self._headings = scales.heading > 0.0
         self._ahead = _NO_PLAN
         self._to_plan = np.empty((0, 0), np.int32)
@@ -62,20 +39,21 @@ class Rollout:
         """Takes a moment and fills the distance grids from ``plan`` (n, 3); False if it misses the costmap."""
         costmap = situation.costmap
         self._costmap = costmap
-        place = costmap.geometry
-        self._place = (place.origin_x, place.origin_y, place.resolution)
         if self._to_plan.shape != costmap.cells.shape:
             self._to_plan = np.empty(costmap.cells.shape, np.int32)
             self._to_goal = np.empty(costmap.cells.shape, np.int32)
             self._queue = np.empty(costmap.cells.size, np.int32)
-        pose, velocity = situation.pose, situation.velocity
-        self._pose = np.array([pose.x, pose.y, pose.yaw], np.float64)
-        self._velocity = np.array([velocity.x, velocity.y, velocity.turn], np.float64)
-        outline = costmap.footprint.outline(pose)
+        pose, velocity, place = situation.pose, situation.velocity, costmap.geometry.place
+        self._motion = Motion(
+            np.array([pose.x, pose.y, pose.yaw], np.float64),
+            np.array([velocity.x, velocity.y, velocity.turn], np.float64),
+            self._acc,
+        )
+        self._ground = Ground(costmap.cells, place, self._to_plan, self._to_goal, costmap.footprint.vertices)
+        self._floor = Floor(costmap.cells, place, costmap.footprint.outline(pose))
         points = np.ascontiguousarray(plan[:, :2])
         self._ahead = points if self._headings else _NO_PLAN
-        grids = (self._to_plan, self._to_goal, self._queue)
-        return bool(kernel.distance_grids(costmap.cells, *self._place, points, outline, *grids) > 0)
+        return distance_grids(self._floor, points, self._to_plan, self._to_goal, self._queue) > 0
 
     def cheapest(self, samples: NDArray[np.float64]) -> Scored | None:
         """Returns the cheapest of ``samples`` (n, 3), the first of equals; None if none may be driven."""
@@ -96,35 +74,19 @@ class Rollout:
         self, samples: NDArray[np.float64], reach: bool, every: bool, time: float = math.inf
     ) -> tuple[int, NDArray[np.float64]]:
         results = np.empty((len(samples), 5))
-        best = kernel.search(
-            self._costmap.cells,
-            *self._place,
-            self._to_plan,
-            self._to_goal,
-            self._costmap.footprint.vertices,
-            self._pose,
-            self._velocity,
-            self._acc,
-            samples,
-            self._until(time),
-            self._scales,
-            reach,
-            every,
-            self._ahead if reach else _NO_PLAN,
-            self.horizon.heading,
-            results,
-        )
-        return int(best), results
+        ahead = self._ahead if reach else _NO_PLAN
+        moment = (self._ground, self._motion, samples, self._until(time), self._scales)
+        return kernel.search(*moment, ahead, reach, every, results), results
 
-    def _until(self, time: float) -> NDArray[np.float64]:
+    def _until(self, time: float) -> Horizon:
         """Returns the horizon, cut off at ``time`` [s]."""
-        return np.minimum(self._horizon, (time, math.inf, math.inf))
+        return self.horizon._replace(time=min(self.horizon.time, time))
 
     def poses(self, velocity: Velocity, time: float = math.inf) -> NDArray[np.float64]:
         """Returns the poses (n, 3) that ``velocity`` leads through within ``time`` [s], the horizon's at most."""
         poses = np.empty((256, 3))
         sample = np.array([velocity.x, velocity.y, velocity.turn], np.float64)
-        count = kernel.roll_out(self._pose, self._velocity, self._acc, sample, self._until(time), poses)
+        count = kernel.roll_out(self._motion, sample, self._until(time), poses)
         return poses[:count]
 
     def goal_distance(self, x: float, y: float) -> int | None:

@@ -7,10 +7,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core import kernel
 from nav_bundle.core.amcl_config import AmclConfig
 from nav_bundle.core.grid import OCCUPIED, Grid
 from nav_bundle.core.pose import Pose
+from nav_bundle.kernels import likelihood as kernel
 
 LONGEST_FIELD = 255
 """Cells a likelihood field reaches at most: squared distances fit 16 bits."""
@@ -92,18 +92,16 @@ class DistanceField:
     """How far each place of a map is from the nearest obstacle, in two bytes a cell.
 
     Attributes:
-        squares: squared distances [cells²] between centres of cells, uint16, shape (rows, cols), at most ``cap``².
+        cells: squared distances [cells²] between centres of cells, shape (rows, cols), at most ``cap``².
         cap: where the field ends [cells].
-        placement: as ``placement`` gives it.
         resolution: side of a cell [m].
     """
 
     def __init__(self, grid: Grid, reach: float) -> None:
         self.resolution = grid.resolution
-        self.placement = placement(grid)
         self.cap = max(1, min(LONGEST_FIELD, math.ceil(reach / grid.resolution)))
-        self.squares = np.empty(grid.cells.shape, np.uint16)
-        kernel.distance_field(np.ascontiguousarray(grid.cells), OCCUPIED, self.cap, self.squares)
+        self.cells = kernel.Field(np.empty(grid.cells.shape, np.uint16), placement(grid))
+        kernel.distance_field(np.ascontiguousarray(grid.cells), OCCUPIED, self.cap, self.cells.squares)
 
 
 class LikelihoodField:
@@ -141,7 +139,7 @@ class LikelihoodField:
         out: NDArray[np.float64],
     ) -> None:
         cells = np.ascontiguousarray(points / self.field.resolution)
-        kernel.add_likelihoods(particles, cells, self.field.squares, self.field.placement, table, out)
+        kernel.add_likelihoods(particles, cells, self.field.cells, table, out)
 
     def _agreement(
         self, particles: NDArray[np.float64], points: NDArray[np.float64], distance: float
@@ -150,8 +148,7 @@ class LikelihoodField:
         counts = np.zeros(len(points), np.int64)
         cells = np.ascontiguousarray(points / self.field.resolution)
         nearest = math.ceil((distance / self.field.resolution) ** 2)
-        field = self.field
-        kernel.count_agreement(particles, cells, field.squares, field.placement, nearest, counts)
+        kernel.count_agreement(particles, cells, self.field.cells, nearest, counts)
         return counts / len(particles)
 
 

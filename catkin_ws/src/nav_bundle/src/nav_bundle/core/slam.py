@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core import kernel
 from nav_bundle.core.gmapping_config import GmappingConfig
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose, angle_difference
 from nav_bundle.core.sensor import Scan
 from nav_bundle.core.tile_map import TileMaps
+from nav_bundle.kernels.slam import Matching, match
 
 SIDEWAYS = 0.3
 """Share of ``srr`` that movement along one axis adds to the noise along the other, upstream's."""
@@ -161,19 +161,17 @@ class Slam:
 
     def _match(self, beams: _Beams) -> None:
         config = self._config
-        terms = np.array([config.sigma, config.lsigma, config.lstep, config.astep, config.minimumScore])
-        found = np.empty((len(self.poses), 2))
-        kernel.match(
-            self.poses,
-            beams.matched,
-            self._maps.directories,
-            self._maps.pool,
-            self._maps.placement,
-            terms,
+        matching = Matching(
+            config.sigma,
+            config.lsigma,
+            config.lstep,
+            config.astep,
+            config.minimumScore,
             config.iterations,
             config.kernelSize,
-            found,
         )
+        found = np.empty((len(self.poses), 2))
+        match(self.poses, beams.matched, self._maps.maps, matching, found)
         self.unmatched = int(np.count_nonzero(found[:, 0] <= config.minimumScore))
         self._logs += found[:, 1]
         self._sums += found[:, 1]

@@ -10,12 +10,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core import kernel
 from nav_bundle.core.grid import UNKNOWN, Grid
 from nav_bundle.core.pose import Pose
+from nav_bundle.kernels import slam as kernel
+from nav_bundle.kernels.slam import TILE
 
-TILE = 32
-"""Cells along a tile's side."""
 _MARGIN = 4
 """Tiles a directory grows beyond what was asked for, so that it grows seldom."""
 _FIRST = 512
@@ -45,8 +44,11 @@ class TileMaps:
         self._recount()
 
     @property
-    def placement(self) -> NDArray[np.float64]:
-        """Where the directories lie, as the kernels take it."""
+    def maps(self) -> kernel.Maps:
+        """All maps, for matching."""
+        return kernel.Maps(self.directories, self.pool, self._placement())
+
+    def _placement(self) -> NDArray[np.float64]:
         row, col = self._first
         side = TILE * self._delta
         return np.array([self._corner[0] + col * side, self._corner[1] + row * side, 1.0 / self._delta])
@@ -69,8 +71,8 @@ class TileMaps:
         """
         reach = float(beams[:, 2].max(initial=0.0)) * self._delta
         self._reserve(self._cover(pose[0] - reach, pose[1] - reach, pose[0] + reach, pose[1] + reach))
-        directory = self.directories[index]
-        kernel.register(pose, beams, hits, self.placement, directory, self.pool, self._users, self._spare)
+        tiles = kernel.Tiles(self.pool, self._users, self._spare)
+        kernel.register(pose, beams, hits, self._placement(), self.directories[index], tiles)
 
     def resample(self, chosen: NDArray[np.int64]) -> None:
         """Replaces the maps by those of the indices ``chosen``, any of them any number of times."""

@@ -11,8 +11,9 @@ from nav_bundle.core.local_planner import Decision, LocalPlannerError, Route, Si
 from nav_bundle.core.meeting import careful_speed
 from nav_bundle.core.planner import Path
 from nav_bundle.core.pose import Pose, angle_difference
-from nav_bundle.core.rollout import Horizon, Rollout, Scales, Scored
+from nav_bundle.core.rollout import Rollout, Scored
 from nav_bundle.core.trajectory_config import TrajectoryConfig
+from nav_bundle.kernels.trajectory import Horizon, Scales
 
 _NO_COMMAND = (
     "The rollout planner failed to find a valid plan. This means that the footprint of the robot was in collision "

@@ -3,21 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core import kernel
+from nav_bundle.kernels.navfn import BLOCK, DONE, FULL, Cell, Front, begin, coarsen, spread
 
-FAR = 1.0e10
-"""The potential of a cell that was not reached."""
-_BLOCK = 4  # cells along the side of a guide's block, as kernels/navfn.py has it
 # A guided wave stays where the whole way is at most this many bands longer than the guide says, at first: as much as
 # blocks at both ends can be wrong by, in tests with pillars.
 _EXCESS = 4.0
-_DONE, _FULL = 1, 2
 # Blocks have no costs but what they add, up to 253.
 _CLOSED = 255
-_BLOCK_WEIGHTS = np.append(np.arange(_CLOSED) * float(_BLOCK), -1.0).astype(np.float32)
+_BLOCK_WEIGHTS = np.append(np.arange(_CLOSED) * float(BLOCK), -1.0).astype(np.float32)
 _NO_GUIDE = np.empty((0, 0), np.float32)
-
-Cell = tuple[int, int]
 
 
 class Wave:
@@ -35,14 +29,19 @@ class Wave:
     """
 
     def __init__(self, costs: NDArray[np.uint8], weights: NDArray[np.float32], source: Cell, band: float) -> None:
-        self._costs, self._weights = costs, weights
         self._guide = _NO_GUIDE
         self.potential: NDArray[np.float32] = np.empty(costs.shape, np.float32)
-        self._waiting = np.empty(costs.shape, np.uint8)
-        self._queue = np.empty((4, 4096 + 16 * sum(costs.shape)), np.int32)
-        self._counts = np.zeros(4, np.int64)
         self._limits = np.array([0.0, band, 0.0, 0.0])
-        kernel.begin(self.potential, self._waiting, costs, weights, self._queue, self._counts, self._limits, *source)
+        self._front = Front(
+            self.potential,
+            np.empty(costs.shape, np.uint8),
+            costs,
+            weights,
+            np.empty((4, 4096 + 16 * sum(costs.shape)), np.int32),
+            np.zeros(4, np.int64),
+            self._limits,
+        )
+        begin(self._front, source)
 
     @property
     def limit(self) -> float:
@@ -57,13 +56,10 @@ class Wave:
 
     def advance(self, goal: Cell, budget: int) -> bool:
         """Visits about ``budget`` cells; returns whether ``goal`` has its potential, or nothing is left to visit."""
-        fields = (self.potential, self._waiting, self._costs, self._weights)
-        state = (self._counts, self._limits)
-        while True:
-            status = kernel.spread(*fields, self._queue, *state, *goal, self._guide, budget)
-            if status != _FULL:
-                return int(status) == _DONE
-            self._queue = np.concatenate([self._queue, np.empty_like(self._queue)], axis=1)
+        while (status := spread(self._front, goal, self._guide, budget)) == FULL:
+            queue = self._front.queue
+            self._front = self._front._replace(queue=np.concatenate([queue, np.empty_like(queue)], axis=1))
+        return status == DONE
 
 
 class Guide:
@@ -76,9 +72,9 @@ class Guide:
     def __init__(
         self, costs: NDArray[np.uint8], weights: NDArray[np.float32], start: Cell, goal: Cell, band: float
     ) -> None:
-        blocks = [-(-size // _BLOCK) + 2 for size in costs.shape]
+        blocks = [-(-size // BLOCK) + 2 for size in costs.shape]
         coarse = np.full(blocks, _CLOSED, np.uint8)
-        kernel.coarsen(costs, weights, coarse)
+        coarsen(costs, weights, coarse)
         self._start = _block(start)
         self._wave = Wave(coarse, _BLOCK_WEIGHTS, _block(goal), band)
 
@@ -93,4 +89,4 @@ class Guide:
 
 
 def _block(cell: Cell) -> Cell:
-    return cell[0] // _BLOCK + 1, cell[1] // _BLOCK + 1
+    return cell[0] // BLOCK + 1, cell[1] // BLOCK + 1

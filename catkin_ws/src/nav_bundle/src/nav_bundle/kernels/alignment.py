@@ -1,19 +1,11 @@
-"""A scan laid onto the map's obstacles: the last centimetres that a particle filter leaves.
-
-``placement`` is that of kernels/likelihood.py.
-"""
+"""A scan laid onto the map's obstacles: the last centimetres that a particle filter leaves."""
 
 import math
 
 import numpy as np
-from numba import njit
 
-SIGNATURES = {
-    "align": (
-        "float64(float64[::1], float64[:, ::1], uint16[:, ::1], float64[::1], float64[:, ::1], float64, int64,"
-        " float64[::1])"
-    ),
-}
+from nav_bundle.kernels.likelihood import Field
+from pioneer_kernels.declaration import Array1, Array2, kernel, njit
 
 LONGEST_STEP = 0.1
 """Of one iteration [m], [rad]: a linearised distance is not to be trusted further."""
@@ -60,9 +52,10 @@ def _solve(matrix, vector, out):
 
 
 @njit
-def _gather(pose, points, field, placement, sigma, matrix, vector):
+def _gather(pose, points, field, sigma, matrix, vector):
     """Adds the beams' normal equations at ``pose``; returns the sum of the beams' weights."""
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    placement = field.placement
     scale = placement[4]
     sample = np.empty(3)
     row = np.empty(3)
@@ -72,7 +65,7 @@ def _gather(pose, points, field, placement, sigma, matrix, vector):
         across = sine * points[beam, 0] + cosine * points[beam, 1]
         dx, dy = pose[0] + along - placement[0], pose[1] + across - placement[1]
         x, y = (placement[2] * dx + placement[3] * dy) * scale, (placement[2] * dy - placement[3] * dx) * scale
-        if not _distance(x, y, field, sample):
+        if not _distance(x, y, field.squares, sample):
             continue
         distance = sample[0] / scale
         weight = math.exp(-distance * distance / (2.0 * sigma * sigma))
@@ -87,7 +80,16 @@ def _gather(pose, points, field, placement, sigma, matrix, vector):
     return total
 
 
-def align(start, points, field, placement, information, sigma, iterations, out):
+@kernel
+def align(
+    start: Array1[np.float64],
+    points: Array2[np.float64],
+    field: Field,
+    information: Array2[np.float64],
+    sigma: float,
+    iterations: int,
+    out: Array1[np.float64],
+) -> float:
     """Writes the pose near ``start`` at which a scan's end points lie best on obstacles; returns their agreement.
 
     Gauss-Newton on distances to the nearest obstacle, each beam weighed by exp(-d² / 2 sigma²) (Welsch's robust
@@ -96,8 +98,7 @@ def align(start, points, field, placement, information, sigma, iterations, out):
     Args:
         start: x, y [m], yaw [rad], map frame.
         points: end points [m], robot frame, shape (m, 2).
-        field: squared distances [cells²].
-        placement: of the field.
+        field: distances to obstacles.
         information: inverse covariance of the prior times the variance of one beam, shape (3, 3).
         sigma: spread [m] of hits about obstacles.
         iterations: most of them.
@@ -116,7 +117,7 @@ def align(start, points, field, placement, information, sigma, iterations, out):
             vector[i] = 0.0
             for j in range(3):
                 vector[i] -= information[i, j] * (out[j] - start[j])
-        _gather(out, points, field, placement, sigma, matrix, vector)
+        _gather(out, points, field, sigma, matrix, vector)
         _solve(matrix, vector, step)
         length = max(abs(step[0]), abs(step[1]), abs(step[2]))
         shrink = LONGEST_STEP / length if length > LONGEST_STEP else 1.0
@@ -124,4 +125,4 @@ def align(start, points, field, placement, information, sigma, iterations, out):
             out[i] += shrink * step[i]
         if length < SETTLED:
             break
-    return _gather(out, points, field, placement, sigma, matrix, vector) / max(1, points.shape[0])
+    return _gather(out, points, field, sigma, matrix, vector) / max(1, points.shape[0])

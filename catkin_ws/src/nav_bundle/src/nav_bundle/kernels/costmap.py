@@ -1,26 +1,48 @@
 """Costmap kernels: rays that clear and mark, layers that merge, inflation by an exact distance transform.
 
 Grids are ``[row, col]`` of unsigned bytes with costmap_2d's meaning: 0 free, 253 inscribed,
-254 lethal, 255 unknown. Windows are half-open: rows ``[row_0, row_1)``, columns ``[col_0, col_1)``.
+254 lethal, 255 unknown.
 """
 
+from typing import NamedTuple
+
 import numpy as np
-from numba import njit
+
+from pioneer_kernels.declaration import Array1, Array2, kernel, njit
 
 FREE = 0
 INSCRIBED = 253
 LETHAL = 254
 UNKNOWN = 255
 
-SIGNATURES = {
-    "clear_rays": "void(u1[:, ::1], f8, f8, f8, f8, f8, f8[:, ::1], f8)",
-    "mark_points": "void(u1[:, ::1], f8, f8, f8, f8, f8, f8[:, ::1], f8)",
-    "fill_polygon": "void(u1[:, ::1], f8, f8, f8, f8[:, ::1], u1)",
-    "merge_highest": "void(u1[:, ::1], u1[:, ::1], i8, i8, i8, i8)",
-    "merge_known": "void(u1[:, ::1], u1[:, ::1], i8, i8, i8, i8)",
-    "changed_window": "void(u1[:, ::1], u1[:, ::1], i8, i8, i8[::1])",
-    "inflate": "void(u1[:, ::1], i8, i8, i8, i8, i8, u1[::1], b1)",
-}
+Costs = Array2[np.uint8]
+Points = Array2[np.float64]
+"""(x, y) [m], shape (n, 2)."""
+Bounds = tuple[int, int, int, int]
+"""A window of a grid: first row, row after the last, first column, column after the last."""
+
+
+class Place(NamedTuple):
+    """Where a grid lies: corner of cell (0, 0) [m] in its frame, side of a cell [m]."""
+
+    x: float
+    y: float
+    resolution: float
+
+
+class Rays(NamedTuple):
+    """What a sensor at (x, y) [m] has seen: points, and how far [m] they count."""
+
+    x: float
+    y: float
+    points: Points
+    longest: float
+
+
+@njit
+def cell_at(place, x, y):
+    """Returns the row and column of the cell that holds (x, y) [m]."""
+    return int(np.floor((y - place.y) / place.resolution)), int(np.floor((x - place.x) / place.resolution))
 
 
 @njit
@@ -59,35 +81,34 @@ def _clear_line(cells, row_0, col_0, row_1, col_1):
         row, col, error_row, error_col = next_cell(row, col, error_row, error_col, line)
 
 
-def clear_rays(cells, origin_x, origin_y, resolution, sensor_x, sensor_y, points, longest):
-    """Frees what lies between the sensor and each point (n, 2) [m], as far as ``longest`` [m]."""
+@kernel
+def clear_rays(cells: Costs, place: Place, rays: Rays) -> None:
+    """Frees the cells between the sensor and each point, as far as ``rays.longest``."""
     rows, cols = cells.shape
-    row_0 = int(np.floor((sensor_y - origin_y) / resolution))
-    col_0 = int(np.floor((sensor_x - origin_x) / resolution))
+    row_0, col_0 = cell_at(place, rays.x, rays.y)
     if row_0 < 0 or row_0 >= rows or col_0 < 0 or col_0 >= cols:
         return
-    for i in range(points.shape[0]):
-        dx = points[i, 0] - sensor_x
-        dy = points[i, 1] - sensor_y
+    for i in range(rays.points.shape[0]):
+        dx = rays.points[i, 0] - rays.x
+        dy = rays.points[i, 1] - rays.y
         distance = np.sqrt(dx * dx + dy * dy)
-        if distance > longest:
-            dx *= longest / distance
-            dy *= longest / distance
-        row_1 = int(np.floor((sensor_y + dy - origin_y) / resolution))
-        col_1 = int(np.floor((sensor_x + dx - origin_x) / resolution))
+        if distance > rays.longest:
+            dx *= rays.longest / distance
+            dy *= rays.longest / distance
+        row_1, col_1 = cell_at(place, rays.x + dx, rays.y + dy)
         _clear_line(cells, row_0, col_0, row_1, col_1)
 
 
-def mark_points(cells, origin_x, origin_y, resolution, sensor_x, sensor_y, points, longest):
-    """Makes the cell of every point (n, 2) [m] nearer to the sensor than ``longest`` [m] lethal."""
+@kernel
+def mark_points(cells: Costs, place: Place, rays: Rays) -> None:
+    """Makes the cell of every point nearer to the sensor than ``rays.longest`` lethal."""
     rows, cols = cells.shape
-    for i in range(points.shape[0]):
-        dx = points[i, 0] - sensor_x
-        dy = points[i, 1] - sensor_y
-        if dx * dx + dy * dy >= longest * longest:
+    for i in range(rays.points.shape[0]):
+        dx = rays.points[i, 0] - rays.x
+        dy = rays.points[i, 1] - rays.y
+        if dx * dx + dy * dy >= rays.longest * rays.longest:
             continue
-        row = int(np.floor((points[i, 1] - origin_y) / resolution))
-        col = int(np.floor((points[i, 0] - origin_x) / resolution))
+        row, col = cell_at(place, rays.points[i, 0], rays.points[i, 1])
         if 0 <= row < rows and 0 <= col < cols:
             cells[row, col] = LETHAL
 
@@ -118,16 +139,16 @@ def set_line(cells, row_0, col_0, row_1, col_1, value):
         row, col, error_row, error_col = next_cell(row, col, error_row, error_col, line)
 
 
-@njit
-def fill_polygon(cells, origin_x, origin_y, resolution, vertices, value):
-    """Writes ``value`` into every cell that the polygon (n, 2) [m] covers, its outline included."""
+@kernel
+def fill_polygon(cells: Costs, place: Place, vertices: Points, value: int) -> None:
+    """Writes ``value`` into every cell that the polygon covers, its outline included."""
     rows, cols = cells.shape
     count = vertices.shape[0]
     scaled = np.empty((count, 2))
     row_min, row_max, col_min, col_max = rows, -1, cols, -1
     for i in range(count):
-        scaled[i, 0] = (vertices[i, 0] - origin_x) / resolution
-        scaled[i, 1] = (vertices[i, 1] - origin_y) / resolution
+        scaled[i, 0] = (vertices[i, 0] - place.x) / place.resolution
+        scaled[i, 1] = (vertices[i, 1] - place.y) / place.resolution
         row_min = min(row_min, int(np.floor(scaled[i, 1])))
         row_max = max(row_max, int(np.floor(scaled[i, 1])))
         col_min = min(col_min, int(np.floor(scaled[i, 0])))
@@ -148,8 +169,10 @@ def fill_polygon(cells, origin_x, origin_y, resolution, vertices, value):
                 cells[row, col] = value
 
 
-def merge_highest(master, layer, row_0, row_1, col_0, col_1):
+@kernel
+def merge_highest(master: Costs, layer: Costs, window: Bounds) -> None:
     """Takes the higher cost of both in the window; what the layer does not know changes nothing."""
+    row_0, row_1, col_0, col_1 = window
     for row in range(row_0, row_1):
         for col in range(col_0, col_1):
             cost = layer[row, col]
@@ -157,15 +180,18 @@ def merge_highest(master, layer, row_0, row_1, col_0, col_1):
                 master[row, col] = cost
 
 
-def merge_known(master, layer, row_0, row_1, col_0, col_1):
+@kernel
+def merge_known(master: Costs, layer: Costs, window: Bounds) -> None:
     """Replaces the master by what the layer knows in the window."""
+    row_0, row_1, col_0, col_1 = window
     for row in range(row_0, row_1):
         for col in range(col_0, col_1):
             if layer[row, col] != UNKNOWN:
                 master[row, col] = layer[row, col]
 
 
-def changed_window(cells, before, row_0, col_0, window):
+@kernel
+def changed_window(cells: Costs, before: Costs, row_0: int, col_0: int, window: Array1[np.int64]) -> None:
     """Widens ``window`` (row_0, row_1, col_0, col_1) by the cells that differ from ``before``.
 
     ``before`` is a copy of the part of ``cells`` that starts at ``row_0, col_0``.
@@ -230,19 +256,18 @@ def _envelope(heights, radius, sites, starts):
     return count
 
 
-def inflate(cells, row_0, row_1, col_0, col_1, radius, table, inflate_unknown):
+@kernel
+def inflate(cells: Costs, window: Bounds, radius: int, table: Array1[np.uint8], inflate_unknown: bool) -> None:
     """Spreads costs around the lethal cells into the window, exact to the cell.
 
     Args:
         cells: costs; lethal cells outside the window count as far as ``radius`` reaches.
-        row_0: first row of the window.
-        row_1: row after the window.
-        col_0: first column of the window.
-        col_1: column after the window.
+        window: where to.
         radius: [cells].
         table: cost by squared distance [cells**2], ``radius**2 + 1`` entries.
         inflate_unknown: spread every cost into unknown cells, not only inscribed ones.
     """
+    row_0, row_1, col_0, col_1 = window
     left = max(col_0 - radius, 0)
     right = min(col_1 + radius, cells.shape[1])
     distance = np.empty((row_1 - row_0, right - left), np.int32)

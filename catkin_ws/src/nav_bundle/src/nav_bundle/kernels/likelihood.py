@@ -5,23 +5,22 @@ Grids are row-major with row 0 at the origin; ``placement`` puts them into the m
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-SIGNATURES = {
-    "distance_field": "void(int8[:, ::1], int64, int64, uint16[:, ::1])",
-    "add_likelihoods": (
-        "void(float64[:, ::1], float64[:, ::1], uint16[:, ::1], float64[::1], float64[::1], float64[::1])"
-    ),
-    "count_agreement": "void(float64[:, ::1], float64[:, ::1], uint16[:, ::1], float64[::1], int64, int64[::1])",
-    "expected_ranges": (
-        "void(float64[:, ::1], float64[::1], float64[::1], int8[:, ::1], float64[::1], float64, float64[:, ::1])"
-    ),
-}
+from pioneer_kernels.declaration import Array1, Array2, kernel, njit
 
 
-def distance_field(cells, occupied, cap, out):
+class Field(NamedTuple):
+    """Squared distances [cells²] to the nearest obstacle, from ``distance_field``, and where they lie."""
+
+    squares: Array2[np.uint16]
+    placement: Array1[np.float64]
+
+
+@kernel
+def distance_field(cells: Array2[np.int8], occupied: int, cap: int, out: Array2[np.uint16]) -> None:
     """Writes each cell's squared distance [cells²] to the nearest cell of value ``occupied``, at most ``cap``².
 
     Exact Euclidean distance in two passes (Meijster, Roerdink and Hesselink 2000): along columns, then along rows
@@ -97,40 +96,62 @@ def _in_grid(pose, placement):
     return x, y, placement[2] * cosine + placement[3] * sine, placement[2] * sine - placement[3] * cosine
 
 
-def add_likelihoods(poses, points, field, placement, table, out):
+@kernel
+def add_likelihoods(
+    poses: Array2[np.float64],
+    points: Array2[np.float64],
+    field: Field,
+    table: Array1[np.float64],
+    out: Array1[np.float64],
+) -> None:
     """Adds to ``out``, for each particle, the table's entries at its scan's end points.
 
     Args:
         poses: particles x, y [m], yaw [rad], shape (n, 3), map frame.
         points: end points of the beams [cells], robot frame, shape (m, 2).
-        field: squared distances [cells²] from ``distance_field``.
-        placement: of the field.
+        field: distances to obstacles.
         table: value of each squared distance; its last entry also stands for points off the grid.
         out: shape (n,).
     """
     outside = table[table.shape[0] - 1]
     for index in range(poses.shape[0]):
-        x, y, cosine, sine = _in_grid(poses[index], placement)
+        x, y, cosine, sine = _in_grid(poses[index], field.placement)
         total = 0.0
         for beam in range(points.shape[0]):
             along, across = points[beam, 0], points[beam, 1]
-            square = _squared_distance(x + cosine * along - sine * across, y + sine * along + cosine * across, field)
+            square = _squared_distance(
+                x + cosine * along - sine * across, y + sine * along + cosine * across, field.squares
+            )
             total += table[square] if square >= 0 else outside
         out[index] += total
 
 
-def count_agreement(poses, points, field, placement, nearest, counts):
+@kernel
+def count_agreement(
+    poses: Array2[np.float64], points: Array2[np.float64], field: Field, nearest: int, counts: Array1[np.int64]
+) -> None:
     """Counts, for each beam, the particles that see an obstacle within ``nearest`` [cells²] of its end point."""
     for index in range(poses.shape[0]):
-        x, y, cosine, sine = _in_grid(poses[index], placement)
+        x, y, cosine, sine = _in_grid(poses[index], field.placement)
         for beam in range(points.shape[0]):
             along, across = points[beam, 0], points[beam, 1]
-            square = _squared_distance(x + cosine * along - sine * across, y + sine * along + cosine * across, field)
+            square = _squared_distance(
+                x + cosine * along - sine * across, y + sine * along + cosine * across, field.squares
+            )
             if 0 <= square < nearest:
                 counts[beam] += 1
 
 
-def expected_ranges(poses, laser, bearings, cells, placement, longest, out):
+@kernel
+def expected_ranges(
+    poses: Array2[np.float64],
+    laser: Array1[np.float64],
+    bearings: Array1[np.float64],
+    cells: Array2[np.int8],
+    placement: Array1[np.float64],
+    longest: float,
+    out: Array2[np.float64],
+) -> None:
     """Writes the range [m] that each particle's laser would measure in the map, at most ``longest``.
 
     A ray ends in the first cell that is not free (unknown ones stop it too) or at the grid's edge (``longest``).

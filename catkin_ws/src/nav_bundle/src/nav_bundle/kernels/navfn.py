@@ -9,10 +9,14 @@ A guide says what is still to come: the potential of another wave, which ran fro
 blocks of ``BLOCK`` x ``BLOCK`` cells, inside a ring of blocks that nothing enters.
 """
 
+from typing import NamedTuple
+
 import numpy as np
-from numba import njit
+
+from pioneer_kernels.declaration import Array1, Array2, kernel, njit
 
 FAR = 1.0e10
+"""The potential of a cell that was not reached."""
 
 # Positions in ``counts`` and ``limits``.
 NOW, NEXT, LATER, BEYOND = 0, 1, 2, 3
@@ -21,13 +25,30 @@ RUNNING, DONE, FULL = 0, 1, 2
 BLOCK_BITS = 2
 BLOCK = 1 << BLOCK_BITS
 
-SIGNATURES = {
-    "begin": "void(f4[:, ::1], u1[:, ::1], u1[:, ::1], f4[::1], i4[:, ::1], i8[::1], f8[::1], i8, i8)",
-    "spread": "i8(f4[:, ::1], u1[:, ::1], u1[:, ::1], f4[::1], i4[:, ::1], i8[::1], f8[::1], i8, i8, f4[:, ::1], i8)",
-    "coarsen": "void(u1[:, ::1], f4[::1], u1[:, ::1])",
-    "descend": "i8(f4[:, ::1], f8[:, ::1], i8, i8, i8, i8)",
-    "nearest_reached": "i8(f4[:, ::1], i8, i8, f8)",
-}
+Cell = tuple[int, int]
+"""Row and column."""
+
+
+class Front(NamedTuple):
+    """The state of a wave over a grid.
+
+    Attributes:
+        potential: of the cells, shape (rows, cols).
+        waiting: 1 where a cell waits in a buffer.
+        costs: of the cells.
+        weights: what a cell of each cost adds, negative where nothing may pass, shape (256,).
+        queue: the buffers, shape (4, room).
+        counts: cells in each buffer.
+        limits: potential that is final, its step, bound of a guided wave, and its step.
+    """
+
+    potential: Array2[np.float32]
+    waiting: Array2[np.uint8]
+    costs: Array2[np.uint8]
+    weights: Array1[np.float32]
+    queue: Array2[np.int32]
+    counts: Array1[np.int64]
+    limits: Array1[np.float64]
 
 
 @njit
@@ -42,12 +63,14 @@ def _offer(queue, counts, which, waiting, weights, costs, cell, potential, value
         counts[which] += 1
 
 
-def begin(potential, waiting, costs, weights, queue, counts, limits, row, col):
-    """Clears the search and puts its source at ``row, col``.
+@kernel
+def begin(front: Front, start: Cell) -> None:
+    """Clears the search and puts its source at ``start``.
 
-    ``weights[cost]`` is what a cell of that cost adds, negative where nothing may pass. Cells at the edge of the grid
-    wait for ever, so that no other cell need look whether it has neighbours.
+    Cells at the edge of the grid wait for ever, so that no other cell need look whether it has neighbours.
     """
+    potential, waiting, costs, weights, queue, counts, limits = front
+    row, col = start
     rows, cols = potential.shape
     potential[:, :] = FAR
     waiting[:, :] = 0
@@ -75,13 +98,16 @@ def _wave(across, along, weight):
     return low + weight * (np.float32(-0.2301) * d * d + np.float32(0.5307) * d + np.float32(0.7040))
 
 
-def spread(potential, waiting, costs, weights, queue, counts, limits, goal_row, goal_col, guide, budget):
+@kernel
+def spread(front: Front, goal: Cell, guide: Array2[np.float32], budget: int) -> int:
     """Lets the wave run for about ``budget`` cells; returns 0 running, 1 done, 2 buffers too small.
 
     Done means that the goal's potential is final or that nothing is left to visit. With a guide that is not empty,
     cells from which the whole way would, by the guide, be longer than a bound are left for later, and the bound is
     raised by twice as much each time that the goal cannot be reached within it (A*, by iterations).
     """
+    potential, waiting, costs, weights, queue, counts, limits = front
+    goal_row, goal_col = goal
     cols = potential.shape[1]
     per_col = 1.0 / cols
     guided = guide.size > 0
@@ -137,7 +163,8 @@ def spread(potential, waiting, costs, weights, queue, counts, limits, goal_row, 
     return RUNNING
 
 
-def coarsen(costs, weights, coarse):
+@kernel
+def coarsen(costs: Array2[np.uint8], weights: Array1[np.float32], coarse: Array2[np.uint8]) -> None:
     """Writes what a cell of each block adds into ``coarse``, shape (blocks + 2, blocks + 2) with its ring.
 
     That lies halfway between the least and the mean of its cells, as ways keep to cheap ones. Only cells that may be
@@ -235,13 +262,16 @@ def _all_reached(potential, row, col):
     return True
 
 
-def descend(potential, path, row, col, source_row, source_col):
-    """Walks from ``row, col`` down to the source in steps of half a cell.
+@kernel
+def descend(potential: Array2[np.float32], path: Array2[np.float64], end: Cell, source: Cell) -> int:
+    """Walks from ``end`` down to ``source`` in steps of half a cell.
 
     Beside cells that were not reached, and where the interpolated slope does not lead down, the
     walk steps from cell to cell instead. Writes (row, col) [cells] into ``path``; returns the number
     of points, 0 if the walk got stuck or ``path`` is too short.
     """
+    row, col = end
+    source_row, source_col = source
     y = float(row)
     x = float(col)
     lowest = potential[row, col] + 1.0
@@ -278,8 +308,10 @@ def descend(potential, path, row, col, source_row, source_col):
     return 0
 
 
-def nearest_reached(potential, row, col, tolerance):
-    """Returns the flat index of the reached cell nearest to ``row, col`` within ``tolerance`` [cells], else -1."""
+@kernel
+def nearest_reached(potential: Array2[np.float32], goal: Cell, tolerance: float) -> int:
+    """Returns the flat index of the reached cell nearest to ``goal`` within ``tolerance`` [cells], else -1."""
+    row, col = goal
     rows, cols = potential.shape
     reach = int(np.ceil(tolerance))
     best = -1

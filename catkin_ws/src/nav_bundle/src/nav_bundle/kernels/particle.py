@@ -5,18 +5,11 @@ table with open addressing whose length is a power of two at least twice the num
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-SIGNATURES = {
-    "resample": (
-        "int64(float64[:, ::1], float64[::1], float64[::1], uint8[::1], float64[:, ::1],"
-        " int64, float64, float64, int64[::1], float64[:, ::1])"
-    ),
-    "find_cells": "void(int8[:, ::1], int64, int64[::1], int64[::1], int64[:, ::1])",
-    "cluster": "int64(float64[:, ::1], float64[::1], int64[::1], int64[::1], float64[:, ::1])",
-}
+from pioneer_kernels.declaration import Array1, Array2, kernel, njit
 
 BIN_LENGTH = 0.5
 """Side of a bin [m]."""
@@ -24,6 +17,30 @@ HEADINGS = 36
 """Bins of heading in a turn."""
 EMPTY = -1
 OFFSET = 1 << 24
+
+
+class Draws(NamedTuple):
+    """The chances of one resampling; ``most`` is the largest number of particles.
+
+    Attributes:
+        cumulative: running sum of the particles' weights, ending at 1, shape (n,).
+        uniforms: from [0, 1), shape (most,).
+        renew: where not 0, the particle comes from ``fresh`` instead, shape (most,).
+        fresh: poses for those, shape (most, 3).
+    """
+
+    cumulative: Array1[np.float64]
+    uniforms: Array1[np.float64]
+    renew: Array1[np.uint8]
+    fresh: Array2[np.float64]
+
+
+class Limits(NamedTuple):
+    """Smallest number of particles, greatest error (kld_err), upper quantile of the standard normal (kld_z)."""
+
+    least: int
+    error: float
+    quantile: float
 
 
 @njit
@@ -56,18 +73,16 @@ def _enough(bins, error, quantile):
     return math.ceil((bins - 1) / (2.0 * error) * root * root * root)
 
 
-def resample(poses, cumulative, uniforms, renew, fresh, least, error, quantile, table, out):
+@kernel
+def resample(
+    poses: Array2[np.float64], draws: Draws, limits: Limits, table: Array1[np.int64], out: Array2[np.float64]
+) -> int:
     """Draws particles by weight until their number suffices for the bins they fill; returns that number.
 
     Args:
         poses: particles x, y [m], yaw [rad], shape (n, 3).
-        cumulative: running sum of their weights, ending at 1, shape (n,).
-        uniforms: draws from [0, 1), shape (most,): ``most`` is the largest number of particles.
-        renew: where not 0, the particle comes from ``fresh`` instead, shape (most,).
-        fresh: poses for those, shape (most, 3).
-        least: smallest number of particles.
-        error: greatest error of the distribution (kld_err).
-        quantile: upper quantile of the standard normal (kld_z).
+        draws: which of them to take.
+        limits: of their number.
         table: room for the hash table.
         out: the particles drawn, shape (most, 3).
     """
@@ -76,23 +91,26 @@ def resample(poses, cumulative, uniforms, renew, fresh, least, error, quantile, 
     bins = 0
     wanted = 0.0
     for count in range(most):
-        if renew[count]:
-            out[count] = fresh[count]
+        if draws.renew[count]:
+            out[count] = draws.fresh[count]
         else:
-            drawn = min(np.searchsorted(cumulative, uniforms[count], side="right"), poses.shape[0] - 1)
-            out[count] = poses[drawn]
+            drawn = np.searchsorted(draws.cumulative, draws.uniforms[count], side="right")
+            out[count] = poses[min(drawn, poses.shape[0] - 1)]
         key = _key(out[count, 0], out[count, 1], out[count, 2])
         place = _slot(key, table)
         if table[place] == EMPTY:
             table[place] = key
             bins += 1
-            wanted = _enough(bins, error, quantile)
-        if count + 1 >= max(wanted, least):
+            wanted = _enough(bins, limits.error, limits.quantile)
+        if count + 1 >= max(wanted, limits.least):
             return count + 1
     return most
 
 
-def find_cells(cells, value, until_row, drawn, out):
+@kernel
+def find_cells(
+    cells: Array2[np.int8], value: int, until_row: Array1[np.int64], drawn: Array1[np.int64], out: Array2[np.int64]
+) -> None:
     """Writes (row, col), shape (n, 2), of the cells of ``value`` whose numbers, row by row from 0, are ``drawn``.
 
     ``until_row`` has for each row how many such cells there are up to its end.
@@ -108,7 +126,14 @@ def find_cells(cells, value, until_row, drawn, out):
         out[index, 0], out[index, 1] = row, col
 
 
-def cluster(poses, weights, table, labels, sums):
+@kernel
+def cluster(
+    poses: Array2[np.float64],
+    weights: Array1[np.float64],
+    table: Array1[np.int64],
+    labels: Array1[np.int64],
+    sums: Array2[np.float64],
+) -> int:
     """Joins particles whose bins touch (also at edges and corners, and over the turn of heading) into clusters.
 
     Args:

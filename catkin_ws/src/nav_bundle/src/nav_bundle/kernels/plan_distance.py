@@ -1,35 +1,42 @@
 """Distances over a local costmap, in steps from cell to cell: to the plan and to its end (base_local_planner's)."""
 
+from typing import NamedTuple
+
 import numpy as np
-from numba import njit
 
-from nav_bundle.kernels.costmap import INSCRIBED, UNKNOWN, fill_polygon
+from nav_bundle.kernels.costmap import INSCRIBED, UNKNOWN, Costs, Place, Points, cell_at, fill_polygon
+from pioneer_kernels.declaration import Array1, Array2, kernel, njit
 
-SIGNATURES = {
-    "distance_grids": "i8(u1[:, ::1], f8, f8, f8, f8[:, ::1], f8[:, ::1], i4[:, ::1], i4[:, ::1], i4[::1])",
-    "goal_grid": "i8(u1[:, ::1], f8, f8, f8, f8[:, ::1], f8[:, ::1], i4[:, ::1], i4[::1])",
-}
+Steps = Array2[np.int32]
+"""Distances of a grid's cells to something, in steps from cell to cell."""
+Queue = Array1[np.int32]
+"""Room for one entry per cell."""
+
+
+class Floor(NamedTuple):
+    """The local costmap with what the robot covers of it: its footprint's vertices at its pose."""
+
+    costs: Costs
+    place: Place
+    outline: Points
 
 
 @njit
-def _plan_cells(costs, origin_x, origin_y, resolution, plan, cells):
+def _plan_cells(floor, plan, cells):
     """Writes the flat indices of the known cells that the plan crosses on its first way through the grid.
 
     Returns their number; at most one entry per cell of ``cells``.
     """
-    rows, cols = costs.shape
+    rows, cols = floor.costs.shape
     count = 0
     for i in range(plan.shape[0]):
         before = i - 1 if i > 0 else 0
         dx = plan[i, 0] - plan[before, 0]
         dy = plan[i, 1] - plan[before, 1]
-        parts = max(1, int(np.ceil(np.sqrt(dx * dx + dy * dy) / resolution)))
+        parts = max(1, int(np.ceil(np.sqrt(dx * dx + dy * dy) / floor.place.resolution)))
         for part in range(1, parts + 1):
-            x = plan[before, 0] + dx * part / parts
-            y = plan[before, 1] + dy * part / parts
-            row = int(np.floor((y - origin_y) / resolution))
-            col = int(np.floor((x - origin_x) / resolution))
-            if row < 0 or row >= rows or col < 0 or col >= cols or costs[row, col] == UNKNOWN:
+            row, col = cell_at(floor.place, plan[before, 0] + dx * part / parts, plan[before, 1] + dy * part / parts)
+            if row < 0 or row >= rows or col < 0 or col >= cols or floor.costs[row, col] == UNKNOWN:
                 if count > 0:
                     return count
                 continue
@@ -75,27 +82,31 @@ def _flood_from(costs, inside, distance, queue, cell):
     _flood(costs, inside, distance, queue, 1)
 
 
-def distance_grids(costs, origin_x, origin_y, resolution, plan, outline, to_plan, to_goal, queue):
+@njit
+def _inside(floor):
+    """Returns a grid of 1 under the robot and 0 elsewhere."""
+    inside = np.zeros(floor.costs.shape, np.uint8)
+    fill_polygon(inside, floor.place, floor.outline, 1)
+    return inside
+
+
+@kernel
+def distance_grids(floor: Floor, plan: Points, to_plan: Steps, to_goal: Steps, queue: Queue) -> int:
     """Fills the two grids that trajectories are scored on; returns how many cells the plan crosses, 0 if none.
 
     Args:
-        costs: the local costmap.
-        origin_x: corner of cell (0, 0) [m].
-        origin_y: corner of cell (0, 0) [m].
-        resolution: [m].
-        plan: points (n, 2) [m] in the costmap's frame.
-        outline: the footprint's vertices (m, 2) [m] at the robot's pose.
+        floor: costmap and robot.
+        plan: points in the costmap's frame.
         to_plan: steps to the plan, for every cell.
         to_goal: steps to the plan's last cell inside the costmap.
-        queue: room for one entry per cell.
+        queue: for the kernel's own use.
     """
-    rows, cols = costs.shape
-    inside = np.zeros((rows, cols), np.uint8)
-    fill_polygon(inside, origin_x, origin_y, resolution, outline, np.uint8(1))
+    rows, cols = floor.costs.shape
+    inside = _inside(floor)
     to_plan[:, :] = rows * cols + 1
     to_goal[:, :] = rows * cols + 1
     crossed = np.empty(rows * cols, np.int32)
-    crossings = _plan_cells(costs, origin_x, origin_y, resolution, plan, crossed)
+    crossings = _plan_cells(floor, plan, crossed)
     if crossings == 0:
         return 0
     count = 0
@@ -106,20 +117,18 @@ def distance_grids(costs, origin_x, origin_y, resolution, plan, outline, to_plan
             to_plan[row, col] = 0
             queue[count] = crossed[i]
             count += 1
-    _flood(costs, inside, to_plan, queue, count)
-    _flood_from(costs, inside, to_goal, queue, crossed[crossings - 1])
+    _flood(floor.costs, inside, to_plan, queue, count)
+    _flood_from(floor.costs, inside, to_goal, queue, crossed[crossings - 1])
     return crossings
 
 
-def goal_grid(costs, origin_x, origin_y, resolution, plan, outline, to_goal, queue):
+@kernel
+def goal_grid(floor: Floor, plan: Points, to_goal: Steps, queue: Queue) -> int:
     """Fills only ``to_goal`` of ``distance_grids``; returns how many cells the plan crosses, 0 if none."""
-    rows, cols = costs.shape
-    inside = np.zeros((rows, cols), np.uint8)
-    fill_polygon(inside, origin_x, origin_y, resolution, outline, np.uint8(1))
+    rows, cols = floor.costs.shape
     to_goal[:, :] = rows * cols + 1
     crossed = np.empty(rows * cols, np.int32)
-    crossings = _plan_cells(costs, origin_x, origin_y, resolution, plan, crossed)
-    if crossings == 0:
-        return 0
-    _flood_from(costs, inside, to_goal, queue, crossed[crossings - 1])
+    crossings = _plan_cells(floor, plan, crossed)
+    if crossings > 0:
+        _flood_from(floor.costs, _inside(floor), to_goal, queue, crossed[crossings - 1])
     return crossings

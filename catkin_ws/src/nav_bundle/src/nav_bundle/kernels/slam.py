@@ -9,21 +9,11 @@ Beams are (cosine, sine of the bearing in the laser frame; length [cells]), shap
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-SIGNATURES = {
-    "match": (
-        "void(float64[:, ::1], float64[:, ::1], int32[:, :, ::1], uint16[:, :, ::1], float64[::1], float64[::1], int64,"
-        " int64, float64[:, ::1])"
-    ),
-    "register": (
-        "void(float64[::1], float64[:, ::1], uint8[::1], float64[::1], int32[:, ::1], uint16[:, :, ::1], int32[::1],"
-        " int32[::1])"
-    ),
-    "draw": "void(int32[:, ::1], uint16[:, :, ::1], float64, int64, int64, int8[:, ::1])",
-}
+from pioneer_kernels.declaration import Array1, Array2, Array3, kernel, njit
 
 RELEASE_GIL = True
 """A match takes 30 to 300 ms; the thread that publishes tf must run meanwhile."""
@@ -38,6 +28,50 @@ FULL = 10
 MISS = -0.5
 """What a beam adds to the likelihood that met no obstacle, over lsigma: far worse than any that did."""
 SHIFT = 1 << 30
+
+
+class Maps(NamedTuple):
+    """The particles' maps: directories, shape (n, tile rows, tile columns), the pool of tiles, their placement."""
+
+    directories: Array3[np.int32]
+    pool: Array3[np.uint16]
+    placement: Array1[np.float64]
+
+
+class Matching(NamedTuple):
+    """How scans are matched.
+
+    Attributes:
+        sigma: [m].
+        lsigma: [m].
+        lstep: first step along x and y [m].
+        astep: first step of the heading [rad].
+        least: a particle whose best score is no better stays where it was (minimumScore).
+        iterations: halvings of the steps.
+        reach: cells about a beam's end in which an obstacle is looked for, along x and y (kernelSize).
+    """
+
+    sigma: float
+    lsigma: float
+    lstep: float
+    astep: float
+    least: float
+    iterations: int
+    reach: int
+
+
+class Tiles(NamedTuple):
+    """The pool of tiles for writing.
+
+    Attributes:
+        pool: the tiles.
+        users: how many maps name each tile.
+        spare: the number k of unused tiles, then their numbers, of which the k-th is taken first.
+    """
+
+    pool: Array3[np.uint16]
+    users: Array1[np.int32]
+    spare: Array1[np.int32]
 
 
 @njit
@@ -86,9 +120,10 @@ def _nearest(directory, pool, x, y, behind_row, behind_col, reach):
 
 
 @njit
-def _judge(x, y, yaw, beams, directory, pool, placement, terms, reach, exponential):
+def _judge(x, y, yaw, beams, directory, maps, matching, exponential):
     """Sum over the beams of exp(-d² / sigma), which climbing needs, or of -d² / lsigma: the log likelihood."""
     cosine, sine = math.cos(yaw), math.sin(yaw)
+    placement = maps.placement
     left, low = (x - placement[0]) * placement[2], (y - placement[1]) * placement[2]
     square_side = 1.0 / (placement[2] * placement[2])
     total = 0.0
@@ -97,32 +132,32 @@ def _judge(x, y, yaw, beams, directory, pool, placement, terms, reach, exponenti
         dy = sine * beams[beam, 0] + cosine * beams[beam, 1]
         behind_row, behind_col = (-1 if dy > 0.0 else 1), (-1 if dx > 0.0 else 1)
         end_x, end_y = left + beams[beam, 2] * dx, low + beams[beam, 2] * dy
-        square = _nearest(directory, pool, end_x, end_y, behind_row, behind_col, reach) * square_side
+        square = _nearest(directory, maps.pool, end_x, end_y, behind_row, behind_col, matching.reach) * square_side
         if exponential:
             if square >= 0.0:
-                total += math.exp(-square / terms[0])
+                total += math.exp(-square / matching.sigma)
         else:
-            total += -square / terms[1] if square >= 0.0 else MISS / terms[1]
+            total += -square / matching.lsigma if square >= 0.0 else MISS / matching.lsigma
     return total
 
 
 @njit
-def _climb(pose, beams, directory, pool, placement, terms, iterations, reach):
+def _climb(pose, beams, directory, maps, matching):
     """Moves ``pose`` to where the beams score best nearby; returns that score.
 
     Each round tries a step along x, y and yaw both ways and takes the best; where none is better, steps are halved.
     """
-    length, turn = terms[2], terms[3]
-    score = _judge(pose[0], pose[1], pose[2], beams, directory, pool, placement, terms, reach, True)
+    length, turn = matching.lstep, matching.astep
+    score = _judge(pose[0], pose[1], pose[2], beams, directory, maps, matching, True)
     halvings = 0
-    while halvings <= iterations:
+    while halvings <= matching.iterations:
         better, axis, move = score, -1, 0.0
         for trial in range(6):
             step = (turn if trial >= 4 else length) * (1.0 if trial % 2 == 0 else -1.0)
             x = pose[0] + (step if trial < 2 else 0.0)
             y = pose[1] + (step if trial == 2 or trial == 3 else 0.0)
             yaw = pose[2] + (step if trial >= 4 else 0.0)
-            value = _judge(x, y, yaw, beams, directory, pool, placement, terms, reach, True)
+            value = _judge(x, y, yaw, beams, directory, maps, matching, True)
             if value > better:
                 better, axis, move = value, trial // 2, step
         if axis < 0:
@@ -134,35 +169,34 @@ def _climb(pose, beams, directory, pool, placement, terms, iterations, reach):
     return score
 
 
-def match(poses, beams, directories, pool, placement, terms, iterations, reach, out):
+@kernel
+def match(
+    poses: Array2[np.float64], beams: Array2[np.float64], maps: Maps, matching: Matching, out: Array2[np.float64]
+) -> None:
     """Moves each particle to where the scan fits its map best, and weighs it there.
 
     Args:
         poses: particles x, y [m], yaw [rad], shape (n, 3); changed.
         beams: those that hit something.
-        directories: the particles' maps, shape (n, tile rows, tile columns).
-        pool: of the tiles.
-        placement: of the maps.
-        terms: sigma [m], lsigma [m], first steps lstep [m] and astep [rad], minimumScore: a particle whose best score
-            is no better stays where it was.
-        iterations: halvings of the steps.
-        reach: cells about a beam's end in which an obstacle is looked for, along x and y.
+        maps: of the particles.
+        matching: parameters.
         out: score and log likelihood of each particle, shape (n, 2).
     """
     pose = np.empty(3)
     for index in range(poses.shape[0]):
         pose[:] = poses[index]
-        directory = directories[index]
-        out[index, 0] = _climb(pose, beams, directory, pool, placement, terms, iterations, reach)
-        if out[index, 0] > terms[4]:
+        directory = maps.directories[index]
+        out[index, 0] = _climb(pose, beams, directory, maps, matching)
+        if out[index, 0] > matching.least:
             poses[index] = pose
         x, y, yaw = poses[index, 0], poses[index, 1], poses[index, 2]
-        out[index, 1] = _judge(x, y, yaw, beams, directory, pool, placement, terms, reach, False)
+        out[index, 1] = _judge(x, y, yaw, beams, directory, maps, matching, False)
 
 
 @njit
-def _own_tile(directory, tile_row, tile_col, pool, users, spare):
+def _own_tile(directory, tile_row, tile_col, tiles):
     """Number of a tile that this map alone names: the one there, or a copy of it, or an empty one."""
+    pool, users, spare = tiles
     tile = directory[tile_row, tile_col]
     if tile >= 0 and users[tile] == 1:
         return tile
@@ -199,7 +233,15 @@ def _hit(pool, tile, place, x, y):
         pool[tile, place, axis] = np.uint16(min(max(mean + 0.5, 0.0), float(MOST)))
 
 
-def register(pose, beams, hits, placement, directory, pool, users, spare):
+@kernel
+def register(
+    pose: Array1[np.float64],
+    beams: Array2[np.float64],
+    hits: Array1[np.uint8],
+    placement: Array1[np.float64],
+    directory: Array2[np.int32],
+    tiles: Tiles,
+) -> None:
     """Enters a scan into one map: cells along each beam are visited (Bresenham's line), its end is hit.
 
     Args:
@@ -208,11 +250,9 @@ def register(pose, beams, hits, placement, directory, pool, users, spare):
         hits: where 0, the beam ended in the air: its last cell is visited as the others, shape (m,).
         placement: of the map.
         directory: the map's, changed.
-        pool: of the tiles, changed.
-        users: how many maps name each tile, changed.
-        spare: the number k of unused tiles, then their numbers, of which the k-th is taken first. Changed; there must
-            be one for each tile that the scan touches.
+        tiles: changed; there must be an unused one for each that the scan touches.
     """
+    pool = tiles.pool
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
     left, low = (pose[0] - placement[0]) * placement[2], (pose[1] - placement[1]) * placement[2]
     for beam in range(beams.shape[0]):
@@ -226,7 +266,7 @@ def register(pose, beams, hits, placement, directory, pool, users, spare):
         while True:
             if row >> BITS != tile_row or col >> BITS != tile_col:
                 tile_row, tile_col = row >> BITS, col >> BITS
-                tile = _own_tile(directory, tile_row, tile_col, pool, users, spare)
+                tile = _own_tile(directory, tile_row, tile_col, tiles)
             place = ((row & MASK) << BITS) | (col & MASK)
             if row == end_row and col == end_col:
                 break
@@ -244,7 +284,15 @@ def register(pose, beams, hits, placement, directory, pool, users, spare):
             _visit(pool, tile, place)
 
 
-def draw(directory, pool, threshold, first_row, first_col, out):
+@kernel
+def draw(
+    directory: Array2[np.int32],
+    pool: Array3[np.uint16],
+    threshold: float,
+    first_row: int,
+    first_col: int,
+    out: Array2[np.int8],
+) -> None:
     """Writes a map's cells: 100 where more than ``threshold`` of the visits were hits, 0 where not; unseen ones stay.
 
     Args:

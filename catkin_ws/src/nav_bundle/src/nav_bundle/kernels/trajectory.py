@@ -6,10 +6,16 @@ so they bound it from below: samples are checked against the costmap in the orde
 the search ends as soon as no bound is below the best score. The winner is the same, most checks fall away.
 """
 
-import numpy as np
-from numba import njit
+from typing import NamedTuple
 
-from nav_bundle.kernels.costmap import INSCRIBED, LETHAL, line_between, next_cell
+import numpy as np
+
+from nav_bundle.kernels.costmap import INSCRIBED, LETHAL, Costs, Place, Points, cell_at, line_between, next_cell
+from nav_bundle.kernels.plan_distance import Steps
+from pioneer_kernels.declaration import Array1, Array2, kernel, njit
+
+Vector = Array1[np.float64]
+"""x, y and turn (yaw), shape (3,)."""
 
 HIT = -1.0
 UNREACHED = -2.0
@@ -18,14 +24,47 @@ UNCHECKED = -3.0
 # Columns of ``results``.
 COST, X, Y, YAW, BOUND = 0, 1, 2, 3, 4
 
-SIGNATURES = {
-    "footprint_cost": "i8(u1[:, ::1], f8, f8, f8, f8[:, ::1], f8, f8, f8)",
-    "search": (
-        "i8(u1[:, ::1], f8, f8, f8, i4[:, ::1], i4[:, ::1], f8[:, ::1], f8[::1], f8[::1], f8[::1],"
-        " f8[:, ::1], f8[::1], f8[::1], b1, b1, f8[:, ::1], f8, f8[:, ::1])"
-    ),
-    "roll_out": "i8(f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[:, ::1])",
-}
+
+class Ground(NamedTuple):
+    """What trajectories are scored on: the local costmap, steps to the plan and to the local goal, and the footprint.
+
+    The footprint's vertices are relative to the robot.
+    """
+
+    costs: Costs
+    place: Place
+    to_plan: Steps
+    to_goal: Steps
+    footprint: Points
+
+
+class Motion(NamedTuple):
+    """Pose [m, rad] in the costmap's frame, velocity [m/s, rad/s], and the limits of its change [m/s², rad/s²]."""
+
+    pose: Vector
+    velocity: Vector
+    acc: Vector
+
+
+class Horizon(NamedTuple):
+    """How far samples are followed: time [s], way [m] and turning speed [rad/s] between two looks.
+
+    ``heading`` [s] is when a sample is scored where headings count, which is at its end otherwise.
+    """
+
+    time: float
+    way: float
+    turn: float
+    heading: float = 0.0
+
+
+class Scales(NamedTuple):
+    """Cost of a cell's step to the plan and to the local goal, of a unit of costmap cost, of a radian of heading."""
+
+    plan: float
+    goal: float
+    obstacle: float
+    heading: float = 0.0
 
 
 @njit
@@ -43,8 +82,8 @@ def _line_cost(costs, row_0, col_0, row_1, col_1):
     return highest
 
 
-@njit
-def footprint_cost(costs, origin_x, origin_y, resolution, footprint, x, y, yaw):
+@kernel
+def footprint_cost(costs: Costs, place: Place, footprint: Points, x: float, y: float, yaw: float) -> int:
     """Returns the highest cost under the footprint's outline at a pose.
 
     -1 where it meets a lethal cell, -2 an unknown one, -3 the grid's edge.
@@ -59,8 +98,7 @@ def footprint_cost(costs, origin_x, origin_y, resolution, footprint, x, y, yaw):
         j = i if i < count else 0
         vertex_x = x + cosine * footprint[j, 0] - sine * footprint[j, 1]
         vertex_y = y + sine * footprint[j, 0] + cosine * footprint[j, 1]
-        row = int(np.floor((vertex_y - origin_y) / resolution))
-        col = int(np.floor((vertex_x - origin_x) / resolution))
+        row, col = cell_at(place, vertex_x, vertex_y)
         if row < 0 or row >= rows or col < 0 or col >= cols:
             return -3
         if i > 0:
@@ -76,7 +114,7 @@ def footprint_cost(costs, origin_x, origin_y, resolution, footprint, x, y, yaw):
 def _steps(sample, horizon):
     """Returns how many poses of a sample are looked at: one per granularity of way or of turning speed."""
     speed = np.sqrt(sample[0] * sample[0] + sample[1] * sample[1])
-    return max(1, int(max(speed * horizon[0] / horizon[1], abs(sample[2]) / horizon[2]) + 0.5))
+    return max(1, int(max(speed * horizon.time / horizon.way, abs(sample[2]) / horizon.turn) + 0.5))
 
 
 @njit
@@ -99,101 +137,88 @@ def moved(x, y, yaw, vx, vy, turn, sample, acc, dt):
 
 
 @njit
-def _check(
-    costs, origin_x, origin_y, resolution, to_plan, to_goal, footprint, pose, start, acc, sample, time, steps, reach
-):
+def is_reached(ground, row, col):
+    """Tells whether the distance grids have a way to the cell from the plan and from the local goal."""
+    cells = ground.costs.size
+    return ground.to_plan[row, col] < cells and ground.to_goal[row, col] < cells
+
+
+@njit
+def _check(ground, motion, start, sample, time, steps, reach):
     """Follows one sample over the costmap: returns its highest cost, or HIT, or UNREACHED."""
-    rows, cols = costs.shape
-    x, y, yaw = pose[0], pose[1], pose[2]
+    rows, cols = ground.costs.shape
+    x, y, yaw = motion.pose[0], motion.pose[1], motion.pose[2]
     vx, vy, turn = start[0], start[1], start[2]
     dt = time / steps
     highest = 0
     for _ in range(steps):
-        row = int(np.floor((y - origin_y) / resolution))
-        col = int(np.floor((x - origin_x) / resolution))
+        row, col = cell_at(ground.place, x, y)
         if row < 0 or row >= rows or col < 0 or col >= cols:
             return HIT
-        cost = footprint_cost(costs, origin_x, origin_y, resolution, footprint, x, y, yaw)
+        cost = footprint_cost(ground.costs, ground.place, ground.footprint, x, y, yaw)
         if cost < 0:
             return HIT
-        highest = max(highest, max(cost, np.int64(costs[row, col])))
-        if reach and (to_plan[row, col] >= rows * cols or to_goal[row, col] >= rows * cols):
+        highest = max(highest, max(cost, np.int64(ground.costs[row, col])))
+        if reach and not is_reached(ground, row, col):
             return UNREACHED
-        x, y, yaw, vx, vy, turn = moved(x, y, yaw, vx, vy, turn, sample, acc, dt)
+        x, y, yaw, vx, vy, turn = moved(x, y, yaw, vx, vy, turn, sample, motion.acc, dt)
     return float(highest)
 
 
 @njit
-def follow(pose, start, acc, sample, time, steps, poses):
+def follow(motion, start, sample, time, steps, poses):
     """Writes the poses (x, y, yaw) of one sample into ``poses``; returns their number."""
-    x, y, yaw = pose[0], pose[1], pose[2]
+    x, y, yaw = motion.pose[0], motion.pose[1], motion.pose[2]
     vx, vy, turn = start[0], start[1], start[2]
     steps = min(steps, poses.shape[0])
     dt = time / steps
     for i in range(steps):
         poses[i, 0], poses[i, 1], poses[i, 2] = x, y, yaw
-        x, y, yaw, vx, vy, turn = moved(x, y, yaw, vx, vy, turn, sample, acc, dt)
+        x, y, yaw, vx, vy, turn = moved(x, y, yaw, vx, vy, turn, sample, motion.acc, dt)
     return steps
 
 
-def roll_out(pose, velocity, acc, sample, horizon, poses):
+@kernel
+def roll_out(motion: Motion, sample: Vector, horizon: Horizon, poses: Array2[np.float64]) -> int:
     """Writes the poses (x, y, yaw) of one sample into ``poses``; returns their number."""
-    return follow(pose, velocity, acc, sample, horizon[0], _steps(sample, horizon), poses)
+    return follow(motion, motion.velocity, sample, horizon.time, _steps(sample, horizon), poses)
 
 
 @njit
-def _finish(pose, velocity, acc, sample, time, steps, looks, scored):
+def _finish(motion, sample, time, steps, looks, scored):
     """Writes the pose that is scored: the one after ``looks`` of the ``steps`` that a sample takes."""
-    x, y, yaw = pose[0], pose[1], pose[2]
-    vx, vy, turn = velocity[0], velocity[1], velocity[2]
+    x, y, yaw = motion.pose[0], motion.pose[1], motion.pose[2]
+    vx, vy, turn = motion.velocity[0], motion.velocity[1], motion.velocity[2]
     dt = time / steps
     for _ in range(looks):
-        x, y, yaw, vx, vy, turn = moved(x, y, yaw, vx, vy, turn, sample, acc, dt)
+        x, y, yaw, vx, vy, turn = moved(x, y, yaw, vx, vy, turn, sample, motion.acc, dt)
     scored[0], scored[1], scored[2] = x, y, yaw
 
 
 @njit
-def _heading_difference(costs, origin_x, origin_y, resolution, plan, row, col, scored):
+def _heading_difference(ground, plan, row, col, scored):
     """Returns the angle [rad] between a pose and the way to the farthest point of the plan that is in sight.
 
     A point is in sight if no cell on the line to it is inscribed, lethal or unknown; pi where none is.
     """
-    rows, cols = costs.shape
+    rows, cols = ground.costs.shape
+    place = ground.place
     for i in range(plan.shape[0] - 1, -1, -1):
-        plan_row = int(np.floor((plan[i, 1] - origin_y) / resolution))
-        plan_col = int(np.floor((plan[i, 0] - origin_x) / resolution))
+        plan_row, plan_col = cell_at(place, plan[i, 0], plan[i, 1])
         if plan_row < 0 or plan_row >= rows or plan_col < 0 or plan_col >= cols:
             continue
-        cost = _line_cost(costs, row, col, plan_row, plan_col)
+        cost = _line_cost(ground.costs, row, col, plan_row, plan_col)
         if cost < 0 or cost >= INSCRIBED:
             continue
-        y = origin_y + (plan_row + 0.5) * resolution - scored[1]
-        x = origin_x + (plan_col + 0.5) * resolution - scored[0]
+        y = place.y + (plan_row + 0.5) * place.resolution - scored[1]
+        x = place.x + (plan_col + 0.5) * place.resolution - scored[0]
         turn = np.arctan2(y, x) - scored[2]
         return abs(np.arctan2(np.sin(turn), np.cos(turn)))
     return np.pi
 
 
 @njit
-def cheapest(
-    costs,
-    origin_x,
-    origin_y,
-    resolution,
-    to_plan,
-    to_goal,
-    footprint,
-    pose,
-    starts,
-    acc,
-    samples,
-    time,
-    steps,
-    obstacle_scale,
-    reach,
-    every,
-    results,
-):
+def cheapest(ground, motion, starts, samples, time, steps, obstacle_scale, reach, every, results):
     """Checks the samples marked UNCHECKED in the order of their bounds; returns the index of the cheapest, or -1.
 
     ``starts`` (n, 3) are the velocities they begin with, ``steps`` (n,) the numbers of looks within ``time`` [s].
@@ -208,22 +233,7 @@ def cheapest(
             return best
         if not every and best >= 0 and results[candidate, BOUND] > results[best, COST]:
             return best
-        highest = _check(
-            costs,
-            origin_x,
-            origin_y,
-            resolution,
-            to_plan,
-            to_goal,
-            footprint,
-            pose,
-            starts[candidate],
-            acc,
-            samples[candidate],
-            time,
-            steps[candidate],
-            reach,
-        )
+        highest = _check(ground, motion, starts[candidate], samples[candidate], time, steps[candidate], reach)
         if highest < 0.0:
             results[candidate, COST] = highest
             continue
@@ -236,90 +246,54 @@ def cheapest(
             best = candidate
 
 
+@kernel
 def search(
-    costs,
-    origin_x,
-    origin_y,
-    resolution,
-    to_plan,
-    to_goal,
-    footprint,
-    pose,
-    velocity,
-    acc,
-    samples,
-    horizon,
-    scales,
-    reach,
-    every,
-    plan,
-    heading_time,
-    results,
-):
+    ground: Ground,
+    motion: Motion,
+    samples: Array2[np.float64],
+    horizon: Horizon,
+    scales: Scales,
+    plan: Points,
+    reach: bool,
+    every: bool,
+    results: Array2[np.float64],
+) -> int:
     """Scores velocity samples; returns the index of the cheapest one that may be driven, -1 if none may.
 
     Args:
-        costs: the local costmap.
-        origin_x: corner of cell (0, 0) [m].
-        origin_y: corner of cell (0, 0) [m].
-        resolution: [m].
-        to_plan: steps to the plan, from ``plan_distance.distance_grids``.
-        to_goal: steps to the local goal, from ``plan_distance.distance_grids``.
-        footprint: vertices (m, 2) [m] around the robot's origin.
-        pose: x, y [m], yaw [rad] in the costmap's frame.
-        velocity: forward, left [m/s], turn [rad/s] at the start.
-        acc: limits of their change [m/s**2, rad/s**2].
+        ground: to drive on, with the steps that ``plan_distance.distance_grids`` wrote.
+        motion: at the start.
         samples: velocities (n, 3) to try.
-        horizon: time to look ahead [s], way between looks [m], turning speed per look [rad/s].
-        scales: cost of a step to the plan and to the goal, of a unit of costmap cost, of a unit of heading difference.
+        horizon: how far they are followed.
+        scales: weights of the costs.
+        plan: the part of it ahead, for scoring by heading; empty for scoring without.
         reach: refuse what crosses cells from which plan or goal cannot be reached.
         every: check every sample, also those that cannot win.
-        plan: points (k, 2) [m] of the plan ahead, for scoring by heading; none for scoring without.
-        heading_time: when poses are scored if there is a plan [s]; without one, their ends are.
         results: per sample cost (negative: why not), x, y, yaw of the scored end, and the bound.
     """
-    rows, cols = costs.shape
+    rows, cols = ground.costs.shape
     count = samples.shape[0]
     heading = plan.shape[0] > 0
     starts = np.empty((count, 3))
     steps = np.empty(count, np.int64)
     for i in range(count):
         result = results[i]
-        starts[i, :] = velocity
+        starts[i, :] = motion.velocity
         steps[i] = _steps(samples[i], horizon)
         looks = steps[i] - 1
         if heading:
-            looks = min(looks, int(np.ceil(heading_time * steps[i] / horizon[0])))
+            looks = min(looks, int(np.ceil(horizon.heading * steps[i] / horizon.time)))
         scored = result[X : YAW + 1]
-        _finish(pose, velocity, acc, samples[i], horizon[0], steps[i], looks, scored)
+        _finish(motion, samples[i], horizon.time, steps[i], looks, scored)
         result[COST] = UNCHECKED
-        row = int(np.floor((result[Y] - origin_y) / resolution))
-        col = int(np.floor((result[X] - origin_x) / resolution))
+        row, col = cell_at(ground.place, result[X], result[Y])
         if row < 0 or row >= rows or col < 0 or col >= cols:
             result[COST] = HIT
-        elif reach and (to_plan[row, col] >= rows * cols or to_goal[row, col] >= rows * cols):
+        elif reach and not is_reached(ground, row, col):
             result[COST] = UNREACHED
         else:
-            result[BOUND] = scales[0] * to_plan[row, col] + scales[1] * to_goal[row, col]
+            result[BOUND] = scales.plan * ground.to_plan[row, col] + scales.goal * ground.to_goal[row, col]
             if heading:
-                place = (costs, origin_x, origin_y, resolution)
-                result[BOUND] += scales[3] * _heading_difference(*place, plan, row, col, scored)
-    return cheapest(
-        costs,
-        origin_x,
-        origin_y,
-        resolution,
-        to_plan,
-        to_goal,
-        footprint,
-        pose,
-        starts,
-        acc,
-        samples,
-        horizon[0],
-        steps,
-        scales[2],
-        reach and not heading,
-        every,
-        results,
-    )
+                result[BOUND] += scales.heading * _heading_difference(ground, plan, row, col, scored)
+    strict = reach and not heading
+    return cheapest(ground, motion, starts, samples, horizon.time, steps, scales.obstacle, strict, every, results)

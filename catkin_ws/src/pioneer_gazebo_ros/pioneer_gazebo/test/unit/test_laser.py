@@ -12,6 +12,7 @@ from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.robot import LaserSensor
 from pioneer_gazebo.core.section import Section, section_of
 from pioneer_gazebo.core.world import Box, Cylinder, Mesh, Shape, Sphere
+from pioneer_gazebo.kernels.laser import Fan, Sensor
 
 HEIGHT = 0.3
 REACH = 12.0
@@ -27,7 +28,7 @@ def index(*placed: tuple[Shape, Pose]) -> WallIndex:
 
 def distances(walls: WallIndex, sensor: tuple[float, float, float], count: int = 360) -> NDArray[np.float64]:
     out = np.empty(count)
-    walls.cast(*sensor, -math.pi, math.tau / count, REACH, out)
+    walls.cast(Sensor(*sensor), Fan(-math.pi, math.tau / count, REACH), out)
     return out
 
 
@@ -129,20 +130,20 @@ def test_a_mover_is_seen_exactly_as_a_wall_at_its_place_is(first: float, sign: f
     empty = WallIndex(Section.joined([]))
     for _ in range(50):
         pose = Pose.from_rpy(*rng.uniform(-4, 4, 2), 0, 0, 0, rng.uniform(-3, 3))
-        sensor = (*rng.uniform(-1, 1, 2), rng.uniform(-3, 3))
+        sensor = Sensor(*rng.uniform(-1, 1, 2), rng.uniform(-3, 3))
         poses = np.array([[*sensor], [*pose.position[:2], pose.yaw]])
         by_wall, by_mover = np.empty(180), np.empty(180)
-        beams = (first, sign * math.tau / 200, REACH)
-        index((Box((0.5, 0.3, 1.0)), pose.compose(Pose.from_rpy(0.1, 0, 0.3)))).cast(*sensor, *beams, by_wall)
-        empty.cast(*sensor, *beams, by_mover)
-        movers.shorten(poses, 0, sensor, beams, by_mover)
+        fan = Fan(first, sign * math.tau / 200, REACH)
+        index((Box((0.5, 0.3, 1.0)), pose.compose(Pose.from_rpy(0.1, 0, 0.3)))).cast(sensor, fan, by_wall)
+        empty.cast(sensor, fan, by_mover)
+        movers.shorten(poses, 0, sensor, fan, by_mover)
         np.testing.assert_allclose(by_mover, by_wall, atol=1e-9)
 
 
 def test_the_carrier_does_not_see_itself() -> None:
     outline = section_of(Box((0.5, 0.3, 1.0)), Pose.from_rpy(0, 0, 0.3), HEIGHT, no_mesh).segments
     out = np.full(180, REACH)
-    Movers([outline]).shorten(np.zeros((1, 3)), 0, (0.0, 0.0, 0.0), (-1.5, 0.01, REACH), out)
+    Movers([outline]).shorten(np.zeros((1, 3)), 0, Sensor(0.0, 0.0, 0.0), Fan(-1.5, 0.01, REACH), out)
     assert (out == REACH).all()
 
 

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core import kernel
 from nav_bundle.core.costmap.config import CostmapConfig, FleetConfig, InflationConfig, ObstacleConfig, StaticConfig
 from nav_bundle.core.costmap.cost import FREE, LETHAL, UNKNOWN, cells_of_distance
 from nav_bundle.core.costmap.fleet_layer import FleetLayer
@@ -13,6 +12,7 @@ from nav_bundle.core.costmap.geometry import EMPTY, Cells, Geometry, Window
 from nav_bundle.core.costmap.layer import InflationLayer, Observation, ObstacleLayer, StaticLayer
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose
+from nav_bundle.kernels.trajectory import footprint_cost
 
 _KNOWN = 0.3
 
@@ -177,19 +177,7 @@ class Costmap:
 
     def footprint_cost(self, pose: Pose) -> int:
         """Returns the highest cost under the robot's outline at ``pose``: -1 lethal, -2 unknown, -3 off the grid."""
-        place = self.geometry
-        return int(
-            kernel.footprint_cost(
-                self.cells,
-                place.origin_x,
-                place.origin_y,
-                place.resolution,
-                self.footprint.vertices,
-                pose.x,
-                pose.y,
-                pose.yaw,
-            )
-        )
+        return footprint_cost(self.cells, self.geometry.place, self.footprint.vertices, pose.x, pose.y, pose.yaw)
 
     def strangers(self, pose: Pose, reach: float) -> NDArray[np.float64]:
         """Returns what sensors marked that the map does not know: points (n, 2) [m] within ``reach`` [m] of ``pose``.

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core import kernel
 from nav_bundle.core.costmap.config import FleetConfig
 from nav_bundle.core.costmap.cost import LETHAL, UNKNOWN
 from nav_bundle.core.costmap.footprint import Footprint, footprint_from_parameters
 from nav_bundle.core.costmap.geometry import EMPTY, Geometry, Window
 from nav_bundle.core.pose import Pose
+from nav_bundle.kernels.costmap import Place, fill_polygon
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,10 +65,10 @@ class FleetLayer:
         if not window:
             return _Stamp(EMPTY, np.empty((0, 0), np.uint8))
         cells = np.full((window.row_1 - window.row_0, window.col_1 - window.col_0), UNKNOWN, np.uint8)
-        corner_x = geometry.origin_x + window.col_0 * geometry.resolution
-        corner_y = geometry.origin_y + window.row_0 * geometry.resolution
+        place = geometry.place
+        x, y = place.x + window.col_0 * place.resolution, place.y + window.row_0 * place.resolution
         for polygon, value in ((outline, LETHAL), (own, UNKNOWN)):
-            kernel.fill_polygon(cells, corner_x, corner_y, geometry.resolution, polygon, value)
+            fill_polygon(cells, Place(x, y, place.resolution), polygon, value)
         return _Stamp(window, cells)
 
     def merge(self, master: NDArray[np.uint8], window: Window) -> None:

@@ -1,9 +1,12 @@
 """Where grids lie, and parts of them."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from nav_bundle.kernels.costmap import Place
 
 Cells = NDArray[np.uint8]
 
@@ -18,6 +21,11 @@ class Geometry:
     rows: int
     cols: int
 
+    @property
+    def place(self) -> Place:
+        """Where it lies, as the kernels take it."""
+        return Place(self.origin_x, self.origin_y, self.resolution)
+
     def row_of(self, y: float) -> int:
         """Returns the row that holds ``y`` [m], inside or not."""
         return int(np.floor((y - self.origin_y) / self.resolution))
@@ -27,8 +35,7 @@ class Geometry:
         return int(np.floor((x - self.origin_x) / self.resolution))
 
 
-@dataclass(frozen=True)
-class Window:
+class Window(NamedTuple):
     """A part of a grid: rows ``[row_0, row_1)`` and columns ``[col_0, col_1)``."""
 
     row_0: int

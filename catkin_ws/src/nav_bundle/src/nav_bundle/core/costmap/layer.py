@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core import kernel
 from nav_bundle.core.costmap.config import InflationConfig, ObstacleConfig, SourceConfig, StaticConfig
 from nav_bundle.core.costmap.cost import (
     FREE,
@@ -22,6 +21,7 @@ from nav_bundle.core.costmap.geometry import EMPTY, Cells, Geometry, Window
 from nav_bundle.core.costmap.resample import sampled, upright
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose
+from nav_bundle.kernels import costmap as kernel
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,18 +89,17 @@ class StaticLayer:
         assert self.cells is not None
         part = self.cells[window.row_0 : window.row_1, window.col_0 : window.col_1].copy()
         reached = np.full(radius * radius + 1, INSCRIBED, np.uint8)
-        kernel.inflate(part, 0, part.shape[0], 0, part.shape[1], radius, reached, True)
+        kernel.inflate(part, (0, part.shape[0], 0, part.shape[1]), radius, reached, True)
         return (part == INSCRIBED) | (part == LETHAL)
 
     def merge(self, master: Cells, window: Window) -> None:
         """Writes the map into the window of ``master``; a map laid under a rolling costmap, only what it knows."""
         if self.cells is None:
             return
-        part = (window.row_0, window.row_1, window.col_0, window.col_1)
         if self.config.use_maximum:
-            kernel.merge_highest(master, self.cells, *part)
+            kernel.merge_highest(master, self.cells, window)
         elif self.cells is not self._map:
-            kernel.merge_known(master, self.cells, *part)
+            kernel.merge_known(master, self.cells, window)
         else:
             inside = np.s_[window.row_0 : window.row_1, window.col_0 : window.col_1]
             master[inside] = self.cells[inside]
@@ -135,17 +134,17 @@ class ObstacleLayer:
         if not touched:
             return EMPTY
         before = self.cells[touched.row_0 : touched.row_1, touched.col_0 : touched.col_1].copy()
-        place = (geometry.origin_x, geometry.origin_y, geometry.resolution)
+        place = geometry.place
         for seen in mine:
             if seen.source.clearing:
-                sensor = (seen.sensor_x, seen.sensor_y)
-                kernel.clear_rays(self.cells, *place, *sensor, seen.points, seen.source.raytrace_range)
+                rays = kernel.Rays(seen.sensor_x, seen.sensor_y, seen.points, seen.source.raytrace_range)
+                kernel.clear_rays(self.cells, place, rays)
         for seen in mine:
             if seen.source.marking:
-                sensor = (seen.sensor_x, seen.sensor_y)
-                kernel.mark_points(self.cells, *place, *sensor, seen.points, seen.source.obstacle_range)
+                rays = kernel.Rays(seen.sensor_x, seen.sensor_y, seen.points, seen.source.obstacle_range)
+                kernel.mark_points(self.cells, place, rays)
         if self.config.footprint_clearing_enabled:
-            kernel.fill_polygon(self.cells, *place, outline, FREE)
+            kernel.fill_polygon(self.cells, place, outline, FREE)
         changed = np.array([geometry.rows, 0, geometry.cols, 0], np.int64)
         kernel.changed_window(self.cells, before, touched.row_0, touched.col_0, changed)
         window = Window(*(int(edge) for edge in changed))
@@ -177,7 +176,7 @@ class ObstacleLayer:
     def merge(self, master: Cells, window: Window) -> None:
         """Merges the layer into the window of ``master``."""
         merged = kernel.merge_highest if self.config.combination_method == 1 else kernel.merge_known
-        merged(master, self.cells, window.row_0, window.row_1, window.col_0, window.col_1)
+        merged(master, self.cells, window)
 
 
 class InflationLayer:
@@ -193,5 +192,4 @@ class InflationLayer:
     def merge(self, master: Cells, window: Window) -> None:
         """Inflates into the window of ``master``; lethal cells around the window count too."""
         if self.radius > 0:
-            place = (window.row_0, window.row_1, window.col_0, window.col_1)
-            kernel.inflate(master, *place, self.radius, self._table, self.config.inflate_unknown)
+            kernel.inflate(master, window, self.radius, self._table, self.config.inflate_unknown)

@@ -6,9 +6,10 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
-from pioneer_gazebo import _laser
 from pioneer_gazebo.core.robot import LaserSensor, SonarSensor
 from pioneer_gazebo.core.section import Section
+from pioneer_gazebo.kernels import laser as kernel
+from pioneer_gazebo.kernels.laser import Fan, Sensor
 
 CELLS_AT_MOST = 1 << 20
 """The grid's cells grow where the world is so large that it would have more."""
@@ -21,42 +22,28 @@ class WallIndex:
     """A section of the standing world in a grid, ready to be cast against. Does not change once made."""
 
     def __init__(self, section: Section, cell: float = CELL) -> None:
-        self._segments, self._circles = section.segments, section.circles
         low, high = _bounds(section)
         span = np.maximum(high - low, cell)
-        self._cell = max(cell, math.sqrt(float(span[0] * span[1]) / CELLS_AT_MOST))
-        self._x0, self._y0 = float(low[0]) - 1e-3, float(low[1]) - 1e-3
-        self._cols, self._rows = (int((s + 2e-3) / self._cell) + 1 for s in span)
-        self._starts, self._items = self._filled()
+        side = max(cell, math.sqrt(float(span[0] * span[1]) / CELLS_AT_MOST))
+        cols, rows = (int((s + 2e-3) / side) + 1 for s in span)
+        corner = (float(low[0]) - 1e-3, float(low[1]) - 1e-3)
+        self._walls = kernel.Walls(section.segments, section.circles, *corner, side, rows, cols)
+        counts = np.zeros(rows * cols, dtype=np.int32)
+        kernel.count_items(self._walls, counts)
+        self._starts = np.zeros(len(counts) + 1, dtype=np.int32)
+        np.cumsum(counts, out=self._starts[1:])
+        self._items = np.zeros(max(1, int(self._starts[-1])), dtype=np.int32)
+        kernel.fill_items(self._walls, self._starts[:-1].copy(), self._items)
 
-    def _filled(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        grid = (self._segments, self._circles, self._x0, self._y0, self._cell, self._rows, self._cols)
-        counts = np.zeros(self._rows * self._cols, dtype=np.int32)
-        _laser.count_items(*grid, counts)
-        starts = np.zeros(len(counts) + 1, dtype=np.int32)
-        np.cumsum(counts, out=starts[1:])
-        items = np.zeros(max(1, int(starts[-1])), dtype=np.int32)
-        _laser.fill_items(*grid, starts[:-1].copy(), items)
-        return starts, items
-
-    def cast(
-        self, x: float, y: float, yaw: float, first: float, increment: float, reach: float, out: NDArray[np.float64]
-    ) -> None:
-        """Writes each beam's distance [m] to ``out``, ``reach`` where nothing is met.
+    def cast(self, sensor: Sensor, fan: Fan, out: NDArray[np.float64]) -> None:
+        """Writes each beam's distance [m] to ``out``, ``fan.reach`` where nothing is met.
 
         Args:
-            x: of the sensor [m], in the section's frame.
-            y: of the sensor [m].
-            yaw: of the sensor [rad].
-            first: angle of the first beam from the sensor's heading [rad].
-            increment: from beam to beam [rad].
-            reach: length of a beam [m].
+            sensor: in the section's frame.
+            fan: the beams.
             out: float64, one value a beam.
         """
-        _laser.cast(
-            self._segments, self._circles, self._starts, self._items, self._x0, self._y0, self._cell, self._rows,
-            self._cols, x, y, yaw, first, increment, reach, out,
-        )  # fmt: skip
+        kernel.cast(self._walls, self._starts, self._items, sensor, fan, out)
 
 
 def _bounds(section: Section) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -72,28 +59,23 @@ class Movers:
 
     def __init__(self, outlines: list[NDArray[np.float64]]) -> None:
         """Takes one outline a mover: segments (n, 4) in the mover's frame."""
-        self._segments = np.ascontiguousarray(np.concatenate([np.empty((0, 4)), *outlines]))
-        self._starts = np.cumsum([0] + [len(outline) for outline in outlines]).astype(np.int32)
-        self._radii = np.array([_radius(outline) for outline in outlines], dtype=np.float64)
+        self._outlines = kernel.Outlines(
+            np.ascontiguousarray(np.concatenate([np.empty((0, 4)), *outlines])),
+            np.cumsum([0] + [len(outline) for outline in outlines]).astype(np.int32),
+            np.array([_radius(outline) for outline in outlines], dtype=np.float64),
+        )
 
-    def shorten(
-        self,
-        poses: NDArray[np.float64],
-        own: int,
-        sensor: tuple[float, float, float],
-        beams: tuple[float, float, float],
-        out: NDArray[np.float64],
-    ) -> None:
+    def shorten(self, poses: NDArray[np.float64], own: int, sensor: Sensor, fan: Fan, out: NDArray[np.float64]) -> None:
         """Shortens the beams in ``out`` that an outline cuts.
 
         Args:
             poses: (movers, 3) x, y, yaw [m, rad], C-contiguous.
             own: the mover that carries the sensor, which does not see itself; -1 for none.
-            sensor: x, y, yaw of the sensor.
-            beams: first angle, increment [rad] and reach [m].
+            sensor: where the beams start.
+            fan: the beams.
             out: distances [m] so far.
         """
-        _laser.cast_movers(self._segments, self._starts, poses, self._radii, own, *sensor, *beams, out)
+        kernel.cast_movers(self._outlines, poses, own, sensor, fan, out)
 
 
 def _radius(outline: NDArray[np.float64]) -> float:
@@ -144,13 +126,13 @@ class Laser:
         movers: Movers,
         poses: NDArray[np.float64],
         own: int,
-        sensor: tuple[float, float, float],
+        sensor: Sensor,
     ) -> NDArray[np.float64]:
-        """Returns the ranges [m] of a scan from ``sensor`` (x, y, yaw); the array is overwritten by the next scan."""
-        config, out = self.config, self._distances
-        beams = (config.min_angle, self.increment, config.max_range)
-        walls.cast(*sensor, *beams, out)
-        movers.shorten(poses, own, sensor, beams, out)
+        """Returns the ranges [m] of a scan from ``sensor``; the array is overwritten by the next scan."""
+        out = self._distances
+        fan = Fan(self.config.min_angle, self.increment, self.config.max_range)
+        walls.cast(sensor, fan, out)
+        movers.shorten(poses, own, sensor, fan, out)
         return self.measured(out)
 
     def reseed(self, generator: np.random.Generator) -> None:
@@ -162,8 +144,7 @@ class Laser:
         config = self.config
         if config.noise_stddev > 0:
             self._generator.standard_normal(out=self._noise)
-        _laser.measure(
-            out, self._noise, config.noise_mean, config.noise_stddev, config.resolution, config.min_range,
-            config.max_range,
-        )  # fmt: skip
+        limits = (config.min_range, config.max_range)
+        reading = kernel.Reading(config.noise_mean, config.noise_stddev, config.resolution, *limits)
+        kernel.measure(out, self._noise, reading)
         return out

@@ -9,6 +9,7 @@ from pioneer_gazebo.core.body import Body
 from pioneer_gazebo.core.entity import Entity, Mounted, Swinging, swinging_parts
 from pioneer_gazebo.core.pose import Pose, heading
 from pioneer_gazebo.core.scene import Scene
+from pioneer_gazebo.kernels.laser import Sensor
 
 
 class View:
@@ -56,7 +57,5 @@ class View:
             seen: outline and height [m] of each row.
         """
         x, y, height = sensor.position
-        return mounted.laser.ranges(
-            self._scene.walls(height), self._scene.movers(height, seen), self._poses[1], own,
-            (x, y, heading(sensor.rotation)),
-        )  # fmt: skip
+        around = (self._scene.walls(height), self._scene.movers(height, seen), self._poses[1])
+        return mounted.laser.ranges(*around, own, Sensor(x, y, heading(sensor.rotation)))

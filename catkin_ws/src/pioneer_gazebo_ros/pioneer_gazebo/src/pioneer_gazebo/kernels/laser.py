@@ -8,18 +8,68 @@ The walk through the grid is that of Amanatides and Woo, "A fast voxel traversal
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-_INDEX = "f8[:,::1], f8[:,::1], i4[::1], i4[::1], f8, f8, f8, i8, i8"
-SIGNATURES = {
-    "count_items": "void(f8[:,::1], f8[:,::1], f8, f8, f8, i8, i8, i4[::1])",
-    "fill_items": "void(f8[:,::1], f8[:,::1], f8, f8, f8, i8, i8, i4[::1], i4[::1])",
-    "cast": f"void({_INDEX}, f8, f8, f8, f8, f8, f8, f8[::1])",
-    "cast_movers": "void(f8[:,::1], i4[::1], f8[:,::1], f8[::1], i8, f8, f8, f8, f8, f8, f8, f8[::1])",
-    "measure": "void(f8[::1], f8[::1], f8, f8, f8, f8, f8)",
-}
+from pioneer_kernels.declaration import Array1, Array2, kernel, njit
+
+
+class Walls(NamedTuple):
+    """Segments and circles, and the grid over them: corner, side of a cell [m], numbers of rows and columns."""
+
+    segments: Array2[np.float64]
+    circles: Array2[np.float64]
+    x0: float
+    y0: float
+    cell: float
+    rows: int
+    cols: int
+
+
+class Outlines(NamedTuple):
+    """Outlines that move: outline ``k`` is ``segments[starts[k]:starts[k + 1]]``, in its mover's frame.
+
+    ``radii`` [m] are those of circles about the movers' origins that hold their outlines.
+    """
+
+    segments: Array2[np.float64]
+    starts: Array1[np.int32]
+    radii: Array1[np.float64]
+
+
+class Sensor(NamedTuple):
+    """Where a sensor is and where it looks [m, rad]."""
+
+    x: float
+    y: float
+    yaw: float
+
+
+class Fan(NamedTuple):
+    """A scan's beams: angle of the first from the sensor's heading, from beam to beam [rad], their length [m]."""
+
+    first: float
+    increment: float
+    reach: float
+
+
+class Reading(NamedTuple):
+    """How distances become ranges.
+
+    Attributes:
+        mean: of the noise [m].
+        deviation: of the noise [m].
+        resolution: ranges are whole multiples of it [m]; 0 for any.
+        least: least range [m]; what is nearer becomes -inf.
+        most: greatest range [m]; what is farther becomes +inf.
+    """
+
+    mean: float
+    deviation: float
+    resolution: float
+    least: float
+    most: float
 
 
 @njit(inline="always")
@@ -38,8 +88,9 @@ def _segment_meets_cell(ax, ay, ex, ey, left, bottom, cell):
 
 
 @njit
-def _visit(segments, circles, x0, y0, cell, rows, cols, starts, items, store):
+def _visit(walls, starts, items, store):
     """Counts (store 0) or stores (store 1) each item in every cell it may touch; ``starts`` is the running position."""
+    segments, circles, x0, y0, cell, rows, cols = walls
     margin = 1e-7
     for k in range(segments.shape[0]):
         ax, ay, ex, ey = segments[k, 0], segments[k, 1], segments[k, 2], segments[k, 3]
@@ -66,14 +117,16 @@ def _visit(segments, circles, x0, y0, cell, rows, cols, starts, items, store):
                 starts[r * cols + c] += 1
 
 
-def count_items(segments, circles, x0, y0, cell, rows, cols, counts):
-    """Adds to ``counts`` (int32, rows * cols) how many items each cell holds."""
-    _visit(segments, circles, x0, y0, cell, rows, cols, counts, counts, 0)
+@kernel
+def count_items(walls: Walls, counts: Array1[np.int32]) -> None:
+    """Adds to ``counts``, shape (rows * cols,), how many items each cell holds."""
+    _visit(walls, counts, counts, 0)
 
 
-def fill_items(segments, circles, x0, y0, cell, rows, cols, cursors, items):
+@kernel
+def fill_items(walls: Walls, cursors: Array1[np.int32], items: Array1[np.int32]) -> None:
     """Writes the items of each cell from position ``cursors[cell]`` on, which moves along."""
-    _visit(segments, circles, x0, y0, cell, rows, cols, cursors, items, 1)
+    _visit(walls, cursors, items, 1)
 
 
 @njit(inline="always")
@@ -94,7 +147,8 @@ def _circle_distance(px, py, dx, dy, x, y, radius):
 
 
 @njit(fastmath={"contract"})
-def _cast_one(segments, circles, starts, items, x0, y0, cell, rows, cols, px, py, dx, dy, max_range):
+def _cast_one(walls, starts, items, px, py, dx, dy, max_range):
+    segments, circles, x0, y0, cell, rows, cols = walls
     count = segments.shape[0]
     best = max_range
     # Clip the ray to the grid's rectangle.
@@ -154,15 +208,22 @@ def _cast_one(segments, circles, starts, items, x0, y0, cell, rows, cols, px, py
                 return best
 
 
-def cast(segments, circles, starts, items, x0, y0, cell, rows, cols, px, py, yaw, first, increment, max_range, out):
-    """Writes to ``out`` the distance [m] along each beam from (px, py), ``max_range`` where nothing is met before.
+@kernel
+def cast(
+    walls: Walls,
+    starts: Array1[np.int32],
+    items: Array1[np.int32],
+    sensor: Sensor,
+    fan: Fan,
+    out: Array1[np.float64],
+) -> None:
+    """Writes to ``out`` the distance [m] along each beam, ``fan.reach`` where nothing is met before.
 
-    Beam ``i`` points along ``yaw + first + i * increment`` [rad].
+    Beam ``i`` points along ``sensor.yaw + fan.first + i * fan.increment`` [rad].
     """
     for i in range(out.shape[0]):
-        angle = yaw + first + i * increment
-        dx, dy = math.cos(angle), math.sin(angle)
-        out[i] = _cast_one(segments, circles, starts, items, x0, y0, cell, rows, cols, px, py, dx, dy, max_range)
+        angle = sensor.yaw + fan.first + i * fan.increment
+        out[i] = _cast_one(walls, starts, items, sensor.x, sensor.y, math.cos(angle), math.sin(angle), fan.reach)
 
 
 @njit
@@ -207,29 +268,32 @@ def _shorten(ax, ay, bx, by, yaw_first, increment, turn_beams, out):
                         out[i] = t
 
 
-def cast_movers(segments, starts, poses, radii, own, px, py, yaw, first, increment, max_range, out):
+@kernel
+def cast_movers(
+    outlines: Outlines,
+    poses: Array2[np.float64],
+    own: int,
+    sensor: Sensor,
+    fan: Fan,
+    out: Array1[np.float64],
+) -> None:
     """Shortens the beams in ``out`` by outlines that move.
 
     Args:
-        segments: of all outlines, each in its mover's frame.
-        starts: outline ``k`` is ``segments[starts[k]:starts[k + 1]]``.
+        outlines: of the movers.
         poses: (movers, 3) x, y, yaw [m, rad] in the world.
-        radii: of a circle about the mover's origin that holds its outline [m].
         own: number of the mover that carries the sensor and is not seen; -1 for none.
-        px: sensor's x [m]; and so on as in ``cast``.
-        py: sensor's y [m].
-        yaw: sensor's heading [rad].
-        first: angle of the first beam [rad].
-        increment: between beams [rad].
-        max_range: beams end here [m].
+        sensor: as in ``cast``.
+        fan: as in ``cast``.
         out: distances, as ``cast`` left them.
     """
-    turn_beams = math.tau / abs(increment) if increment != 0.0 else 1.0
+    segments, starts, radii = outlines
+    turn_beams = math.tau / abs(fan.increment) if fan.increment != 0.0 else 1.0
     for k in range(poses.shape[0]):
         if k == own or starts[k] == starts[k + 1]:
             continue
-        rx, ry = poses[k, 0] - px, poses[k, 1] - py
-        reach = max_range + radii[k]
+        rx, ry = poses[k, 0] - sensor.x, poses[k, 1] - sensor.y
+        reach = fan.reach + radii[k]
         if rx * rx + ry * ry > reach * reach:
             continue
         c, s = math.cos(poses[k, 2]), math.sin(poses[k, 2])
@@ -238,21 +302,19 @@ def cast_movers(segments, starts, poses, radii, own, px, py, yaw, first, increme
             ay = ry + s * segments[q, 0] + c * segments[q, 1]
             bx = ax + c * segments[q, 2] - s * segments[q, 3]
             by = ay + s * segments[q, 2] + c * segments[q, 3]
-            _shorten(ax, ay, bx, by, yaw + first, increment, turn_beams, out)
+            _shorten(ax, ay, bx, by, sensor.yaw + fan.first, fan.increment, turn_beams, out)
 
 
-def measure(out, noise, mean, deviation, resolution, least, most):
+@kernel
+def measure(out: Array1[np.float64], noise: Array1[np.float64], reading: Reading) -> None:
     """Turns true distances into ranges in place: noise, resolution, limits.
 
     Args:
         out: distances [m].
         noise: standard normal draws, one a beam.
-        mean: of the noise [m].
-        deviation: of the noise [m].
-        resolution: ranges are whole multiples of it [m]; 0 for any.
-        least: least range [m]; what is nearer becomes -inf.
-        most: greatest range [m]; what is farther becomes +inf.
+        reading: of the sensor.
     """
+    mean, deviation, resolution, least, most = reading
     for i in range(out.shape[0]):
         true = out[i]
         if true >= most:
