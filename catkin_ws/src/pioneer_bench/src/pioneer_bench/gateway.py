@@ -16,6 +16,7 @@ from pioneer_bench.adapters.rule_trial import call_rows, fault_rows, publisher_r
 from pioneer_bench.adapters.service_trial import service_rows
 from pioneer_bench.core.row import Row, table
 from pioneer_harness.error import HarnessError
+from tcpros.adapters.client import ClientError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
             for what, trial in trials.items():
                 print(f"{what} …", flush=True)
                 rows += trial()
-        except (HarnessError, OSError) as error:
+        except (HarnessError, ClientError, OSError) as error:
             failure = str(error)
     _write(rows, load, options)
     if failure:

@@ -12,12 +12,12 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from gateway_msgs import msg, srv
 
-from pioneer_bench.adapters import client
 from pioneer_harness.masters import Master
 from pioneer_harness.port import PortReservation, is_free
 from pioneer_harness.proc import descendants, process_state, process_states
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
+from tcpros.adapters.client import Client, ClientError, Connection
 
 PATIENCE = 20.0
 """For whatever is to start or to come [s]."""
@@ -59,7 +59,7 @@ class Site:
         self.master = Master()
         self.gateway = Process(0, Path())
         self._fleet = fleet
-        self._client = self.master.proxy(client.CALLER)
+        self._client = Client(self.master.uri, "/bench")
 
     def start(self) -> None:
         """Starts the gateway and waits until it is on the hub."""
@@ -98,29 +98,29 @@ class Site:
     def is_connected(self) -> bool:
         """Tells whether the gateway is on a hub; one that does not answer is not."""
         try:
-            info = client.latched(self._client, "/gateway", "/gateway/gateway_info", msg.GatewayInfo)
-        except OSError:  # its forerunner was killed, and the master still names that
+            info = self._client.latched("/gateway", "/gateway/gateway_info", msg.GatewayInfo)
+        except (ClientError, OSError):  # a killed gateway stays on the master
             return False
         return bool(info.connected)
 
     def states(self) -> list[str]:
         """Returns state and reason of each rule."""
-        found = client.latched(self._client, "/gateway", "/gateway/rules", DiagnosticArray)
+        found = self._client.latched("/gateway", "/gateway/rules", DiagnosticArray)
         return [status.message for status in found.status]
 
     def advertise(self, topic: str) -> None:
         """Lets other gateways pull a topic."""
         rules = [msg.Rule("publisher", topic, "")]
-        _check(client.call(self._client, "/gateway/advertise", srv.Advertise, rules=rules))
+        _check(self._client.call("/gateway/advertise", srv.Advertise, rules=rules))
 
-    def caller(self, service: str, kind: Any, persistent: bool) -> client.Caller:
+    def service(self, name: str, kind: Any, persistent: bool) -> Connection:
         """Returns a connection to a service that this master knows."""
-        return client.Caller(self._client, service, kind, persistent)
+        return self._client.service(name, kind._md5sum, **({"persistent": "1"} if persistent else {}))
 
     def ask(self, action: str, gateway: str, kind: str, topic: str, cancel: bool = False) -> None:
         """Calls `flip` or `pull`."""
         remotes = [msg.RemoteRule(gateway, msg.Rule(kind, topic, ""))]
-        _check(client.call(self._client, f"/gateway/{action}", srv.Remote, remotes=remotes, cancel=cancel))
+        _check(self._client.call(f"/gateway/{action}", srv.Remote, remotes=remotes, cancel=cancel))
 
     def _has_services(self) -> bool:
         return self.serves("/gateway/set_watcher_period")

@@ -47,14 +47,14 @@ def _spent(fleet: Fleet, persistent: bool) -> float:
 def _times(site: Site, persistent: bool) -> Iterator[float]:
     """Yields how long each call took [ms]."""
     if persistent:
-        with site.caller(SERVICE, ConnectHub, True) as caller:
+        with site.service(SERVICE, ConnectHub, True) as connection:
             for _ in range(CALLS):
                 begin = time.perf_counter()
-                caller.call(uri="x" * 96)
+                connection.call(ConnectHub, uri="x" * 96)
                 yield 1e3 * (time.perf_counter() - begin)
         return
     for _ in range(CALLS):
         begin = time.perf_counter()
-        with site.caller(SERVICE, ConnectHub, False) as caller:
-            caller.call(uri="x" * 96)
+        with site.service(SERVICE, ConnectHub, False) as connection:
+            connection.call(ConnectHub, uri="x" * 96)
         yield 1e3 * (time.perf_counter() - begin)

@@ -4,19 +4,13 @@ import contextlib
 import os
 import re
 import signal
-import socket
-import struct
 import sys
-import xmlrpc.client
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import pytest
-import rosgraph
-import rosgraph.network
 from diagnostic_msgs.msg import DiagnosticArray
 from gateway_msgs import msg, srv
 
@@ -26,6 +20,7 @@ from pioneer_harness.port import PortReservation
 from pioneer_harness.proc import arguments, descendants, process_state
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
+from tcpros.adapters.client import Client, Connection
 
 HERE = Path(__file__).parent
 RELAY_TEST = HERE.parents[2] / "rocon_relay/test"
@@ -39,7 +34,7 @@ class Site:
     def __init__(self, name: str, fleet: "Fleet", master: Any = None, prefix: Sequence[str] = ()) -> None:
         self.name = name
         self.master = master or Master()
-        self._client = self.master.proxy("/test")
+        self._client = Client(self.master.uri, "/test")
         self._fleet = fleet
         self.log = fleet.folder / f"{name}.log"
         self.pid = 0
@@ -71,19 +66,7 @@ class Site:
 
     def call(self, service: str, kind: type, **fields: Any) -> Any:
         """Calls one of the gateway's services over TCPROS."""
-        request, response = kind._request_class(**fields), kind._response_class()
-        uri = self._client.lookupService(f"/gateway/{service}")
-        address = rosgraph.network.parse_http_host_and_port(uri.replace("rosrpc", "http"))
-        with socket.create_connection(address, timeout=10) as connection:
-            header = {"service": f"/gateway/{service}", "md5sum": kind._md5sum, "callerid": "/test"}
-            rosgraph.network.write_ros_handshake_header(connection, header)
-            _frame(connection)
-            body = BytesIO()
-            request.serialize(body)
-            connection.sendall(struct.pack("<I", len(body.getvalue())) + body.getvalue())
-            assert _read(connection, 1) == b"\x01"
-            response.deserialize(_frame(connection))
-        return response
+        return self._client.call(f"/gateway/{service}", kind, **fields)
 
     def flip(self, gateway: str, kind: str, name: str, node: str = "", cancel: bool = False) -> int:
         return self.remote("flip", gateway, kind, name, node, cancel).result
@@ -114,24 +97,11 @@ class Site:
 
     def latched(self, topic: str, kind: type) -> Any:
         """Returns the message that waits for each new subscriber of the gateway's topic."""
-        with xmlrpc.client.ServerProxy(self._client.lookupNode("/gateway")) as node:
-            _, _, (_, host, port) = node.requestTopic("/test", topic, [["TCPROS"]])
-        with socket.create_connection((host, port), timeout=10) as connection:
-            header = {"topic": topic, "type": kind._type, "md5sum": kind._md5sum, "callerid": "/test"}
-            rosgraph.network.write_ros_handshake_header(connection, header)
-            _frame(connection)
-            return kind().deserialize(_frame(connection))
+        return self._client.latched("/gateway", topic, kind)
 
-    @contextlib.contextmanager
-    def subscription(self, node: str, topic: str) -> Iterator[socket.socket]:
-        """A connection to a publisher of this site's master from which nothing was read but the header's length."""
-        with xmlrpc.client.ServerProxy(self._client.lookupNode(node)) as slave:
-            _, _, (_, host, port) = slave.requestTopic("/test", topic, [["TCPROS"]])
-        with socket.create_connection((host, port), timeout=10) as connection:
-            header = {"topic": topic, "type": "*", "md5sum": "*", "callerid": "/test"}
-            rosgraph.network.write_ros_handshake_header(connection, header)
-            _read(connection, 4)
-            yield connection
+    def subscription(self, node: str, topic: str) -> Connection:
+        """A connection to a publisher of this site's master of which nothing but the header was read."""
+        return self._client.subscribe(node, topic)
 
     def relay_port(self) -> int:
         """Where the gateway's relay listens, as it says itself."""
@@ -197,19 +167,6 @@ def lives(pid: int) -> bool:
     """Tells whether a process has not ended."""
     state = process_state(pid)
     return state is not None and state.alive
-
-
-def _read(connection: socket.socket, count: int) -> bytes:
-    data = b""
-    while len(data) < count:
-        part = connection.recv(count - len(data))
-        assert part, "the connection was closed"
-        data += part
-    return data
-
-
-def _frame(connection: socket.socket) -> bytes:
-    return _read(connection, *struct.unpack("<I", _read(connection, 4)))
 
 
 class Ear:

@@ -15,7 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from gateway_msgs import msg, srv
 
 from rocon_gateway import conversions
-from rocon_gateway.adapters.client import ClientError, GatewayClient
+from rocon_gateway.adapters.client import GatewayClient, NoGatewayError
 from rocon_gateway.core import network
 from rocon_gateway.core.table import listing, table
 from rocon_hub_protocol.core.rule import Kind
@@ -187,7 +187,7 @@ def _draw(text: str, path: str) -> int:
 def _run(work: Callable[[GatewayClient], int]) -> int:
     try:
         return work(GatewayClient())
-    except ClientError as error:
+    except NoGatewayError as error:
         _complain(str(error))
         return 2
 

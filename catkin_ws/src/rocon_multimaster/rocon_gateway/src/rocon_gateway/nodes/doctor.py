@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from gateway_msgs.msg import GatewayInfo
 
 from rocon_gateway.adapters import examination
-from rocon_gateway.adapters.client import ClientError, GatewayClient
+from rocon_gateway.adapters.client import GatewayClient, NoGatewayError
 from rocon_gateway.adapters.hub_session import HubSession
 from rocon_gateway.core import diagnosis
 from rocon_gateway.core.diagnosis import Finding, Level
@@ -52,7 +52,7 @@ def _examine(hub: str) -> Iterator[Finding | str]:
         client = GatewayClient()
         info = client.latched("gateway_info", GatewayInfo)
         yield Finding(Level.OK, f"gateway '{info.name}' runs as {client.namespace}")
-    except ClientError as error:
+    except NoGatewayError as error:
         yield Finding(Level.FAULT, str(error), "roslaunch pioneer_networking pioneer_gateway.launch")
     yield from _hub(hub, info)
     if client is not None:
@@ -116,7 +116,7 @@ def _members(session: HubSession, info: GatewayInfo | None) -> Iterator[Finding 
 def _rules(client: GatewayClient) -> Finding:
     try:
         states = client.latched("rules", DiagnosticArray).status
-    except ClientError as error:
+    except NoGatewayError as error:
         return Finding(Level.FAULT, str(error), "look into the gateway's log")
     idle = sum(state.level != DiagnosticStatus.OK for state in states)
     what = f"{len(states) - idle} of {len(states)} rules are active"
