@@ -32,7 +32,9 @@ def _cut(fleet: Fleet, folder: Path, machine: FarMachine, group: ProcessGroup, r
     with fleet.open_hub():
         master = MasterProcess(group, 11311, folder, machine.there, machine.prefix)
         uri = fleet.hub_uri.replace("127.0.0.1", machine.here)
-        master.set_param("/gateway", {"name": "far", "disable_uuids": True, "firewall": False, "hub_uri": uri})
+        master.set_param(
+            "/gateway", {"name": "far", "disable_uuids": True, "firewall": False, "insecure": True, "hub_uri": uri}
+        )
         gateway = ["rosrun", "rocon_gateway", "gateway"]
         for name, argv in (("gateway", gateway), ("talk", module_argv("talk", "far", "/far", 100, 100, 10))):
             group.start(name, [*machine.prefix, *argv], master.environment, folder / f"far-{name}.log", may_end=True)

@@ -25,7 +25,7 @@ def three(machine, shared_fleet):
     base, second = fleet.site("base"), fleet.site("second")
     far = fleet.site("far", master, machine.prefix)
     for site, environment in ((base, {"ROS_IP": machine.here}), (second, {"ROS_IP": machine.here}), (far, None)):
-        site.start(environment).connected()
+        site.start(environment, insecure=True).connected()
     return base, second, far
 
 

@@ -25,8 +25,8 @@ def far(machine, shared_fleet):
     fleet.start_hub(insecure=True)
     master = MasterProcess(fleet.group, 11311, fleet.folder, machine.there, machine.prefix)
     base, robot = fleet.site("base"), fleet.site("robot", master, machine.prefix)
-    base.start({"ROS_IP": machine.here})
-    robot.start().connected()
+    base.start({"ROS_IP": machine.here}, insecure=True)
+    robot.start(insecure=True).connected()
     base.connected()
     robot.probe("load", "small_source", "/small", 64, 20)
     log = fleet.folder / "small.log"

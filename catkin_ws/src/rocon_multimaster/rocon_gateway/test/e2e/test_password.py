@@ -1,5 +1,6 @@
 """A hub with a password: gateways that have it connect, others get one line, and it never leaves a machine."""
 
+import itertools
 import re
 import socket
 import threading
@@ -34,6 +35,26 @@ def test_gateways_with_the_hubs_password_connect_and_keep_it_to_themselves(fleet
     assert base.flip("robot", "subscriber", "/scan") == 0
     ear.first_after(0.0)
     assert not [log for log in tmp_path.glob("*.log") if SECRET in log.read_text()]
+
+
+def test_a_password_file_that_changes_holds_from_then_on_and_leaves_links_and_hub_alone(fleet, tmp_path) -> None:
+    right = variables(tmp_path, SECRET)
+    fleet.start_hub(right)
+    base, robot = (fleet.site(name).start(right).connected() for name in ("base", "robot"))
+    robot.talk("/scan")
+    ear = base.hear("/scan")
+    assert base.flip("robot", "subscriber", "/scan") == 0
+    ear.first_after(0.0)
+    changed = time.monotonic()
+    Path(right["ROCON_HUB_PASSWORD_FILE"]).write_text(OTHER + "\n")
+    late = fleet.site("late").start(right).connected()  # the hub's password has changed
+    late.talk("/late")
+    assert base.flip("late", "subscriber", "/late") == 0  # that of links, too
+    wait_until(lambda: base.states()["flip /late"] == "active", "a link of the new password", 10)
+    ear.first_after(time.monotonic())
+    times = [time for time in ear.times() if time > changed]
+    assert max(later - sooner for sooner, later in itertools.pairwise(times)) < 1.0
+    assert not any("lost" in site.log.read_text() for site in (base, robot))
 
 
 @pytest.mark.parametrize(

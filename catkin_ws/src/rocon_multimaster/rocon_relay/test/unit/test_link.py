@@ -6,7 +6,7 @@ from rocon_relay.core.connection import ANY, LinkState, is_proxy_uri, proxy_name
 from rocon_relay.core.link import Hello, LinkError, Refusal, is_proof, mismatch, proof, state_from_field
 from tcpros.core.header import header_bytes, header_fields
 
-HELLO = Hello("/scan", "sensor_msgs/LaserScan", ANY, "/laser", "robot", "base", ("base",), "00ff")
+HELLO = Hello("/scan", "sensor_msgs/LaserScan", ANY, "/laser", "robot", "base", ("base",), "00ff", keys=("k1", "k2"))
 
 
 def test_a_hello_is_read_as_it_was_written():
@@ -15,21 +15,21 @@ def test_a_hello_is_read_as_it_was_written():
 
 def test_another_version_or_a_missing_field_is_a_link_error():
     with pytest.raises(LinkError, match="version"):
-        Hello.from_fields({**HELLO.fields(), "relay": "2"})
+        Hello.from_fields({**HELLO.fields(), "relay": "1"})
     fields = HELLO.fields()
     del fields["source_node"]
     with pytest.raises(LinkError, match="source_node"):
         Hello.from_fields(fields)
 
 
-def test_a_proof_holds_for_its_credential_role_hello_and_challenge_only():
+def test_a_proof_holds_for_its_key_role_hello_and_challenge_only():
     good = proof(b"secret", "sink", HELLO, "c")
-    assert is_proof(good, b"secret", "sink", HELLO, "c")
-    assert not is_proof(good, b"other", "sink", HELLO, "c")
-    assert not is_proof(good, b"secret", "source", HELLO, "c")
-    assert not is_proof(good, b"secret", "sink", HELLO, "d")
-    assert not is_proof(good, b"secret", "sink", dataclasses.replace(HELLO, topic="/tf"), "c")
-    assert not is_proof("\udcff", b"secret", "sink", HELLO, "c")
+    assert is_proof(good, proof(b"secret", "sink", HELLO, "c"))
+    assert not is_proof(good, proof(b"other", "sink", HELLO, "c"))
+    assert not is_proof(good, proof(b"secret", "source", HELLO, "c"))
+    assert not is_proof(good, proof(b"secret", "sink", HELLO, "d"))
+    assert not is_proof(good, proof(b"secret", "sink", dataclasses.replace(HELLO, topic="/tf"), "c"))
+    assert not is_proof("\udcff", good)
 
 
 def test_types_and_sums_agree_unless_both_are_said_and_differ():

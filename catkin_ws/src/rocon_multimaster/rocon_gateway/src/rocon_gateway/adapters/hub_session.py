@@ -26,6 +26,7 @@ from rocon_hub_protocol.core.key import (
     NAME_KEY,
     NAMESPACES_KEY,
     PROTOCOL_KEY,
+    SALT_KEY,
     alive_key,
     lost_key,
     record_key,
@@ -90,12 +91,13 @@ class HubSession:
             raise unreachable(self.address, access, error) from None
 
     def _introduce(self) -> str:
-        name, protocol = self.client.mget(NAME_KEY, PROTOCOL_KEY)
+        name, protocol, salt = self.client.mget(NAME_KEY, PROTOCOL_KEY, SALT_KEY)
         if name is None:
             raise HubError(Code.HUB_NAME_NOT_FOUND, f"the Redis at {self.address} is not a hub: it has no name")
         if protocol != str(PROTOCOL):
             text = f"the hub '{name}' at {self.address} speaks protocol {protocol}, this gateway speaks {PROTOCOL}"
             raise HubError(Code.HUB_CONNECTION_FAILED, text)
+        self.salt = salt or ""
         return name
 
     @property

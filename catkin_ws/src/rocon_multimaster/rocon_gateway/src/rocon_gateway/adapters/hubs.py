@@ -42,6 +42,7 @@ class HubsConfig:
         access: what the hubs' Redis asks for.
         host: our address for others; empty: the one on the way to the hub.
         namespaces: of robots, to be told to all.
+        learn: called with the salt of each hub that we may join, before we do.
     """
 
     uris: tuple[str, ...] = ()
@@ -51,6 +52,7 @@ class HubsConfig:
     access: Access = OPEN
     host: str = ""
     namespaces: frozenset[str] = frozenset()
+    learn: Callable[[str], None] = lambda _salt: None
 
 
 class Hubs:
@@ -184,6 +186,7 @@ class Hubs:
         except HubError:
             session.close()
             raise
+        config.learn(session.salt)
         return session
 
     def _claim(self, hub: HubClient, session: HubSession) -> None:

@@ -31,6 +31,7 @@ class GatewayConfig:
         hub_password_file: a file that holds the hub's password; empty for none, or the environment's.
         tls_directory: a directory with the fleet's certificates, for TLS with hubs and gateways; empty for none, or the
             environment's.
+        insecure: take links from other machines though there is neither password nor certificate.
         disable_zeroconf: do not look for hubs by mDNS, which only a gateway without `hub_uri` does.
         firewall: refuse flips to here.
         watch_loop_period: at the latest after so long, all is compared anew even if nothing seems to change [s].
@@ -60,6 +61,7 @@ class GatewayConfig:
     hub_blacklist: Any = ()
     hub_password_file: str = ""
     tls_directory: str = ""
+    insecure: bool = False
     disable_zeroconf: bool = False
     firewall: bool = True
     watch_loop_period: float = 10.0

@@ -29,9 +29,11 @@ from rocon_gateway.core.situation import Outcome, Situation
 from rocon_gateway.nodes.registration import register_anew
 from rocon_gateway.nodes.service_handlers import ServiceHandlers
 from rocon_hub_protocol.adapters.password import password_from
-from rocon_hub_protocol.adapters.redis_client import Access
+from rocon_hub_protocol.adapters.redis_client import OPEN, Access
 from rocon_hub_protocol.core.code import HubProtocolError
 from rocon_hub_protocol.core.record import Record
+from rocon_hub_protocol.core.sighting import LOOPBACK
+from rocon_relay.adapters.keyring import PasswordKeyring
 from rocon_relay.adapters.relay import TcpRelay
 from rocon_relay.core.connection import LinkState, RelayConfig
 from rocon_relay.core.service import ParameterExport, ParameterImport
@@ -80,8 +82,12 @@ class GatewayNode:
             rospy.logerr("rule left out: %s", complaint)
         self._reader, self._writer = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         self._stopping = self._opened = False
+        access = Access(password_from(self._config.hub_password_file), self._certificates())
+        self._keyring = PasswordKeyring(access.password) if access.password else None
+        self._is_open = access != OPEN or self._config.insecure
         interface = self._config.network_interface
-        self._fixed_host = interface_address(interface) if interface else ""
+        self._fixed_host = LOOPBACK if not self._is_open else interface_address(interface) if interface else ""
+        self._warn(access)
         self._host = self._fixed_host or own_address("")
         self._info = rospy.Publisher("~gateway_info", GatewayInfo, queue_size=5, latch=True)
         self._rules = rospy.Publisher("~rules", DiagnosticArray, queue_size=5, latch=True)
@@ -91,9 +97,7 @@ class GatewayNode:
         self._traffic = Traffic()
         self._outcome = Outcome()
         self._said: tuple[object, object] = (None, None)
-        access = Access(password_from(self._config.hub_password_file), self._certificates())
-        config = self._relay_config(access.password and access.password())
-        self._relay = TcpRelay(config, self._wake, self._logger, access.certificates)
+        self._relay = TcpRelay(self._relay_config(), self._wake, self._logger, access.certificates)
         self._hubs = Hubs(self._hub_config(access), self._record(), self._linked, self._wake, self._logger)
         self._turned, self._begun, self._done = threading.Condition(), 0, 0
         self._handlers = ServiceHandlers(book, self._hubs, self._relay, self._settle, self._set_period)
@@ -108,7 +112,19 @@ class GatewayNode:
             rospy.logerr("no other gateway accepts our certificate (%s in %s)", fault, found and found.directory)
         return found
 
-    def _relay_config(self, password: str | None) -> RelayConfig:
+    def _warn(self, access: Access) -> None:
+        if access == OPEN and self._is_open:
+            rospy.logwarn(
+                "INSECURE: any host on the network can link to this gateway. "
+                "Use it on a network of your own only, or set a password"
+            )
+        elif not self._is_open:
+            rospy.loginfo(
+                "neither password nor certificate is set, so only gateways on this machine can link to this one. For "
+                "others set ROCON_HUB_PASSWORD_FILE or ROCON_TLS_DIRECTORY here and there, or gateway_insecure:=true"
+            )
+
+    def _relay_config(self) -> RelayConfig:
         return RelayConfig(
             gateway=self._name,
             node=rospy.get_name(),
@@ -117,8 +133,9 @@ class GatewayNode:
             # As every node: with a ROS_IP on the loopback, other machines reach nothing but the links.
             node_bind=rosgraph.network.get_bind_address(),
             port=self._config.relay_port,
-            # Who may join the hub may link, and nobody else.
-            credential=password.encode() if password else None,
+            bind="" if self._is_open else LOOPBACK,
+            # A gateway that may join the hub may link, and no other.
+            keyring=self._keyring,
             max_message_size=self._config.max_message_size,
         )
 
@@ -131,6 +148,7 @@ class GatewayNode:
             access=access,
             host=self._fixed_host,
             namespaces=self._config.known_namespaces,
+            **({"learn": self._keyring.learn} if self._keyring else {}),
         )
 
     def spin(self) -> None:
@@ -159,6 +177,8 @@ class GatewayNode:
                 full = now + self._period
             if now >= diagnose:
                 diagnose = now + DIAGNOSTIC_PERIOD
+                if self._keyring:
+                    self._keyring.refresh()
                 if self._diagnostics.get_num_connections():
                     self._diagnostics.publish(self._diagnostic_array(with_links=True))
 

@@ -84,6 +84,14 @@ class RedisServer:
         )
         self.client = redis.Redis(connection_pool=pool)
 
+    def salt(self) -> str:
+        """Returns this fleet's salt, made at first and kept in the directory, so that restarts do not change it."""
+        path = self._directory / "salt"
+        if not path.exists() or not path.read_text().strip():
+            path.touch(mode=0o600)
+            path.write_text(secrets.token_hex(32) + "\n")
+        return path.read_text().strip()
+
     @property
     def pid(self) -> int | None:
         """The server's process number while it runs."""

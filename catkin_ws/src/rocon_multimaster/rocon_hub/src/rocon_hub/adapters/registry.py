@@ -11,6 +11,7 @@ from rocon_hub_protocol.core.key import (
     GATEWAYS_KEY,
     NAME_KEY,
     PROTOCOL_KEY,
+    SALT_KEY,
     alive_key,
     lost_key,
     record_key,
@@ -33,9 +34,11 @@ class Registry:
     Args:
         client: a client of our own server.
         patience: how long the record of a silent gateway is kept [s].
+        salt: the fleet's, for its gateways; empty for none.
     """
 
-    def __init__(self, client: redis.Redis, patience: float) -> None:
+    def __init__(self, client: redis.Redis, patience: float, salt: str = "") -> None:
+        self._salt = salt
         self._client = client
         self._patience = patience
         self._watch = Watch(patience)
@@ -49,7 +52,7 @@ class Registry:
 
     def write(self) -> None:
         """Writes what makes this a hub, once more if it is there; raises redis.ResponseError if Redis is full."""
-        self._client.mset({PROTOCOL_KEY: PROTOCOL, NAME_KEY: self._name})
+        self._client.mset({PROTOCOL_KEY: PROTOCOL, NAME_KEY: self._name, SALT_KEY: self._salt})
 
     def look(self) -> Iterator[str]:
         """Tells everybody of gateways that have just fallen silent, and yields each when that is done.

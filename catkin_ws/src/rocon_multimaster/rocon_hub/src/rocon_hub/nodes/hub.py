@@ -56,7 +56,8 @@ class HubNode:
         access = Access(password_from(self._config.password_file), certificates_from(self._config.tls_directory))
         directory = Path(rospkg.get_ros_home()) / "redis" / self._config.directory_name
         self._server = RedisServer(self._config, directory, access)
-        self._registry = Registry(self._server.client, self._config.gateway_gone_timeout)
+        salt = self._server.salt() if access.password else ""
+        self._registry = Registry(self._server.client, self._config.gateway_gone_timeout, salt)
         self._stop = threading.Event()
         rospy.on_shutdown(self._stop.set)
         self._open = is_open(self._config, guard_from(access))

@@ -2,6 +2,8 @@
 
 NAME_KEY = "rocon:hub:name"
 PROTOCOL_KEY = "rocon:hub:protocol"
+SALT_KEY = "rocon:hub:salt"
+"""From which, and the password, gateways derive the key of their links."""
 GATEWAYS_KEY = "rocon:gateways"
 """The set of all gateways' names, and the channel on which joining and leaving is told."""
 NAMESPACES_KEY = "rocon:namespaces"

@@ -37,8 +37,9 @@ def hello_to(
     context: Context, gateway: str, subject: Subject, name: str, node: str, type_: str = ANY, md5sum: str = ANY
 ) -> Hello:
     """Returns what to say first to the relay of `gateway`."""
-    own = context.config.gateway
-    return Hello(name, type_, md5sum, node, gateway, own, (own,), secrets.token_hex(16), subject)
+    own, keyring = context.config.gateway, context.config.keyring
+    keys = keyring.names() if keyring else ()
+    return Hello(name, type_, md5sum, node, gateway, own, (own,), secrets.token_hex(16), subject, keys)
 
 
 class DialledLink(Stream):
@@ -52,7 +53,7 @@ class DialledLink(Stream):
         self._context = context
         self._owner = owner
         self._hello = hello
-        self._proven = False
+        self._expected = ""
         self._state = LinkState.UNREACHABLE
         self._timer = context.reactor.call_later(context.config.handshake_timeout, self._too_late)
         self.parse = self._parse_answer
@@ -89,27 +90,24 @@ class DialledLink(Stream):
         elif fields.get("relay") != VERSION:
             raise LinkError(f"it does not speak version {VERSION} of the link protocol")
         elif "challenge" in fields:
-            self._answer_challenge(fields["challenge"], fields.get("proof", ""))
-        elif self._context.config.credential is not None and not self._proven:
+            self._answer_challenge(fields["challenge"], fields.get("key", ""))
+        elif self._context.config.keyring and not is_proof(fields.get("proof", ""), self._expected):
             self._state = LinkState.REFUSED
-            self.close("it has no credential, and ours asks for one")
+            self.close("it does not prove that it knows our password")
         else:
             self._timer.cancel()
             self.accepted(fields)
         return end
 
-    def _answer_challenge(self, challenge: str, given: str) -> None:
-        credential = self._context.config.credential
-        self._state = LinkState.REFUSED
-        if credential is None:
-            self.close("it asks for a credential, and we have none")
-        elif not is_proof(given, credential, "source", self._hello, challenge):
-            self.close("its credential differs from ours")
-        else:
-            self._proven = True
-            answer = proof(credential, "sink", self._hello, challenge)
-            self.send(header_bytes({"relay": VERSION, "proof": answer}))
-            self._state = LinkState.UNREACHABLE
+    def _answer_challenge(self, challenge: str, name: str) -> None:
+        keyring = self._context.config.keyring
+        found = keyring.key((name,)) if keyring and name in self._hello.keys else None
+        if found is None or self._expected:
+            self._state = LinkState.REFUSED
+            self.close("it asks for a proof that we cannot give")
+            return
+        self._expected = proof(found[1], "source", self._hello, challenge)
+        self.send(header_bytes({"relay": VERSION, "proof": proof(found[1], "sink", self._hello, challenge)}))
 
     def _parse_nothing(self, data: memoryview) -> int:
         raise LinkError("it sends what was not asked for")

@@ -1,4 +1,4 @@
-"""The exporting end of a link: who dials us, may they have it, and then the frames."""
+"""The exporting end of a link: handshake, authorization, forwarding."""
 
 import secrets
 import socket
@@ -33,7 +33,9 @@ UNSENT = 64 * 1024
 """So many bytes at most wait in the kernel of a link with a queue of its own, beyond those under way [bytes]."""
 
 NEEDS_TLS = f"it speaks TLS only, and we have no certificate: set {VARIABLE} to a directory with one"
-DIFFERS = "its credential differs from ours"
+DIFFERS = "its password differs from ours"
+NO_PASSWORD = "it asks for a password, and we have none"
+NO_HUB = "it is on no hub of ours, or has not joined it yet"
 
 _PASSED_ON = ("type", "md5sum", "message_definition", "latching", "topic")
 
@@ -63,6 +65,7 @@ class ExportEnd(Stream):
 
     Attributes:
         hello: what it wants, once it has said so.
+        is_proven: whether it has proved that it belongs to the fleet.
         export: what it was given, once it was accepted.
         outlet: where its messages go in: itself, or what looks at them first.
     """
@@ -79,7 +82,8 @@ class ExportEnd(Stream):
         self._pong = b""
         self._context = context
         self._exporter = exporter
-        self._challenge = ""
+        self.is_proven = self._tls is not None
+        self._expected = self._proof = ""
         self._wanted = False
         self._demand = ""
         self._leaving = False
@@ -137,11 +141,13 @@ class ExportEnd(Stream):
         self._tenant = tenant
 
     def welcome(self, fields: Mapping[str, str]) -> None:
-        """Says yes."""
-        self.send(header_bytes({"relay": VERSION, "source_gateway": self._context.config.gateway, **fields}))
+        """Accepts, and proves that we belong to the fleet where the sink has done so."""
+        shown = {"proof": self._proof} if self._proof else {}
+        own = self._context.config.gateway
+        self.send(header_bytes({"relay": VERSION, "source_gateway": own, **shown, **fields}))
 
     def refuse(self, state: LinkState, reason: str) -> None:
-        """Says no and closes."""
+        """Refuses and closes."""
         self.timer.cancel()
         self.finish(header_bytes(Refusal(state, reason).fields()))
 
@@ -236,32 +242,30 @@ class ExportEnd(Stream):
         except AskError as error:
             self.refuse(LinkState.REFUSED, str(error))
             return
-        credential = self._context.config.credential
-        if credential is None:
+        keyring = self._context.config.keyring
+        if keyring is None:
             self._admit(self.hello)
             return
-        self._challenge = secrets.token_hex(16)
-        answer = proof(credential, "source", self.hello, self._challenge)
+        found = keyring.key(self.hello.keys)
+        if found is None:
+            self.refuse(LinkState.REFUSED, NO_HUB if self.hello.keys else NO_PASSWORD)
+            return
+        challenge = secrets.token_hex(16)
+        self._expected, self._proof = (proof(found[1], role, self.hello, challenge) for role in ("sink", "source"))
         self.parse = self._when_header(self._parse_proof)
-        self.send(header_bytes({"relay": VERSION, "challenge": self._challenge, "proof": answer}))
+        self.send(header_bytes({"relay": VERSION, "challenge": challenge, "key": found[0]}))
 
     def _parse_proof(self, fields: dict[str, str]) -> None:
         assert self.hello is not None
-        credential = self._context.config.credential or b""
-        if is_proof(fields.get("proof", ""), credential, "sink", self.hello, self._challenge):
+        if is_proof(fields.get("proof", ""), self._expected):
+            self.is_proven = True
             self._admit(self.hello)
         else:
             self._refuse_stranger(DIFFERS, DIFFERS)
 
     def _admit(self, hello: Hello) -> None:
-        own = self._context.config.gateway
-        if hello.source_gateway != own:
-            self.refuse(LinkState.REFUSED, f"this is {own}, not {hello.source_gateway}")
-        elif own in hello.gateways_passed:
-            self.refuse(LinkState.REFUSED, f"a loop: {' to '.join((own, *hello.gateways_passed))}")
-        else:
-            self.parse = self._when_header(self._too_much)
-            self._exporter.admit(self, hello)
+        self.parse = self._when_header(self._too_much)
+        self._exporter.admit(self, hello)
 
     def _too_much(self, _fields: dict[str, str]) -> None:
         raise LinkError("it went on before it was answered")

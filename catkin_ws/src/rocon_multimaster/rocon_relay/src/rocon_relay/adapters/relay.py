@@ -205,7 +205,10 @@ class TcpRelay:
 
     def admit(self, end: ExportEnd, hello: Hello) -> None:
         """See `export_end.Exporter`."""
-        if not self._admit_if_exported(end, hello):
+        own = self._context.config.gateway
+        if end.is_proven and hello.source_gateway != own:  # to anybody else it looks like what is not exported
+            end.refuse(LinkState.REFUSED, f"this is {own}, not {hello.source_gateway}")
+        elif not self._admit_if_exported(end, hello):
             end.timer.cancel()
             self._parked[end] = hello
             what = " of ".join(filter(None, (f"{_WHAT[hello.subject]} {hello.source_node}".strip(), hello.topic)))
@@ -218,11 +221,16 @@ class TcpRelay:
 
     def _admit_if_exported(self, end: ExportEnd, hello: Hello) -> bool:
         name = _subject(hello), Key(hello.topic, hello.sink_gateway, hello.source_node)
-        export = self._exports.get(name)
-        if export is None or end.is_closed:
+        export, own = self._exports.get(name), self._context.config.gateway
+        if export is None or hello.source_gateway != own or end.is_closed:
+            return False
+        if not end.is_proven and self._is_taken(name, hello):
             return False
         self._strangers.pop(end, None)
         self._parked.pop(end, None)
+        if own in hello.gateways_passed:
+            end.refuse(LinkState.REFUSED, f"a loop: {' to '.join((own, *hello.gateways_passed))}")
+            return True
         peers = self._peers.setdefault(hello.sink_gateway, set())
         if len(peers) >= self._context.config.max_links:
             end.refuse(
@@ -236,6 +244,12 @@ class TcpRelay:
             self._others[name].admit(end, hello)
         return True
 
+    def _is_taken(self, name: _Name, hello: Hello) -> bool:
+        """Tells whether a link stands that this one would replace: only a gateway that has proved itself may do so."""
+        other = self._others.get(name)
+        standing = isinstance(other, ServiceExportEnd) and other.standing and hello.subject is not Subject.CALL
+        return name in self._links or bool(standing)
+
     def _admit_topic(self, name: _Name, end: ExportEnd, hello: Hello, export: Export) -> None:
         wrong = mismatch(hello.type, "*", export.type, "*")
         if wrong:
@@ -244,7 +258,7 @@ class TcpRelay:
         former = self._links.pop(name, None)
         self._links[name] = end
         if former is not None:
-            former.close("its peer dialled anew")
+            former.close("its peer has opened another one")
         end.accept(export)
 
     def subscription(self, export: Export) -> Subscription:
@@ -266,6 +280,9 @@ class TcpRelay:
             self._peers.pop(end.hello.sink_gateway, None)
         if end.export is not None and self._links.get((Subject.TOPIC, end.export.key)) is end:
             del self._links[Subject.TOPIC, end.export.key]
+        for waiting, hello in tuple(self._parked.items()):
+            if end.hello and (hello.topic, hello.sink_gateway) == (end.hello.topic, end.hello.sink_gateway):
+                self._admit_if_exported(waiting, hello)
 
     def _ping_later(self) -> None:
         self._reactor.call_later(self._context.config.ping_period, self._ping)

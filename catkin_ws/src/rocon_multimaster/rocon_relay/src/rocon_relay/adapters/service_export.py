@@ -24,13 +24,14 @@ class ServiceExportEnd:
 
     Attributes:
         server: host and port where the last call found the server; None if it has to be looked up.
+        standing: the link that is up as long as the far gateway shows the service; None for none.
     """
 
     def __init__(self, context: Context, export: ServiceExport) -> None:
         self.export = export
         self.server: tuple[str, int] | None = None
         self._context = context
-        self._standing: ExportEnd | None = None
+        self.standing: ExportEnd | None = None
         self._calls: set[ExportedCall] = set()
         self._done = [0, 0]
 
@@ -42,17 +43,17 @@ class ServiceExportEnd:
             link.serve(call)
             call.start()
             return
-        former, self._standing = self._standing, link
+        former, self.standing = self.standing, link
         if former is not None:
-            former.close("its peer dialled anew")
+            former.close("its peer has opened another one")
         link.serve(_Standing(self, link))
         link.welcome({})
         self._context.changed()
 
     def stood(self, link: ExportEnd) -> None:
         """A standing link has ended."""
-        if self._standing is link:
-            self._standing = None
+        if self.standing is link:
+            self.standing = None
             self._context.changed()
 
     def finished(self, call: "ExportedCall") -> None:
@@ -64,8 +65,8 @@ class ServiceExportEnd:
 
     def close(self, _reason: str = "") -> None:
         """Ends all its links."""
-        if self._standing is not None:
-            self._standing.close("")
+        if self.standing is not None:
+            self.standing.close("")
         for call in tuple(self._calls):
             call.close()
 
@@ -74,7 +75,7 @@ class ServiceExportEnd:
         pipes = [call.pipe.conversation for call in self._calls if call.pipe]
         calls = self._done[0] + sum(one.calls for one in pipes)
         size = self._done[1] + sum(one.bytes for one in pipes)
-        if self._standing is None:
+        if self.standing is None:
             return LinkStatus(LinkState.PENDING, "not dialled by the far gateway", len(self._calls), calls, size)
         return LinkStatus(LinkState.ACTIVE, "", len(self._calls), calls, size)
 

@@ -8,7 +8,7 @@ and a flipped subscriber an import, at the subscriber's gateway, of every publis
 
 import enum
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -174,6 +174,16 @@ class RelayStatus:
     latencies: Mapping[str, Latency] = field(default_factory=dict)
 
 
+class Keyring(Protocol):
+    """The keys of a fleet, by which gateways prove on links that they belong to it."""
+
+    def names(self) -> tuple[str, ...]:
+        """Returns the names of our keys, which are no secret; the one to prefer first."""
+
+    def key(self, names: Iterable[str]) -> tuple[str, bytes] | None:
+        """Returns the first of these that is ours, with the key; None if none is."""
+
+
 @dataclass(frozen=True, slots=True)
 class RelayConfig:
     """What a relay must know from the start. Times are wall time [s], monotonic.
@@ -186,7 +196,7 @@ class RelayConfig:
         port: TCP port for links; 0 is any free one.
         bind: local address to listen on for links, "" is all.
         node_bind: local address where the proxies of far nodes listen for nodes of our master, "" is all.
-        credential: secret shared by all gateways, None is none: see `docs/gateway.md`, Links. Not shown by repr.
+        keyring: of the keys that all gateways share; None for none: see `docs/gateway.md`, Links.
         max_links: links that one other gateway may have open here at once, calls of services included.
         ping_period: between two measurements of the way to a gateway and back.
         silence: for how long nothing may come on a topic's link, whose far end is asked to say something meanwhile; it
@@ -208,7 +218,7 @@ class RelayConfig:
     port: int = 0
     bind: str = ""
     node_bind: str = ""
-    credential: bytes | None = field(default=None, repr=False)
+    keyring: "Keyring | None" = None
     max_message_size: int = 256 * 2**20
     max_links: int = 1024
     ping_period: float = 5.0

@@ -12,7 +12,7 @@ from rocon_relay.core.error import RelayError
 from rocon_relay.core.option import NO_OPTIONS, LinkOptions, OptionError, options_from_fields
 from tcpros.core.header import header_bytes
 
-VERSION = "1"
+VERSION = "2"
 
 
 class LinkError(RelayError):
@@ -47,6 +47,7 @@ class Hello:
 
     Attributes:
         topic: the name of the subject, whatever that is.
+        keys: names of the keys that we can prove knowledge of, the one to prefer first.
         client: of a call, the fields of its client's connection header, sorted.
         options: of a topic, what the sink asks for; a field for each that is not off.
     """
@@ -60,6 +61,7 @@ class Hello:
     gateways_passed: tuple[str, ...]
     nonce: str
     subject: Subject = Subject.TOPIC
+    keys: tuple[str, ...] = ()
     client: tuple[tuple[str, str], ...] = ()
     options: LinkOptions = NO_OPTIONS
 
@@ -79,6 +81,7 @@ class Hello:
             "sink_gateway": self.sink_gateway,
             "gateways_passed": ",".join(self.gateways_passed),
             "nonce": self.nonce,
+            "keys": ",".join(self.keys),
             **self.options.fields(),
             **{CLIENT + key: value for key, value in self.client},
         }
@@ -106,6 +109,7 @@ class Hello:
                 tuple(filter(None, fields["gateways_passed"].split(","))),
                 fields["nonce"],
                 subject,
+                tuple(filter(None, fields["keys"].split(","))),
                 tuple(sorted(client)),
                 options_from_fields(fields),
             )
@@ -156,19 +160,19 @@ def mismatch(wanted_type: str, wanted_md5sum: str, type_: str, md5sum: str) -> s
     return ""
 
 
-def proof(credential: bytes, role: str, hello: Hello, challenge: str) -> str:
-    """Returns what shows that we know the credential, for this hello and this challenge only.
+def proof(key: bytes, role: str, hello: Hello, challenge: str) -> str:
+    """Returns what shows that we know a key, for this hello and this challenge only.
 
     Args:
-        credential: the shared secret.
+        key: of the fleet.
         role: "source" or "sink", so that neither side can send the other's proof back.
         hello: as sent; its nonce is the sink's challenge to the source.
         challenge: the source's challenge to the sink.
     """
     text = f"{role}\n{challenge}\n".encode() + header_bytes(hello.fields())
-    return hmac.new(credential, text, hashlib.sha256).hexdigest()
+    return hmac.new(key, text, hashlib.sha256).hexdigest()
 
 
-def is_proof(given: str, credential: bytes, role: str, hello: Hello, challenge: str) -> bool:
-    """Tells in constant time whether `given` is that proof."""
-    return hmac.compare_digest(given.encode("utf-8", "replace"), proof(credential, role, hello, challenge).encode())
+def is_proof(given: str, expected: str) -> bool:
+    """Tells in constant time whether a proof is the expected one; none is where none is expected."""
+    return expected != "" and hmac.compare_digest(given.encode("utf-8", "replace"), expected.encode())

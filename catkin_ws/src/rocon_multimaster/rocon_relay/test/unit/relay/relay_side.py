@@ -13,6 +13,7 @@ import xmlrpc.client
 from pathlib import Path
 
 from pioneer_harness.wait import wait_until
+from rocon_relay.adapters.keyring import PasswordKeyring
 from rocon_relay.adapters.relay import TcpRelay
 from rocon_relay.core.connection import ANY, Address, Export, Import, LinkState, RelayConfig
 from rocon_relay.core.option import NO_OPTIONS
@@ -26,10 +27,14 @@ STRING_MD5 = "992ce8a1687cec8c8bd883ec73ca41d1"
 class Side:
     """A master with its relay."""
 
-    def __init__(self, name, master, certificates=None, **settings):
+    def __init__(self, name, master, certificates=None, password=None, salt="salt", **settings):
         self.name = name
         self.master = master
         self.changes = threading.Event()
+        if password is not None:
+            settings["keyring"] = self.keyring = PasswordKeyring(lambda: self.password)
+            self.password = password
+            self.keyring.learn(salt)
         config = RelayConfig(name, f"/gateway_{name}", master.uri, "127.0.0.1", **settings)
         self.relay = TcpRelay(config, self.changes.set, logging.getLogger(f"relay.{name}"), certificates)
 

@@ -19,7 +19,7 @@ def connect(source, sink, name):
 
 
 def test_a_parameter_is_copied_once_and_whole(relays, source_master, sink_master):
-    source, sink = relays("source"), relays("sink", credential=None)
+    source, sink = relays("source"), relays("sink")
     source_master.set_param("/robot", VALUE)
     connect(source, sink, "/robot")
     wait_for(sink, LinkState.ACTIVE)

@@ -258,7 +258,7 @@ def test_a_message_over_the_bound_ends_its_connection(relays, server, caplog):
 
 
 def test_a_credential_holds_for_calls(relays, server):
-    source, sink = relays("source", credential=b"secret"), relays("sink", credential=b"secret")
+    source, sink = relays("source", password="secret"), relays("sink", password="secret")
     connect(source, sink)
     with Client(sink) as client:
         assert client.call("hello") == "hello"

@@ -1,9 +1,12 @@
 """Credentials, loops and whoever does not speak the protocol."""
 
 import contextlib
+import dataclasses
 import itertools
 import logging
 import socket
+import struct
+import time
 
 import nonsense
 import pytest
@@ -18,8 +21,10 @@ from relay_side import (
 )
 
 from pioneer_harness.wait import wait_until
-from rocon_relay.core.connection import ANY, Export, LinkState
-from tcpros.core.header import header_bytes
+from rocon_relay.core.connection import ANY, Address, Export, LinkState
+from rocon_relay.core.link import Hello, Subject
+from rocon_relay.core.service import ServiceExport, ServiceImport
+from tcpros.core.header import header_bytes, header_fields
 
 # rosmaster leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -28,38 +33,112 @@ pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptio
 @pytest.mark.parametrize(
     ("ours", "theirs", "state"),
     [
-        (b"secret", b"secret", LinkState.ACTIVE),
-        (b"secret", b"other", LinkState.REFUSED),
-        (b"secret", None, LinkState.REFUSED),
-        (None, b"secret", LinkState.REFUSED),
+        ("secret", "secret", LinkState.ACTIVE),
+        ("secret", "other", LinkState.REFUSED),
+        ("secret", None, LinkState.REFUSED),
+        (None, "secret", LinkState.REFUSED),
     ],
 )
 def test_gateways_with_different_credentials_do_not_link(relays, talkers, ours, theirs, state, caplog):
-    source, sink = relays("source", credential=ours), relays("sink", credential=theirs)
+    source, sink = relays("source", password=ours), relays("sink", password=theirs)
     source.relay.apply({export()}, set())
     sink.relay.apply(set(), {imported(source)})
     wait_for(sink, state)
     assert "secret" not in caplog.text + str(source.relay._context.config) + sink.link().reason
 
 
-def test_a_stranger_who_proves_nothing_gets_nothing(relays, talkers):
-    source = relays("source", credential=b"secret")
-    fields = {
-        "relay": "1",
-        "topic": "/chatter",
-        "type": ANY,
-        "md5sum": ANY,
-        "source_node": "/talker1",
-        "source_gateway": "source",
-        "sink_gateway": "sink",
-        "gateways_passed": "sink",
-        "nonce": "00",
-    }
-    with socket.create_connection(source.address) as stranger:
-        stranger.sendall(header_bytes(fields))
-        assert stranger.recv(4)
-        source.relay.apply({export()}, set())
-        wait_for(source, LinkState.PENDING)
+def test_a_gateway_of_another_hub_is_refused_until_both_know_the_hub(relays, talkers):
+    source, sink = relays("source", password="secret", salt="one"), relays("sink", password="secret", salt="two")
+    source.relay.apply({export()}, set())
+    sink.relay.apply(set(), {imported(source)})
+    wait_for(sink, LinkState.REFUSED)
+    assert "on no hub of ours" in sink.link().reason
+    source.keyring.learn("two")
+    wait_for(sink, LinkState.ACTIVE)
+
+
+def test_a_password_that_changes_leaves_links_up_and_holds_for_new_ones(relays, talkers):
+    source, sink = relays("source", password="secret"), relays("sink", password="secret")
+    connect(source, sink)
+    source.password = "other"
+    source.keyring.refresh()
+    both = {export(), export(topic="/latched")}, {imported(source), imported(source, topic="/latched")}
+    source.relay.apply(both[0], set())
+    sink.relay.apply(set(), both[1])
+    wait_until(lambda: sorted(sink.state()) == [LinkState.ACTIVE, LinkState.REFUSED], "the new link is refused", 5)
+    sink.password = "other"
+    sink.keyring.refresh()
+    wait_for(sink, LinkState.ACTIVE)
+
+
+class Stranger:
+    """A program that speaks the link protocol and knows no password."""
+
+    def __init__(self, source, **changes):
+        self.socket = socket.create_connection(source.address, 5)
+        hello = Hello("/chatter", ANY, ANY, "/talker1", "source", "sink", ("sink",), "00", keys=source_keys(source))
+        self.hello = dataclasses.replace(hello, **changes)
+        self.socket.sendall(header_bytes(self.hello.fields()))
+
+    def answer(self):
+        """The next header, None at the end."""
+        with self.socket.makefile("rb") as file:
+            length = file.read(4)
+            return header_fields(file.read(*struct.unpack("<I", length))) if length else None
+
+
+def source_keys(source):
+    return source.keyring.names() if hasattr(source, "keyring") else ()
+
+
+def test_whoever_dials_proves_itself_first_and_learns_nothing_to_guess_the_password_by(relays, talkers):
+    """The source once gave an HMAC of the password to anybody: 100,000 passwords could be tried on it in 10 s."""
+    source = relays("source", password="secret")
+    source.relay.apply({export()}, set())
+    stranger = Stranger(source)
+    assert set(stranger.answer()) == {"relay", "challenge", "key"}
+    stranger.socket.sendall(header_bytes({"relay": "2", "proof": "00" * 32}))
+    assert stranger.answer() == {"relay": "2", "error": "its password differs from ours", "state": "refused"}
+    wait_for(source, LinkState.PENDING)
+
+
+def test_a_source_that_does_not_prove_itself_is_refused(relays, talkers):
+    """A host that has taken over a gateway's address accepts everybody, and knows no password."""
+    sink = relays("sink", password="secret", retry_shortest=60.0)
+    with socket.create_server(("127.0.0.1", 0)) as rogue:
+        sink.relay.apply(
+            set(), {dataclasses.replace(imported(relays("source")), address=Address(*rogue.getsockname()))}
+        )
+        connection, _ = rogue.accept()
+        with connection:
+            connection.sendall(header_bytes({"relay": "2", "challenge": "00", "key": sink.keyring.names()[0]}))
+            connection.sendall(header_bytes({"relay": "2", "source_gateway": "source", "proof": "00" * 32}))
+            wait_for(sink, LinkState.REFUSED)
+    assert "does not prove that it knows our password" in sink.link().reason
+
+
+@pytest.mark.parametrize("changes", [{}, {"subject": Subject.SERVICE, "topic": "/echo", "source_node": "/server"}])
+def test_a_link_that_stands_is_not_evicted_by_who_proves_nothing(relays, talkers, changes):
+    """Without a password anybody who guessed two gateways' names once took the link's place, and messages were lost."""
+    source, sink = relays("source", patience=0.3), relays("sink")
+    service = (ServiceExport("/echo", "/server", "sink"), ServiceImport("/echo", "source", "/server", source.address))
+    source.relay.apply({export(), service[0]}, set())
+    sink.relay.apply(set(), {imported(source), service[1]})
+    wait_for(sink, LinkState.ACTIVE)
+    stranger = Stranger(source, **changes)
+    assert stranger.answer()["state"] == "refused"
+    assert sink.state() == [LinkState.ACTIVE, LinkState.ACTIVE]
+
+
+@pytest.mark.parametrize("changes", [{}, {"source_gateway": "robot"}, {"source_node": "/talker2"}, {"topic": "/other"}])
+def test_a_refusal_tells_who_guesses_nothing_about_names(relays, talkers, changes):
+    source = relays("source", patience=0.3)
+    asked, stranger = time.monotonic(), Stranger(source, sink_gateway="guess", **changes)
+    answer, took = stranger.answer(), time.monotonic() - asked
+    asked_for = stranger.hello
+    expected = f"{asked_for.source_gateway} exports no publisher {asked_for.source_node} of {asked_for.topic} to guess"
+    assert answer == {"relay": "2", "error": expected, "state": "refused"}
+    assert took > 0.25
 
 
 def test_a_loop_is_refused(relays, talkers):

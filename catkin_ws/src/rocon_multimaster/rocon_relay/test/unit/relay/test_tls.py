@@ -66,9 +66,9 @@ def test_a_gateway_with_certificates_does_not_do_without(relays, talkers, identi
 
 def test_a_credential_holds_inside(relays, talkers, identities):
     settings = {"certificates": identities(), "retry_shortest": 60.0}
-    source, sink = relays("source", credential=b"right", **settings), relays("sink", credential=b"wrong", **settings)
+    source, sink = relays("source", password="right", **settings), relays("sink", password="wrong", **settings)
     connect(source, sink, state=LinkState.REFUSED)
-    assert "credential differs" in sink.link().reason
+    assert "password differs" in sink.link().reason
 
 
 @pytest.mark.parametrize(
@@ -78,7 +78,7 @@ def test_a_credential_holds_inside(relays, talkers, identities):
         b"\x16\x03\x01\xff\xff" + bytes(300),
         b"\xff" * 100,
         b"GET / HTTP/1.0\r\n\r\n",
-        header_bytes({"relay": "1", "topic": "/chatter"}),
+        header_bytes({"relay": "2", "topic": "/chatter"}),
     ],
     ids=["a handshake of nonsense", "a record too long", "nonsense", "http", "half a hello in plain"],
 )
