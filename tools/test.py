@@ -48,6 +48,7 @@ def lint() -> Iterator[Check]:
     paths = os.pathsep.join(map(str, python_roots()))
     yield Check("import-linter", [str(VENV / "lint-imports"), "--no-cache"], environment={"PYTHONPATH": paths})
     yield Check("catkin_lint", ["catkin_lint", "--offline", "-W1", "--strict", str(SOURCE)])
+    yield Check("version", [sys.executable, str(ROOT / "tools" / "version.py")])
     yield Check("file length", [sys.executable, str(ROOT / "tools" / "file_length.py")])
 
 
