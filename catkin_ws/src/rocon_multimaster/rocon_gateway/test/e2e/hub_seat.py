@@ -9,8 +9,9 @@ import redis
 
 from pioneer_harness.port import PortReservation
 from pioneer_harness.wait import wait_until
-from rocon_gateway.adapters.hub_client import HubClient, HubContext, Publication
+from rocon_gateway.adapters.hub_client import HubClient, HubContext
 from rocon_gateway.adapters.hub_session import HubSession
+from rocon_gateway.core.hub_state import Publication
 from rocon_gateway.core.presence import Candidate, HubView
 from rocon_hub.adapters.redis_server import RedisServer
 from rocon_hub.adapters.registry import Registry

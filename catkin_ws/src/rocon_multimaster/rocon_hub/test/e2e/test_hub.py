@@ -7,6 +7,7 @@ import os
 import re
 import signal
 import socket
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -157,7 +158,7 @@ def test_a_gateway_that_joins_while_the_hub_looks_is_not_called_expired(server: 
         return lives
 
     client.mget = read_and_be_overtaken
-    assert list(registry.look()) == ["ghost"]
+    assert list(registry.look(time.monotonic())) == ["ghost"]
     assert client.exists("rocon:lost:ghost", "rocon:lost:sleeper") == 1
     told = wait_until(lambda: events.get_message() or events.get_message(), "an event", 5)
     assert json.loads(told["data"]) == {"gateway": "ghost", "event": "expired"}
@@ -179,9 +180,9 @@ def test_of_whom_an_error_kept_the_hub_from_telling_it_tells_with_the_next_look(
 
     client.eval = fails_once
     with pytest.raises(redis.TimeoutError):
-        list(registry.look())
-    assert list(registry.look()) == ["second"]
-    assert list(registry.look()) == []
+        list(registry.look(time.monotonic()))
+    assert list(registry.look(time.monotonic())) == ["second"]
+    assert list(registry.look(time.monotonic())) == []
 
 
 def test_a_thousand_gateways_find_room_when_they_come_back_at_once(bench: Bench, server: RedisServer) -> None:

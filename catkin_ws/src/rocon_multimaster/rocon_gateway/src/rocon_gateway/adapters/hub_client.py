@@ -1,26 +1,22 @@
 """Our place on one hub: a thread that keeps us registered there and tells when something changed."""
 
 import contextlib
-import dataclasses
-import json
 import logging
 import os
 import random
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import redis
 
 from rocon_gateway.adapters.address import own_address
-from rocon_gateway.adapters.hub_session import HEARTBEAT, Description, HubSession
-from rocon_gateway.core.matching import gateways_meant
-from rocon_gateway.core.presence import Candidate, HubView, Presence
-from rocon_gateway.core.situation import Remote
+from rocon_gateway.adapters.hub_session import HEARTBEAT, Description, HubSession, event_from_message
+from rocon_gateway.core.hub_state import HubState, Publication
+from rocon_gateway.core.presence import Candidate, HubView
 from rocon_hub_protocol.core.code import Code, HubError
-from rocon_hub_protocol.core.key import EXAMINE_KEY, GATEWAYS_KEY, record_key, requests_key
-from rocon_hub_protocol.core.record import NO_REQUEST, PeerRequest, Record, is_text, sound_namespaces
+from rocon_hub_protocol.core.key import EXAMINE_KEY
 from tcpros.adapters.descriptor import readable
 
 RETRY = 0.5
@@ -39,21 +35,6 @@ _REFUSALS = (
 def retry_pause() -> float:
     """Returns a pause that is another one each time, so that a fleet whose hub is back does not come all at once."""
     return RETRY * random.uniform(0.5, 1.5)
-
-
-@dataclass(frozen=True)
-class Publication:
-    """What we tell.
-
-    Attributes:
-        record: to all; its host is filled in, which depends on the way to the hub.
-        requests: to each other gateway.
-        interest: patterns of the gateways that we want to hear of.
-    """
-
-    record: Record
-    requests: Mapping[str, PeerRequest] = dataclasses.field(default_factory=dict)
-    interest: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -83,14 +64,6 @@ class HubContext:
     namespaces: frozenset[str] = frozenset()
 
 
-@dataclass
-class _News:
-    """Of which gateways events say that there is something to read: requests to us, and records."""
-
-    senders: set[str] = dataclasses.field(default_factory=set)
-    records: set[str] = dataclasses.field(default_factory=set)
-
-
 class HubClient:
     """One hub, joined as long as it is there, tried again for ever when it is not.
 
@@ -113,13 +86,9 @@ class HubClient:
         self.lost_since = time.monotonic()
         self.refused = False
         self._context = context
-        self._said = said
-        self._host = ""
-        self._view = HubView()
-        self._presence = Presence()
+        self._state = HubState(said, context.namespaces)
+        self._shown = HubView()
         self._session: HubSession | None = None
-        self._namespaces: frozenset[str] = frozenset()
-        self._displaced = False
         self._told_lost = False
         self._nameless: set[Candidate] = set()
         self._stopping = False
@@ -130,7 +99,7 @@ class HubClient:
 
     def publish(self, said: Publication) -> None:
         """Sets what we tell."""
-        self._said = said
+        self._state.said = said
         self._wake()
 
     def describe(self, names: Collection[str]) -> list[Description]:
@@ -220,34 +189,11 @@ class HubClient:
         return not (self._told_lost and code == Code.HUB_CONNECTION_UNRESOLVABLE)
 
     def _enter(self, session: HubSession) -> None:
-        if self._displaced and session.holder not in (None, session.instance):
-            raise HubError(Code.HUB_CONNECTION_FAILED, f"another gateway bears our name '{session.name}'")
-        self._displaced = False
-        self._host = self._context.host or own_address(session.address.host)
-        self._presence.start(session.present(), time.monotonic())
-        session.join(self._record, self._requests, self._context.namespaces)
-        self._namespaces |= session.namespaces()
+        host = self._context.host or own_address(session.address.host)
+        self._state.enter(session, host, time.monotonic())
         self._session, self._told_lost = session, False
         self._nameless.clear()
-        self._watched: set[str] = set()
-        # A request of who is listed is on the hub or was withdrawn; the others have not had the time to write theirs.
-        known = {name: remote for name, remote in self._view.remotes.items() if name in self._presence.names}
-        self._records: dict[str, Record] = {name: remote.record for name, remote in known.items()}
-        self._inbox: dict[str, PeerRequest] = {
-            name: known[name].request for name in known.keys() - self._presence.listed
-        }
-        self._take_requests(session, None)
         self._context.logger.info("on hub '%s' at %s as '%s'", session.hub_name, session.address, session.name)
-
-    @property
-    def _record(self) -> Record:
-        return dataclasses.replace(self._said.record, host=self._host)
-
-    @property
-    def _requests(self) -> dict[str, PeerRequest]:
-        """Our requests to those who are on this hub."""
-        here = self._presence.names
-        return {name: request for name, request in self._said.requests.items() if name in here}
 
     def _exit(self, session: HubSession) -> None:
         self._session = None
@@ -256,19 +202,22 @@ class HubClient:
             if self._stopping:
                 session.leave()
         session.close()
-        self._show(dataclasses.replace(self._view, connected=False))
+        self._state.leave()
+        self._show()
 
     def _stay(self, session: HubSession) -> None:
         beat = time.monotonic()
         while not self._stopping:
-            self._look(session)
-            session.write(self._record, self._requests)
+            linked = self._context.linked() if self._state.waiting else ()
+            self._state.update(session, linked, time.monotonic())
+            self._show()
+            self._state.write(session)
             if time.monotonic() >= beat:
-                self._live(session)
+                self._state.heartbeat(session)
                 # From its end: however slow the hub is, there is time for events before the next one.
                 beat = time.monotonic() + HEARTBEAT
-            self._wait(session, 0.1 if self._presence.waiting else max(0.0, beat - time.monotonic()))
-            self._take_events(session, beat)
+            self._wait(session, 0.1 if self._state.waiting else max(0.0, beat - time.monotonic()))
+            self._state.take(session, self._events(session, beat), time.monotonic())
 
     def _wait(self, session: HubSession, seconds: float) -> None:
         # Events may have been read from the socket already: together with others, or with the answer to a subscription.
@@ -278,16 +227,6 @@ class HubClient:
         if self._wake_reader in ready:
             self._drain()
 
-    def _take_events(self, session: HubSession, beat: float) -> None:
-        """Takes the events that have come, and reads what they tell of: once, however many there are."""
-        news = _News()
-        for channel, text in self._events(session, beat):
-            self._take_event(session, channel, text, news)
-        if news.records:
-            self._records.update(session.records(news.records))
-        if news.senders:
-            self._take_requests(session, news.senders)
-
     def _events(self, session: HubSession, beat: float) -> Iterator[tuple[str, str]]:
         """Yields channel and text of what has come, until the next sign of life is due."""
         while time.monotonic() < beat:
@@ -296,85 +235,13 @@ class HubClient:
                 return
             if message is None:
                 continue
-            if message["type"] == "message":
-                yield message["channel"], message["data"]
-            elif message["type"] == "subscribe":
-                yield message["channel"], message["channel"].removeprefix(record_key(""))
+            if message["channel"] == EXAMINE_KEY:
+                if message["type"] == "message":
+                    self._context.examine(session, message["data"])
+            elif event := event_from_message(message):
+                yield event
 
-    def _live(self, session: HubSession) -> None:
-        holder, listed = session.live()
-        if holder is None or (holder == session.instance and not listed):
-            # The hub has forgotten us: it was emptied, or we were silent for too long.
-            session.join(self._record, self._requests, self._context.namespaces)
-        elif holder != session.instance:
-            self._displaced = True
-            raise HubError(Code.HUB_CONNECTION_LOST, f"another gateway took our name '{session.name}'")
-
-    def _take_event(self, session: HubSession, channel: str, text: str, news: _News) -> None:
-        if channel == GATEWAYS_KEY:
-            self._take_gateway_event(session, text, news)
-        elif channel == requests_key(session.name):
-            news.senders.add(text)
-        elif channel == EXAMINE_KEY:
-            self._context.examine(session, text)
-        elif channel == record_key(text):
-            news.records.add(text)
-
-    def _take_gateway_event(self, session: HubSession, text: str, news: _News) -> None:
-        try:
-            event = json.loads(text)
-            name, what = event["gateway"], event["event"]
-        except (ValueError, TypeError, KeyError, RecursionError):
-            return
-        if name == session.name or not is_text(name):
-            return
-        if what == "joined":
-            self._presence.join(name)
-            self._namespaces |= sound_namespaces(event.get("namespaces"))
-            session.forget(name)
-            news.senders.add(name)
-            if name in self._watched:
-                news.records.add(name)
-        elif what == "left":
-            self._presence.leave(name)
-        elif what == "expired":
-            self._presence.expire(name, time.monotonic())
-
-    def _take_requests(self, session: HubSession, senders: Collection[str] | None) -> None:
-        for sender, request in session.requests(senders).items():
-            if request is None:
-                self._inbox.pop(sender, None)
-            else:
-                self._inbox[sender] = request
-
-    def _look(self, session: HubSession) -> None:
-        """Follows whom our rules and their requests concern, and makes the view of it."""
-        if self._presence.waiting:
-            self._presence.settle(self._context.linked(), time.monotonic())
-        names, interest = self._presence.names, self._said.interest
-        concerned = (self._inbox.keys() & names).union(*(gateways_meant(one, names) for one in interest))
-        self._follow(session, concerned)
-        for gone in {*self._inbox, *self._records} - names:
-            self._inbox.pop(gone, None)
-            self._records.pop(gone, None)
-        remotes = {
-            name: Remote(self._records[name], self._inbox.get(name, NO_REQUEST))
-            for name in sorted(concerned)
-            if name in self._records
-        }
-        listed = frozenset(self._presence.listed)
-        told = session.hub_name, str(session.address), self._host
-        self._show(HubView(True, *told, listed, names, remotes, self._namespaces))
-
-    def _follow(self, session: HubSession, concerned: set[str]) -> None:
-        new = concerned - self._watched
-        if new:
-            session.watch(new)
-        if self._watched - concerned:
-            session.unwatch(self._watched - concerned)
-        self._watched = concerned
-
-    def _show(self, view: HubView) -> None:
-        if view != self._view:
-            self._view = view
-            self._context.take(self, view)
+    def _show(self) -> None:
+        if self._state.view != self._shown:
+            self._shown = self._state.view
+            self._context.take(self, self._shown)

@@ -4,8 +4,9 @@ longer, the first one apart, which may look twice why it does not get in.
 
 import dataclasses
 import json
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import redis
 
@@ -74,7 +75,7 @@ class HubSession:
         self.instance = instance
         self.client = redis_client(address, access)
         self._written: dict[str, PeerRequest] = {}
-        self._record = ""
+        self._record: Record | None = None
         try:
             self.hub_name = self._introduce()
             # Of the server's process: one hub has several addresses, and must be joined but once.
@@ -116,13 +117,13 @@ class HubSession:
             namespaces: of robots, which nobody forgets before the hub does.
         """
         self._tell_namespaces(namespaces)
-        self._record = text_from_record(record)
+        self._record = record
         self._written = dict(requests)
         others = sorted(self.client.smembers(GATEWAYS_KEY) - {self.name, *requests})
         with self.client.pipeline() as pipe:
             for receiver in others:
                 pipe.hdel(requests_key(receiver), self.name)
-            pipe.set(record_key(self.name), self._record)
+            pipe.set(record_key(self.name), text_from_record(record))
             pipe.set(alive_key(self.name), self.instance, px=int(ALIVE * 1000))
             pipe.delete(lost_key(self.name))
             pipe.sadd(GATEWAYS_KEY, self.name)
@@ -207,25 +208,42 @@ class HubSession:
         return dict(zip(ordered, self.client.hmget(requests_key(self.name), ordered), strict=True))
 
     def write(self, record: Record, requests: Mapping[str, PeerRequest]) -> None:
-        """Writes what differs from what was written last."""
-        text = text_from_record(record)
-        with self.client.pipeline() as pipe:
-            if text != self._record:
-                pipe.set(record_key(self.name), text)
+        """Writes what differs from what was written last; nothing if our name is not ours now, as `live` will tell."""
+        if record == self._record and requests == self._written:
+            return
+        changed = [one for one in {*requests, *self._written} if requests.get(one) != self._written.get(one)]
+
+        def fill(pipe: redis.client.Pipeline) -> None:
+            if record != self._record:
+                pipe.set(record_key(self.name), text_from_record(record))
                 pipe.publish(record_key(self.name), self.name)
-            for receiver in {*requests, *self._written}:
+            for receiver in changed:
                 request = requests.get(receiver)
-                if request == self._written.get(receiver):
-                    continue
                 if request is None:
                     pipe.hdel(requests_key(receiver), self.name)
                 else:
                     pipe.hset(requests_key(receiver), self.name, text_from_request(request))
                 pipe.publish(requests_key(receiver), self.name)
-            if len(pipe):
+
+        if self._execute_as((self.instance,), fill):
+            self._record, self._written = record, dict(requests)
+
+    def _execute_as(self, holders: Collection[str | None], fill: Callable[[redis.client.Pipeline], None]) -> bool:
+        """Executes a transaction if our name is held by one of `holders` until its end; returns whether it was.
+
+        A gateway that has lost its name must not write over the requests of the one that has it.
+        """
+        with self.client.pipeline() as pipe:
+            pipe.watch(alive_key(self.name))
+            if pipe.get(alive_key(self.name)) not in holders:
+                return False
+            pipe.multi()
+            fill(pipe)
+            try:
                 pipe.execute()
-        self._record = text
-        self._written = dict(requests)
+            except redis.WatchError:
+                return False
+        return True
 
     def forget(self, receiver: str) -> None:
         """Has the request to `receiver` written anew: it is a new instance, or was lost with the old hub."""
@@ -245,23 +263,35 @@ class HubSession:
         ]
 
     def leave(self) -> None:
-        """Removes all that is ours from the hub, unless somebody else bears our name by now."""
-        if self.holder not in (None, self.instance):
-            return
-        with self.client.pipeline() as pipe:
+        """Removes all that is ours from the hub, unless another gateway has our name by now."""
+
+        def fill(pipe: redis.client.Pipeline) -> None:
             # The requests to us too: who wrote one and is away now could not withdraw it before we return.
             pipe.delete(record_key(self.name), alive_key(self.name), requests_key(self.name))
             pipe.srem(GATEWAYS_KEY, self.name)
             for receiver in self._written:
                 pipe.hdel(requests_key(receiver), self.name)
             self._tell(pipe, "left")
-            pipe.execute()
+
+        self._execute_as((None, self.instance), fill)
 
     def close(self) -> None:
         """Closes the sockets."""
         self.events.close()
         self.client.close()
         self.client.connection_pool.disconnect()
+
+
+def event_from_message(message: Mapping[str, Any]) -> tuple[str, str] | None:
+    """Returns channel and text of a message that `HubSession.events` got; None if there is nothing to take.
+
+    The acknowledgement of a subscription counts as an event: what is read from then on misses no change.
+    """
+    if message["type"] == "message":
+        return message["channel"], message["data"]
+    if message["type"] == "subscribe":
+        return message["channel"], message["channel"].removeprefix(record_key(""))
+    return None
 
 
 def _refusal(error: redis.RedisError) -> str:

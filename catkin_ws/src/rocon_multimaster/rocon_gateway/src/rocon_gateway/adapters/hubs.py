@@ -7,8 +7,9 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
 from rocon_gateway.adapters.examiner import Examiner
-from rocon_gateway.adapters.hub_client import RETRY, HubClient, HubContext, Publication
+from rocon_gateway.adapters.hub_client import RETRY, HubClient, HubContext
 from rocon_gateway.adapters.hub_session import Description, HubSession
+from rocon_gateway.core.hub_state import Publication
 from rocon_gateway.core.membership import Memberships, Overview
 from rocon_gateway.core.presence import Candidate, HubView, check_lists
 from rocon_hub_protocol.adapters.discovery import Discovery

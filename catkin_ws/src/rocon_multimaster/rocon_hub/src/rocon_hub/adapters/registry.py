@@ -29,7 +29,7 @@ return 1
 
 
 class Registry:
-    """What the hub does in its Redis.
+    """What the hub does in its Redis. Times are monotonic [s].
 
     Args:
         client: a client of our own server.
@@ -54,7 +54,7 @@ class Registry:
         """Writes what makes this a hub, once more if it is there; raises redis.ResponseError if Redis is full."""
         self._client.mset({PROTOCOL_KEY: PROTOCOL, NAME_KEY: self._name, SALT_KEY: self._salt})
 
-    def look(self) -> Iterator[str]:
+    def look(self, now: float) -> Iterator[str]:
         """Tells everybody of gateways that have just fallen silent, and yields each when that is done.
 
         Those that an error left untold are told of by the next look.
@@ -64,7 +64,7 @@ class Registry:
         alive = [name for name, life in zip(names, lives, strict=True) if life]
         for name in sorted(self._watch.fallen_silent(names, alive)):
             if self._expire(name):
-                self._watch.note(name, time.monotonic())
+                self._watch.note(name, now)
                 yield name
 
     def _expire(self, name: str) -> bool:
@@ -84,9 +84,9 @@ class Registry:
             self._client.delete(GATEWAYS_KEY)
             return set()
 
-    def clear(self) -> set[str]:
+    def clear(self, now: float) -> set[str]:
         """Deletes all that belongs to gateways that were silent for too long, and returns them."""
-        gone = self._watch.gone(time.monotonic())
+        gone = self._watch.gone(now)
         if gone:
             self._delete(gone, self._members())
         return gone

@@ -17,7 +17,7 @@ ADMIN = "hub"
 
 COMMANDS = (
     *("get", "set", "mget", "del", "pexpire", "sadd", "srem", "smembers", "sismember"),
-    *("hset", "hdel", "hmget", "hgetall", "publish", "subscribe", "unsubscribe", "multi", "exec"),
+    *("hset", "hdel", "hmget", "hgetall", "publish", "subscribe", "unsubscribe", "watch", "unwatch", "multi", "exec"),
     *("ping", "info", "time"),
 )
 """What the protocol needs, and gateways may use."""

@@ -129,12 +129,12 @@ class HubNode:
             self._restart("has users or permissions that this hub did not set")
 
     def _look(self) -> None:
-        for name in self._registry.look():
+        for name in self._registry.look(time.monotonic()):
             rospy.logwarn("gateway %r is not heard of any more", name)
         if time.monotonic() < self._next_clear:
             return
         self._next_clear = time.monotonic() + 1.0 / self._config.watcher_thread_rate
-        for name in self._registry.clear():
+        for name in self._registry.clear(time.monotonic()):
             rospy.loginfo("gateway %r removed", name)
         self._registry.write()
         if self._complaint:
