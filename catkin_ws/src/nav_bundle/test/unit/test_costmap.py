@@ -237,3 +237,20 @@ def test_ranges_without_a_return_give_points_only_where_infinity_is_valid():
     ranges = np.array([1.0, np.inf, np.nan, 0.05, 8.0], np.float32)
     assert len(points_from_ranges(ranges, 0.0, 0.1, 0.1, 8.0, False)) == 1
     assert len(points_from_ranges(ranges, 0.0, 0.1, 0.1, 8.0, True)) == 2
+
+
+def test_a_goal_in_an_obstacle_of_the_map_or_outside_it_is_ruled_out_at_once() -> None:
+    costmap = costmap_of(["#" * 20, *["#" + "." * 18 + "#"] * 18, "#" * 20])
+    assert costmap.goal_fault(Pose(1.0, 1.0)) == ""
+    assert "in an obstacle of the map" in costmap.goal_fault(Pose(0.05, 1.0))
+    assert "less than 0.21 m from one" in costmap.goal_fault(Pose(0.25, 1.0))
+    outside = costmap.goal_fault(Pose(7.0, 1.0))
+    assert outside == "The goal (7.00, 1.00) is outside the map, which spans x from 0 to 2 and y from 0 to 2 m."
+
+
+def test_what_only_sensors_have_seen_rules_no_goal_out() -> None:
+    costmap = costmap_of(["." * 40] * 40, **SENSING)
+    costmap.update(Pose(2.0, 2.0), seen_by(costmap, 2.0, 2.0, (3.0, 2.0)))
+    assert cost_at(costmap, 3.0, 2.0) == LETHAL
+    assert costmap.goal_fault(Pose(3.0, 2.0)) == ""
+    assert rolling().goal_fault(Pose(9.0, 9.0)) == ""

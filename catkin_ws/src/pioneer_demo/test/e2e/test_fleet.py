@@ -39,6 +39,9 @@ def test_a_fleet_stays_up_for_status_goals_and_teleop_until_ctrl_c(start, keyboa
     assert robot["master"] in fleet.text()
 
     environment = {**os.environ, "ROS_MASTER_URI": robot["master"], "ROS_IP": "127.0.0.1"}
+    world = subprocess.run(["rosparam", "get", "/world_name"], env=environment, capture_output=True, check=True)
+    assert world.stdout == b"small_world\n", "step 3's, through the gateways"
+
     x, y, _ = robot["pose"]
     goal = ["geometry_msgs/Twist", f"[{x}, {y}, 0.0]", "[0.0, 0.0, 0.0]"]
     subprocess.run(

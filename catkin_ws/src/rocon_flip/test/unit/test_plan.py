@@ -18,7 +18,7 @@ from rocon_flip.core.plan import (
 
 
 def test_the_hub_advertises_what_the_robots_pull() -> None:
-    assert [wish.name for wish in advertised_by_hub()] == ["/clock", "/map", "/tf", "/tf_static"]
+    assert [wish.name for wish in advertised_by_hub()] == ["/clock", "/map", "/tf", "/tf_static", "/world_name"]
     assert [(wish.name, wish.gateway) for wish in pulled_from_hub()] == [
         (wish.name, "Hub_Gateway") for wish in advertised_by_hub()
     ]

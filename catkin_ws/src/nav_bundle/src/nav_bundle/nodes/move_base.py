@@ -46,8 +46,7 @@ from nav_bundle.nodes.transform import TransformListener
 from pioneer_node.nodes import entry
 
 # How many cells a search may look at in one cycle: about 60 ms while the robot stands, 8 ms while it drives.
-_CELLS_STANDING = 2_000_000
-_CELLS_DRIVING = 250_000
+_CELLS_STANDING, _CELLS_DRIVING = 2_000_000, 250_000
 _COMPLAIN_EVERY = 5.0
 _NOBODY = np.empty((0, 2))
 _BUSY = "move_base must be in an inactive state to make a plan for an external user"
@@ -132,7 +131,7 @@ class MoveBaseNode:
         """Waits for what navigation needs, then runs the loop until shutdown."""
         if not self._wait():
             return
-        self._goals = GoalServer("move_base", self._global.frame, self._listener)
+        self._goals = GoalServer("move_base", self._global.frame, self._listener, self._goal_fault)
         self._odometry = newest_odometry("odom")
         self._services = [
             rospy.Service("~make_plan", GetPlan, self._make_plan),
@@ -191,6 +190,9 @@ class MoveBaseNode:
         self._handle(events)
         if inputs.pose is not None and self._state.phase is not Phase.IDLE:
             self._goals.report(inputs.pose, now)
+
+    def _goal_fault(self, goal: Pose) -> str:
+        return "" if self._setup.global_planner.default_tolerance else self._global.costmap.goal_fault(goal)
 
     def _inputs(self, now: float) -> Inputs:
         """Gathers what happened since the last cycle, local planner and recovery included."""

@@ -1,5 +1,6 @@
 """Goals of move_base: its action, and the topic for those who have no action client."""
 
+from collections.abc import Callable
 from typing import Any
 
 import actionlib
@@ -63,11 +64,14 @@ class GoalServer:
 
     Threads: actionlib's callbacks store; ``take`` and the rest are called by the owner's loop. No execute thread.
 
-    On error: a goal that is no pose, or that no transform leads to, is aborted with a text that says why.
+    On error: a goal that is no pose, that no transform leads to, or that the map rules out is aborted with the reason.
     """
 
-    def __init__(self, name: str, global_frame: str, listener: TransformListener) -> None:
-        self._frame, self._listener = global_frame, listener
+    def __init__(
+        self, name: str, global_frame: str, listener: TransformListener, fault: Callable[[Pose], str] = lambda _: ""
+    ) -> None:
+        """``fault`` returns why a goal in the global frame can never be reached; empty where it may be."""
+        self._frame, self._listener, self._fault = global_frame, listener, fault
         self._goal_publisher = rospy.Publisher("~current_goal", PoseStamped, queue_size=1)
         self._action_goal_publisher = rospy.Publisher(f"{name}/goal", MoveBaseActionGoal, queue_size=1)
         self._server = _ActionServer(name, MoveBaseAction, auto_start=False)
@@ -103,6 +107,10 @@ class GoalServer:
             )
             return None
         self._goal_publisher.publish(stamped_from_pose(goal, self._frame, rospy.Time.now()))
+        if fault := self._fault(goal):
+            rospy.logwarn("%s", fault)
+            self._server.set_aborted(MoveBaseResult(), fault)
+            return None
         return goal
 
     def _global_goal(self, target: PoseStamped) -> Pose:

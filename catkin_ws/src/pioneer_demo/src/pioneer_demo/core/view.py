@@ -28,7 +28,7 @@ For other ROS commands, in ./pioneer shell:
 
 {masters}
 
-  rostopic pub -1 /pioneer1/map_goal geometry_msgs/Twist '[1.0, 2.0, 0.0]' '[0.0, 0.0, 90.0]'   # on pioneer1's master
+  rostopic pub -1 /pioneer1/map_goal geometry_msgs/Twist '[1.0, 1.0, 0.0]' '[0.0, 0.0, 90.0]'   # on pioneer1's master
 """
 
 

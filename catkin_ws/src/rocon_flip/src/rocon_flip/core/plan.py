@@ -6,7 +6,7 @@ All names that the tutorial fixes are here: which topics cross, between which ga
 import enum
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 HUB_GATEWAY = "Hub_Gateway"
 SHARED_TOPICS = ("clock", "map", "tf", "tf_static")
@@ -42,7 +42,7 @@ class Wish:
     """One rule to ask for.
 
     Attributes:
-        kind: "publisher" or "subscriber", seen from this gateway for a flip and from the other for a pull.
+        kind: "publisher" or "subscriber", seen from this gateway for a flip and from the other for a pull; "parameter".
         name: the topic, or a pattern.
         node: the node, or a pattern; empty for any.
         gateway: the other gateway; empty for an advertisement.
@@ -57,14 +57,18 @@ class Wish:
         return ", ".join(part for part in (self.gateway, self.name, self.kind, self.node) if part)
 
 
+WORLD = Wish("parameter", "/world_name")
+"""Set by step 3 and read by step 4, which takes the robot's initial pose from it."""
+
+
 def advertised_by_hub() -> list[Wish]:
     """Returns what the hub's gateway advertises."""
-    return [Wish("publisher", f"/{topic}") for topic in SHARED_TOPICS]
+    return [*(Wish("publisher", f"/{topic}") for topic in SHARED_TOPICS), WORLD]
 
 
 def pulled_from_hub(gateway: str = HUB_GATEWAY) -> list[Wish]:
     """Returns what a robot pulls."""
-    return [Wish("publisher", f"/{topic}", gateway=gateway) for topic in SHARED_TOPICS]
+    return [replace(wish, gateway=gateway) for wish in advertised_by_hub()]
 
 
 def flipped_from_hub(robots: int) -> list[Wish]:

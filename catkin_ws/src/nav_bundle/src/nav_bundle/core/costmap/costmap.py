@@ -179,6 +179,29 @@ class Costmap:
         """Returns the highest cost under the robot's outline at ``pose``: -1 lethal, -2 unknown, -3 off the grid."""
         return footprint_cost(self.cells, self.geometry.place, self.footprint.vertices, pose.x, pose.y, pose.yaw)
 
+    def goal_fault(self, goal: Pose) -> str:
+        """Returns why, by the map alone, no robot can stand at ``goal``; empty where the map does not forbid it.
+
+        What only sensors have seen may move away. A costmap that rolls, or has no map, forbids nothing.
+        """
+        if self.config.rolling_window or not self._static or self._static[0].cells is None:
+            return ""
+        place, radius = self.geometry, self.footprint.inscribed_radius
+        row, col = place.row_of(goal.y), place.col_of(goal.x)
+        if not (0 <= row < place.rows and 0 <= col < place.cols):
+            right, top = place.origin_x + place.cols * place.resolution, place.origin_y + place.rows * place.resolution
+            spans = f"x from {place.origin_x:g} to {right:g} and y from {place.origin_y:g} to {top:g} m"
+            return f"The goal ({goal.x:.2f}, {goal.y:.2f}) is outside the map, which spans {spans}."
+        reach = int(radius / place.resolution)
+        part = Window(row, row + 1, col, col + 1).grown(reach, place.rows, place.cols)
+        rows, cols = np.ogrid[part.row_0 - row : part.row_1 - row, part.col_0 - col : part.col_1 - col]
+        lethal = self._static[0].cells[part.row_0 : part.row_1, part.col_0 : part.col_1] == LETHAL
+        if not np.any(lethal & (rows**2 + cols**2 <= reach**2)):
+            return ""
+        return (
+            f"The goal ({goal.x:.2f}, {goal.y:.2f}) is in an obstacle of the map, or less than {radius:.2f} m from one."
+        )
+
     def strangers(self, pose: Pose, reach: float) -> NDArray[np.float64]:
         """Returns what sensors marked that the map does not know: points (n, 2) [m] within ``reach`` [m] of ``pose``.
 

@@ -8,12 +8,17 @@ from pathlib import Path
 
 import rosgraph
 
+from pioneer_gazebo.adapters.drawn_map import read_map
 from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses
+from pioneer_gazebo.adapters.resource import package_directory
 from pioneer_gazebo.core.argument import ArgumentError, options_from_arguments, usage
 from pioneer_gazebo.core.fleet import InitialPose, initial_pose, robot_of_host
-from pioneer_gazebo.nodes.session import LaunchFile, Session, host_name, run_session
+from pioneer_gazebo.core.placement import check_place
+from pioneer_gazebo.nodes.session import LaunchFile, Session, SessionError, host_name, run_session
 
 NAME = "run-pioneer-nav-local"
+WORLD = "/world_name"
+"""Parameter with the name of the world that the base station simulates."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,14 +26,14 @@ class NavigationOptions:
     """The command line."""
 
     robot_name: str
-    world_name: str = "utm_0"
+    world_name: str = ""
     poses: str = ""
     gateway: bool = True
 
 
 DOCS = {
     "robot_name": "the robot driven from here; environment: ROBOT_NAME, else pioneerX on a host aadiX",
-    "world_name": "the world it stands in, for its initial pose; environment: WORLD",
+    "world_name": "the world it stands in, for its initial pose; empty for the base station's; environment: WORLD",
     "poses": "YAML file of initial poses; empty for pioneer_description's",
     "gateway": "pull and flip the robot's topics through this master's gateway",
 }
@@ -58,21 +63,65 @@ def launch_files(robot: str, pose: InitialPose, poses: str) -> list[LaunchFile]:
     ]
 
 
-def navigate(session: Session, options: NavigationOptions) -> None:
-    """Brings the robot's navigation up and keeps it running until the end is asked for."""
-    poses = Path(options.poses).expanduser() if options.poses else poses_of_world(Path(options.world_name).stem)
+def start_pose(options: NavigationOptions, world: str) -> tuple[InitialPose, Path]:
+    """Returns the robot's initial pose in a world, checked against the world's map where that is here, and its file.
+
+    Raises:
+        FleetError: there is none.
+        PlacementError: no robot can start there.
+    """
+    poses = Path(options.poses).expanduser() if options.poses else poses_of_world(world)
     pose = initial_pose(read_poses(poses), options.robot_name, str(poses))
+    grid = (package_directory() or Path()) / "map" / f"{world}.yaml"
+    drawn = read_map(grid) if grid.is_file() else None
+    if drawn is not None:
+        check_place(drawn, options.robot_name, pose.x, pose.y, world)
+    return pose, poses
+
+
+def navigate(session: Session, options: NavigationOptions) -> None:
+    """Brings the robot's navigation up and keeps it running until the end is asked for.
+
+    Raises:
+        SessionError: the base station simulates another world than ``options`` name.
+    """
+    wanted = Path(options.world_name).stem
+    if wanted:
+        start_pose(options, wanted)  # fails before anything is awaited
     session.wait_for_master()
+    master = rosgraph.Master(f"/{NAME}")
+    if not wanted and options.gateway:
+        session.run("rocon_flip", "pull-from-hub")
+    # Who names the world need not wait for the base station.
+    world = _world_here(session, master) if not wanted or master.hasParam(WORLD) else wanted
+    _check_world(wanted or world, world)
+    pose, poses = start_pose(options, world)
     # Before any node starts: a node reads it once.
-    rosgraph.Master(f"/{NAME}").setParam("/use_sim_time", True)
-    session.say(f"starting the navigation of {options.robot_name}")
+    master.setParam("/use_sim_time", True)
+    session.say(f"starting the navigation of {options.robot_name} in {world}")
     session.launch(launch_files(options.robot_name, pose, str(poses)))
     if options.gateway:
         os.environ["ROBOT_NAME"] = options.robot_name
-        session.run("rocon_flip", "pull-from-hub")
+        if wanted:
+            session.run("rocon_flip", "pull-from-hub")
         session.run("rocon_flip", "flip-from-remote")
         session.say("topics are pulled and flipped")
+        _check_world(world, _world_here(session, master))
     session.spin()
+
+
+def _world_here(session: Session, master: rosgraph.Master) -> str:
+    """Waits for the base station's world, which the gateway copies to this master."""
+    session.wait_for(lambda: master.hasParam(WORLD), "the base station's world (step 3)")
+    return str(master.getParam(WORLD))
+
+
+def _check_world(wanted: str, simulated: str) -> None:
+    if wanted != simulated:
+        raise SessionError(
+            f"the base station simulates {simulated}, but this computer was started for {wanted}: "
+            "leave out world_name:= and WORLD here, or give both computers the same world"
+        )
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -7,13 +7,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import rosgraph
 import rospy
 
+from pioneer_gazebo.adapters.drawn_map import read_map
 from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses
 from pioneer_gazebo.adapters.resource import map_path, package_directory, world_path
 from pioneer_gazebo.core.argument import ArgumentError, options_from_arguments, usage, value_from_text
 from pioneer_gazebo.core.error import SimulatorError
 from pioneer_gazebo.core.fleet import InitialPose, initial_pose, robot_names
+from pioneer_gazebo.core.placement import check_place
 from pioneer_gazebo.nodes.session import LaunchFile, Session, SessionError, run_session
 from pioneer_gazebo.nodes.simulator_client import SimulatorClient
 
@@ -143,7 +146,13 @@ def simulate(session: Session, options: SimulationOptions) -> None:
     path = world_path(options.world_name)
     world, grid = path.stem, map_file(options, path)
     poses = fleet_poses(options, world)
+    drawn = read_map(grid)
+    for robot, pose in poses.items():
+        if drawn is not None:
+            check_place(drawn, robot, pose.x, pose.y, world)
     session.wait_for_master()
+    # Robots' computers read it through the gateways, and choose their initial poses by it.
+    rosgraph.Master(f"/{NAME}").setParam("/world_name", world)
     session.say(f"starting {world} with {len(poses)} robots")
     session.launch(launch_files(options, path, grid, list(poses)))
     rospy.init_node(NAME.replace("-", "_"), anonymous=True, disable_signals=True)

@@ -9,7 +9,12 @@ from gazebo_msgs.srv import GetWorldProperties, SpawnModel, SpawnModelRequest
 from geometry_msgs.msg import Point, Quaternion
 from std_srvs.srv import Empty
 
-from pioneer_gazebo.core.error import SpawnError
+from pioneer_gazebo.adapters.drawn_map import read_map
+from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses
+from pioneer_gazebo.adapters.resource import map_path, world_path
+from pioneer_gazebo.core.error import SimulatorError, SpawnError
+from pioneer_gazebo.core.fleet import InitialPose, initial_pose
+from pioneer_gazebo.core.placement import check_place
 from pioneer_gazebo.core.pose import quaternion_from_rpy
 
 WAIT_WORDS_PERIOD = 5.0
@@ -33,9 +38,32 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument("-unpause", action="store_true", help="unpause the simulation afterwards")
     result.add_argument("-wait", metavar="MODEL", help="wait until this model is there")
     result.add_argument("-timeout", type=float, default=float("inf"), help="give up waiting after so many seconds")
+    result.add_argument("-world", metavar="WORLD", help="check the place against this world's map; what is left out of "
+        "x, y and Y is pioneer1's in that world")  # fmt: skip
     for name, text in (("x", "[m]"), ("y", "[m]"), ("z", "[m]"), ("R", "[rad]"), ("P", "[rad]"), ("Y", "[rad]")):
-        result.add_argument(f"-{name}", type=float, default=0.0, dest=f"pose_{name}", help=text)
+        result.add_argument(f"-{name}", type=float, dest=f"pose_{name}", help=f"{text} (default 0)")
     return result
+
+
+def place_of(options: argparse.Namespace) -> InitialPose:
+    """Returns where the model is to stand.
+
+    Raises:
+        SimulatorError: with ``-world``, no robot can start there.
+    """
+    default, path = InitialPose(0.0, 0.0, 0.0), None
+    if options.world:
+        path = world_path(options.world)
+        poses = poses_of_world(path.stem)
+        default = initial_pose(read_poses(poses), "pioneer1", str(poses))
+    given = (options.pose_x, options.pose_y, options.pose_Y)
+    known = (default.x, default.y, default.a)
+    place = InitialPose(*(one if value is None else value for value, one in zip(given, known, strict=True)))
+    grid = map_path(path) if path else None
+    drawn = read_map(grid) if grid and grid.is_file() else None
+    if path and drawn is not None:
+        check_place(drawn, options.model, place.x, place.y, path.stem)
+    return place
 
 
 def model_xml(options: argparse.Namespace) -> str:
@@ -62,7 +90,9 @@ def request_of(options: argparse.Namespace) -> SpawnModelRequest:
 
     Raises:
         SpawnError: the model's text cannot be read.
+        SimulatorError: no robot can start there.
     """
+    place = place_of(options)
     namespace = rospy.get_namespace() if options.robot_namespace is None else options.robot_namespace
     request = SpawnModelRequest(
         model_name=options.model,
@@ -70,8 +100,8 @@ def request_of(options: argparse.Namespace) -> SpawnModelRequest:
         robot_namespace=namespace,
         reference_frame=options.reference_frame,
     )
-    request.initial_pose.position = Point(options.pose_x, options.pose_y, options.pose_z)
-    rotation = quaternion_from_rpy(options.pose_R, options.pose_P, options.pose_Y)
+    request.initial_pose.position = Point(place.x, place.y, options.pose_z or 0.0)
+    rotation = quaternion_from_rpy(options.pose_R or 0.0, options.pose_P or 0.0, place.a)
     request.initial_pose.orientation = Quaternion(*rotation)
     return request
 
@@ -135,7 +165,7 @@ def main() -> int:
         spawn(options)
     except rospy.ROSInterruptException:
         return 130
-    except (SpawnError, rospy.ServiceException) as error:
+    except (SimulatorError, rospy.ServiceException) as error:
         rospy.logerr("%s not spawned: %s", options.model, error)
         return 1
     return 0
