@@ -4,5 +4,6 @@
 root=$PIONEER_ROOT
 . "$root/tools/setup.bash"
 enter_workspace
+. "$root/tools/completion.bash"
 set +u
 PS1="(pioneer) $PS1"

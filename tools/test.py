@@ -225,7 +225,11 @@ def the_only_run() -> Iterator[None]:
 
 def arguments_from(words: Sequence[str] | None) -> argparse.Namespace:
     """Returns the command line as checked; with --soak there is a stage of that name."""
-    parser = argparse.ArgumentParser(prog="./pioneer test", description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="./pioneer test",
+        description=(__doc__ or "").splitlines()[0],
+        epilog="example: ./pioneer test rostest --only amcl",
+    )
     parser.add_argument("stages", nargs="*", metavar="STAGE", help=f"one of {', '.join(STAGES)}; all by default")
     parser.add_argument("--only", default="", metavar="TEXT", help="only the checks whose name contains TEXT")
     parser.add_argument("--jobs", type=int, default=min(int(processors()) + 1, MOST_AT_ONCE), metavar="N",

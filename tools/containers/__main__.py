@@ -27,7 +27,7 @@ def main(words: Sequence[str]) -> int:
         print(f"pioneer: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print("\ninterrupted; containers that run go on: ./pioneer status, ./pioneer down")
+        print("\ninterrupted; running containers continue: ./pioneer status, ./pioneer down")
         return 130
 
 
@@ -35,23 +35,27 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("./pioneer", description=__doc__)
     parser.set_defaults(project=os.environ.get("PIONEER_PROJECT", "pioneer"))
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    _add_up(commands.add_parser("up", help="start the fleet, build the image first if need be; ends when robots drive"))
-    down = commands.add_parser("down", help="end the fleet and remove its containers and network")
-    down.set_defaults(run=_down)
-    status = commands.add_parser("status", help="one line a computer: container, gateway, rules, robot, localisation")
+
+    def command(name: str, run: Any, description: str, example: str) -> argparse.ArgumentParser:
+        epilog = f"example: ./pioneer {example}"
+        one = commands.add_parser(name, help=description, description=description, epilog=epilog)
+        one.set_defaults(run=run)
+        return one
+
+    text = "Starts the tutorial's computers as containers, after building the image; ends once all robots drive."
+    _add_up(command("up", up, text, "up --robots 3 --world closed_maze"))
+    command("down", _down, "Ends the fleet of containers and removes its containers and network.", "down")
+    text = "Prints one line a computer: container, gateway, rules, robot, localisation."
+    status = command("status", _status, text, "status --json")
     status.add_argument("--json", action="store_true", help="as JSON, for programs")
-    status.set_defaults(run=_status)
-    logs = commands.add_parser("logs", help="what the computers say: ./pioneer logs -f aadi1")
-    logs.add_argument("-f", "--follow", action="store_true")
-    logs.add_argument("computers", nargs="*")
-    logs.set_defaults(run=_logs)
-    execute = commands.add_parser("exec", help="run a command on a computer: ./pioneer exec aadi1 rostopic list")
-    execute.add_argument("computer")
-    execute.add_argument("command", nargs=argparse.REMAINDER)
-    execute.set_defaults(run=_exec)
-    image = commands.add_parser("image", help="build what up would build, and start nothing")
+    logs = command("logs", _logs, "Prints what the computers log.", "logs -f aadi1")
+    logs.add_argument("-f", "--follow", action="store_true", help="continue until Ctrl-C")
+    logs.add_argument("computers", nargs="*", metavar="COMPUTER", help="such as aadi1; all by default")
+    execute = command("exec", _exec, "Runs a command on a computer of the fleet.", "exec aadi1 rostopic list")
+    execute.add_argument("computer", metavar="COMPUTER", help="such as aadi1 or aadiworkstation")
+    execute.add_argument("command", nargs=argparse.REMAINDER, metavar="COMMAND", help="with arguments; bash by default")
+    image = command("image", _image, "Builds the image that up starts, and starts nothing.", "image --desktop")
     image.add_argument("--desktop", action="store_true", help="the desktop's image too")
-    image.set_defaults(run=_image)
     return parser
 
 
@@ -62,9 +66,8 @@ def _add_up(parser: argparse.ArgumentParser) -> None:
     add("--waypoints", type=int, default=3, help="send each robot that is started to so many places (default: 3)")
     add("--rtf", type=float, metavar="R", help="real-time factor of the world (default: 1, or less where that is more "
         "than the processors carry)")  # fmt: skip
-    add("--idle", action="store_true", help="start no steps: type the tutorial's into ./pioneer exec")
+    add("--idle", action="store_true", help="start no steps, so that you can type them into ./pioneer exec")
     add("--desktop", action="store_true", help="with RViz of the fleet, in the browser")
-    parser.set_defaults(run=up)
 
 
 def _down(options: argparse.Namespace) -> int:
@@ -101,7 +104,7 @@ def _exec(options: argparse.Namespace) -> int:
 
 
 def _image(options: argparse.Namespace) -> int:
-    project(options.project)  # an engine that does not answer is told before anything is fetched
+    project(options.project)  # reports an engine that does not answer before anything is fetched
     ensure_images(functools.partial(print, flush=True), options.desktop)
     return 0
 

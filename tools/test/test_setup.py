@@ -82,14 +82,3 @@ def test_an_interrupt_ends_the_running_step_and_says_so(tmp_path: Path) -> None:
     assert "interrupted" in error
     with pytest.raises(ProcessLookupError):
         os.kill(step, 0)
-
-
-def test_an_unknown_command_is_answered_with_the_usage() -> None:
-    result = subprocess.run([ROOT / "pioneer", "dmeo"], capture_output=True, text=True, check=False, timeout=HANGS)
-    assert result.returncode == 1
-    assert "unknown command 'dmeo'" in result.stderr
-
-
-def test_help_needs_no_set_up() -> None:
-    result = subprocess.run([ROOT / "pioneer", "--help"], capture_output=True, text=True, check=True, timeout=HANGS)
-    assert "./pioneer" in result.stdout

@@ -16,8 +16,13 @@ BENCHES = {
 
 def main() -> int:
     """Runs the bench that the command line names; returns its exit status."""
-    parser = argparse.ArgumentParser(prog="pioneer bench", description="Measurements beside the figures to reach.")
+    parser = argparse.ArgumentParser(
+        prog="./pioneer bench",
+        description="Measures, and prints the figures beside those to reach. ./pioneer bench BENCH --help has options.",
+        epilog="example: ./pioneer bench sim --robots 1 5",
+    )
     benches = parser.add_subparsers(required=True, metavar="BENCH")
+    benches.add_parser("containers", help="the fleet in containers: start-up, CPU, memory and traffic by its size")
     for name, text in BENCHES.items():
         one = benches.add_parser(name, help=text)
         if name in sys.argv[1:2]:  # the others' engines and nodes are not needed

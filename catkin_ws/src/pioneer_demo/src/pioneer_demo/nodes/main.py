@@ -53,7 +53,11 @@ def main(words: Sequence[str], interrupt: Interrupt) -> int:
         print(text, file=sys.stderr)
         mute()
         return _FAILED
-    except (DemoError, HarnessError, OSError) as error:
+    except OSError as error:
+        text = f"{error.filename}: {error.strerror}" if error.filename else error
+        print(f"pioneer {command}: {text}", file=sys.stderr)
+        return _FAILED
+    except (DemoError, HarnessError) as error:
         print(f"pioneer {command}: {error}", file=sys.stderr)
         return _FAILED
 

@@ -1,0 +1,55 @@
+"""What ``./pioneer`` answers without set-up: help on its commands, the nearest command."""
+
+import difflib
+import sys
+from collections.abc import Sequence
+
+from containers import SOURCE
+
+COMMANDS = (
+    "demo", "fleet", "status", "rviz", "teleop", "up", "down", "logs", "exec", "image", "run", "shell", "setup",
+    "test", "bench",
+)  # fmt: skip
+
+
+def main(words: Sequence[str]) -> int:
+    """Answers one question; returns the exit status."""
+    match words:
+        case ["unknown", command]:
+            print(f"pioneer: {unknown(command)}", file=sys.stderr)
+            return 2
+        case ["help", command]:
+            show_help(command)
+            return 0
+    raise ValueError(f"no such question: {' '.join(words)}")
+
+
+def unknown(command: str) -> str:
+    """Returns one line on a command that does not exist."""
+    near = difflib.get_close_matches(command, COMMANDS, 1)
+    hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(COMMANDS)}"
+    return f"unknown command '{command}': {hint} (./pioneer --help)"
+
+
+def show_help(command: str) -> None:
+    """Prints the help of a command whose options are parsed after the set-up."""
+    sys.argv = [f"./pioneer {command}", "--help"]
+    if command == "test":
+        import test
+
+        test.arguments_from(["--help"])
+    elif command == "bench":
+        sys.path.append(str(SOURCE / "pioneer_bench" / "src"))
+        from pioneer_bench.__main__ import main as bench
+
+        bench()
+    else:
+        from pioneer_demo.core.option import Machine, demo_config, fleet_config
+
+        worlds = (SOURCE / "pioneer_gazebo_ros" / "pioneer_gazebo" / "worlds").glob("*.world")
+        machine = Machine(dict.fromkeys(sorted(path.stem for path in worlds), 1), 0, 1.0)
+        (demo_config if command == "demo" else fleet_config)(["--help"], machine)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
