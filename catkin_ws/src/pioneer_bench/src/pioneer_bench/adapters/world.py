@@ -18,7 +18,7 @@ class Worlds:
 
     def make(self, models: list[Model]) -> Simulation:
         """Returns a world of the ground and ``models``."""
-        engine = BulletEngine(triangles_of_mesh)
+        engine = BulletEngine()
         self._engines.append(engine)
         simulation = Simulation(engine, triangles_of_mesh, Physics())
         simulation.load(World("trial", (floor(), *models)))

@@ -2,7 +2,9 @@
 """Bad input to the running simulator: each gets one clear line, and time goes on for the robot that is there."""
 
 import math
+import os
 import sys
+import tempfile
 import threading
 import unittest
 
@@ -10,7 +12,7 @@ import rospy
 import rostest
 from gazebo_msgs import srv
 from gazebo_msgs.msg import ModelState
-from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
+from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3, Wrench
 from nav_msgs.msg import Odometry
 from std_msgs.msg import Bool
 
@@ -96,6 +98,29 @@ class BadInputTest(unittest.TestCase):
         self.refused(self.urdf("x", self.description, "x", pose(0.0, math.inf), ""), "not finite")
         bad = ModelState("good", pose(math.nan, 0.0), Twist(), "")
         self.refused(self.set_state(bad), "not finite")
+
+    def test_states_forces_and_shapes_beyond_all_bounds_are_refused(self) -> None:
+        fast = Twist(Vector3(1e200, 0.0, 0.0), Vector3())
+        self.refused(self.set_state(ModelState("good", pose(0.0, -2.0), fast, "")), "at most 1000 m/s")
+        self.refused(self.set_state(ModelState("good", pose(1e200, 0.0), Twist(), "")), "at most 1e+06 m")
+        rospy.Publisher("/gazebo/set_model_state", ModelState, queue_size=1, latch=True).publish(
+            ModelState("good", pose(0.0, -2.0), fast, "")
+        )
+        push = rospy.ServiceProxy("/gazebo/apply_body_wrench", srv.ApplyBodyWrench)
+        wrench = Wrench(Vector3(1e200, 0.0, 0.0), Vector3())
+        answer = push("good::base_link", "", Point(), wrench, rospy.Time(), rospy.Duration(1.0))
+        self.refused(answer, "force must be finite")
+        self.refused(
+            self.sdf("m", SDF.format("<sphere><radius>1e200</radius></sphere>"), "m", pose(2.0, -3.0), ""), "size"
+        )
+
+    def test_meshes_that_are_no_regular_files_are_refused_at_once(self) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            os.mkfifo(f"{folder}/pipe.stl")
+            os.symlink("/dev/zero", f"{folder}/zero.stl")
+            for name, word in (("pipe.stl", "regular"), ("zero.stl", "regular"), ("", "meshes are read from")):
+                mesh = f"<mesh><uri>file://{folder}/{name}</uri></mesh>"
+                self.refused(self.sdf("m", SDF.format(mesh), "m", pose(2.0, -3.0, 1.0), ""), word)
 
     def test_commands_that_are_not_finite_leave_the_one_before(self) -> None:
         for bad in (math.nan, math.inf, -math.inf):

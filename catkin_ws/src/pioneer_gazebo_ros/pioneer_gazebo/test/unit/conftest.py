@@ -111,7 +111,7 @@ def simulate() -> Iterator[MakeSimulation]:
     engines: list[BulletEngine] = []
 
     def make(*models: Model, seed: int = 0, odometry_error: float = 0.0, odometry_scale: float = 1.0) -> Simulation:
-        engine = BulletEngine(triangles_of_mesh)
+        engine = BulletEngine()
         engines.append(engine)
         simulation = Simulation(engine, triangles_of_mesh, Physics(), seed, odometry_error, odometry_scale)
         simulation.load(World("test", (floor(), *models)))

@@ -1,9 +1,10 @@
+import os
 import struct
 
 import numpy as np
 import pytest
 
-from pioneer_gazebo.adapters.mesh import triangles_of_mesh
+from pioneer_gazebo.adapters.mesh import hull_of_mesh, solid_of_mesh, triangles_of_mesh
 from pioneer_gazebo.core.error import DescriptionError
 from pioneer_gazebo.core.world import Mesh
 
@@ -43,9 +44,81 @@ def test_obj_with_a_square_is_two_triangles(tmp_path):
     assert len(found) == 2
 
 
-def test_collada_is_in_metres_with_z_up(tmp_path):
-    np.testing.assert_allclose(read(tmp_path, "z.dae", DAE.format(up="Z_UP"))[0][2], (0.5, 0.5, 1.0))
-    np.testing.assert_allclose(read(tmp_path, "y.dae", DAE.format(up="Y_UP"))[0][2], (0.5, -1.0, 0.5))
+def test_collada_is_in_metres_and_its_up_axis_changes_nothing_as_in_gazebo(tmp_path):
+    for up in ("X_UP", "Y_UP", "Z_UP"):
+        found = read(tmp_path, f"{up}.dae", DAE.format(up=up))
+        np.testing.assert_allclose(found, (TRIANGLE + np.array([1, 0, 0])) * 0.5, atol=1e-12)
+
+
+def test_collada_node_transforms_apply_in_order_and_through_parents(tmp_path):
+    inner = "<translate>1 0 0</translate><instance_geometry"
+    moves = "<translate>0 0 1</translate><rotate>0 0 1 90</rotate><scale>2 2 2</scale><instance_geometry"
+    outer = DAE.format(up="Y_UP").replace(inner, f"<translate>5 0 0</translate><node>{moves}")
+    found = read(tmp_path, "n.dae", outer.replace("</node>", "</node></node>"))
+    x, y, z = TRIANGLE[0].T * 2
+    np.testing.assert_allclose(found[0], np.column_stack([5 - y, x, z + 1]) * 0.5, atol=1e-12)
+
+
+def ball(count):
+    """Returns triangles of a ball of radius 1 about (0, 0, 0)."""
+    rows, cols = count, 2 * count
+    v, u = np.meshgrid(np.linspace(0, np.pi, rows + 1), np.linspace(0, 2 * np.pi, cols + 1), indexing="ij")
+    p = np.stack([np.sin(v) * np.cos(u), np.sin(v) * np.sin(u), np.cos(v)], axis=-1)
+    a, b, c, d = p[:-1, :-1], p[1:, :-1], p[1:, 1:], p[:-1, 1:]
+    return np.concatenate(
+        [np.stack([a, b, c], axis=2).reshape(-1, 3, 3), np.stack([a, c, d], axis=2).reshape(-1, 3, 3)]
+    )
+
+
+def stl(triangles):
+    table = np.zeros(len(triangles), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    table["corners"] = triangles
+    return bytes(80) + struct.pack("<I", len(triangles)) + table.tobytes()
+
+
+def test_a_mesh_of_300_000_triangles_is_made_small_and_keeps_its_shape(tmp_path):
+    path = tmp_path / "ball.stl"
+    path.write_bytes(stl(ball(280)))
+    mesh = Mesh(str(path), (2.0, 2.0, 2.0))
+    assert len(triangles_of_mesh(mesh)) > 300_000
+    solid, hull = solid_of_mesh(mesh), hull_of_mesh(mesh)
+    assert len(solid) <= 20_000
+    assert np.abs(np.linalg.norm(solid.reshape(-1, 3), axis=1) - 2.0).max() < 0.001
+    assert np.abs(np.sort(np.linalg.norm(solid.mean(axis=1), axis=1))[:10] - 2.0).max() < 0.02
+    assert len(hull) <= 64
+    np.testing.assert_allclose([hull.min(axis=0), hull.max(axis=0)], [[-2] * 3, [2] * 3], atol=0.001)
+
+
+def test_a_large_mesh_is_read_once_and_then_comes_from_the_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path = tmp_path / "ball.stl"
+    path.write_bytes(stl(ball(50)))
+    first = triangles_of_mesh(Mesh(str(path)))
+    [kept] = (tmp_path / "cache").rglob("*.npy")
+    copy = tmp_path / "copy.stl"
+    copy.write_bytes(path.read_bytes())
+    kept.write_bytes(b"broken")
+    np.testing.assert_array_equal(triangles_of_mesh(Mesh(str(copy))), first)
+    np.save(kept, first + 1.0)
+    third = tmp_path / "third.stl"
+    third.write_bytes(path.read_bytes())
+    np.testing.assert_array_equal(triangles_of_mesh(Mesh(str(third))), first + 1.0)
+
+
+def test_pipes_devices_folders_and_huge_files_are_no_meshes(tmp_path):
+    os.mkfifo(tmp_path / "pipe.stl")
+    (tmp_path / "zero.stl").symlink_to("/dev/zero")
+    (tmp_path / "folder.stl").mkdir()
+    with (tmp_path / "huge.stl").open("wb") as file:
+        file.truncate(300 << 20)
+    for name, message in (
+        ("pipe.stl", "not a regular file"), ("zero.stl", "not a regular file"), ("folder.stl", "Is a directory"),
+        ("huge.stl", "300 MiB exceed the limit of 256"),
+    ):  # fmt: skip
+        with pytest.raises(DescriptionError, match=message):
+            triangles_of_mesh(Mesh(str(tmp_path / name)))
+    with pytest.raises(DescriptionError, match=r"meshes are read from \.dae, \.obj, \.stl"):
+        triangles_of_mesh(Mesh("/dev/zero"))
 
 
 @pytest.mark.parametrize(

@@ -3,18 +3,19 @@
 import math
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from pioneer_gazebo.core.body import body_from_robot, lowest_points
 from pioneer_gazebo.core.drive import CommandError
-from pioneer_gazebo.core.engine import Engine, EngineError, Physics
-from pioneer_gazebo.core.error import ModelError
+from pioneer_gazebo.core.engine import Engine, EngineError, Physics, Velocity
+from pioneer_gazebo.core.error import BoundError, ModelError
 from pioneer_gazebo.core.fake_engine import FakeEngine
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.schedule import TICK_RATE, RateError
 from pioneer_gazebo.core.simulation import Simulation
-from pioneer_gazebo.core.world import Cylinder, Model, Sphere, World
+from pioneer_gazebo.core.world import Collision, Cylinder, Link, Model, Sphere, World
 from pioneer_gazebo.core.wrench import Wrench
 
 
@@ -175,3 +176,40 @@ def test_between_two_steps_poses_lie_between_their_states(simulation: Simulation
         simulation.advance(tick)
         at[tick] = simulation.pose(entity).position[0]
     assert at[606] == pytest.approx((at[600] + at[612]) / 2)
+
+
+def test_numbers_that_no_engine_can_simulate_are_refused(simulation: Simulation, robot: Robot) -> None:
+    entity = simulation.add_robot("r", "r", robot, Pose())
+    huge, still = 1e200, (0.0, 0.0, 0.0)
+    with pytest.raises(BoundError, match="velocity must be finite and at most 1000 m/s"):
+        simulation.place("r", Pose(), Velocity((huge, 0.0, 0.0)))
+    with pytest.raises(BoundError, match="position"):
+        simulation.place("r", Pose((huge, 0.0, 0.0)))
+    with pytest.raises(BoundError, match="force"):
+        simulation.push(Wrench(entity, 0, (math.nan, 0.0, 0.0), still, still, 0, 10))
+    with pytest.raises(BoundError, match="joint position"):
+        simulation.set_joint(entity, "left_joint", math.inf)
+    for physics in (Physics(gravity=(0.0, 0.0, -huge)), Physics(iterations=10**9)):
+        with pytest.raises(BoundError):
+            simulation.configure(physics)
+    for link in (Link("l", mass=huge), Link("l", collisions=(Collision("c", Pose(), Sphere(huge)),))):
+        for static in (False, True)[: 1 if link.mass == huge else 2]:
+            with pytest.raises(BoundError, match="m, link"):
+                simulation.add_model(Model("m", static=static, links=(link,)))
+    with pytest.raises(CommandError, match="at most 100 m/s"):
+        entity.drives[0].command(0, 1e6, 0.0)
+    assert simulation.names() == ["r"]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, 1e200])
+def test_a_body_that_flies_out_of_the_world_is_found_and_the_others_stay(
+    simulation: Simulation, engine: FakeEngine, robot: Robot, bad: float
+) -> None:
+    entities = [simulation.add_robot(name, name, robot, Pose()) for name in ("good", "bad")]
+    engine.set_pose(entities[1].handle, Pose((0.0, bad, 0.0)))
+    simulation.advance(2 * TICK_RATE)
+    assert math.isfinite(simulation.pose(entities[1]).position[1])
+    assert np.isfinite(simulation.ranges(entities[0], entities[0].lasers[0])).any()
+    assert simulation.lost() == ["bad"]
+    simulation.remove("bad")
+    assert simulation.lost() == []

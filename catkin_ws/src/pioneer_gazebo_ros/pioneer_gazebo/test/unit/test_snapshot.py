@@ -7,7 +7,6 @@ import pytest
 from sensor_msgs.msg import LaserScan
 
 from pioneer_gazebo.adapters.bullet import BulletEngine
-from pioneer_gazebo.adapters.mesh import triangles_of_mesh
 from pioneer_gazebo.adapters.plan_image import PAPER, WALL, PlanImage, Shown
 from pioneer_gazebo.core.engine import EngineError
 from pioneer_gazebo.core.pose import Pose
@@ -45,4 +44,4 @@ def test_an_empty_world_has_a_picture_too() -> None:
 def test_a_window_without_a_display_is_refused_in_one_line(display: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DISPLAY", display)
     with pytest.raises(EngineError, match="a window needs a display"):
-        BulletEngine(triangles_of_mesh, window=True)
+        BulletEngine(window=True)

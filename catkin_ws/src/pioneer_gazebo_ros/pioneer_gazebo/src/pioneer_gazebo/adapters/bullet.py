@@ -7,7 +7,7 @@ import pybullet
 
 from pioneer_gazebo.adapters.bullet_body import ALL, GROUND, STANDING, Made, make_body
 from pioneer_gazebo.adapters.bullet_carrier import carriers
-from pioneer_gazebo.adapters.bullet_shape import Triangles, batches, standing_body
+from pioneer_gazebo.adapters.bullet_shape import batches, standing_body
 from pioneer_gazebo.adapters.bullet_window import client_with_window
 from pioneer_gazebo.core.body import Body
 from pioneer_gazebo.core.engine import Contact, EngineError, Physics, Velocity
@@ -27,13 +27,12 @@ FARTHEST = 1e3
 class BulletEngine:
     """Implements `Engine` by pybullet."""
 
-    def __init__(self, triangles: Triangles, physics: Physics | None = None, window: bool = False) -> None:
-        """Opens a physics server in this process; ``triangles`` reads meshes; ``window`` shows pybullet's viewer.
+    def __init__(self, physics: Physics | None = None, window: bool = False) -> None:
+        """Opens a physics server in this process; ``window`` shows pybullet's viewer.
 
         Raises:
             EngineError: there is no display for a window.
         """
-        self._triangles = triangles
         self._client = client_with_window() if window else pybullet.connect(pybullet.DIRECT)
         self._made: dict[int, Made] = {}
         self._resting: set[int] = set()
@@ -64,10 +63,10 @@ class BulletEngine:
         """See `Engine`."""
         made: list[int] = []
         try:
-            made += [standing_body(batch, self._triangles, self._client) for batch in batches(ground)]
+            made += [standing_body(batch, self._client) for batch in batches(ground)]
             count = len(made)
-            made += [standing_body(batch, self._triangles, self._client) for batch in batches(obstacles)]
-            made += carriers(obstacles, self._triangles, self._client)
+            made += [standing_body(batch, self._client) for batch in batches(obstacles)]
+            made += carriers(obstacles, self._client)
         except EngineError:
             self._remove(made)
             raise
@@ -83,7 +82,7 @@ class BulletEngine:
 
     def add(self, body: Body, pose: Pose) -> int:
         """See `Engine`."""
-        handle, made = make_body(body, pose, self._triangles, self._client)
+        handle, made = make_body(body, pose, self._client)
         self._made[handle] = made
         return handle
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pybullet
 
-from pioneer_gazebo.adapters.bullet_shape import FRICTION_AT_MOST, Triangles, compound, packs
+from pioneer_gazebo.adapters.bullet_shape import FRICTION_AT_MOST, compound, packs
 from pioneer_gazebo.core import joint as kinds
 from pioneer_gazebo.core.body import LEAST_MASS, Body, Part
 from pioneer_gazebo.core.engine import EngineError
@@ -45,14 +45,14 @@ class Made:
     solid: list[int]
 
 
-def make_body(body: Body, pose: Pose, triangles: Triangles, client: int) -> tuple[int, Made]:
+def make_body(body: Body, pose: Pose, client: int) -> tuple[int, Made]:
     """Makes a body with its base's frame at ``pose``, at rest, and returns pybullet's number for it.
 
     Raises:
         EngineError: pybullet refuses it.
     """
     parts, hosts = spread(body.parts)
-    shapes = [compound([(t.collision, t.collision.pose) for t in p.touches], triangles, True, client) for p in parts]
+    shapes = [compound([(t.collision, t.collision.pose) for t in p.touches], True, client) for p in parts]
     base, links = parts[0], parts[1:]
     handle = pybullet.createMultiBody(
         baseMass=base.mass,

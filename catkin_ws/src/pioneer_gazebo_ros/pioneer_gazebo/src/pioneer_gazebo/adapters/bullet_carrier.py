@@ -12,7 +12,8 @@ import pybullet
 from numpy.typing import NDArray
 
 from pioneer_gazebo.adapters.bullet_body import GROUND, ROLLING
-from pioneer_gazebo.adapters.bullet_shape import FRICTION_AT_MOST, Triangles, batches, standing_body, trimesh
+from pioneer_gazebo.adapters.bullet_shape import FRICTION_AT_MOST, batches, standing_body, trimesh
+from pioneer_gazebo.adapters.mesh import solid_of_mesh
 from pioneer_gazebo.core.pose import Pose, conjugate, rotated
 from pioneer_gazebo.core.world import Box, Cylinder, Mesh, PlacedCollision
 
@@ -27,13 +28,13 @@ STEEPEST = 0.5
 """A triangle whose normal rises by less than this is a wall."""
 
 
-def carriers(placed: Sequence[PlacedCollision], triangles: Triangles, client: int) -> list[int]:
+def carriers(placed: Sequence[PlacedCollision], client: int) -> list[int]:
     """Makes fixed bodies of all tops and returns pybullet's numbers for them."""
     slabs = [slab for one in placed if (slab := _slab(one)) is not None]
-    made = [standing_body(batch, triangles, client) for batch in batches(slabs)]
+    made = [standing_body(batch, client) for batch in batches(slabs)]
     for one in placed:
         if isinstance(one.collision.shape, Mesh):
-            facing_up = _facing_up(triangles(one.collision.shape), one.pose)
+            facing_up = _facing_up(solid_of_mesh(one.collision.shape), one.pose)
             if len(facing_up):
                 made.append(_mesh_top(one, facing_up, client))
     for body in made:

@@ -1,18 +1,17 @@
 """Collision shapes in pybullet: one at a time for bodies, in batches for the standing world."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from pioneer_gazebo.adapters.mesh import hull_of_mesh, solid_of_mesh
 from pioneer_gazebo.core.body import Touch
 from pioneer_gazebo.core.engine import EngineError
 from pioneer_gazebo.core.pose import IDENTITY, Pose
 from pioneer_gazebo.core.world import Box, Collision, Cylinder, Mesh, PlacedCollision, Plane, Sphere
-
-Triangles = Callable[[Mesh], NDArray[np.float64]]
 
 SHAPES_AT_MOST = 16
 """pybullet makes compounds of up to so many shapes; more are dropped without a word."""
@@ -51,12 +50,11 @@ def packs(touches: Sequence[Touch]) -> list[list[Touch]]:
     return [others[start : start + SHAPES_AT_MOST] for start in range(0, len(others), SHAPES_AT_MOST)] + alone
 
 
-def compound(shapes: Sequence[tuple[Collision, Pose]], triangles: Triangles, moving: bool, client: int) -> int:
+def compound(shapes: Sequence[tuple[Collision, Pose]], moving: bool, client: int) -> int:
     """Returns a pybullet collision shape of all ``shapes``, -1 for none.
 
     Args:
         shapes: each with its pose in the part or body.
-        triangles: reads meshes.
         moving: a mesh becomes its convex hull; else it keeps its hollows.
         client: pybullet's number of the physics client.
 
@@ -69,14 +67,14 @@ def compound(shapes: Sequence[tuple[Collision, Pose]], triangles: Triangles, mov
         raise EngineError(f"a link has {len(shapes)} collision shapes; at most {SHAPES_AT_MOST} are supported")
     try:
         if any(isinstance(collision.shape, Mesh | Plane) for collision, _ in shapes):
-            return _lone(shapes, triangles, moving, client)
+            return _lone(shapes, moving, client)
         return _array(shapes, client)
     except pybullet.error as error:
         names = ", ".join(collision.name for collision, _ in shapes)
         raise EngineError(f"the physics engine refuses the collision shape of {names}: {error}") from error
 
 
-def _lone(shapes: Sequence[tuple[Collision, Pose]], triangles: Triangles, moving: bool, client: int) -> int:
+def _lone(shapes: Sequence[tuple[Collision, Pose]], moving: bool, client: int) -> int:
     if len(shapes) > 1:
         raise EngineError(f"collision {shapes[0][0].name}: a mesh or plane has to be the only shape of its link")
     collision, pose = shapes[0]
@@ -87,8 +85,8 @@ def _lone(shapes: Sequence[tuple[Collision, Pose]], triangles: Triangles, moving
         )
     assert isinstance(collision.shape, Mesh)
     if not moving:
-        return trimesh(triangles(collision.shape), client, **options)
-    corners = np.unique(triangles(collision.shape).reshape(-1, 3), axis=0)
+        return trimesh(solid_of_mesh(collision.shape), client, **options)
+    corners = hull_of_mesh(collision.shape)
     return pybullet.createCollisionShape(
         pybullet.GEOM_MESH, vertices=corners.tolist(), physicsClientId=client, **options
     )
@@ -135,7 +133,7 @@ def _primitive(collision: Collision) -> tuple[int, float, list[float], float]:
             raise EngineError(f"collision {collision.name}: {type(shape).__name__} cannot be one of several shapes")
 
 
-def standing_body(batch: Sequence[PlacedCollision], triangles: Triangles, client: int) -> int:
+def standing_body(batch: Sequence[PlacedCollision], client: int) -> int:
     """Makes one fixed body of a batch and returns pybullet's number for it.
 
     Raises:
@@ -143,7 +141,7 @@ def standing_body(batch: Sequence[PlacedCollision], triangles: Triangles, client
     """
     alone = len(batch) == 1
     base = batch[0].pose if alone else IDENTITY
-    shape = compound([(one.collision, IDENTITY if alone else one.pose) for one in batch], triangles, False, client)
+    shape = compound([(one.collision, IDENTITY if alone else one.pose) for one in batch], False, client)
     body = pybullet.createMultiBody(
         baseMass=0.0, baseCollisionShapeIndex=shape, basePosition=base.position, baseOrientation=base.rotation,
         physicsClientId=client,

@@ -9,15 +9,11 @@ from numpy.typing import NDArray
 
 Triangles = NDArray[np.float64]
 
-_AXES = {
-    "X_UP": np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]], dtype=np.float64),
-    "Y_UP": np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], dtype=np.float64),
-    "Z_UP": np.eye(3),
-}
-
 
 def triangles_from_collada(data: bytes) -> Triangles:
-    """Returns all triangles of the scene in metres with z up, shape (n, 3, 3).
+    """Returns all triangles of the scene in metres, shape (n, 3, 3), in the document's axes.
+
+    As in Gazebo classic, ``<up_axis>`` changes nothing: models are made to stand upright without it.
 
     Raises:
         ValueError: the document is broken or holds no triangles.
@@ -36,8 +32,7 @@ def triangles_from_collada(data: bytes) -> Triangles:
         raise ValueError("the scene holds no triangles")
     unit = root.find("{*}asset/{*}unit")
     scale = float(unit.get("meter", "1")) if unit is not None else 1.0
-    up = (root.findtext("{*}asset/{*}up_axis") or "Y_UP").strip()
-    return np.concatenate(parts) @ _AXES[up].T * scale
+    return np.concatenate(parts) * scale
 
 
 def _numbers(text: str | None) -> NDArray[np.float64]:

@@ -1,18 +1,27 @@
-"""Reads triangle meshes: STL (binary and text), Wavefront OBJ, and the triangles of Collada."""
+"""Reads triangle meshes: STL (binary and text), Wavefront OBJ, and the triangles of Collada.
+
+What was read and reduced is kept: in memory, and for files that take long in a cache folder, by their content.
+"""
 
 import functools
 import itertools
 import os
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pioneer_gazebo.adapters.collada import triangles_from_collada
+from pioneer_gazebo.adapters.file import content_of
+from pioneer_gazebo.adapters.mesh_cache import cached
 from pioneer_gazebo.core.error import DescriptionError
-from pioneer_gazebo.core.world import Mesh
+from pioneer_gazebo.core.facet import Points, Triangles, hull_points, reduced
+from pioneer_gazebo.core.world import Link, Mesh
 
-Triangles = NDArray[np.float64]
+MESHES_KEPT = 256
+
+LARGE = 4 << 20
+"""Reading a file of more bytes takes so long that it is reported."""
 
 _BINARY_HEADER = 84
 _BINARY_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -22,28 +31,82 @@ def triangles_of_mesh(mesh: Mesh) -> Triangles:
     """Returns the mesh's triangles, scaled, in the mesh's frame: shape (n, 3, 3), float64 [m].
 
     Raises:
-        DescriptionError: the file cannot be read, is of another format, or is broken.
+        DescriptionError: the file cannot be read, is too large, of another format, or broken.
     """
-    modified = 0
+    return _read(mesh.path, _version(mesh.path)) * np.asarray(mesh.scale)
+
+
+def solid_of_mesh(mesh: Mesh) -> Triangles:
+    """Returns the mesh's triangles, no more than an engine can carry.
+
+    Raises:
+        DescriptionError: as `triangles_of_mesh`.
+    """
+    return _reduced(mesh.path, _version(mesh.path)) * np.asarray(mesh.scale)
+
+
+def hull_of_mesh(mesh: Mesh) -> Points:
+    """Returns corners of the mesh's convex hull, shape (n, 3), no more than an engine can carry.
+
+    Raises:
+        DescriptionError: as `triangles_of_mesh`.
+    """
+    return _hull(mesh.path, _version(mesh.path)) * np.asarray(mesh.scale)
+
+
+def prepare(links: Iterable[Link], static: bool, report: Callable[[str], None]) -> None:
+    """Reads and reduces the meshes of links, so that adding them to the world takes no time.
+
+    Any thread may call this.
+
+    Args:
+        links: of one model.
+        static: whether the model never moves.
+        report: is called before a mesh that takes long.
+
+    Raises:
+        DescriptionError: as `triangles_of_mesh`.
+    """
+    for shape in {one.shape for link in links for one in link.collisions if isinstance(one.shape, Mesh)}:
+        size = _version(shape.path)[1]
+        if size > LARGE:
+            report(f"reading mesh {shape.path} ({size >> 20} MiB) …")
+        (solid_of_mesh if static else hull_of_mesh)(shape)
+
+
+@functools.lru_cache(maxsize=MESHES_KEPT)
+def _reduced(path: str, version: tuple[int, int]) -> Triangles:
+    return reduced(_read(path, version))
+
+
+@functools.lru_cache(maxsize=MESHES_KEPT)
+def _hull(path: str, version: tuple[int, int]) -> Points:
+    return hull_points(_read(path, version))
+
+
+def _version(path: str) -> tuple[int, int]:
+    """Returns what changes when a file does: a part of the key of everything that is kept of it."""
     try:
-        modified = os.stat(mesh.path).st_mtime_ns
+        status = os.stat(path)
     except OSError as error:
-        raise DescriptionError(f"{mesh.path}: cannot be read: {error.strerror}") from None
-    return _read(mesh.path, modified) * np.asarray(mesh.scale)
+        raise DescriptionError(f"{path}: cannot be read: {error.strerror}") from None
+    return status.st_mtime_ns, status.st_size
 
 
-@functools.lru_cache(maxsize=32)
-def _read(path: str, modified: int) -> Triangles:
-    del modified  # part of the cache's key: a changed file is read again
-    data = Path(path).read_bytes()
+@functools.lru_cache(maxsize=MESHES_KEPT)
+def _read(path: str, version: tuple[int, int]) -> Triangles:
+    del version
     readers = {".stl": _from_stl, ".obj": _from_obj, ".dae": triangles_from_collada}
     reader = readers.get(Path(path).suffix.lower())
     if reader is None:
         raise DescriptionError(f"{path}: meshes are read from {', '.join(sorted(readers))} files")
+    data = content_of(path)
     try:
-        triangles = reader(data)
+        triangles = cached(data, Path(path).suffix.lower(), reader)
     except (ValueError, IndexError, KeyError) as error:
         raise DescriptionError(f"{path}: is broken: {error}") from None
+    if not len(triangles):
+        raise DescriptionError(f"{path}: is broken: it has no triangles")
     if not np.isfinite(triangles).all():
         raise DescriptionError(f"{path}: is broken: a corner is not a finite number")
     triangles.setflags(write=False)

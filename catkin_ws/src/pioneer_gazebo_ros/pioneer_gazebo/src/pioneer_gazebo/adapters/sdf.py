@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pioneer_gazebo.adapters.element import Element, Notes
+from pioneer_gazebo.adapters.file import content_of
 from pioneer_gazebo.adapters.resource import file_of_uri
 from pioneer_gazebo.adapters.sdf_actor import actor_from_sdf
 from pioneer_gazebo.adapters.sdf_frame import Frames
 from pioneer_gazebo.adapters.sdf_joint import joint_from_sdf
 from pioneer_gazebo.adapters.sdf_link import Scope, link_from_sdf, pose_in
-from pioneer_gazebo.core.error import DescriptionError
 from pioneer_gazebo.core.joint import WORLD, Joint, tree_of
 from pioneer_gazebo.core.pose import IDENTITY, Pose
 from pioneer_gazebo.core.world import Collision, Link, Model, Plane, Visual, World
@@ -49,7 +49,7 @@ def world_from_sdf(path: str | Path, model_path: Sequence[str | Path] = ()) -> W
     Raises:
         DescriptionError: the file cannot be read, is not well-formed, or holds a value that makes no sense.
     """
-    return world_from_sdf_text(_bytes(Path(path)), model_path, str(path), Path(path).resolve().parent)
+    return world_from_sdf_text(content_of(path), model_path, str(path), Path(path).resolve().parent)
 
 
 def world_from_sdf_text(
@@ -70,13 +70,6 @@ def world_from_sdf_text(
         raise root.error("holds neither <world> nor <model>")
     found = _without_planes(found, scope)
     return World(found.name, (found,), warnings=scope.notes.lines())
-
-
-def _bytes(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise DescriptionError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def _sdf(text: str | bytes, source: str, scope: Scope) -> Element:
@@ -254,7 +247,7 @@ def _overridden(model: Model, include: Element, frames: Frames) -> Model:
 def _model_from_directory(path: Path, uri: Element, scope: Scope, depth: int) -> Model | None:
     file = _model_file(path) if path.is_dir() else path
     inner = dataclasses.replace(scope, directory=file.parent)
-    root = _sdf(_bytes(file), str(file), inner)
+    root = _sdf(content_of(file), str(file), inner)
     model = _lone_model(root, inner, depth)
     if model is not None:
         return model
@@ -268,7 +261,7 @@ def _model_file(directory: Path) -> Path:
     manifest = directory / "model.config"
     if not manifest.is_file():
         return directory / "model.sdf"
-    named = list(Element.from_text(_bytes(manifest), str(manifest)).children("sdf"))
+    named = list(Element.from_text(content_of(manifest), str(manifest)).children("sdf"))
     known = [element for element in named if element.attribute("version", VERSIONS[0]) in VERSIONS] or named
     if not known:
         return directory / "model.sdf"

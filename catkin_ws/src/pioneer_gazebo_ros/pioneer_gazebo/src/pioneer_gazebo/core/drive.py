@@ -18,6 +18,9 @@ TRIM_REACH = 0.05
 SAME_SPEED = 1e-5
 """Speeds that differ by less [rad/s] are not told to the engine anew."""
 
+FASTEST = 100.0
+"""No command may be faster [m/s and rad/s]."""
+
 
 class CommandError(SimulatorError):
     """A command that no robot can follow."""
@@ -157,7 +160,9 @@ def check_motion(speed: float, turn: float) -> None:
     """Checks a motion [m/s, rad/s].
 
     Raises:
-        CommandError: a value that is not finite.
+        CommandError: a value that is not finite or too great.
     """
-    if not (math.isfinite(speed) and math.isfinite(turn)):
-        raise CommandError(f"velocity command {speed} m/s, {turn} rad/s is not finite")
+    if not (abs(speed) <= FASTEST and abs(turn) <= FASTEST):
+        raise CommandError(
+            f"velocity command must be finite and at most {FASTEST:g} m/s and rad/s (got {speed:g}, {turn:g})"
+        )

@@ -136,6 +136,11 @@ class Entity:
     motion: Velocity = STILL
     outline: Body = field(init=False)
 
+    def touch_name(self, part: int) -> str:
+        """Returns ``model::part::collision`` of a part's first shape."""
+        touches = self.body.parts[part].touches
+        return f"{self.name}::{self.body.parts[part].name}::{touches[0].collision.name if touches else ''}"
+
     def driven(self, config: DiffDrive) -> Driven:
         """Returns the drive with that configuration."""
         return next(one for one in self.drives if one.drive.config is config)

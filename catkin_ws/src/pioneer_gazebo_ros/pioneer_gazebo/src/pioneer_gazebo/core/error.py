@@ -9,6 +9,10 @@ class ModelError(SimulatorError):
     """A model that does not exist, or cannot be where it was asked to be."""
 
 
+class BoundError(SimulatorError):
+    """A number that the engine cannot simulate."""
+
+
 class SpawnError(SimulatorError):
     """A model that could not be added to the running simulator."""
 

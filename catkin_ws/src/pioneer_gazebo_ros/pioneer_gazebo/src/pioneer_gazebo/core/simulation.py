@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pioneer_gazebo.core import bound
 from pioneer_gazebo.core.actor import Actors
 from pioneer_gazebo.core.body import Body, body_from_model, body_from_robot
 from pioneer_gazebo.core.drive import Odometry
@@ -19,6 +20,7 @@ from pioneer_gazebo.core.error import ModelError
 from pioneer_gazebo.core.laser import generator_for
 from pioneer_gazebo.core.pose import Pose, between
 from pioneer_gazebo.core.robot import Robot
+from pioneer_gazebo.core.roster import Roster
 from pioneer_gazebo.core.scene import Scene
 from pioneer_gazebo.core.schedule import TICK_RATE, period_of
 from pioneer_gazebo.core.section import Triangles
@@ -51,14 +53,13 @@ class Simulation:
         self._triangles = triangles
         self._view = View(scene)
         self._seed, self._odometry_error, self._odometry_scale = seed, odometry_error, odometry_scale
-        self._entities: dict[str, Entity] = {}
-        self._by_handle: dict[int, Entity] = {}
+        self._roster = Roster()
         self._standing = Standing(engine, scene, triangles)
         self._actors = Actors(engine)
         self._wrenches = Wrenches(engine)
         self._collided: list[Entity] = []
-        self.tick = 0
-        self._stepped = 0
+        self._lost: dict[str, Pose] = {}
+        self.tick = self._stepped = self._inspected = 0
         self._part = 1.0
         self._period = 1
         self.physics = physics
@@ -69,7 +70,9 @@ class Simulation:
 
         Raises:
             RateError: a step that is not whole ticks.
+            BoundError: gravity or solver iterations out of bounds.
         """
+        bound.check_physics(physics)
         self._period = period_of(1.0 / physics.step if physics.step > 0 else 0.0, "the physics step")
         self.physics = physics
         self._engine.configure(physics)
@@ -89,11 +92,11 @@ class Simulation:
 
     def names(self) -> list[str]:
         """Returns the names of all models."""
-        return [*self._standing.models, *self._entities]
+        return [*self._standing.models, *self._roster.names()]
 
     def entities(self) -> Iterator[Entity]:
         """Yields all that moves, in the order of spawning."""
-        yield from self._entities.values()
+        yield from self._roster.entities
 
     def entity(self, name: str) -> Entity:
         """Returns what moves under that name.
@@ -101,25 +104,18 @@ class Simulation:
         Raises:
             ModelError: nothing does.
         """
-        try:
-            return self._entities[name]
-        except KeyError:
-            word = "is static" if name in self._standing.models else "does not exist"
-            raise ModelError(f"model {name} {word}") from None
+        found = self._roster.get(name)
+        if found is None:
+            raise ModelError(f"model {name} {'is static' if name in self._standing.models else 'does not exist'}")
+        return found
 
     def standing(self, name: str) -> Model | None:
         """Returns the static model of that name, None where there is none."""
         return self._standing.models.get(name)
 
-    def standing_models(self) -> list[Model]:
-        """Returns all static models."""
-        return list(self._standing.models.values())
-
-    def _check_name(self, name: str) -> None:
-        if not name or len(name) > 200:
-            raise ModelError(f"a model's name needs 1 to 200 characters, this has {len(name)}")
-        if name in self._entities or name in self._standing.models:
-            raise ModelError(f"model {name} already exists")
+    def standing_models(self) -> Iterator[Model]:
+        """Yields all static models."""
+        yield from self._standing.models.values()
 
     def add_model(self, model: Model, namespace: str = "", anywhere: bool = False) -> None:
         """Adds a model without sensors and plugins; ``anywhere``: also inside something else, as a world may have it.
@@ -128,7 +124,7 @@ class Simulation:
             ModelError: its name is taken, or it would overlap something.
             EngineError: a shape cannot be made.
         """
-        self._check_name(model.name)
+        self._roster.check_name(model.name, self._standing.models)
         if model.static:
             self._standing.add(model)
             return
@@ -149,7 +145,7 @@ class Simulation:
             ModelError: its name is taken, or it would overlap something.
             DescriptionError, CommandError, EngineError: its description cannot be simulated.
         """
-        self._check_name(name)
+        self._roster.check_name(name, self._standing.models)
         body = body_from_robot(robot, self._triangles)
         errors = self._seed, self._odometry_error, self._odometry_scale
         drives = [driven_on(body, name, config, *errors) for config in robot.drives]
@@ -162,6 +158,8 @@ class Simulation:
         return entity
 
     def _add(self, name: str, namespace: str, body: Body, pose: Pose, robot: Robot | None, anywhere: bool) -> Entity:
+        bound.check_body(body)
+        bound.check_pose(pose)
         pose = lifted(self._engine, body, pose, self._triangles, DEEPEST_START if anywhere else STEP_UP)
         handle = self._engine.add(body, pose)
         worst = None if anywhere else deepest(self._engine.overlap(handle))
@@ -173,8 +171,8 @@ class Simulation:
         return self._keep(Entity(name, namespace, body, handle, pose, robot, after=pose))
 
     def _keep(self, entity: Entity) -> Entity:
-        entity.number, entity.before, entity.seen = len(self._entities), entity.after, self._stepped
-        self._entities[entity.name] = self._by_handle[entity.handle] = entity
+        entity.before, entity.seen = entity.after, self._stepped
+        self._roster.add(entity)
         self._view.add(entity)
         return entity
 
@@ -190,12 +188,11 @@ class Simulation:
         entity = self.entity(name)
         self._engine.remove(entity.handle)
         self._view.remove(entity)
-        del self._entities[name], self._by_handle[entity.handle]
+        self._roster.remove(entity)
+        self._lost.pop(name, None)
         self._actors.remove(entity)
         self._wrenches.clear(entity)
         self._collided = [one for one in self._collided if one is not entity]
-        for number, other in enumerate(self._entities.values()):
-            other.number = number
 
     # Time.
 
@@ -203,7 +200,7 @@ class Simulation:
         """Moves on to ``tick``, stepping the engine as often as that takes."""
         while self._stepped < tick:
             if tick < self._stepped + self._period:
-                for entity in self._entities.values():
+                for entity in self._roster.entities:
                     entity.before = self._settled(entity)
             self._step()
         self.tick = tick
@@ -212,12 +209,12 @@ class Simulation:
     def _step(self) -> None:
         step = self.physics.step
         self._wrenches.push(self._stepped)
-        for entity in self._entities.values():
+        for entity in self._roster.entities:
             self._control(entity, step)
         self._actors.lead(self._stepped + self._period, step)
         self._engine.step()
         self._stepped += self._period
-        for entity in self._entities.values():
+        for entity in self._roster.entities:
             for driven in entity.drives:
                 driven.before = driven.drive.odometry
                 (left, _), (right, _) = self._engine.joints(entity.handle, driven.parts)
@@ -225,7 +222,7 @@ class Simulation:
         self._actors.follow(self._stepped)
         time = self._stepped / TICK_RATE
         for handle in sorted(self._engine.touching()):
-            entity = self._by_handle[handle]
+            entity = self._roster.of_handle(handle)
             if entity.collisions.touched(time):
                 self._collided.append(entity)
 
@@ -251,8 +248,21 @@ class Simulation:
     def _settled(self, entity: Entity) -> Pose:
         """Returns the pose of the base's frame after the last step, which the engine is asked for once."""
         if entity.seen != self._stepped:
-            entity.after, entity.seen = self._engine.pose(entity.handle), self._stepped
+            pose = self._engine.pose(entity.handle)
+            if bound.is_sound(pose):
+                entity.after = pose
+            else:
+                self._lost[entity.name] = pose
+            entity.seen = self._stepped
         return entity.after
+
+    def lost(self) -> list[str]:
+        """Returns the names of models that have left the world or whose state is not finite."""
+        if self._stepped - self._inspected >= TICK_RATE:
+            self._inspected = self._stepped
+            for entity in self._roster.entities:
+                self._settled(entity)
+        return list(self._lost)
 
     def pose(self, entity: Entity) -> Pose:
         """Returns the pose of the base's frame."""
@@ -301,20 +311,17 @@ class Simulation:
     def touched_name(self, contact: Contact) -> str:
         """Returns ``model::link::collision`` of what a contact is with."""
         if contact.other is not None:
-            other = self._by_handle[contact.other]
-            part = other.body.parts[contact.other_part]
-            touch = part.touches[0] if part.touches else None
-            return f"{other.name}::{part.name}::{touch.collision.name if touch else ''}"
+            return self._roster.of_handle(contact.other).touch_name(contact.other_part)
         return self._standing.name_at(contact.position)
 
     def ranges(self, entity: Entity, mounted: Mounted) -> NDArray[np.float64]:
         """Returns a scan's ranges [m]; the array is overwritten by the laser's next scan."""
         base = self.pose(entity) if mounted.part == 0 else self._engine.pose(entity.handle, mounted.part)
         swinging = [(one, self._engine.pose(one.entity.handle, one.part)) for one in self._view.swinging]
-        seen = [(other.outline, self._settled(other).position[2]) for other in self._entities.values()]
+        seen = [(other.outline, self._settled(other).position[2]) for other in self._roster.entities]
         seen += [(one.outline, pose.position[2]) for one, pose in swinging]
         if not self._view.knows(self.tick):
-            poses = [self.pose(other) for other in self._entities.values()]
+            poses = [self.pose(other) for other in self._roster.entities]
             self._view.update(self.tick, [*poses, *(pose for _, pose in swinging)])
         return self._view.ranges(base.compose(mounted.pose), mounted, entity.number, seen)
 
@@ -330,7 +337,10 @@ class Simulation:
 
         Raises:
             ModelError: there is none of that name, or it follows a script.
+            BoundError: a number that the engine cannot simulate.
         """
+        bound.check_pose(pose)
+        bound.check_velocity(velocity or STILL)
         if name in self._standing.models:
             self._standing.place(name, pose)
             return
@@ -349,10 +359,12 @@ class Simulation:
         Raises:
             KeyError: there is no such joint, or it is fixed.
         """
+        bound.check_joint_position(position)
         self._engine.set_joint(entity.handle, entity.body.joint_index(joint), position)
 
     def push(self, wrench: Wrench) -> None:
-        """Applies a wrench while it lasts."""
+        """Applies a wrench while it lasts; raises BoundError where it is out of bounds."""
+        bound.check_wrench(wrench.force, wrench.torque, wrench.point)
         self._wrenches.add(wrench)
 
     def clear_pushes(self, entity: Entity, part: int) -> None:
@@ -365,7 +377,7 @@ class Simulation:
         self._wrenches.clear()
         self._actors.restart(self._stepped)
         self._view.outdate()
-        for entity in (one for one in self._entities.values() if one.script is None):
+        for entity in (one for one in self._roster.entities if one.script is None):
             self.place(entity.name, entity.initial, STILL)
             for part, one in enumerate(entity.body.parts):
                 if one.joint is not None:
@@ -376,11 +388,11 @@ class Simulation:
 
     def reset(self) -> None:
         """Does `reset_poses` and puts time, noise and collision counts back to the beginning."""
-        self.tick = self._stepped = 0
+        self.tick = self._stepped = self._inspected = 0
         self.reset_poses()
         self._part = 1.0
         self._collided.clear()
-        for entity in self._entities.values():
+        for entity in self._roster.entities:
             entity.seen = 0
             entity.collisions = type(entity.collisions)()
             for mounted in (*entity.lasers, *entity.sonars):

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from pioneer_gazebo.core.body import heights
+from pioneer_gazebo.core.bound import check_placed
 from pioneer_gazebo.core.engine import Engine
 from pioneer_gazebo.core.nearest import nearest, scoped_name
 from pioneer_gazebo.core.pose import Pose, Vector
@@ -24,7 +25,8 @@ class Standing:
         self.models: dict[str, Model] = {}
 
     def _set(self, models: dict[str, Model]) -> None:
-        placed = World("", tuple(models.values())).collisions()
+        placed = list(World("", tuple(models.values())).collisions())
+        check_placed(placed)
         ground: list[PlacedCollision] = []
         obstacles: list[PlacedCollision] = []
         for one in placed:
@@ -38,6 +40,7 @@ class Standing:
 
         Raises:
             EngineError: a shape cannot be made; nothing has changed then.
+            BoundError: a number that the engine cannot simulate; nothing has changed then.
         """
         added = {model.name: model for model in models}
         self._set({**self.models, **added})

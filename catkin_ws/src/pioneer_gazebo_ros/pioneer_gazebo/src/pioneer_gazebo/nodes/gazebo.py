@@ -6,7 +6,7 @@ import rospy
 from std_msgs.msg import Bool, Float64
 
 from pioneer_gazebo.adapters.bullet import BulletEngine
-from pioneer_gazebo.adapters.mesh import triangles_of_mesh
+from pioneer_gazebo.adapters.mesh import prepare, triangles_of_mesh
 from pioneer_gazebo.adapters.resource import model_path, world_path
 from pioneer_gazebo.adapters.sdf import world_from_sdf
 from pioneer_gazebo.core.engine import Physics
@@ -88,8 +88,10 @@ class GazeboNode:
         world = world_from_sdf(path, model_path())
         for line in world.warnings:
             rospy.logwarn("%s: %s", path, line)
+        for model in world.models:
+            prepare(model.links, model.static, rospy.loginfo)
         physics = Physics(1.0 / config.physics_rate, config.solver_iterations, world.gravity)
-        self._engine = BulletEngine(triangles_of_mesh, physics, config.gui)
+        self._engine = BulletEngine(physics, config.gui)
         self._simulation = Simulation(
             self._engine, triangles_of_mesh, physics, config.seed, config.odometry_error, config.odometry_scale
         )
@@ -125,6 +127,7 @@ class GazeboNode:
     def _after_tick(self) -> None:
         self._transforms.send()
         self._robots.publish_collisions()
+        self._robots.remove_lost()
 
     def _report(self) -> None:
         timeline = self._timeline

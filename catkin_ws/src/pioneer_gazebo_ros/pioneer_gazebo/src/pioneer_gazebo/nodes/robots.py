@@ -64,6 +64,12 @@ class Robots:
         for topics in self._topics.values():
             topics.reset()
 
+    def remove_lost(self) -> None:
+        """Removes models that have left the world or whose state is not finite."""
+        for name in self._simulation.lost():
+            rospy.logerr("model %s has left the world or its state is not finite: it is removed", name)
+            self.delete(name)
+
     def publish_collisions(self) -> None:
         """Publishes the counters of all robots that began to touch something."""
         for entity in self._simulation.collided():

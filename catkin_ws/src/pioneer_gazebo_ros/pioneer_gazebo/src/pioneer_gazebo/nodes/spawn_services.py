@@ -6,6 +6,7 @@ import rosgraph.names
 import rospy
 from gazebo_msgs import srv
 
+from pioneer_gazebo.adapters.mesh import prepare
 from pioneer_gazebo.adapters.resource import model_path
 from pioneer_gazebo.adapters.sdf import world_from_sdf_text
 from pioneer_gazebo.adapters.urdf import robot_from_urdf
@@ -37,8 +38,9 @@ class SpawnServices:
         name = request.model_name
         try:
             robot = robot_from_urdf(request.model_xml, name)
-            pose = self._mailbox.call(lambda: self._initial_pose(request))
             namespace = _namespace(request)
+            prepare(robot.links, robot.static, rospy.loginfo)
+            pose = self._mailbox.call(lambda: self._initial_pose(request))
             self._mailbox.call(lambda: self._robots.spawn(name, namespace, robot, pose))
         except (SimulatorError, ValueError) as error:
             return refusal("spawn_urdf_model", srv.SpawnModel, str(error))
@@ -54,6 +56,7 @@ class SpawnServices:
             models = world.models
             if len(models) != 1:
                 raise ModelError(f"{name}: the SDF has to hold one model, not {len(models)}")
+            prepare(models[0].links, models[0].static, rospy.loginfo)
             pose = self._mailbox.call(lambda: self._initial_pose(request))
             model = replace(models[0].moved(pose), name=name)
             self._mailbox.call(lambda: self._simulation.add_model(model, namespace))

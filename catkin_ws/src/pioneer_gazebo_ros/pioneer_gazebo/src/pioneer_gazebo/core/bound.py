@@ -1,0 +1,137 @@
+"""Bounds on every number that enters the engine: beyond them it fails, or computes what no longer means anything."""
+
+import math
+from collections.abc import Iterable
+
+from pioneer_gazebo.core.body import Body
+from pioneer_gazebo.core.engine import Physics, Velocity
+from pioneer_gazebo.core.error import BoundError
+from pioneer_gazebo.core.joint import Joint
+from pioneer_gazebo.core.pose import Pose, Vector
+from pioneer_gazebo.core.world import Box, Collision, Cylinder, Mesh, PlacedCollision, Sphere
+
+FARTHEST = 1e6
+"""From the origin [m]."""
+
+FASTEST = 1e3
+"""[m/s and rad/s]."""
+
+STRONGEST = 1e9
+"""Of forces [N] and torques [N m]."""
+
+HEAVIEST = 1e9
+"""Of masses [kg] and moments of inertia [kg m²]."""
+
+LARGEST = 1e5
+"""Of shapes, in every direction [m]."""
+
+SMALLEST = 1e-6
+"""Of shapes, in every direction [m]."""
+
+GREATEST_GRAVITY = 1e3
+"""[m/s²]."""
+
+MOST_ITERATIONS = 1000
+
+
+def check_pose(pose: Pose) -> None:
+    """Checks a pose in the world.
+
+    Raises:
+        BoundError: it is not finite or too far away.
+    """
+    _check("position", pose.position, FARTHEST, "m")
+    _check("rotation", pose.rotation, 2.0, "")
+
+
+def check_velocity(velocity: Velocity) -> None:
+    """Checks a velocity; raises BoundError where it is not finite or too fast."""
+    _check("velocity", velocity.linear, FASTEST, "m/s")
+    _check("turn rate", velocity.angular, FASTEST, "rad/s")
+
+
+def check_wrench(force: Vector, torque: Vector, point: Vector) -> None:
+    """Checks a force, a torque, and the point it acts at; raises BoundError."""
+    _check("force", force, STRONGEST, "N")
+    _check("torque", torque, STRONGEST, "N m")
+    _check("point", point, FARTHEST, "m")
+
+
+def check_joint_position(position: float) -> None:
+    """Checks the position of a joint [rad or m]; raises BoundError."""
+    _check("joint position", (position,), FARTHEST, "")
+
+
+def check_physics(physics: Physics) -> None:
+    """Checks settings of the engine; raises BoundError."""
+    _check("gravity", physics.gravity, GREATEST_GRAVITY, "m/s²")
+    if not 1 <= physics.iterations <= MOST_ITERATIONS:
+        raise BoundError(f"solver iterations must be 1 … {MOST_ITERATIONS} (got {physics.iterations})")
+
+
+def check_body(body: Body) -> None:
+    """Checks masses, inertias, shapes and joints of a body.
+
+    Raises:
+        BoundError: the message names the part.
+    """
+    for part in body.parts:
+        inertia = part.inertia
+        try:
+            _check("mass", (part.mass,), HEAVIEST, "kg")
+            _check("inertia", (inertia.ixx, inertia.iyy, inertia.izz), HEAVIEST, "kg m²")
+            _check("centre of mass", inertia.pose.position, FARTHEST, "m")
+            for touch in part.touches:
+                _check_collision(touch.collision)
+            if part.joint is not None:
+                _check_joint(part.joint)
+        except BoundError as error:
+            raise BoundError(f"{body.name}, link {part.name}: {error}") from None
+
+
+def check_placed(placed: Iterable[PlacedCollision]) -> None:
+    """Checks shapes of static models; raises BoundError."""
+    for one in placed:
+        try:
+            check_pose(one.pose)
+            _check_collision(one.collision)
+        except BoundError as error:
+            raise BoundError(f"{one.model.name}, link {one.link.name}: {error}") from None
+
+
+def is_sound(pose: Pose) -> bool:
+    """Tells whether the engine may still simulate what has come to this pose."""
+    x, y, z = pose.position
+    # A comparison with what is not a number is false.
+    return -FARTHEST < x < FARTHEST and -FARTHEST < y < FARTHEST and -FARTHEST < z < FARTHEST
+
+
+def _check_collision(collision: Collision) -> None:
+    _check("position of a shape", collision.pose.position, FARTHEST, "m")
+    _check("friction and restitution", (collision.friction, collision.restitution), FARTHEST, "")
+    shape = collision.shape
+    sizes: tuple[float, ...] = ()
+    if isinstance(shape, Box):
+        sizes = shape.size
+    elif isinstance(shape, Cylinder):
+        sizes = shape.radius, shape.length
+    elif isinstance(shape, Sphere):
+        sizes = (shape.radius,)
+    elif isinstance(shape, Mesh):
+        sizes = (abs(shape.scale[0]), abs(shape.scale[1]), abs(shape.scale[2]))
+    if any(not SMALLEST <= size <= LARGEST for size in sizes):
+        words = " ".join(f"{size:g}" for size in sizes)
+        raise BoundError(f"size of collision {collision.name} must be {SMALLEST:g} … {LARGEST:g} (got {words})")
+
+
+def _check_joint(joint: Joint) -> None:
+    _check("position of a joint", joint.pose.position, FARTHEST, "m")
+    _check("damping and friction", (joint.damping, joint.friction), STRONGEST, "")
+
+
+def _check(what: str, values: Iterable[float], most: float, unit: str) -> None:
+    values = tuple(values)
+    if not all(math.isfinite(value) and abs(value) <= most for value in values):
+        words = " ".join(f"{value:g}" for value in values)
+        limit = f" and at most {most:g} {unit}".rstrip()
+        raise BoundError(f"{what} must be finite{limit} (got {words})")
