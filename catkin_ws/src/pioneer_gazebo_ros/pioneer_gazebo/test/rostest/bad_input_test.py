@@ -69,7 +69,7 @@ class BadInputTest(unittest.TestCase):
             ("", "empty"),
             ("<robot", "line 1"),
             ("<robot name='r'/>", "link"),
-            ("<robot name='r'><link name='a'/><link name='a'/></robot>", "named 'a' is there already"),
+            ("<robot name='r'><link name='a'/><link name='a'/></robot>", "named 'a' already exists"),
             (self.description.replace("<updateRate>", "<updateRate>x"), "updateRate"),
         ]:
             self.refused(self.urdf("r", text, "r", pose(2.0, -3.0), ""), word)
@@ -93,7 +93,7 @@ class BadInputTest(unittest.TestCase):
         self.refused(self.delete("n" * 10**6), "does not exist")
 
     def test_poses(self) -> None:
-        self.refused(self.urdf("x", self.description, "x", pose(-6.0, 0.0), ""), "overlap")
+        self.refused(self.urdf("x", self.description, "x", pose(-1.0, 3.0), ""), "overlap")
         self.refused(self.urdf("x", self.description, "x", pose(math.nan, 0.0), ""), "not finite")
         self.refused(self.urdf("x", self.description, "x", pose(0.0, math.inf), ""), "not finite")
         bad = ModelState("good", pose(math.nan, 0.0), Twist(), "")

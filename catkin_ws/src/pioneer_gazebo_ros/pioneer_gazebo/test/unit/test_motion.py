@@ -158,10 +158,24 @@ def test_between_two_steps_a_pose_lies_between_their_poses(simulate: MakeSimulat
 def test_spawning_into_a_wall_is_refused_and_leaves_nothing(
     simulate: MakeSimulation, robot: Robot, box: MakeBox
 ) -> None:
-    simulation = simulate(box("wall", Pose((0.0, 0.0, 0.5)), (0.5, 0.5, 1.0)))
+    simulation = simulate(box("wall", Pose((0.0, 0.0, 0.5)), (3.0, 3.0, 1.0)))
     with pytest.raises(ModelError, match=r"r at \(0.00, 0.00\) would overlap wall::link::collision by"):
         simulation.add_robot("r", "", robot, Pose())
     assert simulation.names() == ["floor", "wall"]
+
+
+def test_a_robot_spawned_a_little_inside_a_wall_is_moved_to_the_nearest_free_pose(
+    simulate: MakeSimulation, robot: Robot, box: MakeBox
+) -> None:
+    simulation = simulate(box("wall", Pose((1.0, 0.0, 0.5)), (2.0, 2.0, 1.0)))
+    entity = simulation.add_robot("r", "r", robot, Pose())
+    x, y, _ = entity.initial.position
+    assert x < -0.15
+    assert math.hypot(x, y) <= 0.301
+    run(simulation, 2.0)
+    assert entity.collisions.count == 0
+    with pytest.raises(ModelError, match="would overlap r::"):
+        simulation.add_robot("other", "o", robot, entity.initial)
 
 
 def test_a_wheel_is_as_wide_as_described_beside_a_wall(simulate: MakeSimulation, robot: Robot, box: MakeBox) -> None:

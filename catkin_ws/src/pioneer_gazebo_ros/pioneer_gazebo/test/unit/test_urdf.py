@@ -1,6 +1,8 @@
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pioneer_gazebo.adapters.urdf import robot_from_urdf
 from pioneer_gazebo.core.error import DescriptionError
@@ -118,13 +120,39 @@ def test_unknown_plugins_and_elements_are_named_once():
         ('<joint name="j" type="bent"><parent link="base"/><child link="left"/></joint>', "'bent' is not one of"),
         ('<joint name="j" type="fixed"><parent link="base"/><child link="left"/></joint>', "child of two joints"),
         ('<joint name="j" type="fixed"><parent link="base"/><child link="x"/></joint>', "no link 'x'"),
-        ('<link name="m"><inertial><mass value="0"/></inertial></link>', "must be above 0, not 0"),
     ],
 )
 def test_what_makes_no_sense_is_refused_with_file_and_element(extra, message):
     with pytest.raises(DescriptionError, match=message) as caught:
         cart(extra)
     assert str(caught.value).startswith("cart.urdf, line ")
+
+
+def test_details_that_no_body_has_are_noted_with_their_line_and_left_out():
+    robot = cart("""<link name="bad"><inertial><mass value="0"/></inertial>
+      <collision><geometry><box size="0 1 1"/></geometry></collision></link>
+      <link name="light"><inertial><mass value="2"/><inertia ixx="0" iyy="0" izz="0"/></inertial></link>
+      <joint name="j1" type="fixed"><parent link="base"/><child link="bad"/></joint>
+      <joint name="j2" type="fixed"><parent link="base"/><child link="light"/></joint>""")
+    assert robot.link("bad").mass == 0
+    assert robot.link("bad").collisions == ()
+    assert robot.link("light").inertia.ixx == pytest.approx(0.02)
+    assert [line.partition(": ")[0].startswith("cart.urdf, line ") for line in robot.warnings] == [True] * 3
+    assert "value must be > 0 (got 0)" in robot.warnings[0]
+
+
+VALUES = {"mu1": st.floats(0, 10), "mu": st.floats(0, 10), "mu2": st.floats(0, 10), "kp": st.floats(0, 1e9),
+          "selfCollide": st.booleans(), "material": st.sampled_from(["Gazebo/Blue", "Gazebo/Red"])}  # fmt: skip
+
+
+@given(st.fixed_dictionaries({}, optional=VALUES))
+def test_both_spellings_of_a_surface_give_the_same_robot(values):
+    words = {tag: str(value).lower() if isinstance(value, bool) else str(value) for tag, value in values.items()}
+    inside = "".join(f"<{tag}>{word}</{tag}>" for tag, word in words.items())
+    attribute = "".join(f'<{tag} value="{word}"/>' for tag, word in words.items())
+    one, other = (cart(f'<gazebo reference="body">{text}</gazebo>') for text in (inside, attribute))
+    assert one == other
+    assert one.warnings == ()
 
 
 def test_joints_in_a_circle_are_refused():

@@ -218,7 +218,8 @@ class BulletEngine:
             [(x, y, top) for x, y in points], [(x, y, -FARTHEST) for x, y in points],
             collisionFilterMask=STANDING | GROUND, physicsClientId=self._client,
         )  # fmt: skip
-        return max((hit[3][2] for hit in hits if hit[0] >= 0), default=None)
+        # A ray that begins inside something meets it at once: that is not below.
+        return max((hit[3][2] for hit in hits if hit[0] >= 0 and hit[2] > 0.0), default=None)
 
     def overlap(self, handle: int) -> list[Contact]:
         """See `Engine`."""

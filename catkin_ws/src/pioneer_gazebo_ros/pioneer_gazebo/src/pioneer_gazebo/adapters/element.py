@@ -1,6 +1,7 @@
 """Checked reading of XML descriptions: every error names file, line, element and what is wrong."""
 
 import math
+import re
 from collections.abc import Iterator
 from typing import Self
 
@@ -22,9 +23,20 @@ class Notes:
         """Adds ``line`` unless it is there."""
         self._lines.setdefault(line)
 
+    def ignored(self, error: DescriptionError) -> None:
+        """Adds what is wrong with an element that is left out for it."""
+        self.add(f"{error}; it is ignored")
+
     def lines(self) -> tuple[str, ...]:
         """Returns all lines."""
         return tuple(self._lines)
+
+
+def _repaired(data: bytes) -> bytes:
+    """Returns the document with every bare ``&`` written out, and without a declaration that is not at its start."""
+    if data[:1].isspace():
+        data = re.sub(rb"<\?xml[^>]*\?>", b"", data, count=1)
+    return re.sub(rb"&(?!#?\w+;)", b"&amp;", data)
 
 
 class Element:
@@ -41,17 +53,28 @@ class Element:
         self.tag = str(node.tag)
 
     @classmethod
-    def from_text(cls, text: str | bytes, source: str) -> Self:
+    def from_text(cls, text: str | bytes, source: str, notes: Notes | None = None) -> Self:
         """Returns the root element of a document. External entities are not resolved.
+
+        Blanks before the XML declaration and a bare ``&``, which Gazebo reads, are accepted with a note.
 
         Raises:
             DescriptionError: the text is not well-formed XML.
         """
         parser = etree.XMLParser(remove_comments=True, remove_pis=True, resolve_entities=False, no_network=True)
+        data = text.encode() if isinstance(text, str) else text
         try:
-            return cls(etree.fromstring(text.encode() if isinstance(text, str) else text, parser), source)
+            return cls(etree.fromstring(data, parser), source)
         except etree.XMLSyntaxError as error:
-            raise DescriptionError(f"{source}: not well-formed XML: {error.msg}") from None
+            repaired = _repaired(data)
+            if repaired == data or notes is None:
+                raise DescriptionError(f"{source}: not well-formed XML: {error.msg}") from None
+            notes.add(f"{source}: not well-formed XML: {error.msg}; read as if that were correct")
+            return cls.from_text(repaired, source)
+
+    def note(self, notes: Notes, message: str) -> None:
+        """Notes something about this element, with file and line."""
+        notes.add(str(self.error(message)))
 
     def error(self, message: str) -> DescriptionError:
         """Returns, for raising, an error that names this element and the named elements around it."""
@@ -181,11 +204,11 @@ class Element:
         found = self.child(tag)
         return default if found is None else found.truth()
 
-    def truth(self) -> bool:
-        """Returns the truth value written inside: true, 1, false or 0."""
-        word = self.text.lower()
+    def truth(self, text: str | None = None) -> bool:
+        """Returns the truth value of ``text``, by default of the text inside: true, 1, false or 0."""
+        word = (self.text if text is None else text).lower()
         if word not in TRUE + FALSE:
-            raise self.error(f"must be true or false, not {self.text!r}")
+            raise self.error(f"must be true or false, not {word!r}")
         return word in TRUE
 
     def word(self, tag: str, default: str) -> str:

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from urllib.parse import unquote
 
 import rospkg
 
@@ -21,6 +22,11 @@ def package_directory(name: str = PACKAGE) -> Path | None:
 
 def _directories(value: str) -> list[Path]:
     return [Path(part).expanduser() for part in value.split(os.pathsep) if part]
+
+
+def resource_path(environ: Mapping[str, str] = os.environ) -> list[Path]:
+    """Returns where relative paths are looked up: GAZEBO_RESOURCE_PATH."""
+    return _directories(environ.get("GAZEBO_RESOURCE_PATH", ""))
 
 
 def model_path(environ: Mapping[str, str] = os.environ) -> list[Path]:
@@ -43,7 +49,7 @@ def world_path(name: str, environ: Mapping[str, str] = os.environ) -> Path:
         return direct.resolve()
     here = package_directory()
     own = [here / "worlds"] if here else []
-    folders = own + [path / "worlds" for path in _directories(environ.get("GAZEBO_RESOURCE_PATH", ""))]
+    folders = own + [path / "worlds" for path in resource_path(environ)]
     for folder in folders:
         for candidate in (folder / name, folder / f"{name}.world"):
             if candidate.is_file():
@@ -68,11 +74,15 @@ def file_of_uri(uri: str, relative_to: Path, models: Sequence[Path]) -> Path | N
     """Returns the file or directory of a URI, or None where nothing is found.
 
     Args:
-        uri: ``model://NAME/…`` (along ``models``), ``package://NAME/…``, ``file://…`` or a plain path.
-        relative_to: directory for relative paths.
-        models: search path of ``model://``; relative ``file://`` paths are tried along it, too.
+        uri: ``model://NAME/…``, ``package://NAME/…``, ``file://…`` or a plain path.
+        relative_to: directory of the file that names it.
+        models: search path of ``model://``.
+
+    A relative path is looked up beside the file, along GAZEBO_RESOURCE_PATH and ``models``, in the working directory,
+    and in the folders above each: ``file://models/x`` is found where ``x`` is along ``models``. So is ``model://NAME``,
+    after ``models``, in the folders above the file.
     """
-    scheme, separator, rest = uri.partition("://")
+    scheme, separator, rest = unquote(uri).partition("://")
     if not separator:
         scheme, rest = "file", uri
     if scheme == "package":
@@ -80,9 +90,10 @@ def file_of_uri(uri: str, relative_to: Path, models: Sequence[Path]) -> Path | N
         found = package_directory(package)
         candidates = [found / inside] if found else []
     elif scheme == "model":
-        candidates = [folder / rest for folder in models]
+        candidates = [folder / rest for folder in (*models, relative_to.parent, relative_to.parent.parent)]
     elif scheme == "file":
-        candidates = [folder / rest for folder in (relative_to, *models)]
+        folders = (relative_to, *resource_path(), *models, Path.cwd())
+        candidates = [folder / rest for folder in (*folders, *(folder.parent for folder in folders))]
     else:
         candidates = []
     return next((path for path in candidates if path.exists()), None)

@@ -1,7 +1,7 @@
 """Reads Gazebo worlds and models: SDF 1.4 to 1.7."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from pioneer_gazebo.adapters.element import Element, Notes
@@ -47,20 +47,32 @@ def world_from_sdf(path: str | Path, model_path: Sequence[str | Path] = ()) -> W
         model_path: directories in which ``model://NAME`` is looked up, first match first.
 
     Raises:
-        DescriptionError: the file cannot be read, is not well-formed, or holds a value that makes no sense.
+        DescriptionError: the file cannot be read, or is not a world. An invalid element in it is noted and left out.
     """
-    return world_from_sdf_text(content_of(path), model_path, str(path), Path(path).resolve().parent)
+    return world_from_sdf_text(content_of(path), model_path, str(path), Path(path).resolve().parent, tolerant=True)
 
 
 def world_from_sdf_text(
-    text: str | bytes, model_path: Sequence[str | Path] = (), source: str = "SDF", directory: Path | None = None
+    text: str | bytes,
+    model_path: Sequence[str | Path] = (),
+    source: str = "SDF",
+    directory: Path | None = None,
+    tolerant: bool = False,
 ) -> World:
     """Returns the world in SDF text; text that holds one bare ``<model>`` gives a world with that model alone.
 
+    Args:
+        text: the XML.
+        model_path: directories in which ``model://NAME`` is looked up, first match first.
+        source: what errors call the text.
+        directory: for relative paths; the working directory by default.
+        tolerant: whether an invalid element is noted and left out.
+
     Raises:
-        DescriptionError: as `world_from_sdf`.
+        DescriptionError: the text is not SDF, or, unless ``tolerant``, it holds an invalid value.
     """
-    scope = Scope(directory or Path.cwd(), [Path(folder).expanduser() for folder in model_path], Notes())
+    models = [Path(folder).expanduser() for folder in model_path]
+    scope = Scope(directory or Path.cwd(), models, Notes(), tolerant)
     root = _sdf(text, source, scope)
     world = root.child("world")
     if world is not None:
@@ -73,7 +85,7 @@ def world_from_sdf_text(
 
 
 def _sdf(text: str | bytes, source: str, scope: Scope) -> Element:
-    root = Element.from_text(text, source)
+    root = Element.from_text(text, source, scope.notes)
     if root.tag != "sdf":
         raise root.error("is not SDF: the root element must be <sdf>")
     version = root.attribute("version")
@@ -87,23 +99,43 @@ def _world(element: Element, scope: Scope) -> World:
     frames = Frames(element)
     for child in element.children():
         model = None
-        if child.tag == "model":
-            model = _model(child, scope, 0)
-        elif child.tag == "actor":
-            model = actor_from_sdf(child, scope)
-        elif child.tag == "include":
-            model = _include(child, frames, scope, 0)
+        if child.tag in _MODELS:
+            with scope.leaving_out():
+                model = _MODELS[child.tag](child, frames, scope)
         elif child.tag not in WORLD_QUIET:
             scope.notes.add(f"<{child.tag}> in <world> is not supported and left out")
         if model is not None:
             name = _unused(model.name, models, scope)
             models[name] = _without_planes(dataclasses.replace(model, name=name), scope)
-    placed = [_posed_by_frames(model, element, frames) for model in models.values()]
+    placed = []
+    for model in models.values():
+        with scope.leaving_out():
+            placed.append(_posed_by_frames(model, element, frames))
     states = {
         state.attribute("name"): state for parent in element.children("state") for state in parent.children("model")
     }
     moved = tuple(_moved_by_state(model, states.get(model.name)) for model in placed)
-    return World(element.attribute("name", "default"), moved, _gravity(element), scope.notes.lines())
+    world = World(element.attribute("name", "default"), moved, _gravity(element))
+    if scope.tolerant:
+        _note_what_cannot_stand(element, world, scope.notes)
+    return dataclasses.replace(world, warnings=scope.notes.lines())
+
+
+_MODELS: dict[str, Callable[[Element, Frames, Scope], Model | None]] = {
+    "model": lambda element, _, scope: _model(element, scope, 0),
+    "actor": lambda element, _, scope: actor_from_sdf(element, scope),
+    "include": lambda element, frames, scope: _include(element, frames, scope, 0),
+}
+
+
+def _note_what_cannot_stand(element: Element, world: World, notes: Notes) -> None:
+    """Notes that a world is empty to touch, or that all of it falls."""
+    if world.models and not any(True for _ in world.collisions()):
+        element.note(notes, "no model has a collision shape: robots fall, and lasers see nothing")
+    elif any(not model.static and model.script is None for model in world.models) and not any(
+        True for _ in world.collisions(static_only=True)
+    ):
+        element.note(notes, "no model is static and there is no ground plane: all models fall")
 
 
 def _without_planes(model: Model, scope: Scope) -> Model:
@@ -171,6 +203,7 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
     frames = Frames(element)
     links: list[Link] = []
     joints: list[Joint] = []
+    static = element.flag("static")
     for child in element.children():
         if child.tag == "link":
             links.append(link_from_sdf(child, frames.pose(child), scope))
@@ -180,17 +213,21 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
             nested = _model(child, scope, depth) if child.tag == "model" else _include(child, frames, scope, depth)
             if nested is not None:
                 nested = dataclasses.replace(nested, pose=frames.pose(child)) if child.tag == "model" else nested
+                # sdformat puts all that a nested model holds, but for its pose, into the model around it.
+                static = static or nested.static
                 inner_links, inner_joints = _flattened(nested)
                 links += inner_links
                 joints += inner_joints
         elif child.tag not in MODEL_QUIET:
             scope.notes.add(f"<{child.tag}> in <model> is not supported and left out")
     poses = {link.name: link.pose for link in links}
-    joints += [joint_from_sdf(child, poses, frames, scope) for child in element.children("joint")]
+    for child in element.children("joint"):
+        with scope.leaving_out():
+            joints.append(joint_from_sdf(child, poses, frames, scope))
     tree, closing = tree_of(poses, joints) if joints else ((), ())
     for joint in closing:
         scope.notes.add(f"joint {joint} of model {name} closes a ring, which is not supported, and is left out")
-    return Model(name, pose_in(element), element.flag("static"), tuple(links), joints=tree)
+    return Model(name, pose_in(element), static, tuple(links), joints=tree)
 
 
 def _flattened(nested: Model) -> tuple[list[Link], list[Joint]]:
@@ -245,7 +282,7 @@ def _overridden(model: Model, include: Element, frames: Frames) -> Model:
 
 
 def _model_from_directory(path: Path, uri: Element, scope: Scope, depth: int) -> Model | None:
-    file = _model_file(path) if path.is_dir() else path
+    file = _model_file(path, scope.notes) if path.is_dir() else path
     inner = dataclasses.replace(scope, directory=file.parent)
     root = _sdf(content_of(file), str(file), inner)
     model = _lone_model(root, inner, depth)
@@ -256,12 +293,12 @@ def _model_from_directory(path: Path, uri: Element, scope: Scope, depth: int) ->
     raise uri.error(f"{file} holds no <model>")
 
 
-def _model_file(directory: Path) -> Path:
+def _model_file(directory: Path, notes: Notes) -> Path:
     """Returns the newest file that ``model.config`` names in a version read here, or ``model.sdf``."""
     manifest = directory / "model.config"
     if not manifest.is_file():
         return directory / "model.sdf"
-    named = list(Element.from_text(content_of(manifest), str(manifest)).children("sdf"))
+    named = list(Element.from_text(content_of(manifest), str(manifest), notes).children("sdf"))
     known = [element for element in named if element.attribute("version", VERSIONS[0]) in VERSIONS] or named
     if not known:
         return directory / "model.sdf"

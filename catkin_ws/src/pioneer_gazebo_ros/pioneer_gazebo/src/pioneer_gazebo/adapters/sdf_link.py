@@ -1,12 +1,14 @@
 """SDF links: inertia, collisions, visuals and their geometry."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from pioneer_gazebo.adapters.element import Element, Notes
 from pioneer_gazebo.adapters.material import GREY, colour_of_material
 from pioneer_gazebo.adapters.resource import file_of_uri
+from pioneer_gazebo.core.error import DescriptionError
 from pioneer_gazebo.core.pose import IDENTITY, Pose
 from pioneer_gazebo.core.world import (
     Box,
@@ -24,6 +26,9 @@ from pioneer_gazebo.core.world import (
 
 QUIET = {"pose", "self_collide", "enable_wind", "kinematic", "velocity_decay", "must_be_base_link", "gravity", "light"}
 
+RADIUS_OF_GYRATION = 0.1
+"""Of a link whose inertia cannot be right [m]."""
+
 
 @dataclass(frozen=True)
 class Scope:
@@ -33,11 +38,23 @@ class Scope:
         directory: of the file, for relative paths.
         models: search path of ``model://``.
         notes: takes what is left out.
+        tolerant: whether an invalid element is noted and left out, as Gazebo does with worlds, or an error.
     """
 
     directory: Path
     models: Sequence[Path]
     notes: Notes
+    tolerant: bool = False
+
+    @contextmanager
+    def leaving_out(self) -> Iterator[None]:
+        """Notes a DescriptionError that is raised within, where the scope is tolerant."""
+        try:
+            yield
+        except DescriptionError as error:
+            if not self.tolerant:
+                raise
+            self.notes.ignored(error)
 
 
 def pose_in(element: Element) -> Pose:
@@ -55,19 +72,21 @@ def link_from_sdf(element: Element, pose: Pose, scope: Scope, prefix: str = "") 
         scope: of the file.
         prefix: what nested models put before the name.
     """
-    mass, inertia = _inertial(element.child("inertial"))
+    mass, inertia = _inertial(element.child("inertial"), scope.notes)
     _note_foreign_frames(element, scope)
     collisions = []
     visuals = []
     for child in element.children():
         if child.tag == "collision":
-            shape = _shape(child, scope)
-            if shape is not None:
-                collisions.append(_collision(child, shape))
+            with scope.leaving_out():
+                shape = _shape(child, scope)
+                if shape is not None:
+                    collisions.append(_collision(child, shape))
         elif child.tag == "visual":
-            shape = _shape(child, scope)
-            if shape is not None:
-                visuals.append(Visual(child.attribute("name", "visual"), pose_in(child), shape, _colour(child)))
+            with scope.leaving_out():
+                shape = _shape(child, scope)
+                if shape is not None:
+                    visuals.append(Visual(child.attribute("name", "visual"), pose_in(child), shape, _colour(child)))
         elif child.tag not in QUIET | {"inertial"}:
             scope.notes.add(f"<{child.tag}> in a world's link is not supported and left out")
     return Link(prefix + element.attribute("name"), pose, mass, inertia, tuple(collisions), tuple(visuals))
@@ -82,15 +101,23 @@ def _note_foreign_frames(link: Element, scope: Scope) -> None:
             scope.notes.add(f"the frame of a <pose> in <{child.tag}> is not supported: the link's is taken")
 
 
-def _inertial(element: Element | None) -> tuple[float, Inertia]:
+def _inertial(element: Element | None, notes: Notes) -> tuple[float, Inertia]:
+    """Returns mass and inertia; values that no body has are noted, and the defaults of SDF taken."""
     if element is None:
         return 1.0, Inertia()
     pose = pose_in(element)
-    mass = element.positive("mass", 1.0)
+    mass = element.number("mass", 1.0)
+    if mass <= 0:
+        element.needed("mass").note(notes, f"must be > 0 (got {mass:g}); 1 kg is taken")
+        mass = 1.0
     moments = element.child("inertia")
     if moments is None:
         return mass, Inertia(pose=pose)
-    ixx, iyy, izz = (moments.positive(tag, 1.0) for tag in ("ixx", "iyy", "izz"))
+    ixx, iyy, izz = (moments.number(tag, 1.0) for tag in ("ixx", "iyy", "izz"))
+    if min(ixx, iyy, izz) <= 0:
+        moment = mass * RADIUS_OF_GYRATION**2
+        moments.note(notes, f"ixx, iyy, izz must be > 0 (got {ixx:g}, {iyy:g}, {izz:g}); {moment:g} kg m² is taken")
+        return mass, Inertia(moment, moment, moment, pose=pose)
     ixy, ixz, iyz = (moments.number(tag, 0.0) for tag in ("ixy", "ixz", "iyz"))
     return mass, Inertia(ixx, iyy, izz, ixy, ixz, iyz, pose)
 

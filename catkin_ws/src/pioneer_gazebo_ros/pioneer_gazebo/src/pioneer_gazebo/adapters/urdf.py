@@ -6,6 +6,7 @@ from pathlib import Path
 from pioneer_gazebo.adapters.element import Element, Notes
 from pioneer_gazebo.adapters.material import GREY, colour_of_material
 from pioneer_gazebo.adapters.resource import file_of_uri
+from pioneer_gazebo.adapters.sdf_link import RADIUS_OF_GYRATION
 from pioneer_gazebo.adapters.urdf_gazebo import Extensions, read_extensions
 from pioneer_gazebo.core import joint as kinds
 from pioneer_gazebo.core.joint import Joint
@@ -32,7 +33,7 @@ def robot_from_urdf(text: str | bytes, source: str = "robot_description") -> Rob
             there, or links that are not one tree.
     """
     notes = Notes()
-    root = Element.from_text(text, source)
+    root = Element.from_text(text, source, notes)
     if root.tag != "robot":
         raise root.error("is not URDF: the root element must be <robot>")
     for child in root.children():
@@ -62,7 +63,7 @@ def _names_used_once(root: Element, kind: str) -> None:
     for element in root.children(kind):
         name = element.attribute("name")
         if name in seen:
-            raise element.error(f"a {kind} named {name!r} is there already")
+            raise element.error(f"a {kind} named {name!r} already exists")
         seen.add(name)
 
 
@@ -81,16 +82,9 @@ def _value(element: Element, name: str, default: float | None = None) -> float:
     return element.numbers(1, text, name)[0]
 
 
-def _positive(element: Element, name: str) -> float:
-    value = _value(element, name)
-    if value <= 0:
-        raise element.error(f"{name} must be above 0, not {value:g}")
-    return value
-
-
 def _link(element: Element, materials: dict[str, Colour], extensions: Extensions, notes: Notes) -> Link:
     name = element.attribute("name")
-    mass, inertia = _inertial(element.child("inertial"))
+    mass, inertia = _inertial(element.child("inertial"), notes)
     surface = extensions.surface(name)
     collisions = []
     for index, child in enumerate(element.children("collision")):
@@ -107,32 +101,47 @@ def _link(element: Element, materials: dict[str, Colour], extensions: Extensions
     return Link(name, IDENTITY, mass, inertia, tuple(collisions), tuple(visuals))
 
 
-def _inertial(element: Element | None) -> tuple[float, Inertia]:
+def _inertial(element: Element | None, notes: Notes) -> tuple[float, Inertia]:
+    """Returns mass and inertia: none, as for a frame, where they are invalid, which is noted."""
+    frame = 0.0, Inertia(0.0, 0.0, 0.0)
     if element is None:
-        return 0.0, Inertia(0.0, 0.0, 0.0)
-    mass = _positive(element.needed("mass"), "value")
-    moments = element.needed("inertia")
-    ixx, iyy, izz = (_value(moments, name) for name in ("ixx", "iyy", "izz"))
-    if min(ixx, iyy, izz) <= 0:
-        raise moments.error("ixx, iyy and izz must be above 0")
+        return frame
+    mass = _value(element.needed("mass"), "value")
+    moments = element.child("inertia")
+    values = [0.0] * 3 if moments is None else [_value(moments, name, 0.0) for name in ("ixx", "iyy", "izz")]
+    if mass <= 0:
+        element.needed("mass").note(notes, f"value must be > 0 (got {mass:g}); the link has no mass")
+        return frame
+    if moments is None or min(values) <= 0:
+        moment = mass * RADIUS_OF_GYRATION**2
+        element.note(notes, f"ixx, iyy and izz must be > 0 (got {values}); {moment:g} kg m² is taken")
+        return mass, Inertia(moment, moment, moment, pose=_origin(element))
+    ixx, iyy, izz = values
     ixy, ixz, iyz = (_value(moments, name, 0.0) for name in ("ixy", "ixz", "iyz"))
     return mass, Inertia(ixx, iyy, izz, ixy, ixz, iyz, _origin(element))
 
 
 def _shape(element: Element, notes: Notes) -> Shape | None:
+    """Returns the shape, or None, with a note, for one that is not found or has no extent."""
     geometry = element.needed("geometry")
     inner = next(geometry.children(), None)
     if inner is None:
         raise geometry.error("is empty")
+    shape: Shape | None = None
     if inner.tag == "box":
         size = inner.vector(inner.attribute("size"), "size")
-        if min(size) <= 0:
-            raise inner.error(f"size must be above 0, not {inner.attribute('size')}")
-        return Box(size)
-    if inner.tag == "cylinder":
-        return Cylinder(_positive(inner, "radius"), _positive(inner, "length"))
-    if inner.tag == "sphere":
-        return Sphere(_positive(inner, "radius"))
+        shape, least = Box(size), min(size)
+    elif inner.tag == "cylinder":
+        radius, length = _value(inner, "radius"), _value(inner, "length")
+        shape, least = Cylinder(radius, length), min(radius, length)
+    elif inner.tag == "sphere":
+        least = _value(inner, "radius")
+        shape = Sphere(least)
+    if shape is not None:
+        if least > 0:
+            return shape
+        inner.note(notes, f"sizes must be > 0 (got {least:g}); it is ignored")
+        return None
     if inner.tag != "mesh":
         raise inner.error("is no geometry of URDF (box, cylinder, sphere, mesh)")
     path = file_of_uri(inner.attribute("filename"), Path.cwd(), ())

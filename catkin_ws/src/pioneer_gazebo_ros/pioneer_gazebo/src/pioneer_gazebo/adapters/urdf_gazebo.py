@@ -61,19 +61,23 @@ def _read_reference(element: Element, link: str, extensions: Extensions, names: 
             names.check_link(child, link)
             extensions.devices += read_sensor(child, link, notes)
         elif child.tag in ("mu1", "mu"):
-            words = child.attribute("value", child.text)
-            surface = dataclasses.replace(surface, friction=child.numbers(1, words)[0])
+            surface = dataclasses.replace(surface, friction=child.numbers(1, _said(child))[0])
         elif child.tag == "material":
-            surface = dataclasses.replace(surface, colour=colour_of_material(child.text))
+            surface = dataclasses.replace(surface, colour=colour_of_material(_said(child)))
         elif child.tag not in SURFACE_QUIET:
             notes.add(f"<{child.tag}> in <gazebo reference> is not supported and ignored")
     extensions.surfaces[link] = surface
 
 
+def _said(element: Element) -> str:
+    """Returns what an element says: URDF's readers take ``<mu1>1</mu1>`` and ``<mu1 value="1"/>``."""
+    return element.attribute("value", element.text)
+
+
 def _read_model(element: Element, extensions: Extensions, names: Names, notes: Notes) -> None:
     for child in element.children():
         if child.tag == "static":
-            extensions.static = child.truth()
+            extensions.static = child.truth(_said(child))
         elif child.tag == "plugin":
             extensions.devices += read_plugin(child, names, notes)
         else:

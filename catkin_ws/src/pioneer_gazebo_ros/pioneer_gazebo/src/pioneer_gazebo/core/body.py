@@ -120,7 +120,7 @@ def body_from_robot(robot: Robot, triangles: Triangles) -> Body:
         is_driven = joint.name in driven
         return as_balls(touches, joint, triangles) if is_driven or is_wheel(touches, joint, parent, triangles) else None
 
-    return Body(robot.name, _parts(groups, robot.joints, rolling))
+    return Body(robot.name, _parts(groups, robot.joints, rolling, robot.static))
 
 
 _Group = list[tuple[Link, Pose]]
@@ -134,6 +134,7 @@ def _parts(
     groups: list[_Group],
     joints: Sequence[Joint],
     rolling: Callable[[Sequence[Touch], Joint, Pose], _Rolling | None],
+    static: bool = False,
 ) -> tuple[Part, ...]:
     """Returns a part for each group; ``rolling`` returns what wheels become, by shapes, joint, parent's pose."""
     index = {group[0][0].name: number for number, group in enumerate(groups)}
@@ -153,7 +154,7 @@ def _parts(
                 touches[number], drums = found
                 touches[parent] += drums
         frames.append(IDENTITY if joint is None else frames[parent].compose(joint.pose))
-        held = group[0][0].name == kinds.WORLD
+        held = group[0][0].name == kinds.WORLD or (static and not number)
         mass, inertia = (0.0, Inertia()) if held else _lumped(group)
         names = tuple((link.name, pose) for link, pose in group if link.name != kinds.WORLD)
         parts.append(Part(group[0][0].name, parent, joint, mass, inertia, (), names, _looks(group)))

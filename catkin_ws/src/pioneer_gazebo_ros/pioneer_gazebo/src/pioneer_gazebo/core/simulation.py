@@ -24,7 +24,7 @@ from pioneer_gazebo.core.roster import Roster
 from pioneer_gazebo.core.scene import Scene
 from pioneer_gazebo.core.schedule import TICK_RATE, period_of
 from pioneer_gazebo.core.section import Triangles
-from pioneer_gazebo.core.spot import DEEPEST_START, STEP_UP, deepest, lifted
+from pioneer_gazebo.core.spot import OverlapError, added
 from pioneer_gazebo.core.standing import Standing
 from pioneer_gazebo.core.view import View
 from pioneer_gazebo.core.world import Model, World
@@ -59,6 +59,7 @@ class Simulation:
         self._wrenches = Wrenches(engine)
         self._collided: list[Entity] = []
         self._lost: dict[str, Pose] = {}
+        self.spawn_search = 0.5  # [m] that a robot which would overlap something static is moved at most
         self.tick = self._stepped = self._inspected = 0
         self._part = 1.0
         self._period = 1
@@ -160,14 +161,13 @@ class Simulation:
     def _add(self, name: str, namespace: str, body: Body, pose: Pose, robot: Robot | None, anywhere: bool) -> Entity:
         bound.check_body(body)
         bound.check_pose(pose)
-        pose = lifted(self._engine, body, pose, self._triangles, DEEPEST_START if anywhere else STEP_UP)
-        handle = self._engine.add(body, pose)
-        worst = None if anywhere else deepest(self._engine.overlap(handle))
-        if worst is not None:
-            inside = self.touched_name(worst)
-            self._engine.remove(handle)
+        search = self.spawn_search if robot is not None else 0.0
+        try:
+            handle, pose = added(self._engine, body, pose, self._triangles, anywhere, search)
+        except OverlapError as error:
             x, y, _ = pose.position
-            raise ModelError(f"model {name} at ({x:.2f}, {y:.2f}) would overlap {inside} by {worst.depth:.2f} m")
+            depth, inside = error.contact.depth, self.touched_name(error.contact)
+            raise ModelError(f"model {name} at ({x:.2f}, {y:.2f}) would overlap {inside} by {depth:.2f} m") from None
         return self._keep(Entity(name, namespace, body, handle, pose, robot, after=pose))
 
     def _keep(self, entity: Entity) -> Entity:

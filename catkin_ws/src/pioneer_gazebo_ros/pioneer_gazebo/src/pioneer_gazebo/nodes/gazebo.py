@@ -45,6 +45,7 @@ class GazeboConfig:
     state_rate: float = 50.0
     odometry_error: float = 0.0
     odometry_scale: float = 1.0
+    spawn_search: float = 0.5
     gui: bool = False
 
     def __post_init__(self) -> None:
@@ -60,6 +61,8 @@ class GazeboConfig:
                 "~odometry_error must not be negative and ~odometry_scale must be above 0, "
                 f"not {self.odometry_error} and {self.odometry_scale}"
             )
+        if not 0 <= self.spawn_search <= 10:
+            raise ParameterError(f"~spawn_search must be 0 … 10 m (got {self.spawn_search})")
         if not self.physics_rate > 0:
             raise ParameterError(f"~physics_rate must be above 0, not {self.physics_rate}")
 
@@ -95,6 +98,7 @@ class GazeboNode:
         self._simulation = Simulation(
             self._engine, triangles_of_mesh, physics, config.seed, config.odometry_error, config.odometry_scale
         )
+        self._simulation.spawn_search = config.spawn_search
         self._simulation.load(world)
         self._timeline = Timeline(
             self._simulation, mailbox, config.real_time_factor, config.paused, config.clock_rate, self._after_tick

@@ -1,5 +1,7 @@
 """The robots in the world, each with its topics."""
 
+import math
+
 import rospy
 
 from pioneer_gazebo.adapters.mesh import triangles_of_mesh
@@ -42,6 +44,10 @@ class Robots:
         for line in robot.warnings:
             rospy.logwarn("%s: %s", name, line)
         entity = self._simulation.add_robot(name, namespace, robot, pose)
+        moved = math.dist(entity.initial.position[:2], pose.position[:2])
+        if moved > 0:
+            x, y, _ = entity.initial.position
+            rospy.logwarn("%s: its pose overlaps something; it is moved by %.2f m to (%.2f, %.2f)", name, moved, x, y)
         try:
             self._topics[name] = RobotTopics(self._context, entity)
         except SimulatorError:

@@ -31,8 +31,9 @@ def map_of_world(
     margin: float = 0.5,
     extent: Extent | None = None,
     outside_unknown: bool = True,
+    static_only: bool = False,
 ) -> tuple[NDArray[np.uint8], Extent]:
-    """Returns the grey values and the extent of a world's map: its static models cut at ``height`` [m].
+    """Returns the grey values and the extent of a world's map: its models cut at ``height`` [m] where they start.
 
     Args:
         world: the world.
@@ -41,8 +42,9 @@ def map_of_world(
         margin: left free around everything that stands [m]; not used where ``extent`` is given.
         extent: the grid, instead of one that fits.
         outside_unknown: whether what lies outside closed walls is unknown rather than free.
+        static_only: whether models that can move are left out. Actors always are.
     """
-    placed = list(world.collisions(static_only=True))
+    placed = [one for one in world.collisions(static_only) if one.model.script is None]
     sections = [section_of(item.collision.shape, item.pose, height, triangles_of_mesh) for item in placed]
     grid = extent or Extent.around(sections, resolution, margin) or _empty_extent(resolution)
     return grey_map(occupied_cells(sections, grid), outside_unknown), grid
@@ -60,11 +62,21 @@ def main(argv: Sequence[str] | None = None) -> int:
         path = world_path(options.world)
         world = world_from_sdf(path, model_path())
         grey, extent = map_of_world(
-            world, options.height, options.resolution, options.margin, _extent(options), options.outside == "unknown"
+            world,
+            options.height,
+            options.resolution,
+            options.margin,
+            _extent(options),
+            options.outside == "unknown",
+            options.static_only,
         )
     except DescriptionError as error:
         print(f"world_to_map: {error}", file=sys.stderr)
         return 1
+    loose = [model.name for model in world.models if not model.static and model.script is None]
+    if loose:
+        how = "are left out" if options.static_only else "are drawn where they start; --static-only leaves them out"
+        print(f"world_to_map: {len(loose)} models that can move ({', '.join(loose[:3])} …) {how}", file=sys.stderr)
     for warning in world.warnings:
         print(f"world_to_map: {warning}", file=sys.stderr)
     target = Path(options.output) if options.output else map_path(path)
@@ -111,6 +123,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar=("X", "Y", "WIDTH", "HEIGHT"),
         help="lower left corner and size of the map [m], instead of one that fits the world",
     )
+    parser.add_argument("--static-only", action="store_true", help="leave out models that can move")
     parser.add_argument(
         "--outside", choices=("unknown", "free"), default="unknown", help="what lies outside closed walls"
     )
