@@ -6,10 +6,11 @@ import unittest
 
 import rospy
 import rostest
-from geometry_msgs.msg import Twist, Vector3
+from geometry_msgs.msg import Point, PoseStamped, Quaternion, Twist, Vector3
+from geometry_msgs.msg import Pose as PoseMessage
 from nav_msgs.msg import Odometry
 from simple_navigation_goals.msg import WaypointQueue
-from std_msgs.msg import UInt32
+from std_msgs.msg import Header, UInt32
 
 from nav_bundle.conversions import pose_from_message
 from nav_bundle.core.pose import Pose, angle_difference
@@ -89,6 +90,19 @@ class OneRobotTest(unittest.TestCase):
         assert sum(errors) / len(errors) < 0.10
         for (x, y), place in zip(WAYPOINTS, robot.places, strict=True):
             assert math.hypot(place.x - x, place.y - y) < TOLERANCE
+        self.check_a_goal_in_base_link(robot)
+
+    def check_a_goal_in_base_link(self, robot: Robot) -> None:
+        heard: list[PoseStamped] = []
+        rospy.Subscriber("move_base/current_goal", PoseStamped, heard.append)
+        goals = rospy.Publisher("move_base_simple/goal", PoseStamped, queue_size=1)
+        wait_until(goals.get_num_connections, "move_base to take simple goals", 10.0)
+        ahead = PoseMessage(Point(0.5, 0.0, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0))
+        goals.publish(PoseStamped(Header(0, rospy.Time(), "base_link"), ahead))
+        wait_until(lambda: heard, "the goal in map", 10.0)
+        assert heard[-1].header.frame_id == "map"
+        expected = robot.truth.compose(Pose(0.5, 0.0, 0.0))
+        assert pose_from_message(heard[-1].pose).distance(expected) < TOLERANCE
 
 
 if __name__ == "__main__":

@@ -212,7 +212,6 @@ def test_layered_parameters_mean_the_same_as_classic_ones():
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"inflation_radios": 1.0}, "inflation_radius|unknown parameter"),
         ({"map_type": "voxel"}, "voxel"),
         ({"plugins": [{"name": "x", "type": "costmap_2d::VoxelLayer"}]}, "no such layer"),
         ({**SENSING, "laser": {**LASER, "data_type": "PointCloud"}}, "there are.*PointCloud2"),

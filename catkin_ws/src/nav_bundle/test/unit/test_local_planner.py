@@ -356,7 +356,7 @@ def test_former_parameter_names_are_understood():
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"max_vel_xx": 1.0}, {"holonomic_robot": True}, {"sim_time": 0.0}, {"vx_samples": 0}, {"escape_vel": 0.1}],
+    [{"holonomic_robot": True}, {"sim_time": 0.0}, {"vx_samples": 0}, {"escape_vel": 0.1}],
 )
 def test_parameters_that_make_no_sense_are_refused(wrong):
     with pytest.raises(ParameterError):

@@ -240,7 +240,6 @@ def test_noetic_s_four_recoveries_are_the_default():
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"planer_frequency": 1.0}, "did you mean ~planner_frequency"),
         ({"base_local_planner": "eband_local_planner/EBandPlannerROS"}, "not available"),
         ({"base_global_planner": "carrot_planner/CarrotPlanner"}, "there are navfn/NavfnROS, global_planner"),
         ({"recovery_behaviors": [{"name": "x", "type": "y/Z"}]}, "no such type"),
@@ -250,6 +249,18 @@ def test_noetic_s_four_recoveries_are_the_default():
 def test_wrong_parameters_of_move_base_are_refused(parameters, words):
     with pytest.raises(ParameterError, match=words):
         setup_from_parameters(parameters, "move_base")
+
+
+def test_parameters_that_noetic_ignores_or_only_shows_are_warnings(caplog):
+    parameters = {
+        "planer_frequency": 1.0,
+        "TrajectoryPlannerROS": {"publish_cost_grid": True, "publish_cost_grid_pc": True},
+        "local_costmap": {"inflation_radios": 1.0},
+    }
+    setup_from_parameters(parameters, "published")
+    nearest = ["did you mean ~planner_frequency?", "did you mean ~publish_cost_grid_pc?"]
+    for words in (*nearest, "~inflation_radios", "~publish_cost_grid_pc true is not available"):
+        assert words in caplog.text
 
 
 @pytest.mark.parametrize(

@@ -253,7 +253,7 @@ def test_a_star_finds_the_way_round_that_its_guide_does_not_know():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"use_quadratic": False}, {"orientation_mode": 7}, {"cost_factor": 9.0}, {"lethal_cost": 255}, {"x": 1}]
+    "wrong", [{"use_quadratic": False}, {"orientation_mode": 7}, {"cost_factor": 9.0}, {"lethal_cost": 255}]
 )
 def test_global_planner_s_parameters_that_make_no_sense_are_refused(wrong):
     with pytest.raises(ParameterError):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pytest
 
 from pioneer_node.core.frame import resolved, stripped
-from pioneer_node.core.parameter import ParameterError, config_from_mapping
+from pioneer_node.core.parameter import UNKNOWN, ParameterError, config_from_mapping
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,15 @@ def test_an_optional_parameter_takes_a_value() -> None:
     assert config_from_mapping(LaserConfig, {"limit": 3}, "amcl").limit == 3.0
 
 
-def test_an_unknown_parameter_is_refused_with_the_nearest_name() -> None:
+def test_an_unknown_parameter_is_a_warning_once_with_the_nearest_name(caplog: pytest.LogCaptureFixture) -> None:
+    for _ in range(2):
+        assert config_from_mapping(LaserConfig, {"max_rnage": 8.0}, "warned") == LaserConfig()
+    (record,) = caplog.records
+    assert record.getMessage() == ("warned: unknown parameter ~max_rnage; did you mean ~max_range? It has no effect.")
+
+
+def test_an_unknown_parameter_is_refused_where_that_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(UNKNOWN, "strict", True)
     with pytest.raises(ParameterError, match="unknown parameter ~max_rnage; did you mean ~max_range"):
         config_from_mapping(LaserConfig, {"max_rnage": 8.0}, "amcl")
 

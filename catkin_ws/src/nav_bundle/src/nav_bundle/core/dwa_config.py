@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from nav_bundle.core.goal_approach import ApproachConfig
 from nav_bundle.core.local_planner import Velocity
 from pioneer_node.core.live import Live
-from pioneer_node.core.parameter import ParameterError, config_from_mapping
+from pioneer_node.core.parameter import UNKNOWN, ParameterError, config_from_mapping
 
 # Names that dwa_local_planner still takes, and what they are called now.
 _FORMER = {
@@ -104,7 +104,7 @@ def dwa_config_from_parameters(parameters: Mapping[str, Any], owner: str, freque
 def _check(config: DwaConfig, owner: str) -> None:
     for name in ("publish_traj_pc", "publish_cost_grid_pc"):
         if getattr(config, name):
-            raise ParameterError(f"{owner}: ~{name} true is not available")
+            UNKNOWN.complain(f"{owner}: ~{name} true is not available")
     positive = ("sim_time", "sim_granularity", "angular_sim_granularity", "controller_frequency", "acc_lim_x")
     for name in (*positive, "acc_lim_theta"):
         if not getattr(config, name) > 0.0:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from nav_bundle.core.goal_approach import ApproachConfig
 from nav_bundle.core.local_planner import Velocity
 from pioneer_node.core.live import Live
-from pioneer_node.core.parameter import ParameterError, config_from_mapping
+from pioneer_node.core.parameter import UNKNOWN, ParameterError, config_from_mapping
 
 # Names that base_local_planner still takes, and what they are called now.
 _FORMER = {
@@ -107,9 +107,11 @@ def trajectory_config_from_parameters(parameters: Mapping[str, Any], owner: str,
 
 
 def _check(config: TrajectoryConfig, owner: str) -> None:
-    for name in ("holonomic_robot", "simple_attractor", "publish_cost_grid_pc"):
+    for name in ("holonomic_robot", "simple_attractor"):
         if getattr(config, name):
             raise ParameterError(f"{owner}: ~{name} true is not available")
+    if config.publish_cost_grid_pc:
+        UNKNOWN.complain(f"{owner}: ~publish_cost_grid_pc true is not available")
     for name in ("sim_time", "sim_granularity", "angular_sim_granularity", "controller_frequency", "acc_lim_x"):
         if not getattr(config, name) > 0.0:
             raise ParameterError(f"{owner}: ~{name} must be positive, not {getattr(config, name)}")

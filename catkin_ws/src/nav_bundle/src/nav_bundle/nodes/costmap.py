@@ -106,6 +106,7 @@ class CostmapNode:
         self._buffers = {
             source: buffers.get(source, ObservationBuffer(source.observation_persistence)) for source in sources
         }
+        self._sensor_frames = {source: robot_frame(source.sensor_frame) for source in sources if source.sensor_frame}
         self._sources = [
             (source, self._scans[source.topic, source.data_type], buffer) for source, buffer in self._buffers.items()
         ]
@@ -241,7 +242,7 @@ class CostmapNode:
                 return
 
     def _placed(self, source: SourceConfig, scan: Seen) -> Observation:
-        frame = source.sensor_frame or scan.header.frame_id
+        frame = self._sensor_frames.get(source) or scan.header.frame_id
         place = self._listener.lookup(self.frame, frame, scan.header.stamp.to_sec())
         points = place.apply(_points(source, scan))
         heights = points[:, 2]

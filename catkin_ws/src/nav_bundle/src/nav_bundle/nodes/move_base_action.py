@@ -14,6 +14,7 @@ from nav_bundle.core.goal import check_goal
 from nav_bundle.core.move_base import Outcome
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.transform import TransformError
+from nav_bundle.nodes.costmap import costmap_frame
 from nav_bundle.nodes.transform import TransformListener
 from pioneer_node.core.frame import stripped
 
@@ -127,11 +128,14 @@ class GoalServer:
         frame = stripped(pose.header.frame_id) or self._frame
         if frame == self._frame:
             return pose_from_message(pose.pose)
-        try:
-            return self._listener.wait(self._frame, frame, None, 1.0).planar().compose(pose_from_message(pose.pose))
-        except TransformError as error:
-            text = f"Failed to transform the goal pose from {frame} into the {self._frame} frame: {error}"
-            raise TransformError(text) from error
+        fault: TransformError | None = None
+        for candidate in _candidates(pose.header.frame_id):
+            try:
+                transform = self._listener.wait(self._frame, candidate, None, 1.0)
+                return transform.planar().compose(pose_from_message(pose.pose))
+            except TransformError as error:
+                fault = fault or error
+        raise TransformError(f"Failed to transform the goal pose from {frame} into the {self._frame} frame: {fault}")
 
     def cancelled(self) -> bool:
         """True if the goal under way was cancelled and no other has come."""
@@ -152,6 +156,11 @@ class GoalServer:
             Outcome.PREEMPTED: self._server.set_preempted,
         }
         ends[outcome](MoveBaseResult(), text)
+
+
+def _candidates(frame: str) -> list[str]:
+    """Returns what a goal's frame may be called in tf: a bare name is the robot's own first, under its tf_prefix."""
+    return [stripped(frame)] if "/" in frame else list(dict.fromkeys((costmap_frame(frame), frame)))
 
 
 def _components(rotation: Quaternion) -> tuple[float, float, float, float]:

@@ -38,19 +38,32 @@ def test_gains_are_read_from_their_names() -> None:
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"controller_gain": {}}, "unknown parameter ~controller_gain; did you mean ~controller_gains"),
-        ({"controller_gains": {"wheel": {}}}, "unknown parameter ~controller_gains/wheel"),
-        ({"controller_gains": {"body": {"lateral": {}}}}, "~controller_gains/body/lateral"),
-        ({"controller_gains": {"body": {"linear": {"gain": 1.0}}}}, "linear/gain; there is p"),
         ({"controller_gains": {"body": {"linear": 1.0}}}, "must hold a gain p"),
         ({"controller_gains": {"body": {"linear": {"p": "big"}}}}, "finite number"),
         ({"controller_gains": {"body": {"linear": {"p": math.nan}}}}, "finite number"),
-        ({"controller_gains": {"body": {"linear": {"p": 1.0, "i": 0.2}}}}, "only scales by p"),
     ],
 )
 def test_a_parameter_that_is_wrong_is_named(parameters: dict[str, object], message: str) -> None:
     with pytest.raises(ParameterError, match=message):
         gains_from_parameters(parameters, "/pioneer_ros")
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"controller_gain": {}}, "unknown parameter ~controller_gain; did you mean ~controller_gains?"),
+        ({"controller_gains": {"left": {"p": 1.0}, "body": {"linear": {"p": 2.0}}}}, "~controller_gains/left. It has"),
+        ({"controller_gains": {"body": {"lateral": {}}}}, "unknown parameter ~controller_gains/body/lateral"),
+        ({"controller_gains": {"body": {"linear": {"gain": 1.0}}}}, "~controller_gains/body/linear/gain"),
+        ({"controller_gains": {"body": {"linear": {"p": 2.0, "i": 0.2}}}}, "~controller_gains/body/linear/i"),
+    ],
+)
+def test_gains_that_nothing_reads_are_warnings(
+    parameters: dict[str, object], message: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    linear = gains_from_parameters(parameters, f"/{message}").linear
+    assert linear == (2.0 if "2.0" in str(parameters) else 1.0)
+    assert message in caplog.text
 
 
 def test_silence_after_movement_is_noticed_once() -> None:

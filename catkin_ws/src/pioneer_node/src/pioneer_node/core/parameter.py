@@ -2,6 +2,7 @@
 
 import dataclasses
 import difflib
+import logging
 import math
 import types
 import typing
@@ -12,7 +13,44 @@ Config = TypeVar("Config")
 
 
 class ParameterError(ValueError):
-    """A parameter that is unknown, of the wrong type, or out of its range."""
+    """A parameter of the wrong type or out of its range, or an unknown one where those are refused."""
+
+
+class UnknownNames:
+    """What happens to parameters that a node does not read: a warning each, once, as they have no effect in Noetic.
+
+    Attributes:
+        strict: whether they are refused instead.
+    """
+
+    def __init__(self) -> None:
+        self.strict = False
+        self._reported: set[str] = set()
+
+    def report(self, owner: str, name: str, known: Collection[str], above: str = "") -> None:
+        """Logs a warning that names the nearest of the ``known`` names; ``above`` is their namespace, with its slash.
+
+        Raises:
+            ParameterError: in place of the warning where ``strict``.
+        """
+        self.complain(f"{owner}: unknown parameter ~{above}{name}{_nearest(name, known, above)}")
+
+    def complain(self, text: str) -> None:
+        """Logs once that a parameter has no effect; ``text`` names it and the reason.
+
+        Raises:
+            ParameterError: in place of the warning where ``strict``.
+        """
+        if self.strict:
+            raise ParameterError(text)
+        if text not in self._reported:
+            self._reported.add(text)
+            # rospy's logger: what is logged there reaches the terminal and /rosout.
+            logging.getLogger("rosout").warning("%s It has no effect.", text if text.endswith("?") else f"{text}.")
+
+
+UNKNOWN = UnknownNames()
+"""Of this process; ``pioneer_node.nodes.entry.parameters`` makes it strict where ``strict_parameters`` is set."""
 
 
 def config_from_mapping(
@@ -27,7 +65,7 @@ def config_from_mapping(
         ignored: names that belong to somebody else (nested namespaces, dynamic parameters).
 
     Raises:
-        ParameterError: a name no field has (the nearest one is named), or a value of the wrong type.
+        ParameterError: a value of the wrong type, or, where ``UNKNOWN`` is strict, a name that no field has.
     """
     hints = typing.get_type_hints(config_class)
     names = {field.name for field in dataclasses.fields(config_class)}
@@ -36,14 +74,15 @@ def config_from_mapping(
         if name in ignored:
             continue
         if name not in names:
-            raise ParameterError(f"{owner}: unknown parameter ~{name}{_nearest(name, names)}")
+            UNKNOWN.report(owner, name, names)
+            continue
         values[name] = _value_as(hints[name], value, f"{owner}: parameter ~{name}")
     return config_class(**values)
 
 
-def _nearest(name: str, names: Collection[str]) -> str:
+def _nearest(name: str, names: Collection[str], above: str) -> str:
     matches = difflib.get_close_matches(name, names, n=1)
-    return f"; did you mean ~{matches[0]}?" if matches else ""
+    return f"; did you mean ~{above}{matches[0]}?" if matches else ""
 
 
 def _value_as(hint: Any, value: Any, what: str) -> Any:

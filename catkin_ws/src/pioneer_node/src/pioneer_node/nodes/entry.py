@@ -13,8 +13,9 @@ from typing import Any
 import rospy
 
 from pioneer_node.adapters.end_request import EndRequest
-from pioneer_node.core.parameter import ParameterError
+from pioneer_node.core.parameter import UNKNOWN, ParameterError
 
+_STRICT = "strict_parameters"
 _ending = EndRequest()
 """Set as soon as a signal asks the process to end; rospy knows of a shutdown a moment later."""
 
@@ -121,6 +122,11 @@ def on_shutdown(wake: Callable[[], object]) -> None:
 
 
 def parameters() -> dict[str, Any]:
-    """Returns the node's private parameters, an empty dictionary when there are none."""
+    """Returns the node's private parameters, an empty dictionary when there are none.
+
+    ``strict_parameters``, the node's own or that of a namespace above it, has unknown parameters refused.
+    """
     values = rospy.get_param("~", {})
-    return values if isinstance(values, dict) else {}
+    key = rospy.search_param(_STRICT)
+    UNKNOWN.strict = bool(key and rospy.get_param(key))
+    return {name: values[name] for name in values if name != _STRICT} if isinstance(values, dict) else {}

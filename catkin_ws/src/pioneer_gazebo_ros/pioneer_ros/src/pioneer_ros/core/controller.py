@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from pioneer_node.core.parameter import ParameterError
+from pioneer_node.core.parameter import UNKNOWN, ParameterError
 
 Command = tuple[float, float, float, float, float, float]
 """A velocity: linear x, y, z [m/s], angular x, y, z [rad/s], in the robot's frame."""
@@ -46,24 +46,25 @@ class Gains:
 def gains_from_parameters(parameters: Mapping[str, Any], owner: str) -> Gains:
     """Returns the gains in ``controller_gains/body/{linear,angular}/p``; an absent one is 1.
 
-    Integral and derivative gains (``i``, ``d``) may be given as 0 only: the robot's own drive closes the loop.
+    Integral and derivative gains (``i``, ``d``) have no effect: the robot's own drive closes the loop.
 
     Raises:
-        ParameterError: another name, a gain that is no finite number, or an ``i`` or ``d`` other than 0.
+        ParameterError: a gain that is no finite number.
     """
     gains = _inner(_inner(parameters, "controller_gains", "", owner), "body", "controller_gains/", owner)
     parts = {"linear": 1.0, "angular": 1.0}
     for name in gains:
         if name not in parts:
-            raise ParameterError(f"{owner}: unknown parameter ~controller_gains/body/{name}; there are linear, angular")
-        parts[name] = _proportional(gains[name], f"~controller_gains/body/{name}", owner)
+            UNKNOWN.report(owner, name, parts, "controller_gains/body/")
+        else:
+            parts[name] = _proportional(gains[name], f"controller_gains/body/{name}", owner)
     return Gains(**parts)
 
 
 def _inner(mapping: Mapping[str, Any], name: str, above: str, owner: str) -> Mapping[str, Any]:
     for other in mapping:
         if other != name:
-            raise ParameterError(f"{owner}: unknown parameter ~{above}{other}; did you mean ~{above}{name}?")
+            UNKNOWN.report(owner, other, [name], above)
     inner = mapping.get(name, {})
     if not isinstance(inner, Mapping):
         raise ParameterError(f"{owner}: parameter ~{above}{name} must hold names, not {inner!r}")
@@ -72,14 +73,14 @@ def _inner(mapping: Mapping[str, Any], name: str, above: str, owner: str) -> Map
 
 def _proportional(values: Any, where: str, owner: str) -> float:
     if not isinstance(values, Mapping):
-        raise ParameterError(f"{owner}: parameter {where} must hold a gain p, not {values!r}")
+        raise ParameterError(f"{owner}: parameter ~{where} must hold a gain p, not {values!r}")
     for name, value in values.items():
-        if name not in ("p", "i", "d"):
-            raise ParameterError(f"{owner}: unknown parameter {where}/{name}; there is p")
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise ParameterError(f"{owner}: parameter {where}/{name} must be a finite number, not {value!r}")
-        if name != "p" and value != 0:
-            raise ParameterError(f"{owner}: parameter {where}/{name} must be 0: the controller only scales by p")
+        if name in ("i", "d") and value == 0:
+            continue
+        if name != "p":
+            UNKNOWN.report(owner, name, ["p"], f"{where}/")
+        elif isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise ParameterError(f"{owner}: parameter ~{where}/{name} must be a finite number, not {value!r}")
     return float(values.get("p", 1.0))
 
 
