@@ -58,8 +58,8 @@ def test_the_time_limit_grows_with_the_way(fleet):
 def test_the_live_view_has_a_line_for_progress_simulator_and_each_robot(fleet):
     lines = live_lines(fleet)
     assert len(lines) == 4
-    assert "4.0 m to go" in lines[1]
-    assert "localisation error – m" in lines[1]
+    assert "4.0 m to go" in lines[2]
+    assert "localisation error – m" in lines[2]
 
 
 def test_the_state_says_what_a_robot_waits_for(fleet):
