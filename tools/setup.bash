@@ -191,6 +191,8 @@ enter_workspace() {
   set -u
   # The workspace's own commands first: its xacro knows ROS 1's $(find), the venv's does not.
   export PATH=$workspace/devel/bin:$venv/bin:$PATH
+  # Packages that hand over to ours under the names of the originals, where they are asked for.
+  [[ -z ${PIONEER_OVERLAY:-} ]] || export ROS_PACKAGE_PATH=$workspace/overlay:$ROS_PACKAGE_PATH
   # What a user installed into ~/.local for another interpreter or version breaks this one.
   export PYTHONNOUSERSITE=1
   # What a command says into a pipe or a log is to be read while it runs.
