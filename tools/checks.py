@@ -114,7 +114,7 @@ def run(
 ) -> Iterator[tuple[Check, Count]]:
     """Runs the checks in their order, ``at_once`` of them side by side, and yields each with its count as it ends.
 
-    ``progress`` is told the names of those under way and how many have ended, whenever that changes. Closing the
+    ``progress`` receives the names of those under way and how many have ended, whenever that changes. Closing the
     iterator, or an interrupt, ends all that run; a second interrupt does not wait for them.
     """
     waiting, running, done = deque(checks), list[Running](), 0

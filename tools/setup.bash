@@ -1,6 +1,6 @@
 # Set-up of the checkout, sourced by ./pioneer: Debian packages, Python environment, workspace.
 # Every step looks whether it is done, so that a finished set-up costs well under a second and an
-# interrupted one goes on where it stopped.
+# interrupted one resumes where it stopped.
 
 setup_dir=$root/.setup
 venv=$setup_dir/venv
@@ -127,7 +127,7 @@ prepare_venv() {
   printf '%s' "$stamp" >"$venv/stamp"
 }
 
-# workspace_read TEST...: the files whose content the build reads, printed as find is told to.
+# workspace_read TEST...: the files whose content the build reads, printed as the TESTs of find say.
 workspace_read() {
   find "$workspace/src" -type d -name __pycache__ -prune -o \( -name CMakeLists.txt -o -name package.xml -o -name setup.py \
     -o -name '*.msg' -o -name '*.srv' -o -name '*.action' -o -name '*.cfg' -o -name '*.cmake*' -o -path '*/kernels/*.py' \
@@ -164,7 +164,7 @@ build_workspace() {
   printf '%s' "$state" >"$setup_dir/workspace.stamp"
 }
 
-# Through sudo, what was built belongs to whoever called sudo, so that the next run can do without it.
+# Through sudo, what was built belongs to the user who called sudo, so that the next run can do without it.
 give_back() {
   [[ -n ${SUDO_UID:-} && $EUID -eq 0 ]] || return 0
   # -h: src/CMakeLists.txt is a link to a file of the system.

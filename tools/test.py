@@ -48,6 +48,8 @@ def lint() -> Iterator[Check]:
     paths = os.pathsep.join(map(str, python_roots()))
     yield Check("import-linter", [str(VENV / "lint-imports"), "--no-cache"], environment={"PYTHONPATH": paths})
     yield Check("catkin_lint", ["catkin_lint", "--offline", "-W1", "--strict", str(SOURCE)])
+    yield Check("wording", [sys.executable, str(ROOT / "tools" / "wording.py")])
+    yield Check("links", [sys.executable, str(ROOT / "tools" / "links.py")])
     yield Check("version", [sys.executable, str(ROOT / "tools" / "version.py")])
     yield Check("file length", [sys.executable, str(ROOT / "tools" / "file_length.py")])
 
@@ -125,7 +127,7 @@ class StageSkipped(Exception):  # noqa: N818 - no error: what the stage needs is
 def containers() -> Iterator[Check]:
     """The tutorial's computers as containers."""
     folder = ROOT / "tools" / "test" / "containers"
-    # First, so that what goes wrong with the images is told as that.
+    # First, so that faults of the images are reported as such.
     yield Check("containers-images", [str(ROOT / "pioneer"), "image", "--desktop"], timeout=1500.0)
     # The tests of a folder share one fleet; a file beside it has containers of its own.
     for path in sorted([*folder.glob("*/"), *folder.glob("test_*.py")]):

@@ -36,7 +36,7 @@ def up(options: Namespace) -> int:
         ContainerError: it cannot be, or did not come to pass.
     """
     began = time.monotonic()
-    # An engine that does not answer, and what cannot be, are told before anything is built or written.
+    # An engine that does not answer and impossible options are reported before anything is built or written.
     plan = make_plan(options, project(options.project).computers(), processors())
     if plan.remark:
         _say(plan.remark)

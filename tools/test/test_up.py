@@ -16,7 +16,7 @@ from containers.state import BASE
 
 
 class FakeEngine:
-    """Computers that run as soon as Compose is told to; what ``up`` did with them.
+    """Computers that run as soon as Compose starts them; what ``up`` did with them.
 
     Attributes:
         computers: those there are, in order.

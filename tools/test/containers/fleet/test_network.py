@@ -24,7 +24,7 @@ def test_status_has_a_row_a_computer_that_says_of_its_robot_that_it_drives_or_ha
     rows: list[list[str]] = []
 
     def drive_or_have_arrived() -> bool:
-        # A robot that drives stands for a moment, as where it plans anew.
+        # A robot that drives stands for a moment, as where it replans.
         rows[:] = [line.split() for line in driving.pioneer("status").splitlines()[1:]]
         return all("drives" in row or "1/1" in row for row in rows[1:])
 

@@ -108,7 +108,7 @@ def test_a_sixth_robot_joins(errands: Errands) -> None:
 
 
 def test_all_six_drive_in_the_next_world_when_the_simulator_is_killed(errands: Errands) -> None:
-    """Clock, odometry and robots begin anew; six robots drive there, also the one that joined the last world."""
+    """Clock, odometry and robots restart; six robots drive there, also the one that joined the last world."""
     fleet, sent = errands.fleet, errands.send(*ALL, 6)
     before = started(fleet, BASE)
     fleet.execute(BASE, "pkill", "-KILL", "-f", SIMULATOR)

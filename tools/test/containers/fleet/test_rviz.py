@@ -28,7 +28,7 @@ def test_rviz_started_last_shows_five_robots_where_they_are(driving: Fleet, roun
     try:
         said = driving.execute("aadiworkstation", *shot)
     finally:
-        # Whoever looks for what was not seen wants to look, too.
+        # The picture helps to find what was not seen.
         output("docker", "cp", f"{driving.container('aadiworkstation')}:/tmp/rviz.png", str(picture))
     # Five displays a robot, and the map.
     assert "/tmp/rviz.png: RViz shows all 26 displays" in said

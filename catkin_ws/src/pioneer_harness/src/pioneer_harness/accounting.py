@@ -73,7 +73,7 @@ class Account:
             if record is not None:
                 record.state = dataclasses.replace(state, rss=0)
             return
-        # exec keeps the pid and changes the command line, so the kind is asked for anew each time.
+        # exec keeps the pid and changes the command line, so the kind is read again each time.
         kind = self._kind_of(arguments_of(state.pid))
         self._records[key] = _Record(kind, state)
 

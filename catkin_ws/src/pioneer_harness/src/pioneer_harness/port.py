@@ -13,7 +13,7 @@ _STRIDE = 1000
 
 
 class PortReservation:
-    """Ports that nobody listens on and that no other reservation of this machine holds, until ``release``.
+    """Ports that are free and that no other reservation of this machine holds, until ``release``.
 
     A reservation is an abstract Unix socket named after the port. Such names live as long as the socket and are
     private to a network namespace, exactly as ports are; a killed process leaves none behind.

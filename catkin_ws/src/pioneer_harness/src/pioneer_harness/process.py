@@ -30,7 +30,7 @@ from pioneer_harness.proc import (
 _VARIABLE = "PIONEER_PROCESS_GROUP_"
 _POLL_INTERVAL = 0.02
 _LAST_LINES = 15
-# A shell starts background jobs with SIGINT ignored, which children would inherit; and whoever kills this process
+# A shell starts background jobs with SIGINT ignored, which children would inherit; and a user who kills this process
 # with SIGKILL must not leave its children running.
 _PREFIX = ("/usr/bin/env", "--default-signal=INT", "/usr/bin/setpriv", "--pdeathsig", "TERM", "--")
 

@@ -46,7 +46,7 @@ class HiddenScreen:
         }
 
     def _start(self, output: Path, size: tuple[int, int]) -> str:
-        # The number of the first free display goes to standard output. Without -noreset it would begin anew, and
+        # The number of the first free display goes to standard output. Without -noreset it would reset, and
         # refuse who comes meanwhile, whenever its last client leaves, such as one that took a picture.
         geometry = f"{size[0]}x{size[1]}x24"
         argv = ["Xvfb", "-displayfd", "1", "-screen", "0", geometry, "-nolisten", "tcp", "-noreset"]

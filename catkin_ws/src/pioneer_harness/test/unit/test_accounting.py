@@ -1,4 +1,4 @@
-"""CPU time is counted once, whoever reports it."""
+"""CPU time is counted once, even if several sources report it."""
 
 from pioneer_harness.accounting import Account
 from pioneer_harness.proc import ProcessState

@@ -1,4 +1,4 @@
-"""A robot's machine that is gone without a packet: the cable between two network namespaces is pulled."""
+"""A robot's host that disappears: the cable between two network namespaces is pulled."""
 
 import time
 from pathlib import Path

@@ -48,7 +48,7 @@ def tls_rows(folder: Path, repetitions: int, seconds: float) -> list[Row]:
 
 
 def idle_rows(fleet: Fleet, seconds: float) -> list[Row]:
-    """A gateway on a hub with one active rule that nobody listens to."""
+    """A gateway on a hub with one active rule and no subscribers."""
     fleet.base.ask("flip", "robot", "subscriber", "/idle")
     with fleet.robot.running("talk", "idle", "/idle", 100, 100, 10):
         wait_until(lambda: fleet.base.publishers("/idle"), "the proxy", PATIENCE)

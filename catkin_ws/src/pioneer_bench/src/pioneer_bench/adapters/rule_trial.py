@@ -60,7 +60,7 @@ def fault_rows(fleet: Fleet, repetitions: int) -> list[Row]:
             gaps.append(max(late - early for early, late in itertools.pairwise(times)))
     fleet.base.ask("flip", "robot", "subscriber", "/kept", cancel=True)
     return [
-        Row("gateway SIGKILL → far side unregistered, rule says so", "s", tuple(noticed), 3.0),
+        Row("gateway SIGKILL → far side unregistered, rule inactive", "s", tuple(noticed), 3.0),
         Row("hub killed and back → all rules active", "s", tuple(restored), 2.0),
         Row("hub killed and back: longest gap of 100 Hz data", "s", tuple(gaps), 1.0),
     ]
@@ -70,7 +70,7 @@ def _killed_gateway(fleet: Fleet) -> float:
     kill(fleet.robot.gateway)
     died = time.monotonic()
     wait_until(lambda: not fleet.base.publishers("/kept"), "the far side notices", PATIENCE)
-    wait_until(lambda: fleet.base.states() != ["active"], "the rule says so", PATIENCE)
+    wait_until(lambda: fleet.base.states() != ["active"], "the rule to become inactive", PATIENCE)
     noticed = time.monotonic() - died
     fleet.robot.start()
     return noticed

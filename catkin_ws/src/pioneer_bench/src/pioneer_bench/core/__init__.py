@@ -1,1 +1,1 @@
-"""What is measured and how it is told, without ROS."""
+"""Measurements and their tables, without ROS."""

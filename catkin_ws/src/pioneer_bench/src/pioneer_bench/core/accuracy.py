@@ -159,7 +159,7 @@ def wall_rows(make: MakeSimulation, robot: Robot) -> Iterator[Row]:
 
 
 def standstill_rows(make: MakeSimulation, robot: Robot) -> Iterator[Row]:
-    """Yields how far a robot that was told to stop creeps in thirty seconds, from two seconds after on."""
+    """Yields how far a robot creeps in thirty seconds, from two seconds after its stop command."""
     simulation = make([])
     entity = _placed(simulation, robot, Pose())
     _drive(simulation, entity, Leg(5.0, 0.5, 0.5))

@@ -52,7 +52,7 @@ _MOVE_BASE = {
 
 
 class Robot:
-    """Stands at (2.5, 2.5) in a room of the map, and says so ten times a second."""
+    """Stands at (2.5, 2.5) in a room of the map, and publishes that pose ten times a second."""
 
     def __init__(self) -> None:
         self.places_odometry = True

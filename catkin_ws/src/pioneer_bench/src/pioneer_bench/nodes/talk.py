@@ -36,7 +36,7 @@ class Demand(rospy.SubscribeListener):
         self._over = False
 
     def end(self) -> None:
-        """Lets go whoever waits, for good: subscribers leave during the shutdown."""
+        """Releases all waiting threads for good: subscribers leave during the shutdown."""
         with self._lock:
             self._over = True
             self.is_there.set()

@@ -1,0 +1,41 @@
+"""Refuses links in Markdown files whose file, or heading within it, does not exist in the project."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+_LINK = re.compile(r"(?<!`)\[(?:[^\]\[]|\[[^\]]*\])*\]\(([^)\s]+)\)")
+_FENCE = re.compile(r"^ *```.*?^ *```", re.MULTILINE | re.DOTALL)
+
+
+def broken_links(root: Path, names: list[str]) -> Iterator[str]:
+    """Yields ``file: target`` for each relative link of the Markdown files ``names`` that leads nowhere."""
+    for name in names:
+        for target in _LINK.findall(_FENCE.sub("", (root / name).read_text())):
+            if re.match(r"[a-z]+:", target):
+                continue
+            path, _, anchor = target.partition("#")
+            file = ((root / name).parent / path) if path else root / name
+            if not file.exists() or (anchor and file.suffix == ".md" and anchor not in anchors(file.read_text())):
+                yield f"{name}: {target}"
+
+
+def anchors(text: str) -> set[str]:
+    """Returns the anchors that GitHub and MyST give to the headings of a Markdown text."""
+    found: set[str] = set()
+    for heading in re.findall(r"^#+ +(.*?)\s*$", _FENCE.sub("", text), re.MULTILINE):
+        plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading).lower()
+        slug = re.sub(r"[^\w\- ]", "", plain).replace(" ", "-")
+        number = next(k for k in range(len(found) + 1) if f"{slug}{f'-{k}' * bool(k)}" not in found)
+        found.add(f"{slug}{f'-{number}' * bool(number)}")
+    return found
+
+
+if __name__ == "__main__":
+    listing = subprocess.run(["git", "-C", str(ROOT), "ls-files", "*.md"], capture_output=True, text=True, check=True)
+    lines = list(broken_links(ROOT, [name for name in listing.stdout.splitlines() if (ROOT / name).exists()]))
+    print("\n".join(lines))
+    sys.exit(bool(lines))

@@ -1,0 +1,51 @@
+"""Refuses words that readers of this project stumbled over: ``wording.tsv`` has each with what to write instead.
+
+Texts that still have them are counted down: more than ``MOST`` fail, and a change that removes some lowers it.
+"""
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+LIST = Path(__file__).with_suffix(".tsv")
+MOST = 368
+_SHOWN = 20
+
+
+def entries() -> list[tuple[re.Pattern[str], str]]:
+    """Returns each pattern with what to write instead."""
+    pairs = (line.split("\t") for line in LIST.read_text().splitlines())
+    return [(re.compile(pattern, re.IGNORECASE), better) for pattern, better in pairs]
+
+
+def stumbles(paths: Iterable[Path]) -> Iterator[str]:
+    """Yields ``path:line: word; write: …`` for each listed word in the texts among ``paths``."""
+    words = entries()
+    for path in paths:
+        try:
+            lines = path.read_text().splitlines()
+        except UnicodeDecodeError:  # pictures and the like
+            continue
+        for number, line in enumerate(lines, 1):
+            for pattern, better in words:
+                for match in pattern.finditer(line):
+                    yield f"{path}:{number}: '{match[0]}'; write: {better}"
+
+
+def main() -> int:
+    """Checks all files of the project, or those that ``git diff`` with the arguments given has changed."""
+    command = ["diff", "--name-only", *sys.argv[1:]] if sys.argv[1:] else ["ls-files"]
+    names = subprocess.run(["git", "-C", str(ROOT), *command], capture_output=True, text=True, check=True).stdout
+    paths = (ROOT / name for name in names.splitlines())
+    found = list(stumbles(path for path in paths if path.is_file() and path != LIST))
+    if sys.argv[1:] or len(found) > MOST:
+        print("\n".join(found if sys.argv[1:] else found[-_SHOWN:]))
+        print(f"{len(found)} of at most {MOST}; python3 tools/wording.py main shows those in files changed since main")
+    return len(found) > MOST
+
+
+if __name__ == "__main__":
+    sys.exit(main())
