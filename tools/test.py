@@ -25,6 +25,8 @@ VENV = ROOT / ".setup" / "venv" / "bin"
 LAUNCH_FILES = ROOT / "tools" / "test" / "test_launch_files.py"
 SHOWN_LINES = 25
 MOST_AT_ONCE = 4
+TYPED = {"pioneer_demo", "pioneer_fleet", "pioneer_harness", "pioneer_node"}
+"""Packages whose types are checked whole, not only their cores."""
 LONGEST = "scenario"
 """Of the rostests."""
 CONTAINERS_ENDING_SECONDS = 60.0
@@ -55,11 +57,14 @@ def lint() -> Iterator[Check]:
 
 
 def types() -> Iterator[Check]:
-    """The cores are fully annotated."""
-    cores = [str(core) for root in python_roots() for core in sorted(root.glob("*/core"))]
-    paths = os.pathsep.join(map(str, python_roots()))
-    cache = str(ROOT / ".setup" / "mypy")
-    yield Check("mypy", ["mypy", "--cache-dir", cache, *cores], environment={"MYPYPATH": paths})
+    """The cores, the packages of ``TYPED`` and tools are fully annotated."""
+    roots = [package for root in python_roots() for package in sorted(root.glob("*/")) if package.name != "__pycache__"]
+    typed = [str(package if package.name in TYPED else package / "core") for package in roots]
+    tools = [*map(str, sorted((ROOT / "tools").glob("*.py"))), str(ROOT / "tools" / "containers")]
+    paths = os.pathsep.join(map(str, [*python_roots(), ROOT / "tools"]))
+    folders = [path for path in typed if Path(path).is_dir()]
+    command = ["mypy", "--cache-dir", str(ROOT / ".setup" / "mypy"), *folders, *tools]
+    yield Check("mypy", command, environment={"MYPYPATH": paths})
 
 
 def pytest_check(name: str, paths: list[Path], timeout: float = 900.0) -> Check:

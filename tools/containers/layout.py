@@ -20,7 +20,8 @@ def compose_text(shipped: str, robots: int) -> str:
     blocks = re.compile(r"(?:^  aadi\d+:\n(?:^    .*\n)+\n?)+", re.M)
     first = re.search(r"^  aadi1:\n(?:^    .*\n)+\n?", shipped, re.M)
     assert first is not None, "the shipped file has a first robot"
-    return blocks.sub(lambda _: "".join(_block(first[0], number) for number in range(1, robots + 1)), shipped, count=1)
+    block = first[0]
+    return blocks.sub(lambda _: "".join(_block(block, number) for number in range(1, robots + 1)), shipped, count=1)
 
 
 def _block(first: str, number: int) -> str:

@@ -43,14 +43,14 @@ def hits_from_scan(message: Any, mount: Pose) -> Hits:
 
 def mount_of(description: str, link: str) -> Pose:
     """Returns where a link of a URDF sits on its root: the joints' origins in the plane, one after the other."""
-    joints = {}
+    joints = dict[str, tuple[str, Pose]]()
     for joint in ElementTree.fromstring(description).iter("joint"):
         parent, child, origin = joint.find("parent"), joint.find("child"), joint.find("origin")
         if parent is not None and child is not None:
             place = {} if origin is None else origin.attrib
             x, y, _ = map(float, place.get("xyz", "0 0 0").split())
             *_, yaw = map(float, place.get("rpy", "0 0 0").split())
-            joints[child.get("link")] = parent.get("link"), Pose(x, y, yaw)
+            joints[child.get("link", "")] = parent.get("link", ""), Pose(x, y, yaw)
     pose, name = Pose(0.0, 0.0), link
     while name in joints:
         name, step = joints[name]

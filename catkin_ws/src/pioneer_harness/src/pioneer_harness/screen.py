@@ -46,12 +46,17 @@ class HiddenScreen:
         }
 
     def _start(self, output: Path, size: tuple[int, int]) -> str:
-        # The number of the first free display goes to standard output. Without -noreset it would reset, and
-        # refuse who comes meanwhile, whenever its last client leaves, such as one that took a picture.
+        # Xvfb prints the number of the first free display. Without -noreset it would restart, and refuse clients
+        # meanwhile, whenever its last client disconnects, such as one that took a picture.
         geometry = f"{size[0]}x{size[1]}x24"
         argv = ["Xvfb", "-displayfd", "1", "-screen", "0", geometry, "-nolisten", "tcp", "-noreset"]
         self._group.start("Xvfb", argv, log=output)
-        wait_until(lambda: self._group.check() or _number(output), "a screen of Xvfb", SCREEN_TIME)
+
+        def number() -> str:
+            self._group.check()
+            return _number(output)
+
+        wait_until(number, "a screen of Xvfb", SCREEN_TIME)
         return f":{_number(output)}"
 
     def picture(self) -> "np.ndarray[Any, np.dtype[np.uint8]]":

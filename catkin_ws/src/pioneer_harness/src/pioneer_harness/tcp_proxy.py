@@ -39,7 +39,7 @@ class TcpProxy:
             for key, _ in self._selector.select(0.005 if self._late else 0.05):
                 if key.fileobj is self._listener:
                     self._accept()
-                else:
+                elif isinstance(key.fileobj, socket.socket):
                     self._read(key.fileobj)
             while self._late and self._late[0][0] <= time.monotonic():
                 _, receiver, data = self._late.popleft()

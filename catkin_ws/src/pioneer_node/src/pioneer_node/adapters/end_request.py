@@ -13,7 +13,8 @@ class EndRequest:
 
     def __init__(self) -> None:
         self._is_set = False
-        self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        # Debian 12's mypy does not know eventfd, which Python has had since 3.10.
+        self._wake: int = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)  # type: ignore[attr-defined]
 
     def is_set(self) -> bool:
         """Returns whether shutdown was requested."""
@@ -22,7 +23,7 @@ class EndRequest:
     def set(self) -> None:
         """Requests shutdown."""
         self._is_set = True
-        os.eventfd_write(self._wake, 1)
+        os.eventfd_write(self._wake, 1)  # type: ignore[attr-defined]
 
     def wait(self, timeout: float | None = None) -> bool:
         """Waits at most ``timeout`` [s], without limit by default, for the request; returns whether it was made."""
