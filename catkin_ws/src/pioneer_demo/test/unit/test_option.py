@@ -14,6 +14,10 @@ POSES = Path(__file__).parents[3] / "pioneer_gazebo_ros" / "pioneer_description"
 PLACES, ELSEWHERE = {"closed_maze": 15, "small_world": 6}, 10
 
 
+def names(count):
+    return tuple(f"pioneer{number}" for number in range(1, count + 1))
+
+
 def parsed(*arguments, processors=2):
     return demo_config(arguments, Machine(PLACES, ELSEWHERE, processors))
 
@@ -43,13 +47,13 @@ def test_every_option_arrives():
     config = parsed(*line.split(" "))
     assert config == DemoConfig(
         robots=5, world="small_world", seed=7, real_time_factor=0.0, waypoints=4, report=Path("out"), limit=99.0,
-        log=Path("out/log"),
+        log=Path("out/log"), names=names(5),
     )  # fmt: skip
 
 
 def test_a_fleet_has_the_options_of_a_demo_but_for_waypoints_and_report():
     machine = Machine(PLACES, ELSEWHERE, 2)
-    expected = FleetConfig(robots=3, real_time_factor=0.5, log=Path("logs"))
+    expected = FleetConfig(robots=3, real_time_factor=0.5, log=Path("logs"), names=names(3))
     assert fleet_config(["--robots", "3", "--rtf", "0.5", "--log", "logs"], machine) == expected
     with pytest.raises(OptionError, match="--waypoints"):
         fleet_config(["--waypoints", "3"], machine)
@@ -113,3 +117,11 @@ def test_every_shipped_file_of_poses_is_counted_as_yaml_has_it():
     for path in files:
         world = path.stem.removeprefix("pioneer_poses").removeprefix("_")
         assert place_count(POSES, world) == len(yaml.safe_load(path.read_text())), path
+
+
+def test_a_fleet_file_gives_number_and_names_of_the_robots():
+    machine = Machine(PLACES, ELSEWHERE, 2, lambda path: ["pioneer1", "rover"] if path == Path("f.yaml") else [])
+    config = fleet_config(["--fleet", "f.yaml"], machine)
+    assert (config.robots, config.names, config.fleet) == (2, ("pioneer1", "rover"), Path("f.yaml").resolve())
+    with pytest.raises(OptionError, match="give one of them"):
+        fleet_config(["--fleet", "f.yaml", "--robots", "2"], machine)

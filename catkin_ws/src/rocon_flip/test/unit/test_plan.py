@@ -11,8 +11,8 @@ from rocon_flip.core.plan import (
     flipped_from_robot,
     handshake,
     pulled_from_hub,
-    robot_count,
     robot_name,
+    robot_names,
     topic_in,
 )
 
@@ -44,7 +44,7 @@ def test_a_robot_flips_its_sensors_here_and_its_commands_there() -> None:
 
 
 def test_the_hub_flips_six_topics_a_robot_to_rviz() -> None:
-    wishes = flipped_from_hub(2)
+    wishes = flipped_from_hub(["pioneer1", "pioneer2"])
     assert len(wishes) == 12
     assert {(wish.kind, wish.node) for wish in wishes} == {("subscriber", "/rviz")}
     assert Wish("subscriber", "/pioneer2/move_base/NavfnROS/plan", "/rviz", "aadi2_gateway") in wishes
@@ -52,19 +52,25 @@ def test_the_hub_flips_six_topics_a_robot_to_rviz() -> None:
 
 
 def test_rvizs_tools_reach_the_robots() -> None:
-    assert flipped_by_tools(1) == [
+    assert flipped_by_tools(["pioneer1"]) == [
         Wish("publisher", "/pioneer1/map_goal_pose", "/rviz", "aadi1_gateway"),
         Wish("publisher", "/pioneer1/initialpose", "/rviz", "aadi1_gateway"),
     ]
 
 
 def test_the_number_of_robots_is_an_argument_or_a_variable_or_fifteen() -> None:
-    assert robot_count(["3"], {"ROBOTS": "5"}) == 3
-    assert robot_count([], {"ROBOTS": "5"}) == 5
-    assert robot_count([], {}) == 15
-    for text in ("0", "-1", "many"):
+    assert robot_names(["3"], {"ROBOTS": "5"}) == ["pioneer1", "pioneer2", "pioneer3"]
+    assert len(robot_names([], {"ROBOTS": "5"})) == 5
+    assert len(robot_names([], {})) == 15
+    for text in ("0", "-1", "3x"):
         with pytest.raises(PlanError):
-            robot_count([text], {})
+            robot_names([text], {})
+
+
+def test_robots_of_other_names_and_lasers_have_their_rules() -> None:
+    robots = robot_names(["pioneer1", "rover"], {})
+    assert Wish("subscriber", "/rover/move_base/NavfnROS/plan", "/rviz", "aadi2_gateway") in flipped_from_hub(robots)
+    assert Wish("subscriber", "/rover/scan", "", "Hub_Gateway") in flipped_from_robot("rover", "scan")
 
 
 def test_the_robots_name_is_an_argument_or_a_variable_or_the_hosts() -> None:

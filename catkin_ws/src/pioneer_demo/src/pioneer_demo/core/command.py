@@ -44,6 +44,7 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
     shared = {
         "ROS_IP": _LOOPBACK,
         "ROBOTS": str(config.robots),
+        "FLEET": str(config.fleet or ""),
         "WORLD": config.world,
         "GATEWAY_HUB_URI": f"http://{_LOOPBACK}:{ports.hub}",
     }
@@ -68,23 +69,18 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
             shared,
         ),
     ]
-    for number, port in enumerate(ports.robot_masters, 1):
-        own = {**shared, "HOSTNAME": f"aadi{number}", "ROBOT_NAME": robot_name(number)}
+    for number, (name, port) in enumerate(zip(config.names, ports.robot_masters, strict=True), 1):
+        own = {**shared, "HOSTNAME": f"aadi{number}", "ROBOT_NAME": name}
         gateway = ("pioneer_gateway.launch", "gateway_disable_zeroconf:=true")
         found += [
             _launch(gateway_name(number), port, gateway, own),
-            _run(f"navigation of {robot_name(number)}", port, ("run-pioneer-nav-local",), own),
+            _run(f"navigation of {name}", port, ("run-pioneer-nav-local",), own),
         ]
     return found
 
 
-def robot_name(number: int) -> str:
-    """Returns the name, namespace and tf prefix of a robot, counted from 1."""
-    return f"pioneer{number}"
-
-
 def gateway_name(number: int) -> str:
-    """Returns the name of a robot's gateway."""
+    """Returns the name of a robot's gateway, counted from 1."""
     return f"aadi{number}_gateway"
 
 

@@ -2,7 +2,7 @@
 
 import argparse
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -21,6 +21,8 @@ class FleetConfig:
         real_time_factor: wanted; 0 is as fast as the machine can.
         processors: how many the factor was chosen for; 0 where it was given.
         log: directory for what every process logs.
+        fleet: file that describes the robots; None for Pioneers.
+        names: the robots' names, in order.
     """
 
     robots: int = 2
@@ -29,6 +31,8 @@ class FleetConfig:
     real_time_factor: float = 1.0
     processors: float = 0.0
     log: Path = Path("fleet-log")
+    fleet: Path | None = None
+    names: tuple[str, ...] = ("pioneer1", "pioneer2")
 
     @property
     def choice(self) -> str:
@@ -100,11 +104,13 @@ class Machine:
         places: for each world of pioneer_gazebo that has a map, how many robots have an initial pose in it.
         places_elsewhere: how many have one in any other world.
         processors: how many there are, by which the real-time factor is chosen unless the options do.
+        names_of: returns the names of the robots in a fleet file.
     """
 
     places: Mapping[str, int]
     places_elsewhere: int
     processors: float
+    names_of: Callable[[Path], Sequence[str]] = lambda _: ()
 
 
 def demo_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
@@ -126,8 +132,18 @@ def fleet_config(arguments: Sequence[str], machine: Machine) -> FleetConfig:
 
 def _chosen(values: dict[str, Any], machine: Machine) -> dict[str, Any]:
     """Returns checked values with a real-time factor: the one given, else what the processors carry."""
-    check_fleet(values["robots"], values["world"], machine.places, machine.places_elsewhere)
     _check(values)
+    count, file = values["robots"], values["fleet"]
+    if file is None:
+        count = FleetConfig().robots if count is None else count
+        values["names"] = tuple(f"pioneer{number}" for number in range(1, count + 1))
+    elif count is not None:
+        raise OptionError("--robots and --fleet both say how many robots there are: give one of them")
+    else:
+        values["fleet"], values["names"] = file.expanduser().resolve(), tuple(machine.names_of(file.expanduser()))
+        count = len(values["names"])
+    values["robots"] = count
+    check_fleet(count, values["world"], machine.places, machine.places_elsewhere)
     if values["real_time_factor"] is None:
         factor = factor_held(values["robots"], machine.processors)
         return {**values, "real_time_factor": factor, "processors": machine.processors}
@@ -156,7 +172,7 @@ def check_fleet(robots: int, world: str, places: Mapping[str, int], places_elsew
 
 
 def _check(values: Mapping[str, Any]) -> None:
-    for name in ("world", "log", "report", "video"):
+    for name in ("world", "log", "report", "video", "fleet"):
         try:
             str(values.get(name, "")).encode()
         except UnicodeEncodeError:
@@ -189,7 +205,8 @@ def _parser(prog: str, description: str, epilog: str, worlds: Sequence[str]) -> 
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("--robots", type=int, default=default.robots, metavar="N", help="robots (default %(default)s)")
+    add("--robots", type=int, metavar="N", help=f"robots (default {default.robots})")
+    add("--fleet", type=Path, metavar="FILE", help="fleet file: robots of different kinds (pioneer_demo's README)")
     add("--world", default=default.world, metavar="W",
         help=f"{', '.join(worlds)}, or a .world file with its map beside it (default %(default)s)")  # fmt: skip
     add("--seed", type=int, default=default.seed, metavar="S",

@@ -22,23 +22,23 @@ _GUIDE = """\
 
   ./pioneer status             one line a robot (--json)
   ./pioneer rviz               RViz of the fleet
-  ./pioneer teleop pioneer1    drive a robot by keyboard
+  ./pioneer teleop {first:<12}drive a robot by keyboard
 
 For other ROS commands, in ./pioneer shell:
 
 {masters}
 
-  rostopic pub -1 /pioneer1/map_goal geometry_msgs/Twist '[1.0, 1.0, 0.0]' '[0.0, 0.0, 90.0]'   # on pioneer1's master
+  rostopic pub -1 /{first}/map_goal geometry_msgs/Twist '[1.0, 1.0, 0.0]' '[0.0, 0.0, 90.0]'   # on {first}'s master
 """
 
 
 def guide(config: FleetConfig, ports: Ports, seconds: float) -> str:
     """Returns how to use a fleet that is up, ``seconds`` after its start."""
-    names = ["base station", *(f"pioneer{number}" for number in range(1, config.robots + 1))]
+    names = ["base station", *config.names]
     uris = map(master_uri, (ports.hub_gateway_master, *ports.robot_masters))
     masters = "\n".join(f"  export ROS_MASTER_URI={uri}   # {name}" for name, uri in zip(names, uris, strict=True))
     robots = "1 robot is ready" if config.robots == 1 else f"{config.robots} robots are ready"
-    return _GUIDE.format(robots=robots, world=config.map_name, seconds=seconds, masters=masters)
+    return _GUIDE.format(robots=robots, world=config.map_name, first=config.names[0], seconds=seconds, masters=masters)
 
 
 def live_lines(fleet: Fleet) -> list[str]:

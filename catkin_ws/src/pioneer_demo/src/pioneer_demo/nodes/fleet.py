@@ -4,6 +4,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Sequence
+from typing import NoReturn
 
 import rospy
 
@@ -11,7 +12,7 @@ from pioneer_demo.adapters.interrupt import Interrupt
 from pioneer_demo.adapters.processes import FleetProcesses
 from pioneer_demo.adapters.stopwatch import Stopwatch
 from pioneer_demo.adapters.terminal import Display
-from pioneer_demo.core.command import master_uri, robot_name
+from pioneer_demo.core.command import master_uri
 from pioneer_demo.core.error import StartError
 from pioneer_demo.core.fleet import Fleet
 from pioneer_demo.core.option import FleetConfig
@@ -44,7 +45,7 @@ class FleetRun:
     def __init__(self, config: FleetConfig, watch: Stopwatch, interrupt: Interrupt, processes: FleetProcesses) -> None:
         """``processes`` have been started; ``stop`` ends them."""
         self.processes, self.watch = processes, watch
-        self.fleet = Fleet([RobotTrack(robot_name(number)) for number in range(1, config.robots + 1)])
+        self.fleet = Fleet(list(map(RobotTrack, config.names)))
         self.lock = threading.Lock()
         self.display = Display()
         self.observer: ObserverNode | None = None
@@ -83,7 +84,7 @@ class FleetRun:
             lambda: all(map(self.seen.can_be_sent, robots)), "the way back to each robot", "robots connected"
         )
 
-    def stay_up(self) -> None:
+    def stay_up(self) -> NoReturn:
         """Shows the fleet until the end is asked for; on a terminal only, since nothing may ever happen."""
         terminal = self.display.in_place
         while True:
@@ -153,7 +154,7 @@ class FleetRun:
         os.environ.update(ROS_MASTER_URI=uri, ROS_IP="127.0.0.1", ROS_LOG_DIR=str(self._config.log / "ros"))
         rospy.init_node(NAME, disable_signals=True)
         self.observer = ObserverNode(self.fleet, self.lock, recording)
-        self._flips = FlipRequest(NAME, self._config.robots, topics)
+        self._flips = FlipRequest(NAME, self._config.names, topics)
         self._flips.start()
 
     def _publish(self) -> None:

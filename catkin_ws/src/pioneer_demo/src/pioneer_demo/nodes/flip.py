@@ -7,7 +7,7 @@ import rospy
 from gateway_msgs.msg import ConnectionType, ErrorCodes, RemoteRule, Rule
 from gateway_msgs.srv import Remote, RemoteRequest
 
-from pioneer_demo.core.command import gateway_name, robot_name
+from pioneer_demo.core.command import gateway_name
 from pioneer_demo.core.error import DemoError, FlipError
 
 _SERVICE = "/gateway/flip"
@@ -26,8 +26,8 @@ class FlipRequest(threading.Thread):
     corrections on /tf. One publisher: the waypoints.
     """
 
-    def __init__(self, node: str, robots: int, topics: Sequence[str]) -> None:
-        """Prepares the request of ``node`` (a name without slash) for so many robots."""
+    def __init__(self, node: str, robots: Sequence[str], topics: Sequence[str]) -> None:
+        """Prepares the request of ``node`` (a name without slash) for these robots, by name."""
         super().__init__(name="flip request", daemon=True)
         self._rules = _rules(node, robots, topics)
         self._cancelled = threading.Event()
@@ -73,10 +73,9 @@ class FlipRequest(threading.Thread):
         return False
 
 
-def _rules(node: str, robots: int, names: Sequence[str]) -> list[RemoteRule]:
+def _rules(node: str, robots: Sequence[str], names: Sequence[str]) -> list[RemoteRule]:
     rules = []
-    for number in range(1, robots + 1):
-        robot = robot_name(number)
+    for number, robot in enumerate(robots, 1):
         topics = ["/tf", *(f"/{robot}/{topic}" for topic in names)]
         rules += [_rule(number, ConnectionType.SUBSCRIBER, topic, node) for topic in topics]
         rules.append(_rule(number, ConnectionType.PUBLISHER, f"/{robot}/map_goal", node))

@@ -18,6 +18,8 @@ from pioneer_demo.core.error import DemoError, OptionError
 from pioneer_demo.core.option import DemoConfig, FleetConfig, Machine, demo_config, fleet_config
 from pioneer_harness.error import HarnessError
 from pioneer_harness.proc import processors
+from pioneer_node.adapters.fleet_file import read_fleet
+from pioneer_node.core.fleet_file import FleetFileError
 
 _FAILED, _BAD_ARGUMENTS = 1, 2
 _FOREIGN = (
@@ -54,7 +56,7 @@ def main(words: Sequence[str], interrupt: Interrupt) -> int:
         mute()
         return _FAILED
     except OSError as error:
-        text = f"{error.filename}: {error.strerror}" if error.filename else error
+        text = f"{error.filename}: {error.strerror}" if error.filename else str(error)
         print(f"pioneer {command}: {text}", file=sys.stderr)
         return _FAILED
     except (DemoError, HarnessError) as error:
@@ -92,7 +94,7 @@ def _configured(command: str, arguments: Sequence[str]) -> tuple[FleetConfig, Pa
     try:
         simulator = Path(packages.get_path("pioneer_gazebo"))
         poses = Path(packages.get_path("pioneer_description")) / "config"
-        machine = Machine(places_by_world(simulator / "map", poses), place_count(poses), processors())
+        machine = Machine(places_by_world(simulator / "map", poses), place_count(poses), processors(), _names_of)
     except (rospkg.ResourceNotFound, OSError) as error:
         raise DemoError(f"the workspace is not built or not sourced: {error}") from error
     config = demo_config(arguments, machine) if command == "demo" else fleet_config(arguments, machine)
@@ -100,6 +102,13 @@ def _configured(command: str, arguments: Sequence[str]) -> tuple[FleetConfig, Pa
         return config, simulator / "map" / f"{config.map_name}.yaml"
     world = Path(config.world).expanduser().resolve()
     return dataclasses.replace(config, world=str(world)), _map_of_file(world, simulator)
+
+
+def _names_of(fleet: Path) -> list[str]:
+    try:
+        return [robot.name for robot in read_fleet(fleet)]
+    except FleetFileError as error:
+        raise OptionError(f"--fleet: {error}") from None
 
 
 def _map_of_file(world: Path, simulator: Path) -> Path:

@@ -131,7 +131,9 @@ class ObserverNode:
         assert self._recording is not None, "subscribed for a recording only"
         link = message.header.frame_id.rpartition("/")[2]
         if link not in self._mounts:
-            self._mounts[link] = conversions.mount_of(rospy.get_param("/robot_description"), link)
+            own = f"/{robot.name}/robot_description"
+            name = own if rospy.has_param(own) else "/robot_description"
+            self._mounts[link] = conversions.mount_of(rospy.get_param(name), link)
         hits = conversions.hits_from_scan(message, self._mounts[link])
         self._recording.add_scan(robot.name, message.header.stamp.to_sec(), hits)
 

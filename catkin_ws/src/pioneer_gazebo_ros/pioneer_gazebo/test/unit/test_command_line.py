@@ -66,10 +66,33 @@ def test_initial_pose_that_is_missing_or_broken_is_refused():
 
 def test_fifteen_robots_have_their_launch_files():
     options = SimulationOptions()
-    poses = run_simulation.fleet_poses(options, "utm_0")
-    files = run_simulation.launch_files(options, Path("utm_0.world"), Path("utm_0.yaml"), list(poses))
+    robots = run_simulation.fleet_robots(options)
+    assert len(run_simulation.fleet_poses(options, "utm_0", robots)) == 15
+    files = run_simulation.launch_files(options, Path("utm_0.world"), Path("utm_0.yaml"), robots)
     assert len(files) == 2 + 15 + 1
     assert files[0][2]["paused"] == "true"
+
+
+def test_a_fleet_file_gives_each_robot_its_description_pose_and_laser(tmp_path: Path):
+    (tmp_path / "rover.urdf").write_text("<robot/>")
+    fleet = tmp_path / "fleet.yaml"
+    fleet.write_text("robots: [{}, {name: rover, description: rover.urdf, laser: scan, pose: {x: 1, y: 2, a: 0}}, {}]")
+    options = run_simulation.options_from([f"fleet:={fleet}"], {})
+    robots = run_simulation.fleet_robots(options)
+    poses = run_simulation.fleet_poses(options, "utm_0", robots)
+    assert list(poses) == ["pioneer1", "rover", "pioneer3"]
+    assert poses["rover"] == InitialPose(1.0, 2.0, 0.0)
+    assert poses["pioneer3"] == InitialPose(5.0, 1.0, 0.0)
+    files = run_simulation.launch_files(options, Path("utm_0.world"), Path("utm_0.yaml"), robots)
+    own = {arguments["name"]: arguments.get("description") for _, file, arguments in files if "generic" in file}
+    assert own == {"pioneer1": None, "rover": str(tmp_path / "rover.urdf"), "pioneer3": None}
+
+    driven = run_navigation.options_from([f"fleet:={fleet}", "robot_name:=rover"], {}, "laptop")
+    robot, number = run_navigation.entry_of(driven)
+    (_, start) = run_navigation.launch_files(robot, poses["rover"], "poses.yaml")
+    assert (number, start[2]["laser"], start[2]["x"]) == (2, "scan", "1.0")
+    with pytest.raises(FleetError, match="has no robot pioneer2; it has pioneer1, rover, pioneer3"):
+        run_navigation.entry_of(run_navigation.options_from([f"fleet:={fleet}"], {"ROBOT_NAME": "pioneer2"}, "laptop"))
 
 
 @pytest.fixture

@@ -5,12 +5,12 @@ All names that the tutorial fixes are here: which topics cross, between which ga
 
 import enum
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 HUB_GATEWAY = "Hub_Gateway"
 SHARED_TOPICS = ("clock", "map", "tf", "tf_static")
-SENSOR_TOPICS = ("base_scan", "odom")
+LASER_TOPIC, ODOMETRY_TOPIC = "base_scan", "odom"
 COMMAND_TOPIC = "pioneer/cmd_vel"
 VIEWED_TOPICS = (
     "move_base/current_goal",
@@ -71,27 +71,27 @@ def pulled_from_hub(gateway: str = HUB_GATEWAY) -> list[Wish]:
     return [replace(wish, gateway=gateway) for wish in advertised_by_hub()]
 
 
-def flipped_from_hub(robots: int) -> list[Wish]:
-    """Returns what the hub's gateway flips so that RViz there sees `robots` robots."""
+def flipped_from_hub(robots: Sequence[str]) -> list[Wish]:
+    """Returns what the hub's gateway flips so that RViz there sees `robots`, the first on aadi1 and so on."""
     return [
         Wish("subscriber", topic, VIEWER, f"aadi{number}_gateway")
-        for number in range(1, robots + 1)
-        for topic in ("/tf", *(topic_in(f"pioneer{number}", topic) for topic in VIEWED_TOPICS))
+        for number, robot in enumerate(robots, 1)
+        for topic in ("/tf", *(topic_in(robot, topic) for topic in VIEWED_TOPICS))
     ]
 
 
-def flipped_by_tools(robots: int) -> list[Wish]:
-    """Returns what the hub's gateway flips so that RViz's goal and initial-pose tools reach `robots` robots."""
+def flipped_by_tools(robots: Sequence[str]) -> list[Wish]:
+    """Returns what the hub's gateway flips so that RViz's goal and initial-pose tools reach `robots`."""
     return [
-        Wish("publisher", topic_in(f"pioneer{number}", topic), VIEWER, f"aadi{number}_gateway")
-        for number in range(1, robots + 1)
+        Wish("publisher", topic_in(robot, topic), VIEWER, f"aadi{number}_gateway")
+        for number, robot in enumerate(robots, 1)
         for topic in TOOL_TOPICS
     ]
 
 
-def flipped_from_robot(robot: str, gateway: str = HUB_GATEWAY) -> list[Wish]:
+def flipped_from_robot(robot: str, laser: str = LASER_TOPIC, gateway: str = HUB_GATEWAY) -> list[Wish]:
     """Returns what a robot flips: its sensors here, its commands there."""
-    sensors = [Wish("subscriber", topic_in(robot, topic), gateway=gateway) for topic in SENSOR_TOPICS]
+    sensors = [Wish("subscriber", topic_in(robot, topic), gateway=gateway) for topic in (laser, ODOMETRY_TOPIC)]
     return [*sensors, Wish("publisher", topic_in(robot, COMMAND_TOPIC), gateway=gateway)]
 
 
@@ -113,12 +113,18 @@ def node_named(node: str) -> str:
     return f"/{node.lstrip('/')}" if node else ""
 
 
-def robot_count(arguments: list[str], environment: Mapping[str, str]) -> int:
-    """Returns how many robots there are: the first argument, else ROBOTS, else 15. Raises PlanError for nonsense."""
+def robot_names(arguments: list[str], environment: Mapping[str, str]) -> list[str]:
+    """Returns the robots' names: the arguments, or pioneer1 to pioneerN for a number N, ROBOTS, else 15.
+
+    Raises:
+        PlanError: the number is none.
+    """
     text = arguments[0] if arguments else environment.get("ROBOTS") or str(DEFAULT_ROBOTS)
+    if arguments and text[:1].isalpha():
+        return arguments
     if not text.isdigit() or not 0 < int(text) <= 1000:
         raise PlanError(f"'{text}' is not a number of robots; give one, or set ROBOTS")
-    return int(text)
+    return [f"pioneer{number}" for number in range(1, int(text) + 1)]
 
 
 def robot_name(arguments: list[str], environment: Mapping[str, str], host: str) -> str:

@@ -54,33 +54,34 @@ def pull_from_hub() -> int:
 
 
 def flip_from_hub() -> int:
-    """`flip-from-hub [ROBOTS]`: what RViz on the hub shows of each robot."""
+    """`flip-from-hub [ROBOTS | ROBOT_NAME …]`: what RViz on the hub shows of each robot."""
     name = "flip-from-hub"
 
     def wishes(arguments: list[str]) -> list[Wish]:
-        return plan.flipped_from_hub(plan.robot_count(arguments, os.environ))
+        return plan.flipped_from_hub(plan.robot_names(arguments, os.environ))
 
-    return _run(name, f"{name} [ROBOTS]", Action.FLIP, wishes, most=1)
+    return _run(name, f"{name} [ROBOTS | ROBOT_NAME …]", Action.FLIP, wishes, most=1000)
 
 
 def flip_tools_from_hub() -> int:
-    """`flip-tools-from-hub [ROBOTS]`: goals and initial poses that are set in RViz on the hub."""
+    """`flip-tools-from-hub [ROBOTS | ROBOT_NAME …]`: goals and initial poses that are set in RViz on the hub."""
     name = "flip-tools-from-hub"
 
     def wishes(arguments: list[str]) -> list[Wish]:
-        return plan.flipped_by_tools(plan.robot_count(arguments, os.environ))
+        return plan.flipped_by_tools(plan.robot_names(arguments, os.environ))
 
-    return _run(name, f"{name} [ROBOTS]", Action.FLIP, wishes, most=1)
+    return _run(name, f"{name} [ROBOTS | ROBOT_NAME …]", Action.FLIP, wishes, most=1000)
 
 
 def flip_from_remote() -> int:
-    """`flip-from-remote [ROBOT_NAME]`, also called `pioneer-nav-flip`: a robot's sensors and commands."""
+    """`flip-from-remote [ROBOT_NAME [LASER_TOPIC]]`, also called `pioneer-nav-flip`: a robot's sensors and commands."""
     name = "flip-from-remote"
 
     def wishes(arguments: list[str]) -> list[Wish]:
-        return plan.flipped_from_robot(plan.robot_name(arguments, os.environ, socket.gethostname()))
+        robot = plan.robot_name(arguments, os.environ, socket.gethostname())
+        return plan.flipped_from_robot(robot, *arguments[1:])
 
-    return _run(name, f"{name} [ROBOT_NAME]", Action.FLIP, wishes, most=1)
+    return _run(name, f"{name} [ROBOT_NAME [LASER_TOPIC]]", Action.FLIP, wishes, most=2)
 
 
 def advertise_hub_publisher() -> int:

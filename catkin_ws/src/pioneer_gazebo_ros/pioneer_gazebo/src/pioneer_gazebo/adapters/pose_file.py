@@ -1,4 +1,4 @@
-"""Reads files of initial poses: YAML with ``NAME: {x: …, y: …, a: …}``."""
+"""Reads files of initial poses, YAML with ``NAME: {x: …, y: …, a: …}``, and fleet files."""
 
 from pathlib import Path
 from typing import Any
@@ -7,6 +7,8 @@ import yaml
 
 from pioneer_gazebo.adapters.resource import package_directory
 from pioneer_gazebo.core.fleet import FleetError
+from pioneer_node.adapters.fleet_file import read_fleet
+from pioneer_node.core.fleet_file import FleetFileError, RobotEntry
 
 
 def poses_of_world(world: str) -> Path:
@@ -35,3 +37,15 @@ def read_poses(path: Path) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise FleetError(f"{path}: needs NAME: {{x: …, y: …, a: …}}")
     return content
+
+
+def robots_of_file(path: str) -> tuple[RobotEntry, ...]:
+    """Returns the robots of a fleet file.
+
+    Raises:
+        FleetError: it is wrong.
+    """
+    try:
+        return read_fleet(Path(path).expanduser())
+    except FleetFileError as error:
+        raise FleetError(str(error)) from None

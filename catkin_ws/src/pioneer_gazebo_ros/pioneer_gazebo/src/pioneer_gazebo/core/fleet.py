@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pioneer_gazebo.core.error import SimulatorError
+from pioneer_node.core.fleet_file import RobotEntry
 
 
 class FleetError(SimulatorError):
@@ -51,3 +52,15 @@ def initial_pose(poses: Mapping[str, Any], robot: str, source: str) -> InitialPo
         return InitialPose(*(float(entry[key]) for key in ("x", "y", "a")))
     except (KeyError, TypeError, ValueError):
         raise FleetError(f"{source}: {robot} needs numbers x, y, a, not {dict(entry)}") from None
+
+
+def pose_of_entry(robot: RobotEntry, number: int, poses: Mapping[str, Any], source: str) -> InitialPose:
+    """Returns where a robot of a fleet starts: its own pose, else the one of its name, else of its ``number``.
+
+    Raises:
+        FleetError: it has none.
+    """
+    if robot.pose:
+        return initial_pose({robot.name: robot.pose}, robot.name, "the fleet file")
+    name = robot.name if robot.name in poses else f"pioneer{number}"
+    return initial_pose(poses, name, source)

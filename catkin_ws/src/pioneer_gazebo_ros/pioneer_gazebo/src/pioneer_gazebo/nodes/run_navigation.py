@@ -9,12 +9,13 @@ from pathlib import Path
 import rosgraph
 
 from pioneer_gazebo.adapters.drawn_map import read_map
-from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses
+from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses, robots_of_file
 from pioneer_gazebo.adapters.resource import package_directory
 from pioneer_gazebo.core.argument import ArgumentError, options_from_arguments, usage
-from pioneer_gazebo.core.fleet import InitialPose, initial_pose, robot_of_host
+from pioneer_gazebo.core.fleet import FleetError, InitialPose, pose_of_entry, robot_of_host
 from pioneer_gazebo.core.placement import check_place
 from pioneer_gazebo.nodes.session import LaunchFile, Session, SessionError, host_name, run_session
+from pioneer_node.core.fleet_file import RobotEntry
 
 NAME = "run-pioneer-nav-local"
 WORLD = "/world_name"
@@ -28,6 +29,7 @@ class NavigationOptions:
     robot_name: str
     world_name: str = ""
     poses: str = ""
+    fleet: str = ""
     gateway: bool = True
 
 
@@ -35,6 +37,7 @@ DOCS = {
     "robot_name": "the robot driven from here; environment: ROBOT_NAME, else pioneerX on a host aadiX",
     "world_name": "the world it stands in, for its initial pose; empty for the base station's; environment: WORLD",
     "poses": "YAML file of initial poses; empty for pioneer_description's",
+    "fleet": "fleet file that has the robot's pose, laser topic and move_base parameters; environment: FLEET",
     "gateway": "pull and flip the robot's topics through this master's gateway",
 }
 
@@ -48,15 +51,35 @@ def options_from(arguments: Sequence[str], environ: Mapping[str, str], host: str
     defaults = {"robot_name": environ.get("ROBOT_NAME") or robot_of_host(host) or ""}
     if environ.get("WORLD"):
         defaults["world_name"] = environ["WORLD"]
+    if environ.get("FLEET"):
+        defaults["fleet"] = environ["FLEET"]
     options = options_from_arguments(NavigationOptions, arguments, **defaults)
     if not options.robot_name:
         raise ArgumentError(f"which robot? Give robot_name:= or ROBOT_NAME: host {host} is not called aadiX")
     return options
 
 
-def launch_files(robot: str, pose: InitialPose, poses: str) -> list[LaunchFile]:
+def entry_of(options: NavigationOptions) -> tuple[RobotEntry, int]:
+    """Returns what the fleet file has on the robot, and its place in it; a Pioneer of that name without a file.
+
+    Raises:
+        FleetError: the file is wrong, or does not have the robot.
+    """
+    if not options.fleet:
+        return RobotEntry(options.robot_name), 0
+    robots = robots_of_file(options.fleet)
+    for number, robot in enumerate(robots, 1):
+        if robot.name == options.robot_name:
+            return robot, number
+    raise FleetError(
+        f"{options.fleet} has no robot {options.robot_name}; it has {', '.join(one.name for one in robots)}"
+    )
+
+
+def launch_files(robot: RobotEntry, pose: InitialPose, poses: str) -> list[LaunchFile]:
     """Returns the launch files of one robot's computer."""
-    start = {"robot_name": robot, "x": str(pose.x), "y": str(pose.y), "yaw": str(pose.a)}
+    start = {"robot_name": robot.name, "x": str(pose.x), "y": str(pose.y), "yaw": str(pose.a)}
+    start |= {"laser": robot.laser, "navigation": robot.navigation}
     return [
         ("pioneer_description", "robot_description.launch", {"poses": poses}),
         ("nav_bundle", "single_navigation.launch", start),
@@ -71,7 +94,7 @@ def start_pose(options: NavigationOptions, world: str) -> tuple[InitialPose, Pat
         PlacementError: no robot can start there.
     """
     poses = Path(options.poses).expanduser() if options.poses else poses_of_world(world)
-    pose = initial_pose(read_poses(poses), options.robot_name, str(poses))
+    pose = pose_of_entry(*entry_of(options), read_poses(poses), str(poses))
     grid = (package_directory() or Path()) / "map" / f"{world}.yaml"
     drawn = read_map(grid) if grid.is_file() else None
     if drawn is not None:
@@ -99,12 +122,12 @@ def navigate(session: Session, options: NavigationOptions) -> None:
     # Before any node starts: a node reads it once.
     master.setParam("/use_sim_time", True)
     session.say(f"starting the navigation of {options.robot_name} in {world}")
-    session.launch(launch_files(options.robot_name, pose, str(poses)))
+    robot, _ = entry_of(options)
+    session.launch(launch_files(robot, pose, str(poses)))
     if options.gateway:
-        os.environ["ROBOT_NAME"] = options.robot_name
         if wanted:
             session.run("rocon_flip", "pull-from-hub")
-        session.run("rocon_flip", "flip-from-remote")
+        session.run("rocon_flip", "flip-from-remote", robot.name, robot.laser)
         session.say("topics are pulled and flipped")
         _check_world(world, _world_here(session, master))
     session.spin()

@@ -11,14 +11,15 @@ import rosgraph
 import rospy
 
 from pioneer_gazebo.adapters.drawn_map import read_map
-from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses
+from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses, robots_of_file
 from pioneer_gazebo.adapters.resource import map_path, package_directory, world_path
 from pioneer_gazebo.core.argument import ArgumentError, options_from_arguments, usage, value_from_text
 from pioneer_gazebo.core.error import SimulatorError
-from pioneer_gazebo.core.fleet import InitialPose, initial_pose, robot_names
+from pioneer_gazebo.core.fleet import InitialPose, pose_of_entry, robot_names
 from pioneer_gazebo.core.placement import check_place
 from pioneer_gazebo.nodes.session import LaunchFile, Session, SessionError, run_session
 from pioneer_gazebo.nodes.simulator_client import SimulatorClient
+from pioneer_node.core.fleet_file import RobotEntry
 
 NAME = "run-multi-pioneer-gazebo-master"
 
@@ -34,6 +35,7 @@ class SimulationOptions:
     map_name: str = ""
     map_file: str = ""
     poses: str = ""
+    fleet: str = ""
     paused: bool = False
     gateway: bool = True
     laser_samples: int = 180
@@ -53,6 +55,7 @@ DOCS = {
     "map_name": "map in pioneer_gazebo/map; empty for the world's, which is beside a .world file of your own",
     "map_file": "path of a map's YAML file, for a map from elsewhere",
     "poses": "YAML file of initial poses; empty for pioneer_description's",
+    "fleet": "fleet file, in place of robots; environment: FLEET",
     "paused": "leave the simulation paused",
     "gateway": "put the topics on the network through this master's gateway",
     "laser_samples": "beams a scan",
@@ -78,27 +81,40 @@ def options_from(arguments: Sequence[str], environ: Mapping[str, str]) -> Simula
         defaults["robots"] = value_from_text(int, environ["ROBOTS"], "ROBOTS")
     if environ.get("REAL_TIME_FACTOR"):
         defaults["real_time_factor"] = value_from_text(float, environ["REAL_TIME_FACTOR"], "REAL_TIME_FACTOR")
+    if environ.get("FLEET"):
+        defaults["fleet"] = environ["FLEET"]
     options = options_from_arguments(SimulationOptions, arguments, **defaults)
     if options.map_name and options.map_file:
         raise ArgumentError("map_name and map_file are two maps: give one")
     return options
 
 
-def fleet_poses(options: SimulationOptions, world: str) -> dict[str, InitialPose]:
+def fleet_robots(options: SimulationOptions) -> tuple[RobotEntry, ...]:
+    """Returns the robots: those of the fleet file, else so many Pioneers.
+
+    Raises:
+        FleetError: the fleet file is wrong.
+    """
+    if not options.fleet:
+        return tuple(map(RobotEntry, robot_names(options.robots)))
+    return robots_of_file(options.fleet)
+
+
+def fleet_poses(options: SimulationOptions, world: str, robots: Sequence[RobotEntry]) -> dict[str, InitialPose]:
     """Returns each robot's initial pose, by name, in order."""
     path = Path(options.poses).expanduser() if options.poses else poses_of_world(world)
     content = read_poses(path)
-    return {name: initial_pose(content, name, str(path)) for name in robot_names(options.robots)}
+    return {one.name: pose_of_entry(one, number, content, str(path)) for number, one in enumerate(robots, 1)}
 
 
-def launch_files(options: SimulationOptions, world: Path, grid: Path, robots: Sequence[str]) -> list[LaunchFile]:
+def launch_files(options: SimulationOptions, world: Path, grid: Path, robots: Sequence[RobotEntry]) -> list[LaunchFile]:
     """Returns all launch files: the world, paused until the robots stand in it, descriptions, robots and the map.
 
     Args:
         options: the command line.
         world: the world's file.
         grid: the map's YAML file.
-        robots: their names.
+        robots: the fleet.
     """
     given_by_path = Path(options.world_name).expanduser().is_file()
     simulator = {
@@ -115,9 +131,14 @@ def launch_files(options: SimulationOptions, world: Path, grid: Path, robots: Se
     return [
         ("pioneer_gazebo", "multi_pioneer_world.launch", simulator),
         ("pioneer_description", "robot_description.launch", description),
-        *(("pioneer_description", "generic_pioneer.launch", {"name": name, "spawn": "false"}) for name in robots),
+        *(("pioneer_description", "generic_pioneer.launch", _robot_arguments(robot)) for robot in robots),
         ("nav_bundle", "map_server.launch", {"map_file": str(grid)}),
     ]
+
+
+def _robot_arguments(robot: RobotEntry) -> dict[str, str]:
+    own = {"description": robot.description} if robot.description else {}
+    return {"name": robot.name, "spawn": "false", **own}
 
 
 def map_file(options: SimulationOptions, world: Path) -> Path:
@@ -145,7 +166,8 @@ def simulate(session: Session, options: SimulationOptions) -> None:
     """Brings everything up in order and keeps it running until the end is asked for."""
     path = world_path(options.world_name)
     world, grid = path.stem, map_file(options, path)
-    poses = fleet_poses(options, world)
+    robots = fleet_robots(options)
+    poses = fleet_poses(options, world, robots)
     drawn = read_map(grid)
     for robot, pose in poses.items():
         if drawn is not None:
@@ -154,29 +176,30 @@ def simulate(session: Session, options: SimulationOptions) -> None:
     # Robots' computers read it through the gateways, and choose their initial poses by it.
     rosgraph.Master(f"/{NAME}").setParam("/world_name", world)
     session.say(f"starting {world} with {len(poses)} robots")
-    session.launch(launch_files(options, path, grid, list(poses)))
+    session.launch(launch_files(options, path, grid, robots))
     rospy.init_node(NAME.replace("-", "_"), anonymous=True, disable_signals=True)
     try:
         client = SimulatorClient()
         session.wait_for(client.serving, "the simulator to load the world")
-        description = str(rospy.get_param("/robot_description"))
         for robot, pose in poses.items():
             session.check()
-            client.spawn(robot, description, pose)
+            own = f"/{robot}/robot_description"
+            name = own if rospy.has_param(own) else "/robot_description"
+            client.spawn(robot, str(rospy.get_param(name)), pose)
         if not options.paused:
             client.unpause()
             session.wait_for(client.ready, "the simulator's first steps")
         session.say(f"{len(poses)} robots stand in {world}")
         if options.gateway:
-            _connect(session, len(poses))
+            _connect(session, list(poses))
         session.spin()
     finally:
         rospy.signal_shutdown("the session ends")
 
 
-def _connect(session: Session, robots: int) -> None:
+def _connect(session: Session, robots: Sequence[str]) -> None:
     session.run("rocon_flip", "advertise-from-hub")
-    session.run("rocon_flip", "flip-from-hub", str(robots))
+    session.run("rocon_flip", "flip-from-hub", *robots)
     session.say("topics are advertised and flipped")
 
 
