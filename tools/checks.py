@@ -80,7 +80,7 @@ class Running:
             self._log(str(error))
 
     def ended(self, patience: float) -> bool:
-        """Waits for the end, ``patience`` seconds at most, and tells whether there is nothing more to wait for."""
+        """Waits for the end, ``patience`` seconds at most, and returns whether it is over."""
         with self._group.changed:
             if self._group.changed.wait_for(lambda: not self._group.is_running(self.check.name), patience):
                 return True
@@ -89,7 +89,7 @@ class Running:
         return time.monotonic() - self._began > self.check.timeout
 
     def close(self, urgent: Callable[[], bool] = lambda: False) -> Count:
-        """Ends what is left of it, asking first and insisting after its patience, or once ``urgent``; counts it."""
+        """Ends what is left of it, by SIGINT, then SIGKILL after its patience or once ``urgent``; counts it."""
         good = bool(self.pid) and not self._group.deaths
         if self._group.is_running(self.check.name):
             good = False
@@ -149,7 +149,7 @@ def _close_all(running: Sequence[Running]) -> None:
 
 
 def _reap(checks: set[int]) -> None:
-    """Takes leave of orphans that ended: who looks for them, as tests do, would find zombies else.
+    """Reaps orphans that ended, which tests that look for processes would find as zombies.
 
     The groups of the checks make this process the parent of all orphans; the checks themselves are theirs to wait for.
     """

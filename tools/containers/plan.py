@@ -1,4 +1,4 @@
-"""What ``./pioneer up`` is to make of the fleet that is there: decided before anything is built, written or started."""
+"""What ``./pioneer up`` does with an existing fleet: decided before anything is built, written or started."""
 
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,7 @@ from pioneer_demo.core.error import OptionError
 from pioneer_demo.core.option import check_fleet
 
 ROBOTS, WORLD = 5, "utm_0"
-"""Of a fleet that is not there yet, unless told."""
+"""Of a new fleet, unless options say otherwise."""
 MOST_WAYPOINTS = 50
 DOWN = "./pioneer down first"
 _STACK = SOURCE / "pioneer_gazebo_ros"
@@ -135,5 +135,5 @@ def choose_factor(rtf: float | None, robots: int, processors: float, base: Compu
     if rtf is not None or held >= (1.0 if running is None else running):
         return factor, ""
     carry = f"{processors:g} processors carry {robots} robots at a real-time factor of {held:g}"
-    rest = " (--rtf R insists on another)" if running is None else f"; the world that runs has {running:g}"
+    rest = " (--rtf R sets another)" if running is None else f"; the world that runs has {running:g}"
     return factor, carry + rest

@@ -1,4 +1,4 @@
-"""What each computer says of itself: ``report`` of package pioneer_fleet, run in every container at once."""
+"""The state of each computer: ``report`` of package pioneer_fleet, run in every container at once."""
 
 import json
 import subprocess
@@ -14,7 +14,7 @@ REPORT = "/opt/pioneer/catkin_ws/devel/lib/pioneer_fleet/report"
 def follow(
     asked: Sequence[tuple[Computer, Sequence[str]]], heard: Callable[[Computer, dict[str, Any]], None]
 ) -> dict[str, bool]:
-    """Runs the report on computers, each with its arguments, until all end; ``heard`` gets every line, one at a time.
+    """Runs the report on computers, each with its arguments, until all end; ``heard`` gets each line in turn.
 
     Returns:
         By computer, whether it came as far as was asked.

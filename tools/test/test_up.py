@@ -262,8 +262,8 @@ def test_help_states_how_many_robots_the_worlds_have_places_for(capsys: pytest.C
     ("robots", "rtf", "running", "factor", "said"),
     [
         (5, None, None, 1.0, ""),
-        (10, None, None, 0.5, "2 processors carry 10 robots at a real-time factor of 0.5 (--rtf R insists on another)"),
-        (15, None, None, 0.3, "2 processors carry 15 robots at a real-time factor of 0.3 (--rtf R insists on another)"),
+        (10, None, None, 0.5, "2 processors carry 10 robots at a real-time factor of 0.5 (--rtf R sets another)"),
+        (15, None, None, 0.3, "2 processors carry 15 robots at a real-time factor of 0.3 (--rtf R sets another)"),
         (15, 1.0, None, 1.0, ""),
         (2, 0.0, None, 0.0, ""),
         (10, None, "1", 1.0, "2 processors carry 10 robots at a real-time factor of 0.5; the world that runs has 1"),

@@ -78,7 +78,7 @@ class FarMachine:
 
 
 def _free_cable() -> tuple[int, socket.socket]:
-    """Returns the number of a cable that nobody else of this machine has, and what keeps it so until it is closed.
+    """Returns a cable number that is free on this machine, and the socket that reserves it until it is closed.
 
     As with `PortReservation`, that is a name that lives as long as its socket.
     """

@@ -1,4 +1,4 @@
-"""What Linux tells about processes: ``/proc`` read into values."""
+"""The state of processes, read from ``/proc``."""
 
 import ctypes
 import dataclasses
@@ -105,7 +105,7 @@ def _quota(control_group: Path) -> float:
 def _read(pid: int, name: str) -> bytes:
     try:
         return Path(f"/proc/{pid}/{name}").read_bytes()
-    except OSError:  # it ended meanwhile, or belongs to somebody else
+    except OSError:  # it ended meanwhile, or belongs to another user
         return b""
 
 

@@ -37,7 +37,7 @@ _PREFIX = ("/usr/bin/env", "--default-signal=INT", "/usr/bin/setpriv", "--pdeath
 
 @dataclasses.dataclass(frozen=True)
 class Death:
-    """A process that ended though it was to live.
+    """A process that died unexpectedly.
 
     Attributes:
         name: as given to ``start``.
@@ -172,11 +172,11 @@ class ProcessGroup:
     def stop(self, grace: float = 3.0, urgent: Callable[[], bool] = lambda: False) -> tuple[str, ...]:
         """Ends everything: SIGINT to what was started, after ``grace`` [s] SIGKILL to whatever still lives.
 
-        What the started processes leave behind when they end is asked by SIGINT too: nobody else would ask it.
+        Processes that the started ones leave behind when they end get SIGINT, too.
 
         Args:
             grace: time to end in order [s].
-            urgent: asked again and again; the grace is over once it returns true.
+            urgent: polled; the grace period ends once it returns true.
 
         Returns:
             The command lines of the processes that had to be killed; empty when all ended by themselves.

@@ -1,4 +1,4 @@
-"""A screen that nobody sees (Xvfb), and pictures of it."""
+"""A virtual screen (Xvfb), and pictures of it."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,7 +24,7 @@ class HiddenScreen:
     Attributes:
         display: its name.
         folder: a directory of its own, removed with it.
-        variables: of the environment of who draws on it; OpenGL is drawn by software.
+        variables: environment variables of its clients; OpenGL is rendered in software.
 
     Raises:
         HarnessError: Xvfb is not installed, or has no screen in time.
@@ -69,7 +69,7 @@ class HiddenScreen:
         return np.asarray(ImageGrab.grab(xdisplay=self.display).convert("RGB"))
 
     def close(self) -> None:
-        """Ends it."""
+        """Stops Xvfb and removes its files."""
         self._group.stop()
         self._folder.cleanup()
 

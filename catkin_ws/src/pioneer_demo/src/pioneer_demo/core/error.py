@@ -1,4 +1,4 @@
-"""The errors of this package, one tree; each message is one line for the person who typed the command."""
+"""The errors of this package, one tree; each message is one line for the user."""
 
 
 class DemoError(Exception):

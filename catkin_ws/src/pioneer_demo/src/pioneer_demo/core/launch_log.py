@@ -1,4 +1,4 @@
-"""What roslaunch says of the nodes it watches over."""
+"""What roslaunch logs about its nodes."""
 
 import dataclasses
 import re
@@ -14,7 +14,7 @@ _LOG = re.compile(r"\A\s*log file: (?P<path>.+)$", re.MULTILINE)
 
 @dataclasses.dataclass(frozen=True)
 class NodeDeath:
-    """A node that ended by itself and not well.
+    """A node that died.
 
     Attributes:
         name: its full name without the leading slash.
@@ -30,7 +30,7 @@ class NodeDeath:
 
 
 def node_deaths(text: str) -> list[NodeDeath]:
-    """Returns the deaths that a piece of roslaunch's output tells of, in order."""
+    """Returns the deaths that a piece of roslaunch's output reports, in order."""
     text = _COLOUR.sub("", text)
     deaths = []
     for match in _DIED.finditer(text):

@@ -18,7 +18,7 @@ class Outcome:
     """How the demo ended.
 
     Attributes:
-        success: every waypoint reached, no collision, everything ended by itself.
+        success: every waypoint reached, no collision, every process ended when asked to.
         faults: what was not so, a line each.
         milestones: seconds of wall time since the command was typed, in the order they came.
         seconds_to_moving: the same for the moment when the last robot had begun to move; nan if one never did.

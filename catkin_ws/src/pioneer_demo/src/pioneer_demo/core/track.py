@@ -1,4 +1,4 @@
-"""What one robot did: its ways, its waypoints, and how well it knew where it was."""
+"""What one robot did: its path, its waypoints, and its localisation error."""
 
 import bisect
 import collections
@@ -149,7 +149,7 @@ class RobotTrack:
                     self.visits[self.current].planned = points
 
     def add_queue(self, queue: Queue) -> None:
-        """Takes in the waypoint client's report and closes the visits it tells of."""
+        """Takes in the waypoint client's report and ends the visits that it reports as over."""
         before = self.queue or Queue(ClientState.IDLE, 0, 0, 0, "")
         self.monitor.queue = queue
         for _ in range(queue.aborted - before.aborted):

@@ -47,7 +47,7 @@ def live_lines(fleet: Fleet) -> list[str]:
 
 
 def fleet_lines(fleet: Fleet) -> list[str]:
-    """Returns the lines of a fleet that was given no waypoints by us: the simulator, and each robot."""
+    """Returns the lines of a fleet without a demo: the simulator, and each robot."""
     return [simulator_line(fleet.simulator), *(idle_line(robot) for robot in fleet.robots)]
 
 

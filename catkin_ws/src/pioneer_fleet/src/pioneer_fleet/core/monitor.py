@@ -1,4 +1,4 @@
-"""What one robot says of itself, whoever listens: its own computer, or the base station through the gateways."""
+"""The state of one robot, as seen on its own computer or, through the gateways, on the base station."""
 
 import dataclasses
 import enum

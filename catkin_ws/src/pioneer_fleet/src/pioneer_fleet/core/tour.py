@@ -1,4 +1,4 @@
-"""Waypoints for a robot that nobody has given any: the places where robots of this world may start, in turn."""
+"""Waypoints for a robot that has none: the initial poses of its world, in turn."""
 
 from collections.abc import Mapping, Sequence
 

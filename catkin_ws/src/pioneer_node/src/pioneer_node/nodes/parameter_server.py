@@ -11,7 +11,7 @@ import rospy
 def set_parameters(values: Mapping[str, Any]) -> None:
     """Writes parameters by their names; one request for all: one for each would cost a node more than its work.
 
-    A ROS master that does not answer is told of in a warning.
+    Logs a warning if the ROS master does not answer.
     """
     calls = xmlrpc.client.MultiCall(xmlrpc.client.ServerProxy(rosgraph.get_master_uri()))
     for name, value in values.items():
