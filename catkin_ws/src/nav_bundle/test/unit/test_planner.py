@@ -200,11 +200,23 @@ def test_what_the_map_does_not_know_is_passed_on_the_right():
     for start, goal in ((Pose(0.5, 2.05), Pose(3.5, 2.05)), (Pose(3.5, 2.05, math.pi), Pose(0.5, 2.05))):
         costmap = costmap_of(["." * 40] * 41, 0.5, **parameters)
         source = costmap.config.layers[1].sources[0]
-        costmap.update(start, [Observation(source, start.x, start.y, np.array([[2.0, 2.05]]))])
+        front = np.column_stack([np.full(9, 2.0), np.linspace(1.85, 2.25, 9)])
+        costmap.update(start, [Observation(source, start.x, start.y, front)])
         path = path_between(planner, costmap, start, goal)
         beside = path[np.abs(path[:, 0] - 2.0).argmin()]
         side = math.copysign(1.0, goal.x - start.x) * (beside[1] - 2.05)
         assert side < -0.2
+
+
+def test_what_is_narrower_than_a_robot_need_not_be_given_way() -> None:
+    parameters = {"observation_sources": "laser", "laser": {"topic": "base_scan"}, "obstacle_range": 3.0}
+    costmap = costmap_of(["." * 40] * 41, 0.5, **parameters)
+    source = costmap.config.layers[1].sources[0]
+    for width, robot in ((0.2, False), (0.5, True)):
+        points = np.column_stack([np.full(11, 2.0), 2.025 + np.linspace(-width / 2.0, width / 2.0, 11)])
+        costmap.reset()
+        costmap.update(Pose(0.5, 2.05), [Observation(source, 0.5, 2.05, points)])
+        assert (len(costmap.strangers(Pose(0.5, 2.05), 3.0)) > 0) == robot
 
 
 def reached(planner, costmap, start, goal):

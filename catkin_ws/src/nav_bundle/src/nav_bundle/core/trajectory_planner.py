@@ -21,6 +21,8 @@ _NO_COMMAND = (
 )
 
 _STANDING = 1.0e-3
+_CRAWL = 0.05
+"""Slower forward speeds [m/s] are not tried: they look ahead by a few centimetres only, and so end at the obstacle."""
 _DEAD_END_RADIUS = 0.2
 """A way that ends so near [m] to where the robot last could only back up leads there again."""
 _LONGEST_ESCAPE = 0.8
@@ -76,7 +78,9 @@ class TrajectoryPlanner:
                 config.gdist_scale * unit,
                 config.occdist_scale * unit,
                 _HEADING_SCALE if config.heading_scoring else 0.0,
+                config.clearance_scale,
             ),
+            config.clearance,
         )
         self._period = 1.0 / config.controller_frequency
         self._approach = GoalApproach(config.approach())
@@ -145,7 +149,7 @@ class TrajectoryPlanner:
         slowest, fastest, right, left = self._range(velocity)
         fastest = max(min(fastest, limit), slowest)
         speeds = np.linspace(slowest, fastest, self.config.vx_samples)
-        speeds = speeds[np.abs(speeds) > _STANDING]
+        speeds = speeds[np.abs(speeds) > max(_STANDING, min(_CRAWL, 0.25 * self.config.max_vel_x))]
         turns = np.concatenate([[0.0], np.linspace(right, left, self.config.vtheta_samples)])
         samples = np.zeros((len(speeds), len(turns), 3))
         samples[:, :, 0] = speeds[:, None]

@@ -119,7 +119,7 @@ def score(
                 + nose.front * nose.to_front[nose_row, nose_col]
                 + nose.twirling * abs(sample[2])
             )
-    return cheapest(ground, motion, starts, samples, horizon.time, steps, scales.obstacle, True, every, results)
+    return cheapest(ground, motion, starts, samples, horizon.time, steps, scales, True, every, results)
 
 
 @kernel

@@ -59,12 +59,18 @@ class Horizon(NamedTuple):
 
 
 class Scales(NamedTuple):
-    """Cost of a cell's step to the plan and to the local goal, of a unit of costmap cost, of a radian of heading."""
+    """Cost of a cell's step to the plan and to the local goal, of a unit of costmap cost, of a radian of heading.
+
+    ``near`` is the cost of a way on which the robot's centre lies in cells above ``limit`` from beginning to end; a way
+    that does so in part costs the same part of it.
+    """
 
     plan: float
     goal: float
     obstacle: float
     heading: float = 0.0
+    near: float = 0.0
+    limit: float = float(LETHAL)
 
 
 @njit
@@ -144,13 +150,14 @@ def is_reached(ground, row, col):
 
 
 @njit
-def _check(ground, motion, start, sample, time, steps, reach):
-    """Follows one sample over the costmap: returns its highest cost, or HIT, or UNREACHED."""
+def _check(ground, motion, start, sample, time, steps, scales, reach):
+    """Follows one sample over the costmap: returns what obstacles near its way cost, or HIT, or UNREACHED."""
     rows, cols = ground.costs.shape
     x, y, yaw = motion.pose[0], motion.pose[1], motion.pose[2]
     vx, vy, turn = start[0], start[1], start[2]
     dt = time / steps
     highest = 0
+    near = 0
     for _ in range(steps):
         row, col = cell_at(ground.place, x, y)
         if row < 0 or row >= rows or col < 0 or col >= cols:
@@ -158,11 +165,12 @@ def _check(ground, motion, start, sample, time, steps, reach):
         cost = footprint_cost(ground.costs, ground.place, ground.footprint, x, y, yaw)
         if cost < 0:
             return HIT
+        near += ground.costs[row, col] > scales.limit
         highest = max(highest, max(cost, np.int64(ground.costs[row, col])))
         if reach and not is_reached(ground, row, col):
             return UNREACHED
         x, y, yaw, vx, vy, turn = moved(x, y, yaw, vx, vy, turn, sample, motion.acc, dt)
-    return float(highest)
+    return scales.obstacle * highest + scales.near * near / steps
 
 
 @njit
@@ -218,7 +226,7 @@ def _heading_difference(ground, plan, row, col, scored):
 
 
 @njit
-def cheapest(ground, motion, starts, samples, time, steps, obstacle_scale, reach, every, results):
+def cheapest(ground, motion, starts, samples, time, steps, scales, reach, every, results):
     """Checks the samples marked UNCHECKED in the order of their bounds; returns the index of the cheapest, or -1.
 
     ``starts`` (n, 3) are the velocities they begin with, ``steps`` (n,) the numbers of looks within ``time`` [s].
@@ -233,11 +241,11 @@ def cheapest(ground, motion, starts, samples, time, steps, obstacle_scale, reach
             return best
         if not every and best >= 0 and results[candidate, BOUND] > results[best, COST]:
             return best
-        highest = _check(ground, motion, starts[candidate], samples[candidate], time, steps[candidate], reach)
-        if highest < 0.0:
-            results[candidate, COST] = highest
+        nearness = _check(ground, motion, starts[candidate], samples[candidate], time, steps[candidate], scales, reach)
+        if nearness < 0.0:
+            results[candidate, COST] = nearness
             continue
-        results[candidate, COST] = results[candidate, BOUND] + obstacle_scale * highest
+        results[candidate, COST] = results[candidate, BOUND] + nearness
         if (
             best < 0
             or results[candidate, COST] < results[best, COST]
@@ -296,4 +304,4 @@ def search(
             if heading:
                 result[BOUND] += scales.heading * _heading_difference(ground, plan, row, col, scored)
     strict = reach and not heading
-    return cheapest(ground, motion, starts, samples, horizon.time, steps, scales.obstacle, strict, every, results)
+    return cheapest(ground, motion, starts, samples, horizon.time, steps, scales, strict, every, results)

@@ -1,42 +1,25 @@
 """The move_base node: costmaps, planners and recovery behind one action."""
 
-import math
 import threading
-from dataclasses import replace
 
-import numpy as np
 import rospy
 from geometry_msgs.msg import Twist
 from move_base_msgs.msg import RecoveryStatus
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.msg import Path as PathType
 from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
-from numpy.typing import NDArray
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
 
 from nav_bundle.conversions import check_numbers, path_message, stamped_from_pose, velocity_from_odometry
 from nav_bundle.core.error import MessageError
 from nav_bundle.core.global_planner import visible_potential
-from nav_bundle.core.local_planner import Decision, LocalPlannerError, Situation, Velocity
-from nav_bundle.core.move_base import (
-    Event,
-    Finish,
-    FollowPlan,
-    Inputs,
-    Phase,
-    PlanOutcome,
-    StartPlanning,
-    StartRecovery,
-    State,
-    StopPlanning,
-    Warn,
-    advance,
-)
+from nav_bundle.core.local_planner import Velocity
+from nav_bundle.core.move_base import Phase, StartRecovery
 from nav_bundle.core.move_base_config import Setup, setup_from_parameters
-from nav_bundle.core.navfn import MEETING_DISTANCE, NavfnSearch
+from nav_bundle.core.navfn import NavfnSearch
+from nav_bundle.core.navigator import Cycle, Navigator, Sight
 from nav_bundle.core.planner import GoalOutsideError, NoPathError, Path, PlannerError, Search, path_between
 from nav_bundle.core.pose import Pose
-from nav_bundle.core.recovery import Recovery, Surroundings
 from nav_bundle.core.transform import TransformError
 from nav_bundle.nodes.costmap import CostmapNode
 from nav_bundle.nodes.move_base_action import GoalServer
@@ -45,10 +28,7 @@ from nav_bundle.nodes.sensor import newest_odometry
 from nav_bundle.nodes.transform import TransformListener
 from pioneer_node.nodes import entry
 
-# How many cells a search may look at in one cycle: about 60 ms while the robot stands, 8 ms while it drives.
-_CELLS_STANDING, _CELLS_DRIVING = 2_000_000, 250_000
 _COMPLAIN_EVERY = 5.0
-_NOBODY = np.empty((0, 2))
 _BUSY = "move_base must be in an inactive state to make a plan for an external user"
 _NO_START = "move_base cannot make a plan for you because it could not get the start pose of the robot"
 
@@ -82,15 +62,8 @@ class MoveBaseNode:
         self._global = CostmapNode("global_costmap", self._setup.global_costmap, self._listener)
         self._local = CostmapNode("local_costmap", self._setup.local_costmap, self._listener)
         self._listener.listen(self._local.frame, self._global.frame)
-        self._planner = self._setup.make_global_planner()
-        self._controller = self._setup.make_local_planner()
-        self._state = State()
-        self._goal: Pose | None = None
-        self._search: Search | None = None
-        self._path: Path | None = None
-        self._route: Path | None = None
-        self._recovery: Recovery | None = None
-        self._strangers = _NOBODY
+        self._navigator = Navigator(self._setup, self._global.costmap, self._local.costmap, self._refresh)
+        self._warned: dict[str, float] = {}
         self._turn = threading.RLock()
         self._rate = rospy.Rate(self._setup.base.controller_frequency, reset=True)
         self._velocity = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
@@ -108,17 +81,12 @@ class MoveBaseNode:
         self._driven = rospy.Publisher(f"~{name}/local_plan", PathType, queue_size=1)
 
     def _adopt(self, setup: Setup) -> None:
-        """Goes on with other parameters: costmaps keep what they know, the plan under way is followed on."""
+        """Takes other parameters: costmaps keep what they know, the plan being followed stays."""
         with self._turn:
             before, self._setup = self._setup, setup
             self._global.configure(setup.global_costmap)
             self._local.configure(setup.local_costmap)
-            if (setup.global_planner_name, setup.global_planner) != (before.global_planner_name, before.global_planner):
-                self._planner = setup.make_global_planner()
-            if not setup.drives_as(before):
-                self._controller = setup.make_local_planner()
-                if self._route is not None:
-                    self._controller.set_plan(self._route)
+            self._navigator.configure(setup)
             if setup.base.controller_frequency != before.base.controller_frequency:
                 self._rate = rospy.Rate(setup.base.controller_frequency, reset=True)
             names = ("local_planner_name", "global_planner_name", "potential_scale")
@@ -169,58 +137,45 @@ class MoveBaseNode:
 
     def _forget(self, now: float) -> None:
         """Starts over after a clock that jumped back; the goal under way stays."""
-        rospy.logwarn("time jumped back: obstacles forgotten, the goal is planned anew")
+        rospy.logwarn("time jumped back: obstacles forgotten, the goal is planned again")
         for costmap in (self._global, self._local):
             costmap.forget()
         self._odometry.forget()
         self._goals.forget()
-        if self._goal is not None:
-            self._state, _, events = advance(self._state, Inputs(new_goal=True), now, self._setup.limits)
-            self._handle(events)
+        self._carry_out(self._navigator.restart(self._global.pose(now), now), now)
 
     def _cycle(self, now: float) -> None:
         if self._global.update(now):
-            pose = self._global.pose(now)
-            self._strangers = _NOBODY if pose is None else self._global.costmap.strangers(pose, MEETING_DISTANCE)
+            self._navigator.look_around(self._global.pose(now))
         self._local.update(now)
-        inputs = self._inputs(now)
-        self._state, command, events = advance(self._state, inputs, now, self._setup.limits)
-        if command is not None:
-            self._drive(command)
-        self._handle(events)
-        if inputs.pose is not None and self._state.phase is not Phase.IDLE:
-            self._goals.report(inputs.pose, now)
+        goal = self._goals.take()
+        if goal is not None:
+            self._carry_out(self._navigator.begin(goal, self._global.pose(now), now), now)
+        elif self._navigator.phase is Phase.IDLE:
+            return
+        elif not self._goals.active or self._goals.cancelled():
+            self._carry_out(self._navigator.cancel(now), now)
+        else:
+            sight = self._sight(now)
+            self._carry_out(self._navigator.cycle(sight, now), now)
+            if sight.pose is not None and self._navigator.phase is not Phase.IDLE:
+                self._goals.report(sight.pose, now)
 
     def _goal_fault(self, goal: Pose) -> str:
         return "" if self._setup.global_planner.default_tolerance else self._global.costmap.goal_fault(goal)
 
-    def _inputs(self, now: float) -> Inputs:
-        """Gathers what happened since the last cycle, local planner and recovery included."""
-        goal = self._goals.take()
-        if goal is not None:
-            self._goal = goal
-            return Inputs(new_goal=True, pose=self._global.pose(now))
-        if self._state.phase is Phase.IDLE:
-            return Inputs()
-        if not self._goals.active:
-            return Inputs(cancel=True)
+    def _sight(self, now: float) -> Sight:
+        """Returns what is known about the robot."""
         pose, local_pose = self._global.pose(now), self._local.pose(now)
-        current = pose is not None and local_pose is not None and self._is_current(now)
-        inputs = Inputs(cancel=self._goals.cancelled(), pose=pose, current=current, meeting=len(self._strangers) > 0)
-        if inputs.cancel or not current:
-            return inputs
-        assert pose is not None
-        assert local_pose is not None
-        inputs = replace(inputs, plan=self._search_on())
-        if self._state.phase is Phase.CONTROLLING:
-            decision = self._decide(local_pose, now)
-            return inputs if decision is None else replace(inputs, control=decision.velocity, reached=decision.reached)
-        if self._recovery is not None:
-            velocity = self._recovery.step(Surroundings(self._global.costmap, pose, self._local.costmap, local_pose))
-            if velocity is None:
-                self._end_recovery(now)
-            return replace(inputs, recovery=velocity, recovered=velocity is None)
-        return inputs
+        if pose is None or local_pose is None or not self._is_current(now):
+            return Sight(pose)
+        try:
+            transform = self._listener.lookup(self._local.frame, self._global.frame).planar()
+            velocity = velocity_from_odometry(self._odometry.messages()[0])
+        except (TransformError, MessageError) as error:
+            rospy.logwarn_throttle(_COMPLAIN_EVERY, str(error))
+            return Sight(pose)
+        return Sight(pose, local_pose, transform, velocity, True)
 
     def _is_current(self, now: float) -> bool:
         age = self._odometry.age(now)
@@ -230,22 +185,36 @@ class MoveBaseNode:
             return False
         return self._global.is_current(now) and self._local.is_current(now)
 
-    def _search_on(self) -> PlanOutcome:
-        """Goes on with the search under way."""
-        if self._search is None:
-            return PlanOutcome.NONE
-        driving = self._state.phase is Phase.CONTROLLING
-        try:
-            self._path = self._search.advance(_CELLS_DRIVING if driving else _CELLS_STANDING)
-        except PlannerError as error:
-            rospy.logwarn_throttle(_COMPLAIN_EVERY, str(error))
-            self._search = None
-            return PlanOutcome.FAILED
-        if self._path is None:
-            return PlanOutcome.NONE
-        self._show_potential(self._search)
-        self._search = None
-        return PlanOutcome.FOUND
+    def _refresh(self) -> None:
+        """Shows what a recovery behaviour changed before anything is planned on it."""
+        now = rospy.get_time()
+        self._global.update(now, forced=True)
+        self._local.update(now, forced=True)
+
+    def _carry_out(self, cycle: Cycle, now: float) -> None:
+        """Publishes what came of a cycle."""
+        if cycle.command is not None:
+            self._drive(cycle.command)
+        if cycle.found is not None:
+            self._show_potential(cycle.found)
+        if cycle.plan is not None:
+            self._show(self._plan, cycle.plan, self._global.frame, now)
+        if cycle.decision is not None:
+            self._show(self._followed, cycle.decision.global_plan, self._local.frame, now)
+            self._show(self._driven, cycle.decision.local_plan, self._local.frame, now)
+        for text in cycle.warnings:
+            self._warn(text, now)
+        if cycle.recovery is not None:
+            self._report_recovery(cycle.recovery)
+        if cycle.finish is not None:
+            self._goals.finish(cycle.finish.outcome, cycle.finish.text)
+
+    def _warn(self, text: str, now: float) -> None:
+        """Logs a line, each at most every few seconds."""
+        if not 0.0 <= now - self._warned.get(text, -_COMPLAIN_EVERY) < _COMPLAIN_EVERY:
+            self._warned = {old: time for old, time in self._warned.items() if 0.0 <= now - time < _COMPLAIN_EVERY}
+            self._warned[text] = now
+            rospy.logwarn("%s", text)
 
     def _show_potential(self, search: Search) -> None:
         publisher, costmap = self._potential, self._global.costmap
@@ -254,21 +223,6 @@ class MoveBaseNode:
         if search.potential.shape == costmap.cells.shape:
             values = visible_potential(search.potential, self._setup.potential_scale)
             publisher.publish(self._global.grid_of(values, rospy.get_time()))
-
-    def _decide(self, local_pose: Pose, now: float) -> Decision | None:
-        """Asks the local planner; None where it finds nothing to drive."""
-        try:
-            transform = self._listener.lookup(self._local.frame, self._global.frame).planar()
-            velocity = velocity_from_odometry(self._odometry.messages()[0])
-            strangers = _moved(self._strangers, transform)
-            situation = Situation(self._local.costmap, local_pose, velocity, transform, strangers)
-            decision = self._controller.decide(situation)
-        except (LocalPlannerError, TransformError, MessageError) as error:
-            rospy.logwarn_throttle(_COMPLAIN_EVERY, str(error))
-            return None
-        self._show(self._followed, decision.global_plan, self._local.frame, now)
-        self._show(self._driven, decision.local_plan, self._local.frame, now)
-        return decision
 
     def _show(self, publisher: rospy.Publisher, path: Path, frame: str, now: float) -> None:
         if publisher.get_num_connections():
@@ -279,58 +233,11 @@ class MoveBaseNode:
         message.linear.x, message.linear.y, message.angular.z = command.x, command.y, command.turn
         self._velocity.publish(message)
 
-    def _handle(self, events: tuple[Event, ...]) -> None:
-        for event in events:
-            match event:
-                case StartPlanning():
-                    self._start_planning()
-                case StopPlanning():
-                    self._search = None
-                case FollowPlan():
-                    self._follow()
-                case StartRecovery(index, trigger):
-                    self._start_recovery(index, trigger.name)
-                case Finish(outcome, text):
-                    self._goal, self._route, self._recovery = None, None, None
-                    self._goals.finish(outcome, text)
-                case Warn(text):
-                    rospy.logwarn_throttle(_COMPLAIN_EVERY, f"[{rospy.get_name()}]:{text}")
-        if self._state.phase is not Phase.CLEARING:
-            self._recovery = None
-
-    def _start_planning(self) -> None:
-        """Begins a search; a start or goal outside the map becomes a search that fails."""
-        pose = self._global.pose(rospy.get_time())
-        assert self._goal is not None
-        try:
-            if pose is None:
-                raise PlannerError("Unable to get starting pose of robot, unable to create global plan")
-            self._search = self._planner.search(self._global.costmap, pose, self._goal)
-        except PlannerError as error:
-            self._search = _FailedSearch(error)
-
-    def _follow(self) -> None:
-        assert self._path is not None
-        self._route = self._path
-        self._controller.set_plan(self._route)
-        self._show(self._plan, self._route, self._global.frame, rospy.get_time())
-
-    def _start_recovery(self, index: int, trigger: str) -> None:
-        recovery = self._setup.recoveries[index]
-        rospy.logwarn("recovery behavior %d of %d: %s", index + 1, len(self._setup.recoveries), recovery.name)
-        recovery.start()
-        self._recovery = recovery
+    def _report_recovery(self, started: StartRecovery) -> None:
+        name, count = self._setup.recoveries[started.index].name, len(self._setup.recoveries)
+        rospy.logwarn("recovery behavior %d of %d: %s", started.index + 1, count, name)
         if self._recovery_status.get_num_connections():
-            self._recovery_status.publish(self._status(index, trigger))
-
-    def _end_recovery(self, now: float) -> None:
-        """Shows what the behaviour changed before anything is planned on it."""
-        assert self._recovery is not None
-        if self._recovery.complaint:
-            rospy.logwarn("%s", self._recovery.complaint)
-        self._recovery = None
-        self._global.update(now, forced=True)
-        self._local.update(now, forced=True)
+            self._recovery_status.publish(self._status(started.index, started.trigger.name))
 
     def _status(self, index: int, trigger: str) -> RecoveryStatus:
         status = RecoveryStatus()
@@ -367,7 +274,7 @@ class MoveBaseNode:
         if start is None:
             raise PlannerError(_NO_START)
         goal = self._goals.in_global_frame(request.goal)
-        return path_between(self._planner, self._global.costmap, start, goal, request.tolerance)
+        return path_between(self._navigator.planner, self._global.costmap, start, goal, request.tolerance)
 
     def _clear_costmaps(self, _: EmptyRequest) -> EmptyResponse:
         with self._turn:
@@ -376,23 +283,6 @@ class MoveBaseNode:
                 costmap.costmap.reset()
                 costmap.update(now, forced=True)
         return EmptyResponse()
-
-
-def _moved(points: NDArray[np.float64], transform: Pose) -> NDArray[np.float64]:
-    """Returns points (n, 2) in the parent frame of ``transform``."""
-    cosine, sine = math.cos(transform.yaw), math.sin(transform.yaw)
-    return points @ np.array([[cosine, sine], [-sine, cosine]]) + (transform.x, transform.y)
-
-
-class _FailedSearch:
-    """A search that could not begin."""
-
-    def __init__(self, error: PlannerError) -> None:
-        self._error = error
-
-    def advance(self, budget: int) -> Path | None:
-        """Raises the reason."""
-        raise self._error
 
 
 def main() -> int:

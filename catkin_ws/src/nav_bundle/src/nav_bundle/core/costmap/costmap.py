@@ -15,6 +15,8 @@ from nav_bundle.core.pose import Pose
 from nav_bundle.kernels.trajectory import footprint_cost
 
 _KNOWN = 0.3
+_NARROWEST, _WIDEST = 0.32, 0.6
+"""Points of the same robot are up to so far apart [m]: a Pioneer is 0.4 m wide and 0.5 m long."""
 
 
 class Costmap:
@@ -175,6 +177,10 @@ class Costmap:
             layer.resize(self.geometry.rows, self.geometry.cols)
         self._pending = self._everything()
 
+    def cost_at(self, distance: float) -> int:
+        """Returns the cost of a free cell whose nearest obstacle is ``distance`` [m] off."""
+        return max((layer.cost_at(distance) for layer in self._layers if isinstance(layer, InflationLayer)), default=0)
+
     def footprint_cost(self, pose: Pose) -> int:
         """Returns the highest cost under the robot's outline at ``pose``: -1 lethal, -2 unknown, -3 off the grid."""
         return footprint_cost(self.cells, self.geometry.place, self.footprint.vertices, pose.x, pose.y, pose.yaw)
@@ -205,7 +211,8 @@ class Costmap:
     def strangers(self, pose: Pose, reach: float) -> NDArray[np.float64]:
         """Returns what sensors marked that the map does not know: points (n, 2) [m] within ``reach`` [m] of ``pose``.
 
-        Cells nearer than 0.3 m to one that is lethal in the map count as known. Without a map there are no strangers.
+        Cells nearer than 0.3 m to one that is lethal in the map count as known, and what looks narrower than a robot
+        is none: it need not be given way. Without a map there are no strangers.
         """
         if not self._static or self._static[0].cells is None:
             return np.empty((0, 2))
@@ -220,7 +227,10 @@ class Costmap:
             seen |= layer.cells[window] == LETHAL
         seen &= ~self._static[0].near(part, cells_of_distance(_KNOWN, place.resolution))
         cells = np.argwhere(seen)[:, ::-1] + (part.col_0 + 0.5, part.row_0 + 0.5)
-        return np.ascontiguousarray(cells * place.resolution + (place.origin_x, place.origin_y))
+        points = cells * place.resolution + (place.origin_x, place.origin_y)
+        apart = np.hypot(*(points[:, None, :] - points[None, :, :]).T)
+        wide = ((apart > _NARROWEST) & (apart < _WIDEST)).any(axis=0)
+        return np.ascontiguousarray(points[wide])
 
     def snapshot(self) -> Cells:
         """Returns a copy of the cells that later updates leave alone."""

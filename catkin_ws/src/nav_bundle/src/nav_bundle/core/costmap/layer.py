@@ -185,9 +185,15 @@ class InflationLayer:
     def __init__(self, config: InflationConfig, footprint: Footprint, resolution: float) -> None:
         self.config = config
         self.radius = cells_of_distance(config.inflation_radius, resolution)
+        self._resolution = resolution
         self._table = cost_by_squared_distance(
             self.radius, resolution, footprint.inscribed_radius, config.cost_scaling_factor
         )
+
+    def cost_at(self, distance: float) -> int:
+        """Returns the cost of a cell that is ``distance`` [m] off the nearest lethal one."""
+        squared = int((distance / self._resolution) ** 2)
+        return int(self._table[squared]) if squared < len(self._table) else 0
 
     def merge(self, master: Cells, window: Window) -> None:
         """Inflates into the window of ``master``; lethal cells around the window count too."""

@@ -1,0 +1,257 @@
+"""move_base without ROS: costmaps, planners, recovery and the state machine, one cycle at a time.
+
+The node reads topics and transforms into a ``Sight`` and publishes what a ``Cycle`` holds; a simulation does both on
+its own.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle.core.costmap.costmap import Costmap
+from nav_bundle.core.local_planner import Decision, LocalPlannerError, Situation, Velocity
+from nav_bundle.core.move_base import (
+    Event,
+    Finish,
+    FollowPlan,
+    Inputs,
+    Phase,
+    PlanOutcome,
+    StartPlanning,
+    StartRecovery,
+    State,
+    StopPlanning,
+    Warn,
+    advance,
+)
+from nav_bundle.core.move_base_config import Setup
+from nav_bundle.core.navfn import MEETING_DISTANCE
+from nav_bundle.core.planner import Path, PlannerError, Search
+from nav_bundle.core.pose import Pose
+from nav_bundle.core.recovery import Recovery, Surroundings
+
+# How many cells a search may look at in one cycle: about 60 ms while the robot stands, 8 ms while it drives.
+_CELLS_STANDING = 2_000_000
+_CELLS_DRIVING = 250_000
+_NOBODY = np.empty((0, 2))
+_NO_POSE = "Unable to get starting pose of robot, unable to create global plan"
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What is known about the robot in one cycle; None where it is not known.
+
+    Attributes:
+        pose: in the global costmap's frame.
+        local_pose: in the local costmap's frame.
+        local_from_global: pose of the global costmap's frame in the local one's.
+        velocity: measured.
+        current: sensors, odometry and transforms are recent enough to drive on.
+    """
+
+    pose: Pose | None
+    local_pose: Pose | None = None
+    local_from_global: Pose | None = None
+    velocity: Velocity | None = None
+    current: bool = False
+
+
+@dataclass(eq=False)
+class Cycle:
+    """What came of one cycle.
+
+    Attributes:
+        command: what to drive, None to leave the base alone.
+        decision: what the local planner chose.
+        plan: the global plan that is followed from now on.
+        found: the search that found it.
+        recovery: the recovery behaviour that began.
+        finish: how the goal ended.
+        warnings: lines for the log.
+    """
+
+    command: Velocity | None = None
+    decision: Decision | None = None
+    plan: Path | None = None
+    found: Search | None = None
+    recovery: StartRecovery | None = None
+    finish: Finish | None = None
+    warnings: list[str] = field(default_factory=list)
+
+
+class Navigator:
+    """Drives to one goal at a time. Not thread-safe.
+
+    Args:
+        setup: parameters.
+        global_costmap: updated by the caller before each cycle.
+        local_costmap: updated by the caller before each cycle.
+        refresh: updates both costmaps at once, when a recovery behaviour has changed them.
+    """
+
+    def __init__(
+        self, setup: Setup, global_costmap: Costmap, local_costmap: Costmap, refresh: Callable[[], None]
+    ) -> None:
+        self._setup, self._refresh = setup, refresh
+        self._global, self._local = global_costmap, local_costmap
+        self.planner = setup.make_global_planner()
+        self._controller = setup.make_local_planner()
+        self._state = State()
+        self._goal: Pose | None = None
+        self._search: Search | None = None
+        self._path: Path | None = None
+        self._route: Path | None = None
+        self._recovery: Recovery | None = None
+        self._strangers: NDArray[np.float64] = _NOBODY
+
+    @property
+    def phase(self) -> Phase:
+        """What is being done."""
+        return self._state.phase
+
+    def configure(self, setup: Setup) -> None:
+        """Takes other parameters; the plan being followed stays."""
+        before, self._setup = self._setup, setup
+        if (setup.global_planner_name, setup.global_planner) != (before.global_planner_name, before.global_planner):
+            self.planner = setup.make_global_planner()
+        if not setup.drives_as(before):
+            self._controller = setup.make_local_planner()
+            if self._route is not None:
+                self._controller.set_plan(self._route)
+
+    def look_around(self, pose: Pose | None) -> None:
+        """Takes note of what an update of the global costmap showed around the robot at ``pose``."""
+        self._strangers = _NOBODY if pose is None else self._global.strangers(pose, MEETING_DISTANCE)
+
+    def begin(self, goal: Pose, pose: Pose | None, now: float) -> Cycle:
+        """Starts on a new goal, in the global costmap's frame, from ``pose``."""
+        self._goal = goal
+        return self._advance(Inputs(new_goal=True, pose=pose), pose, now, Cycle())
+
+    def restart(self, pose: Pose | None, now: float) -> Cycle:
+        """Starts again on the current goal, if there is one, for a clock that jumped back."""
+        return Cycle() if self._goal is None else self.begin(self._goal, pose, now)
+
+    def cancel(self, now: float) -> Cycle:
+        """Ends the goal."""
+        return self._advance(Inputs(cancel=True), None, now, Cycle())
+
+    def cycle(self, sight: Sight, now: float) -> Cycle:
+        """Does one cycle's work at ROS time ``now`` [s]."""
+        result = Cycle()
+        if self._state.phase is Phase.IDLE:
+            return result
+        current = sight.current and sight.pose is not None and sight.local_pose is not None
+        inputs = Inputs(pose=sight.pose, current=current, meeting=len(self._strangers) > 0)
+        if current:
+            inputs = self._worked_out(inputs, sight, result)
+        return self._advance(inputs, sight.pose, now, result)
+
+    def _worked_out(self, inputs: Inputs, sight: Sight, result: Cycle) -> Inputs:
+        """Returns the inputs with the outcome of search, local planner and recovery."""
+        inputs = replace(inputs, plan=self._search_on(result))
+        if self._state.phase is Phase.CONTROLLING:
+            result.decision = decision = self._decide(sight, result)
+            return inputs if decision is None else replace(inputs, control=decision.velocity, reached=decision.reached)
+        if self._recovery is not None:
+            assert sight.pose is not None
+            assert sight.local_pose is not None
+            around = Surroundings(self._global, sight.pose, self._local, sight.local_pose)
+            velocity = self._recovery.step(around)
+            if velocity is None:
+                self._end_recovery(result)
+            return replace(inputs, recovery=velocity, recovered=velocity is None)
+        return inputs
+
+    def _search_on(self, result: Cycle) -> PlanOutcome:
+        """Continues the search."""
+        if self._search is None:
+            return PlanOutcome.NONE
+        driving = self._state.phase is Phase.CONTROLLING
+        try:
+            self._path = self._search.advance(_CELLS_DRIVING if driving else _CELLS_STANDING)
+        except PlannerError as error:
+            result.warnings.append(str(error))
+            self._search = None
+            return PlanOutcome.FAILED
+        if self._path is None:
+            return PlanOutcome.NONE
+        result.found, self._search = self._search, None
+        return PlanOutcome.FOUND
+
+    def _decide(self, sight: Sight, result: Cycle) -> Decision | None:
+        """Asks the local planner; None where it finds nothing to drive."""
+        if sight.local_pose is None or sight.local_from_global is None or sight.velocity is None:
+            return None
+        strangers = _moved(self._strangers, sight.local_from_global)
+        situation = Situation(self._local, sight.local_pose, sight.velocity, sight.local_from_global, strangers)
+        try:
+            return self._controller.decide(situation)
+        except LocalPlannerError as error:
+            result.warnings.append(str(error))
+            return None
+
+    def _end_recovery(self, result: Cycle) -> None:
+        assert self._recovery is not None
+        if self._recovery.complaint:
+            result.warnings.append(self._recovery.complaint)
+        self._recovery = None
+        self._refresh()
+
+    def _advance(self, inputs: Inputs, pose: Pose | None, now: float, result: Cycle) -> Cycle:
+        self._state, result.command, events = advance(self._state, inputs, now, self._setup.limits)
+        for event in events:
+            self._handle(event, pose, result)
+        if self._state.phase is not Phase.CLEARING:
+            self._recovery = None
+        return result
+
+    def _handle(self, event: Event, pose: Pose | None, result: Cycle) -> None:
+        match event:
+            case StartPlanning():
+                self._start_planning(pose)
+            case StopPlanning():
+                self._search = None
+            case FollowPlan():
+                assert self._path is not None
+                self._route = result.plan = self._path
+                self._controller.set_plan(self._route)
+            case StartRecovery(index):
+                self._recovery = self._setup.recoveries[index]
+                self._recovery.start()
+                result.recovery = event
+            case Finish():
+                self._goal, self._route, self._recovery = None, None, None
+                result.finish = event
+            case Warn(text):
+                result.warnings.append(text)
+
+    def _start_planning(self, pose: Pose | None) -> None:
+        """Begins a search; a start or goal outside the map becomes a search that fails."""
+        assert self._goal is not None
+        try:
+            if pose is None:
+                raise PlannerError(_NO_POSE)
+            self._search = self.planner.search(self._global, pose, self._goal)
+        except PlannerError as error:
+            self._search = _FailedSearch(error)
+
+
+def _moved(points: NDArray[np.float64], transform: Pose) -> NDArray[np.float64]:
+    """Returns points (n, 2) in the parent frame of ``transform``."""
+    cosine, sine = math.cos(transform.yaw), math.sin(transform.yaw)
+    return points @ np.array([[cosine, sine], [-sine, cosine]]) + (transform.x, transform.y)
+
+
+class _FailedSearch:
+    """A search that could not begin."""
+
+    def __init__(self, error: PlannerError) -> None:
+        self._error = error
+
+    def advance(self, budget: int) -> Path | None:
+        """Raises the reason."""
+        raise self._error

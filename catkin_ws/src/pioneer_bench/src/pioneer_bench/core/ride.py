@@ -1,0 +1,263 @@
+"""A robot that drives a course by this workspace's navigation, without ROS, many times faster than real time.
+
+Navigation is ``nav_bundle.core.navigator`` on its costmaps, with the parameters of a move_base; the laser is the
+simulator's. The body is kinematic, with the simulator's drive: what it touches stops it, while the wheels turn on.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle.core.costmap.config import ObstacleConfig
+from nav_bundle.core.costmap.costmap import Costmap
+from nav_bundle.core.costmap.layer import Observation
+from nav_bundle.core.costmap.scan import points_from_ranges
+from nav_bundle.core.local_planner import STANDSTILL, Velocity
+from nav_bundle.core.move_base import Outcome
+from nav_bundle.core.move_base_config import setup_from_parameters
+from nav_bundle.core.navigator import Cycle, Navigator, Sight
+from nav_bundle.core.pose import Pose
+from pioneer_bench.core.course import Course
+from pioneer_gazebo.core.laser import WallIndex
+from pioneer_gazebo.kernels.laser import Fan, Sensor
+
+_BEAMS, _REACH, _NOISE, _LASER_X = 180, 30.0, 0.01, 0.08
+_STEP = 0.01
+_SCAN_PERIOD = 0.1
+_ACCELERATION = 4.0
+"""How fast a wheel's rim changes its speed [m/s²], as in the simulator."""
+_HALF_TRACK = 0.165
+_TOUCH = 0.004
+"""Nearer than this [m] the body touches."""
+_CAREFUL = 0.1
+"""Nearer than this [m] every step of the body is checked."""
+BODY = np.array([[0.20, 0.20], [0.20, -0.20], [-0.30, -0.20], [-0.30, 0.20]])
+"""Corners (x, y) [m] of the footprint that the parameters give, without padding."""
+
+
+@dataclass
+class Ride:
+    """What one course showed.
+
+    Attributes:
+        course: its name.
+        goals: how many it has.
+        reached: how many of them were reached.
+        seconds: simulated [s].
+        way: driven [m].
+        contacts: how often the body touched something.
+        clearance: least gap [m] between the body and what stands.
+        recoveries: how many behaviours began.
+        given_up: time [s] after which each aborted goal was given up.
+        stuck: whether the time ran out.
+        slow: share of the time in which the robot did not move at 5 cm/s or turn at 0.1 rad/s.
+        last: the last warning.
+    """
+
+    course: str
+    goals: int
+    reached: int = 0
+    seconds: float = 0.0
+    way: float = 0.0
+    contacts: int = 0
+    clearance: float = math.inf
+    recoveries: int = 0
+    given_up: tuple[float, ...] = ()
+    stuck: bool = False
+    slow: float = 0.0
+    last: str = ""
+
+
+class Body:
+    """Where the robot is, how fast, and how near to what stands."""
+
+    def __init__(self, course: Course) -> None:
+        standing = course.standing
+        self.pose, self.velocity, self.contacts = course.start, STANDSTILL, 0
+        self._segments, self._circles = standing.segments, standing.circles
+        self._touches = False
+        self.gap = self._gap(self.pose)
+
+    def _gap(self, pose: Pose) -> float:
+        """Returns the distance [m] from the footprint to the nearest thing, infinite beyond 2 m."""
+        cosine, sine = math.cos(pose.yaw), math.sin(pose.yaw)
+        turn = np.array([[cosine, -sine], [sine, cosine]])
+        starts = (self._segments[:, :2] - (pose.x, pose.y)) @ turn
+        along = self._segments[:, 2:] @ turn
+        near = _distances(np.zeros((1, 2)), starts, along)[0] < 2.0
+        starts, along = starts[near], along[near]
+        found = [math.inf]
+        if len(starts):
+            found.append(float(_distances(BODY, starts, along).min()))
+            found.append(float(_distances(starts, BODY, _EDGES).min()))
+        centres = (self._circles[:, :2] - (pose.x, pose.y)) @ turn
+        if len(centres):
+            found.append(float((_distances(centres, BODY, _EDGES).min(axis=1) - self._circles[:, 2]).min()))
+        return min(found)
+
+    def drive(self, command: Velocity, time: float) -> float:
+        """Follows ``command`` for ``time`` [s]; returns the way driven [m]."""
+        way = 0.0
+        for _ in range(round(time / _STEP)):
+            self.velocity = _ramped(self.velocity, command)
+            x, y = self.pose.apply(self.velocity.x * _STEP, 0.0)
+            moved = Pose(x, y, self.pose.yaw + self.velocity.turn * _STEP)
+            if self.gap < _CAREFUL:
+                gap = self._gap(moved)
+                touches = gap < _TOUCH and gap <= self.gap
+                self.contacts += touches and not self._touches
+                self._touches = touches
+                if touches:
+                    continue
+                self.gap = gap
+            way += abs(self.velocity.x) * _STEP
+            self.pose = moved
+        self.gap = self._gap(self.pose)
+        return way
+
+
+_EDGES = np.roll(BODY, -1, axis=0) - BODY
+
+
+def _distances(points: NDArray[np.float64], starts: NDArray[np.float64], along: NDArray[np.float64]) -> Any:
+    """Returns the distance [m] of each of (n, 2) points from each of m segments, shape (n, m)."""
+    offset = points[:, None, :] - starts[None]
+    length = np.maximum((along**2).sum(axis=1), 1e-12)
+    part = np.clip((offset * along[None]).sum(axis=2) / length, 0.0, 1.0)
+    away = offset - part[:, :, None] * along[None]
+    return np.hypot(away[:, :, 0], away[:, :, 1])
+
+
+def _ramped(velocity: Velocity, command: Velocity) -> Velocity:
+    """Returns the velocity one step later: both wheels ramp in proportion."""
+    x, turn = command.x - velocity.x, command.turn - velocity.turn
+    gap = max(abs(x - turn * _HALF_TRACK), abs(x + turn * _HALF_TRACK))
+    part = min(1.0, _ACCELERATION * _STEP / gap) if gap > 0.0 else 1.0
+    return Velocity(velocity.x + part * x, 0.0, velocity.turn + part * turn)
+
+
+class Rider:
+    """One robot on one course.
+
+    Args:
+        course: where it drives.
+        parameters: move_base's, as ``rospy.get_param("~")`` gives them; frames may be any.
+        seed: of the laser's noise.
+    """
+
+    def __init__(self, course: Course, parameters: Mapping[str, Any], seed: int = 0) -> None:
+        setup = setup_from_parameters(parameters, "move_base")
+        self._course, self._setup = course, setup
+        self.body = Body(course)
+        self._index = WallIndex(course.standing)
+        self._generator = np.random.default_rng(seed)
+        self._ranges = np.empty(_BEAMS)
+        self._global, self._local = Costmap(setup.global_costmap), Costmap(setup.local_costmap)
+        for costmap in (self._global, self._local):
+            costmap.set_map(course.grid())
+        self.navigator = Navigator(setup, self._global, self._local, self._refresh)
+        self._points, self._sensor = np.empty((0, 2)), (0.0, 0.0)
+        self._period = 1.0 / setup.base.controller_frequency
+        self.now = 0.0
+        self._due = dict.fromkeys(("scan", "global", "local"), 0.0)
+        self.ride = Ride(course.name, len(course.goals))
+        self._slow = 0
+
+    def run(self) -> Ride:
+        """Drives to all goals, or until the time is over."""
+        for goal in self._course.goals:
+            if not self._drive_to(goal):
+                break
+        ride = self.ride
+        ride.seconds, ride.contacts = self.now, self.body.contacts
+        ride.slow = self._slow * self._period / max(self.now, self._period)
+        return ride
+
+    def _drive_to(self, goal: Pose) -> bool:
+        """Drives to one goal; False when the time is over."""
+        begun = self.now
+        self._look()
+        self._take(self.navigator.begin(goal, self.body.pose, self.now))
+        while self.now < self._course.limit:
+            self._look()
+            sight = Sight(self.body.pose, self.body.pose, Pose(), self.body.velocity, True)
+            result = self.navigator.cycle(sight, self.now)
+            self._take(result)
+            if result.finish is not None:
+                if result.finish.outcome is Outcome.SUCCEEDED:
+                    self.ride.reached += 1
+                else:
+                    self.ride.given_up += (self.now - begun,)
+                return True
+        self.ride.stuck = True
+        return False
+
+    def _take(self, result: Cycle) -> None:
+        """Drives for one period."""
+        self._command = self._command if result.command is None else result.command
+        before = self.body.pose
+        self.ride.way += self.body.drive(self._command, self._period)
+        self.ride.clearance = min(self.ride.clearance, self.body.gap)
+        moved = before.distance(self.body.pose) / self._period
+        self._slow += moved < 0.05 and abs(self.body.velocity.turn) < 0.1
+        self.ride.recoveries += result.recovery is not None
+        if result.warnings:
+            self.ride.last = result.warnings[-1]
+        self.now += self._period
+
+    _command = STANDSTILL
+
+    def _is_due(self, name: str, period: float) -> bool:
+        due = self.now >= self._due[name] - 1.0e-6
+        if due:
+            self._due[name] = self.now + period
+        return due
+
+    def _look(self) -> None:
+        """Scans, and updates the costmaps, each if due."""
+        if self._is_due("scan", _SCAN_PERIOD):
+            self._scan()
+        if self._is_due("global", 1.0 / self._setup.global_costmap.update_frequency):
+            self._update(self._global)
+            self.navigator.look_around(self.body.pose)
+        if self._is_due("local", 1.0 / self._setup.local_costmap.update_frequency):
+            self._update(self._local)
+
+    def _refresh(self) -> None:
+        self._update(self._global)
+        self._update(self._local)
+
+    def _update(self, costmap: Costmap) -> None:
+        layers = [layer for layer in costmap.config.layers if isinstance(layer, ObstacleConfig)]
+        sources = [source for layer in layers for source in layer.sources]
+        costmap.update(self.body.pose, [Observation(source, *self._sensor, self._points) for source in sources])
+
+    def _scan(self) -> None:
+        pose = self.body.pose
+        x, y = pose.apply(_LASER_X, 0.0)
+        step = math.tau / (_BEAMS - 1)
+        self._index.cast(Sensor(x, y, pose.yaw), Fan(-math.pi, step, _REACH), self._ranges)
+        seen = self._ranges < _REACH
+        noisy = np.where(seen, self._ranges + self._generator.normal(0.0, _NOISE, _BEAMS), np.inf).astype(np.float32)
+        points = points_from_ranges(noisy, -math.pi, step, 0.1, _REACH, False)[:, :2]
+        cosine, sine = math.cos(pose.yaw), math.sin(pose.yaw)
+        self._points = np.ascontiguousarray(points @ np.array([[cosine, sine], [-sine, cosine]]) + (x, y))
+        self._sensor = (x, y)
+
+
+def ride(course: Course, parameters: Mapping[str, Any], seed: int = 0) -> Ride:
+    """Returns what driving ``course`` showed."""
+    return Rider(course, parameters, seed).run()
+
+
+def with_changes(parameters: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the tree ``parameters`` with ``changes``, whose names may be paths: ``local_costmap/width``."""
+    tree = dict(parameters)
+    for name, value in changes.items():
+        first, _, rest = name.partition("/")
+        tree[first] = with_changes(tree.get(first, {}), {rest: value}) if rest else value
+    return tree

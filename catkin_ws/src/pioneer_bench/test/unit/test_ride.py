@@ -1,0 +1,69 @@
+"""A robot drives courses on the shipped parameters, without ROS: what it must reach, and how near it may come."""
+
+import numpy as np
+import pytest
+
+from nav_bundle.core.pose import Pose
+from pioneer_bench.adapters.parameter_file import shipped_parameters
+from pioneer_bench.core import course
+from pioneer_bench.core.course import Course
+from pioneer_bench.core.ride import Body, Ride, ride, with_changes
+
+
+@pytest.fixture(scope="module")
+def parameters() -> dict[str, object]:
+    return shipped_parameters()
+
+
+def driven(on: Course, parameters: dict[str, object], **changes: object) -> Ride:
+    planner = {f"TrajectoryPlannerROS/{name}": value for name, value in changes.items()}
+    return ride(on, with_changes(parameters, planner))
+
+
+def test_a_corner_is_not_cut(parameters: dict[str, object]) -> None:
+    kept = driven(course.slalom(), parameters)
+    assert (kept.reached, kept.contacts) == (2, 0)
+    assert kept.clearance > 0.1
+    assert driven(course.slalom(), parameters, clearance_scale=0.0).clearance < 0.08
+
+
+def test_a_narrow_door_is_still_passed(parameters: dict[str, object]) -> None:
+    through = driven(course.doors(0.7), parameters)
+    assert (through.reached, through.contacts, through.recoveries) == (8, 0, 0)
+
+
+def test_a_cylinder_that_the_map_does_not_show_is_not_touched(parameters: dict[str, object]) -> None:
+    among = driven(course.clutter(2), parameters)
+    assert (among.reached, among.contacts) == (8, 0)
+    assert among.way / among.seconds > 0.45
+
+
+def test_the_gap_is_that_between_body_and_wall() -> None:
+    body = Body(Course("", (course.box(1.0, -1.0, 2.0, 1.0),), Pose(), ()))
+    assert body.gap == pytest.approx(0.8)
+    turned = Body(Course("", (course.box(1.0, -1.0, 2.0, 1.0),), Pose(0.0, 0.0, np.pi / 4), ()))
+    assert turned.gap == pytest.approx(1.0 - 0.2 * np.sqrt(2.0))
+    round_thing = Course("", (), Pose(), (), course.EMPTY)
+    assert Body(round_thing).gap == np.inf
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_maze_is_one_piece(seed: int) -> None:
+    grid = course.maze(seed).grid()
+    free = grid.cells == 0
+    reached = np.zeros_like(free)
+    start = course.maze(seed).start
+    row, col = (int((value - corner) / 0.05) for value, corner in ((start.y, grid.origin.y), (start.x, grid.origin.x)))
+    reached[row, col] = True
+    while True:
+        grown = reached.copy()
+        grown[1:] |= reached[:-1]
+        grown[:-1] |= reached[1:]
+        grown[:, 1:] |= reached[:, :-1]
+        grown[:, :-1] |= reached[:, 1:]
+        grown &= free
+        if (grown == reached).all():
+            break
+        reached = grown
+    for goal in course.maze(seed).goals:
+        assert reached[int((goal.y - grid.origin.y) / 0.05), int((goal.x - grid.origin.x) / 0.05)]
