@@ -25,7 +25,10 @@ VENV = ROOT / ".setup" / "venv" / "bin"
 LAUNCH_FILES = ROOT / "tools" / "test" / "test_launch_files.py"
 SHOWN_LINES = 25
 MOST_AT_ONCE = 4
-TYPED = {"pioneer_demo", "pioneer_fleet", "pioneer_harness", "pioneer_node"}
+TYPED = {
+    *("pioneer_demo", "pioneer_fleet", "pioneer_harness", "pioneer_node"),
+    *("tcpros", "rocon_hub_protocol", "rocon_relay", "rocon_gateway", "rocon_hub"),
+}
 """Packages whose types are checked whole, not only their cores."""
 LONGEST = "scenario"
 """Of the rostests."""

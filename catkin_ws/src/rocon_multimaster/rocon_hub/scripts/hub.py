@@ -1,5 +1,4 @@
 #!/usr/bin/env python3
-import pioneer_node.nodes.light  # noqa: F401
-from rocon_hub.nodes.hub import main
+from pioneer_node.nodes.patch import import_without_numpy
 
-raise SystemExit(main())
+raise SystemExit(import_without_numpy("rocon_hub.nodes.hub").main())

@@ -1,6 +1,5 @@
 """The one way a node of this workspace starts and ends."""
 
-import errno
 import http.client
 import io
 import logging
@@ -14,13 +13,11 @@ import rospy
 
 from pioneer_node.adapters.end_request import EndRequest
 from pioneer_node.core.parameter import UNKNOWN, ParameterError
+from pioneer_node.nodes import patch
 
 _STRICT = "strict_parameters"
 _ending = EndRequest()
 """Set as soon as a signal asks the process to end; rospy knows of a shutdown a moment later."""
-
-_ACCEPT_RETRY = 0.2
-"""How long a server waits for a free file descriptor [s]: the kernel does not report one."""
 
 
 def run(
@@ -43,9 +40,8 @@ def run(
     ending.start()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: _ending.set())
-    # Before is_shutdown() returns True, rospy closes topics; a callback that publishes then is no fault of its node's.
-    rospy.topics.is_shutdown = rospy.core.is_shutdown_requested
-    _keep_accepting()
+    patch.allow_publishing_at_shutdown()
+    patch.keep_accepting(is_ending, _ending.wait)
     rospy.init_node(name, disable_rostime=wall_time, disable_signals=True)
     try:
         return _spun(name, build, expected)
@@ -88,29 +84,6 @@ def _shut_down_when_asked() -> None:
     """
     _ending.wait()
     rospy.signal_shutdown("signal")
-
-
-def _keep_accepting() -> None:
-    """Keeps the TCPROS server of this process alive when the process runs out of file descriptors.
-
-    rospy's server thread ends at the first connection that it cannot accept, and the node, still registered, never
-    serves a subscriber or a client again. Here the connection waits in the kernel's queue until a descriptor is free.
-    """
-    accept = rospy.impl.tcpros_base.TCPServer.run
-
-    def keep_accepting(server: Any) -> None:
-        while not is_ending():
-            try:
-                accept(server)
-                return
-            except OSError as error:
-                if error.errno not in (errno.EMFILE, errno.ENFILE):
-                    raise
-                text = "out of file descriptors (see ulimit -n); new connections wait until others close"
-                rospy.logerr_throttle(10.0, text)
-                _ending.wait(_ACCEPT_RETRY)
-
-    rospy.impl.tcpros_base.TCPServer.run = keep_accepting
 
 
 def on_shutdown(wake: Callable[[], object]) -> None:

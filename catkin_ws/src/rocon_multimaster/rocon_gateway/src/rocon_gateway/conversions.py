@@ -115,8 +115,10 @@ def diagnostic_from_link(
     one: AnyExport | AnyImport, link: LinkStatus, flow: Flow, latencies: Mapping[str, Latency], gateway: str
 ) -> DiagnosticStatus:
     """Returns how one connection of our gateway `gateway` does and what flows on it, for `/diagnostics`."""
-    is_export = isinstance(one, Export | ServiceExport | ParameterExport)
-    way, other = ("to", one.to_gateway) if is_export else ("from", one.source_gateway)
+    if isinstance(one, Export | ServiceExport | ParameterExport):
+        way, other = "to", one.to_gateway
+    else:
+        way, other = "from", one.source_gateway
     latency = latencies.get(other)
     values = {
         "state": str(link.state),

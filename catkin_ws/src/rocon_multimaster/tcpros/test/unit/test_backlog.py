@@ -13,8 +13,6 @@ from tcpros.core.frame import FrameSplitter
 class FakeReceiver:
     """Takes as many bytes at each attempt as it is told."""
 
-    takes_unseen = True
-
     def __init__(self, appetite, max_messages=5, max_bytes=10_000):
         self.backlog = Backlog(max_messages, max_bytes)
         self.received = b""
@@ -24,6 +22,12 @@ class FakeReceiver:
         self.unseen = 0
         self.relieved = lambda: None
         self._appetite = iter(appetite)
+
+    @property
+    def pressure(self):
+        return self
+
+    direct = pressure
 
     @property
     def is_full(self):
@@ -156,9 +160,9 @@ def test_what_passes_unseen_is_in_its_place_whoever_comes_and_goes(bodies, sizes
             size = next(cut) if passage is None or passage.remaining else 4
             data = stream[position : position + size]
             if passage is not None and passage.remaining:
-                assert passage.outlet is receiver or passage.outlet is other
+                assert passage.sink is receiver or passage.sink is other
                 data = data[: passage.remaining]
-                taken = passage.outlet.take(data)
+                taken = passage.sink.take(data)
                 if taken:
                     fanout.passed(taken)
                 unseen += taken

@@ -85,7 +85,7 @@ def first_python() -> tuple[str, bool, str]:
 def announced_hubs() -> list[Sighting]:
     """Returns the hubs that announce themselves by mDNS within `PATIENCE`."""
     reader, writer = os.pipe()
-    discovery = Discovery(lambda: os.write(writer, b"x") and None)
+    discovery = Discovery(lambda: os.write(writer, b"x"))
     try:
         discovery.sightings()
         select.select([reader], [], [], PATIENCE)

@@ -4,9 +4,9 @@ longer, the first one apart, which may look twice why it does not get in.
 
 import dataclasses
 import json
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import redis
 
@@ -44,6 +44,8 @@ from rocon_hub_protocol.core.record import (
     text_from_record,
     text_from_request,
 )
+
+Value = TypeVar("Value")
 
 ALIVE = 2.0
 """For how long one sign of life counts [s]."""
@@ -137,7 +139,9 @@ class HubSession:
                 raise error
 
     def _tell(self, pipe: redis.client.Pipeline, event: str, namespaces: Collection[str] = ()) -> None:
-        said = {"gateway": self.name, "event": event, **({"namespaces": sorted(namespaces)} if namespaces else {})}
+        said: dict[str, object] = {"gateway": self.name, "event": event}
+        if namespaces:
+            said["namespaces"] = sorted(namespaces)
         pipe.publish(GATEWAYS_KEY, json.dumps(said))
 
     def _tell_namespaces(self, namespaces: Collection[str]) -> None:
@@ -303,7 +307,9 @@ def _refusal(error: redis.RedisError) -> str:
     return f"refuses: {error}"
 
 
-def _sound(names, texts, parse):  # type: ignore[no-untyped-def]
+def _sound(
+    names: Sequence[str], texts: Sequence[str | None], parse: Callable[[str], Value]
+) -> Iterator[tuple[str, Value]]:
     """Yields name and value of what can be read; what a stranger wrote badly counts as not written."""
     for name, text in zip(names, texts, strict=True):
         if text is not None:

@@ -152,13 +152,13 @@ def _request(method: str, *arguments: str) -> bytes:
 def _value(answer: bytes) -> Any:
     """Returns the third part of a master's answer. Raises MasterError, of a kind of its own if the master says no."""
     try:
-        ((code, message, value),) = xmlrpc.client.loads(answer)[0]
+        ((code, message, value),) = xmlrpc.client.loads(answer)[0]  # type: ignore[arg-type]
     except xmlrpc.client.Fault as error:
         raise MasterError(f"the ROS master fails: {error.faultString}") from None
     except NONSENSE as error:
         raise MasterError(f"the ROS master's answer is none: {error}") from None
     if code != 1:
-        raise _UnknownError(f"the ROS master says no: {message}")
+        raise _UnknownError(f"the ROS master says no: {message!s}")
     return value
 
 

@@ -34,9 +34,9 @@ def main() -> int:
     parser = argparse.ArgumentParser("doctor", description=__doc__)
     parser.add_argument("--hub", default="", help="the hub, host:port; else the gateway's, else those announced")
     options = parser.parse_args([one for one in sys.argv[1:] if ":=" not in one])
-    findings, tables = [], []
-    for one in _examine(options.hub):
-        (findings if isinstance(one, Finding) else tables).append(one)
+    found = list(_examine(options.hub))
+    findings = [one for one in found if isinstance(one, Finding)]
+    tables = [one for one in found if isinstance(one, str)]
     sys.stdout.write("\n\n".join([*tables, diagnosis.report(findings)]) + "\n")
     return diagnosis.status(findings)
 

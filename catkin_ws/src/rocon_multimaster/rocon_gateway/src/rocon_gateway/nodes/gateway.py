@@ -35,8 +35,8 @@ from rocon_hub_protocol.core.record import Record
 from rocon_hub_protocol.core.sighting import LOOPBACK
 from rocon_relay.adapters.keyring import PasswordKeyring
 from rocon_relay.adapters.relay import TcpRelay
-from rocon_relay.core.connection import LinkState, RelayConfig
-from rocon_relay.core.service import ParameterExport, ParameterImport
+from rocon_relay.core.connection import LinkState, LinkStatus, RelayConfig
+from rocon_relay.core.service import AnyExport, AnyImport, ParameterExport, ParameterImport
 from rocon_relay.core.traffic import Traffic
 from tcpros.adapters.descriptor import raise_limit, readable
 from tcpros.adapters.tls import Certificates, certificates_from
@@ -298,7 +298,8 @@ class GatewayNode:
         )
         if with_links:
             status = self._relay.status()
-            links = {**status.exports, **status.imports}
+            rows: list[tuple[AnyExport | AnyImport, LinkStatus]] = [*status.exports.items(), *status.imports.items()]
+            links = dict(rows)
             flows = self._traffic.look(time.monotonic(), links)
             array.status += [
                 conversions.diagnostic_from_link(one, link, flows[one], status.latencies, self._name)

@@ -120,7 +120,7 @@ class RedisServer:
             )
         self._await()
         if self._access.password:
-            context = self._access.certificates and self._access.certificates.server
+            context = self._access.certificates.server if self._access.certificates else None
             try:
                 self._front = Front(self._config.port, self._socket, self._access.password, context)
             except OSError as error:

@@ -65,6 +65,7 @@ class HubNode:
         self._announcement = Announcement(self._config.name, self._config.port, self._open, tls)
         self._unannounced = ""
         self._failures = 0
+        self._started, self._unanswered = 0.0, 0
         self._complaint = ""
         self._next_clear = 0.0
         self._warn(access)

@@ -46,11 +46,12 @@ class Discovery:
         on_change: called, from a thread of zeroconf's, when there are more or fewer.
     """
 
-    def __init__(self, on_change: Callable[[], None]) -> None:
+    def __init__(self, on_change: Callable[[], object]) -> None:
         self._on_change = on_change
         self._lock = threading.Lock()
         self._sightings: dict[str, Sighting] = {}
         self._zeroconf: Any = None
+        self._question: Any = None
         self._next_look = 0.0
         self.stack = network_stack()
         self.interfaces: frozenset[IPv4Interface] = frozenset()

@@ -68,7 +68,7 @@ def password_from(path: str, environment: Mapping[str, str] = os.environ) -> Pas
     if path:
         return PasswordFile(Path(path).expanduser())
     password = environment.get(VARIABLE)
-    return (lambda: password) if password else None
+    return None if not password else lambda: str(password)
 
 
 def _first_line(path: Path) -> str:

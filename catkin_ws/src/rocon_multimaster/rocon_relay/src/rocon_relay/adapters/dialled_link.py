@@ -7,7 +7,8 @@ from typing import Protocol
 from rocon_relay.adapters.context import Context
 from rocon_relay.core.connection import ANY, Address, LinkState
 from rocon_relay.core.link import VERSION, Hello, LinkError, Subject, is_proof, proof, state_from_field
-from tcpros.adapters.stream import Stream, dialled_socket, watch_liveness
+from tcpros.adapters.channel import dialled_socket, watch_liveness
+from tcpros.adapters.stream import Stream
 from tcpros.core.fanout import Fanout
 from tcpros.core.frame import control_frame, is_control
 from tcpros.core.header import header_bytes, header_end, header_fields
@@ -48,7 +49,7 @@ class DialledLink(Stream):
     def __init__(self, context: Context, owner: LinkOwner, address: Address, hello: Hello) -> None:
         sock = dialled_socket()
         peer = f"{hello.source_gateway} at {address.host}:{address.port}"
-        super().__init__(context.reactor, sock, peer, context.tls and context.tls.dialled(sock))
+        super().__init__(context.reactor, sock, peer, context.tls.dialled(sock) if context.tls else None)
         watch_liveness(sock)
         self._context = context
         self._owner = owner

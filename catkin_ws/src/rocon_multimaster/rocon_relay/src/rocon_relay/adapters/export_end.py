@@ -21,8 +21,9 @@ from rocon_relay.core.link import (
     seconds_from_field,
 )
 from rocon_relay.core.option import NO_OPTIONS
+from tcpros.adapters.channel import watch_liveness
 from tcpros.adapters.reactor import Timer
-from tcpros.adapters.stream import Stream, watch_liveness
+from tcpros.adapters.stream import Stream
 from tcpros.adapters.tls import VARIABLE
 from tcpros.adapters.tls_socket import begins_tls
 from tcpros.core.fanout import Outlet
@@ -71,7 +72,7 @@ class ExportEnd(Stream):
     """
 
     def __init__(self, context: Context, exporter: Exporter, sock: socket.socket, peer: str) -> None:
-        super().__init__(context.reactor, sock, peer, context.tls and context.tls.accepted(sock))
+        super().__init__(context.reactor, sock, peer, context.tls.accepted(sock) if context.tls else None)
         watch_liveness(sock)
         self.hello: Hello | None = None
         self.export: Export | None = None

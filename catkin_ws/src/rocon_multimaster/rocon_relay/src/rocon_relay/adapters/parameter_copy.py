@@ -130,7 +130,7 @@ class ParameterImportEnd(LinkOwner):
     def received(self, text: bytes) -> None:
         """The value has come; raises LinkError if it is none."""
         try:
-            (value,), _ = xmlrpc.client.loads(text)
+            (value,), _ = xmlrpc.client.loads(text)  # type: ignore[arg-type]
         except (xmlrpc.client.Error, ExpatError, ValueError, TypeError, LookupError, ArithmeticError, AttributeError):
             raise LinkError("the parameter's value is no XML-RPC text") from None
         self._is_copied = True

@@ -126,7 +126,7 @@ class TcpRelay:
 
     def refresh(self) -> None:
         """See `core.connection.Relay`."""
-        self._reactor.call(lambda: [end.refresh() for end in self._imports.values()] and None)
+        self._reactor.call(lambda: [end.refresh() for end in self._imports.values()])
 
     def status(self) -> RelayStatus:
         """See `core.connection.Relay`."""
@@ -158,8 +158,11 @@ class TcpRelay:
             self._others.pop(name).close()
         for name, export in exports.items():
             if name not in self._others and not isinstance(export, Export):
-                end = ServiceExportEnd if isinstance(export, ServiceExport) else ParameterExportEnd
-                self._others[name] = end(self._context, export)
+                self._others[name] = (
+                    ServiceExportEnd(self._context, export)
+                    if isinstance(export, ServiceExport)
+                    else ParameterExportEnd(self._context, export)
+                )
         for end, hello in tuple(self._parked.items()):
             self._admit_if_exported(end, hello)
         for name in self._imports.keys() - imports.keys():
@@ -171,7 +174,7 @@ class TcpRelay:
         end = self._imports.get(name)
         if end is not None:
             if end.wanted != wanted:
-                end.replace(wanted)
+                end.replace(wanted)  # type: ignore[arg-type]  # of one kind: the name says which
             return
         self._imports[name] = end = self._import_end(wanted, lambda: self._retired(name))
         if name not in self._retiring:
@@ -265,9 +268,7 @@ class TcpRelay:
         """See `export_end.Exporter`."""
         key = export.topic, export.source_node, export.subscriber
         if key not in self._subscriptions:
-            self._subscriptions[key] = Subscription(
-                self._context, export, lambda: self._subscriptions.pop(key, None) and None
-            )
+            self._subscriptions[key] = Subscription(self._context, export, lambda: self._subscriptions.pop(key, None))
         return self._subscriptions[key]
 
     def ended(self, end: ExportEnd) -> None:

@@ -11,7 +11,8 @@ from rocon_relay.adapters.service_pipe import ServicePipe
 from rocon_relay.core.connection import LinkState, LinkStatus, proxy_name
 from rocon_relay.core.link import Hello, Subject
 from rocon_relay.core.service import ServiceExport
-from tcpros.adapters.stream import Stream, dialled_socket, watch_liveness
+from tcpros.adapters.channel import dialled_socket, watch_liveness
+from tcpros.adapters.stream import Stream
 from tcpros.core.header import HeaderError, header_bytes, header_end, header_fields
 
 

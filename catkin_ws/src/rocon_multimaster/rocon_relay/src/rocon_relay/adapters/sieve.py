@@ -1,7 +1,7 @@
 """Outlets that look at whole messages: what options leave of them, and their decompression at the other end."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from rocon_relay.core.option import LinkOptions
 from rocon_relay.core.sieve import TF_TYPES, Pace, deflated, inflated, matching_transforms, whole_frame
@@ -20,12 +20,13 @@ class Sieve:
         saved: bytes that compression kept off the link.
     """
 
-    takes_unseen = False
+    direct = None
 
     def __init__(self, reactor: Reactor, link: Outlet, options: LinkOptions, type_: str) -> None:
         self.backlog = Backlog(UNBOUNDED, UNBOUNDED)
         self.left_out = 0
         self.saved = 0
+        self.pressure = link.pressure
         self._reactor = reactor
         self._link = link
         self._keeps = options.keeps_frame() if options.tf_frames and type_ in TF_TYPES else None
@@ -33,20 +34,6 @@ class Sieve:
         self._compress = options.compress
         self._newest: bytes | memoryview | None = None
         self._timer: Timer | None = None
-
-    @property
-    def is_full(self) -> bool:
-        """See `core.fanout.Outlet`."""
-        return self._link.is_full
-
-    @property
-    def relieved(self) -> Callable[[], None]:
-        """See `core.fanout.Outlet`."""
-        return self._link.relieved
-
-    @relieved.setter
-    def relieved(self, call: Callable[[], None]) -> None:
-        self._link.relieved = call
 
     def push(self, chunk: Chunk) -> None:
         """See `core.fanout.Outlet`."""
@@ -68,18 +55,6 @@ class Sieve:
         self._newest = None
         if self._timer is not None:
             self._timer.cancel()
-
-    def fileno(self) -> int:
-        """See `core.fanout.Outlet`."""
-        return self._link.fileno()
-
-    def passed(self, count: int, ended: bool) -> None:
-        """See `core.fanout.Outlet`; nothing passes unseen here."""
-        raise AssertionError("bytes went round a sieve")
-
-    def acknowledged(self) -> int:
-        """See `core.fanout.Outlet`."""
-        return self._link.acknowledged()
 
     def close(self, reason: str) -> None:
         """See `core.fanout.Outlet`."""
@@ -131,27 +106,14 @@ class Inflater:
         saved: bytes that compression kept off the link.
     """
 
-    takes_unseen = False
+    direct = None
 
     def __init__(self, fanout: Fanout, max_message_size: int) -> None:
         self.backlog = Backlog(UNBOUNDED, UNBOUNDED)
         self.saved = 0
+        self.pressure = fanout
         self._fanout = fanout
         self._max_message_size = max_message_size
-
-    @property
-    def is_full(self) -> bool:
-        """See `core.fanout.Outlet`."""
-        return self._fanout.is_full
-
-    @property
-    def relieved(self) -> Callable[[], None]:
-        """See `core.fanout.Outlet`."""
-        return self._fanout.relieved
-
-    @relieved.setter
-    def relieved(self, call: Callable[[], None]) -> None:
-        self._fanout.relieved = call
 
     def push(self, chunk: Chunk) -> None:
         """See `core.fanout.Outlet`."""
@@ -166,18 +128,6 @@ class Inflater:
 
     def left(self) -> None:
         """See `core.fanout.Outlet`."""
-
-    def fileno(self) -> int:
-        """See `core.fanout.Outlet`; never asked for."""
-        return -1
-
-    def passed(self, count: int, ended: bool) -> None:
-        """See `core.fanout.Outlet`; nothing passes unseen here."""
-        raise AssertionError("bytes went round an inflater")
-
-    def acknowledged(self) -> int:
-        """See `core.fanout.Outlet`."""
-        return self._fanout.acknowledged()
 
     def close(self, reason: str) -> None:
         """See `core.fanout.Outlet`."""

@@ -49,7 +49,7 @@ class SlaveApi:
             SlaveApiError: it is no XML-RPC call at all. A wrong method or wrong arguments get a response.
         """
         try:
-            arguments, method = xmlrpc.client.loads(request)
+            arguments, method = xmlrpc.client.loads(request)  # type: ignore[arg-type]
         except (xmlrpc.client.Error, ExpatError, ValueError, TypeError, LookupError, ArithmeticError, AttributeError):
             raise SlaveApiError("no XML-RPC call") from None
         function = self._methods.get(method or "")

@@ -6,8 +6,9 @@ from typing import Any, Protocol
 
 from rocon_relay.adapters.context import Context, Pause
 from rocon_relay.core.connection import ANY, Export
+from tcpros.adapters.channel import dialled_socket
 from tcpros.adapters.reactor import Timer
-from tcpros.adapters.stream import Stream, dialled_socket
+from tcpros.adapters.stream import Stream
 from tcpros.core.fanout import Fanout, Outlet
 from tcpros.core.header import header_bytes, header_end, header_fields
 
@@ -35,7 +36,7 @@ class Subscription:
     time, so a restarted publisher is found again. The subscription is not registered with the master.
     """
 
-    def __init__(self, context: Context, export: Export, emptied: Callable[[], None]) -> None:
+    def __init__(self, context: Context, export: Export, emptied: Callable[[], object]) -> None:
         self.topic = export.topic
         self.name = export.subscriber or context.config.node
         self.fanout = Fanout(context.config.max_message_size)

@@ -2,8 +2,11 @@
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 from rocon_relay.core.connection import LinkStatus
+
+Key = TypeVar("Key", bound=Hashable)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,11 +29,11 @@ class Traffic:
         self._then = 0.0
         self._before: dict[Hashable, LinkStatus] = {}
 
-    def look(self, now: float, links: Mapping[Hashable, LinkStatus]) -> dict[Hashable, Flow]:
+    def look(self, now: float, links: Mapping[Key, LinkStatus]) -> dict[Key, Flow]:
         """Returns how much flows on each connection; nothing yet on one that is looked at for the first time."""
         elapsed = max(now - self._then, 1e-3)
         flows = {key: _flow(self._before.get(key, link), link, elapsed) for key, link in links.items()}
-        self._then, self._before = now, dict(links)
+        self._then, self._before = now, dict(links.items())
         return flows
 
 

@@ -15,7 +15,7 @@ from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 from rocon_relay.core.connection import LinkState
 from rocon_relay.core.service import ParameterExport, ParameterImport
-from tcpros.adapters import listener, stream
+from tcpros.adapters import channel, listener
 
 # rosmaster leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -49,7 +49,7 @@ class Scarce:
 @pytest.fixture
 def scarce(monkeypatch, caplog):
     made = Scarce()
-    for module in (stream, listener):
+    for module in (channel, listener):
         monkeypatch.setattr(module, "socket", made)
     yield made
     assert made.is_over

@@ -1,6 +1,5 @@
 """A fleet's certificate authority, by the program openssl: keys, and certificates for them."""
 
-import os
 import re
 import shutil
 import subprocess
@@ -88,7 +87,7 @@ def _openssl(*arguments: str | Path) -> None:
     if program is None:
         raise CertificateError("there is no openssl on the PATH; install the package openssl")
     # What it writes is for nobody else's eyes.
-    argv = [program, *map(os.fspath, arguments)]
+    argv = [program, *map(str, arguments)]
     done = subprocess.run(argv, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL, umask=0o077)
     if done.returncode:
         lines = done.stderr.strip().splitlines() or ["it said nothing"]

@@ -48,7 +48,7 @@ class Pipe:
             OSError: the source has failed.
         """
         try:
-            left = size = os.splice(source, self._in, min(count, SIZE), flags=_MOVE | _NONBLOCK)
+            left = size = os.splice(source, self._in, min(count, SIZE), flags=_MOVE | _NONBLOCK)  # type: ignore[attr-defined]
         except OSError as error:
             if error.errno not in _NEVER:
                 raise
@@ -56,7 +56,7 @@ class Pipe:
             raise BlockingIOError(error.errno, error.strerror) from error
         flags = _MOVE | _NONBLOCK | (_MORE if size < count else 0)
         with contextlib.suppress(OSError):
-            while left and (moved := os.splice(self._out, sink, left, flags=flags)):
+            while left and (moved := os.splice(self._out, sink, left, flags=flags)):  # type: ignore[attr-defined]
                 left -= moved
         return Moved(size - left, self._drain(left))
 

@@ -33,8 +33,8 @@ class Timer:
 
     __slots__ = ("callback",)
 
-    def __init__(self, callback: Callable[[], None]) -> None:
-        self.callback: Callable[[], None] | None = callback
+    def __init__(self, callback: Callable[[], object]) -> None:
+        self.callback: Callable[[], object] | None = callback
 
     def cancel(self) -> None:
         """Takes the call back; once done or cancelled, nothing happens."""
@@ -62,8 +62,8 @@ class Reactor:
         self._handlers: dict[int, Handler] = {}
         self._timers: list[tuple[float, int, Timer]] = []
         self._order = itertools.count()
-        self._calls: deque[Callable[[], None]] = deque()
-        self._wake_up = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._calls: deque[Callable[[], object]] = deque()
+        self._wake_up = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)  # type: ignore[attr-defined]
         self._epoll.register(self._wake_up, select.EPOLLIN)
         self._running = True
         self._thread = threading.Thread(target=self._run, name="relay", daemon=True)
@@ -72,12 +72,12 @@ class Reactor:
         """Starts the thread."""
         self._thread.start()
 
-    def call(self, callback: Callable[[], None]) -> None:
+    def call(self, callback: Callable[[], object]) -> None:
         """Has `callback` called soon in the loop's thread, or never once the loop has ended; from any thread."""
         self._calls.append(callback)
-        os.eventfd_write(self._wake_up, 1)
+        os.eventfd_write(self._wake_up, 1)  # type: ignore[attr-defined]
 
-    def call_later(self, delay: float, callback: Callable[[], None]) -> Timer:
+    def call_later(self, delay: float, callback: Callable[[], object]) -> Timer:
         """Has `callback` called in `delay` seconds."""
         timer = Timer(callback)
         heapq.heappush(self._timers, (time.monotonic() + delay, next(self._order), timer))
@@ -112,7 +112,7 @@ class Reactor:
             for descriptor, events in self._epoll.poll(self._pause()):
                 handler = self._handlers.get(descriptor)
                 if descriptor == self._wake_up:
-                    os.eventfd_read(self._wake_up)
+                    os.eventfd_read(self._wake_up)  # type: ignore[attr-defined]
                 elif handler is not None:
                     try:
                         handler.ready(events)
@@ -145,7 +145,7 @@ class Reactor:
         for _ in range(len(self._calls)):
             self._guard(self._calls.popleft())
 
-    def _guard(self, callback: Callable[[], None]) -> None:
+    def _guard(self, callback: Callable[[], object]) -> None:
         try:
             callback()
         except Exception:

@@ -94,7 +94,7 @@ def certificates_from(path: str, environment: Mapping[str, str] = os.environ) ->
         contexts = [_context(side, directory) for side in (ssl.PROTOCOL_TLS_SERVER, ssl.PROTOCOL_TLS_CLIENT)]
     except OSError as error:
         raise CertificateError(f"the TLS certificates in {directory} cannot be used: {_said(error)}") from None
-    contexts[0].num_tickets = 0  # nobody comes back to a session
+    contexts[0].num_tickets = 0  # type: ignore[attr-defined]  # sessions are not resumed
     return Certificates(directory, *contexts)
 
 

@@ -87,7 +87,7 @@ class TlsSocket:
         more = self._fetch(len(buffer) - RECORD)
         count = 0
         try:
-            while count < len(buffer) and (part := self._tls.read(len(buffer) - count, buffer[count:])):
+            while count < len(buffer) and (part := self._tls.read(len(buffer) - count, buffer[count:])):  # type: ignore[arg-type]
                 count += int(part)
         except ssl.SSLWantReadError:
             pass

@@ -7,9 +7,10 @@ from typing import Any
 from urllib.parse import urlsplit
 from xml.parsers.expat import ExpatError
 
+from tcpros.adapters.channel import dialled_socket
 from tcpros.adapters.reactor import Reactor
 from tcpros.adapters.resolver import Resolver
-from tcpros.adapters.stream import Stream, dialled_socket
+from tcpros.adapters.stream import Stream
 from tcpros.core.error import TcprosError
 from tcpros.core.http import http_message, http_request
 
@@ -100,13 +101,12 @@ class Server:
         if not host or not port:
             answered(b"", f"{self.uri!r} is no address")
             return
-        call: _Call | None = None
+        number = port
 
         def found(address: str) -> None:
-            nonlocal call
             call = _Call(self._reactor, self.uri, body, answered)
-            self._reactor.call_later(self._timeout, lambda: call and call.close("it did not answer in time"))
-            call.connect(address, port)
+            self._reactor.call_later(self._timeout, lambda: call.close("it did not answer in time"))
+            call.connect(address, number)
 
         self._resolver.resolve(host, found, lambda reason: answered(b"", reason))
 
@@ -126,7 +126,7 @@ class _Attempt:
             self._failed(f"{self._server.uri}: {reason}")
             return
         try:
-            (answer,), _ = xmlrpc.client.loads(body)
+            (answer,), _ = xmlrpc.client.loads(body)  # type: ignore[arg-type]
             status, text, value = answer
         except (
             xmlrpc.client.Error,

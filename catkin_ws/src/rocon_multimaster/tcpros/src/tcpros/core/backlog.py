@@ -40,7 +40,9 @@ class Backlog:
 
     def __init__(self, max_messages: int, max_bytes: int) -> None:
         self.drops = 0
-        self.bound(max_messages, max_bytes)
+        self._max_messages = max(1, max_messages)
+        self._max_bytes = max_bytes
+        self._drops_first = False
         self._sending: deque[memoryview] = deque()
         self._waiting: deque[list[memoryview]] = deque()
         self._waiting_bytes = 0

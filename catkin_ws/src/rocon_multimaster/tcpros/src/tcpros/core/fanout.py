@@ -7,23 +7,49 @@ from tcpros.core.backlog import Backlog
 from tcpros.core.frame import Chunk, FrameSplitter
 
 
+class Pressure(Protocol):
+    """How far behind something is that takes messages.
+
+    Attributes:
+        relieved: to be called when it takes more again after it was full; whoever waits for that sets it.
+    """
+
+    relieved: Callable[[], None]
+
+    @property
+    def is_full(self) -> bool:
+        """Whether it is behind, so that its source had better wait."""
+
+    def acknowledged(self) -> int:
+        """Returns how many bytes were taken so far: this tells a slow receiver from one that has stopped."""
+
+
+class DirectSink(Protocol):
+    """A descriptor to which large messages may be written without `Outlet.push`."""
+
+    def fileno(self) -> int:
+        """Returns the descriptor."""
+
+    def passed(self, count: int, ended: bool) -> None:
+        """Records that bytes of the arriving frame, and its end if `ended`, were written to the descriptor."""
+
+
 class Outlet(Protocol):
     """A receiver of frames.
 
     Attributes:
         backlog: what waits for it.
-        takes_unseen: whether bytes may go in at `fileno` otherwise than by `push`, as `Fanout.passage` allows.
-        is_full: whether it is behind, and its source had better wait.
-        relieved: to be called when it takes more again after it was full; `Fanout.join` sets it.
     """
 
     backlog: Backlog
-    takes_unseen: bool
-    relieved: Callable[[], None]
 
     @property
-    def is_full(self) -> bool:
-        """See there."""
+    def pressure(self) -> Pressure:
+        """How far behind it is."""
+
+    @property
+    def direct(self) -> DirectSink | None:
+        """Where large messages may go as `Fanout.passage` allows; None if everything has to be pushed."""
 
     def push(self, chunk: Chunk) -> None:
         """Sends or queues a chunk."""
@@ -32,30 +58,21 @@ class Outlet(Protocol):
         """Sends what waits, as far as the receiver takes it."""
 
     def left(self) -> None:
-        """Called when the frame that was under way at `Fanout.leave` has gone out whole."""
-
-    def fileno(self) -> int:
-        """Returns the descriptor of its connection."""
-
-    def passed(self, count: int, ended: bool) -> None:
-        """Bytes of the frame that is arriving, and maybe its end, went in at `fileno`."""
-
-    def acknowledged(self) -> int:
-        """Returns how many bytes its peer has taken so far: what tells a slow one from one that stands still."""
+        """Called when the frame that was under way at `Fanout.leave` has been sent whole."""
 
     def close(self, reason: str) -> None:
         """Ends the connection."""
 
 
 class Passage(NamedTuple):
-    """A way on which messages need not be seen.
+    """A way on which messages bypass `Fanout.feed`.
 
     Attributes:
-        outlet: the receiver.
-        remaining: bytes to come of the message that is arriving; 0 between two, where the next length is to be seen.
+        sink: the receiver.
+        remaining: bytes to come of the arriving message; 0 between two, where the next length has to be read.
     """
 
-    outlet: Outlet
+    sink: DirectSink
     remaining: int
 
 
@@ -88,13 +105,13 @@ class Fanout:
     def is_full(self) -> bool:
         """Whether there are receivers and all of them are behind: the quickest decides."""
         for outlet in self._outlets:
-            if not outlet.is_full:
+            if not outlet.pressure.is_full:
                 return False
         return bool(self._outlets) and not self._leaving
 
     def acknowledged(self) -> int:
         """Returns how many bytes all receivers together have taken."""
-        return sum(outlet.acknowledged() for outlet in self._outlets)
+        return sum(outlet.pressure.acknowledged() for outlet in self._outlets)
 
     def feed(self, data: memoryview) -> int:
         """Passes on what arrived and returns how many bytes of it are done with.
@@ -122,8 +139,8 @@ class Fanout:
         if not self._splitter.is_large or self.latching or self._leaving or len(self._outlets) != 1:
             return None
         outlet = self._outlets[0]
-        is_open = outlet.takes_unseen and outlet.backlog.is_direct
-        return Passage(outlet, self._splitter.remaining) if is_open else None
+        sink = outlet.direct if outlet.backlog.is_direct else None
+        return Passage(sink, self._splitter.remaining) if sink is not None else None
 
     def passed(self, count: int) -> None:
         """Takes note of bytes of one message that went where `passage` said."""
@@ -131,7 +148,9 @@ class Fanout:
         ended = not self._splitter.remaining
         self.messages += ended
         self.bytes += count
-        self._outlets[0].passed(count, ended)
+        sink = self._outlets[0].direct
+        assert sink is not None
+        sink.passed(count, ended)
 
     def join(self, outlet: Outlet) -> None:
         """Adds a receiver: of a latched topic it gets the last message first, then whatever comes."""
@@ -140,7 +159,7 @@ class Fanout:
         partial = memoryview(b"".join(self._partial)) if self._partial else None
         outlet.backlog.begin(partial, self._splitter.remaining > 0)
         self._outlets.append(outlet)
-        outlet.relieved = self._relieve
+        outlet.pressure.relieved = self._relieve
         outlet.flush()
         self._relieve()
 
