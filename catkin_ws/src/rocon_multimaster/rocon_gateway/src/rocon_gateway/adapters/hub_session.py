@@ -78,6 +78,7 @@ class HubSession:
         self.client = redis_client(address, access)
         self._written: dict[str, PeerRequest] = {}
         self._record: Record | None = None
+        self.salt = ""
         try:
             self.hub_name = self._introduce()
             # Of the server's process: one hub has several addresses, and must be joined but once.
