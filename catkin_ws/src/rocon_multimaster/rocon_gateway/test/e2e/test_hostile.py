@@ -112,6 +112,32 @@ def test_a_wrong_type_under_every_key_of_the_hub_is_overcome(standing_fleet, sta
     assert_none_doubled(flow)
 
 
+def test_a_member_that_advertises_a_name_of_1_mb_stalls_nobody(standing_fleet, standing, flow) -> None:
+    """Every gateway with a pattern that begins with `.*` once tried it on that name for hours."""
+    base, robot = standing
+    assert base.pull(".*", "publisher", ".*/move_base/.*") == 0
+    assert robot.pull(".*", "publisher", r"/(\w+/?)+/odom") == 0
+    record = json.loads(redis.Redis(port=standing_fleet.hub_port).get(record_key("robot")))
+    names = ["/" + "a/" * 500_000, "/" + "a/" * 120]
+    record |= {"name": "ghost", "advertisements": [["publisher", one, "std_msgs/String", "/ghost"] for one in names]}
+    with redis.Redis(port=standing_fleet.hub_port) as client:
+        client.set(record_key("ghost"), json.dumps(record))
+        client.set(alive_key("ghost"), "1", px=5000)
+        client.sadd(GATEWAYS_KEY, "ghost")
+        client.publish(GATEWAYS_KEY, json.dumps({"gateway": "ghost", "event": "joined"}))
+    wait_until(lambda: "ghost" in known(base), "the ghost is known", 5)
+    robot.talk("/pioneer1/move_base/plan", "honest")
+    robot.advertise("/pioneer1/move_base/plan")
+    wait_until(lambda: base.publishers("/pioneer1/move_base/plan") == ["/robot/honest"], "rules still work", 10)
+    assert_unbroken(flow)
+
+
+def known(site) -> list[str]:
+    """The gateways that a site knows of."""
+    answer = site.call("remote_gateway_info", srv.RemoteGatewayInfo, gateways=[])
+    return [one.name for one in answer.gateways]
+
+
 def test_half_handshakes_and_garbage_on_the_relay_port_harm_nobody(standing_fleet, standing, flow) -> None:
     _base, robot = standing
     port = robot.relay_port()

@@ -1,5 +1,7 @@
 """What gateways write on the hub comes back as it went, and what strangers write does no harm."""
 
+import dataclasses
+
 import pytest
 
 from rocon_hub_protocol.core.record import (
@@ -61,6 +63,26 @@ def test_a_request_survives_the_hub() -> None:
 def test_a_bad_record_is_an_error_of_ours(text: str | bytes) -> None:
     with pytest.raises(RecordError):
         record_from_text(text)
+
+
+LONG = "/" + "a/" * 500_000
+
+
+@pytest.mark.parametrize("name", [LONG, "/a b", "/\x00", "", "/é", "9lives", "/a\n"])
+def test_a_name_that_is_none_by_ros_grammar_or_too_long_is_left_out_and_the_rest_is_read(name: str) -> None:
+    """One member that advertised a name of 1 MB once stalled every gateway with a pull such as `.*/move_base/.*`."""
+    bad = Connection(Kind.PUBLISHER, name, "std_msgs/String", "/talker")
+    record = dataclasses.replace(RECORD, advertisements=(bad, *RECORD.advertisements))
+    assert record_from_text(text_from_record(record)) == RECORD
+    request = PeerRequest((Offer(name, "x/Y", "/n", Purpose.FLIP), *REQUEST.offers), REQUEST.wants, REQUEST.replies)
+    request = dataclasses.replace(request, wants=(Want(name, "/amcl", Purpose.FLIP), *REQUEST.wants))
+    assert request_from_text(text_from_request(request)) == REQUEST
+
+
+@pytest.mark.parametrize("name", [LONG, ""])
+def test_a_gateway_whose_name_is_too_long_is_not_read(name: str) -> None:
+    with pytest.raises(RecordError):
+        record_from_text(text_from_record(dataclasses.replace(RECORD, name=name)))
 
 
 @pytest.mark.parametrize(

@@ -21,9 +21,8 @@ def test_options_survive_the_way_through_a_header():
         {"queue_size": "1.5"},
         {"compress": "lzma"},
         {"tf_frames": "("},
-        {"tf_frames": "(a+)+"},
-        {"tf_frames": "a*b*c*d*"},
-        {"tf_frames": "x" * 300},
+        {"tf_frames": "(?!a)b"},
+        {"tf_frames": "x" * 3000},
     ],
 )
 def test_what_a_stranger_asks_for_is_checked(fields):

@@ -38,6 +38,7 @@ from rocon_hub_protocol.core.record import (
     PeerRequest,
     Record,
     RecordError,
+    is_gateway_name,
     record_from_text,
     request_from_text,
     sound_namespaces,
@@ -173,7 +174,7 @@ class HubSession:
 
     def present(self) -> set[str]:
         """Returns the unique names of all gateways that live, ourselves apart."""
-        names = sorted(self.client.smembers(GATEWAYS_KEY) - {self.name})
+        names = sorted(filter(is_gateway_name, self.client.smembers(GATEWAYS_KEY) - {self.name}))
         if not names:
             return set()
         alive = self.client.mget([alive_key(name) for name in names])

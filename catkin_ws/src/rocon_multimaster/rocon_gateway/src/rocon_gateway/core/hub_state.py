@@ -14,7 +14,7 @@ from rocon_gateway.core.situation import Remote
 from rocon_hub_protocol.core.address import HubAddress
 from rocon_hub_protocol.core.code import Code, HubError
 from rocon_hub_protocol.core.key import GATEWAYS_KEY, record_key, requests_key
-from rocon_hub_protocol.core.record import NO_REQUEST, PeerRequest, Record, is_text, sound_namespaces
+from rocon_hub_protocol.core.record import NO_REQUEST, PeerRequest, Record, is_gateway_name, sound_namespaces
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ class HubState:
             name, what = event["gateway"], event["event"]
         except (ValueError, TypeError, KeyError, RecursionError):
             return
-        if name == session.name or not is_text(name):
+        if name == session.name or not is_gateway_name(name):
             return
         if what == "joined":
             self._presence.join(name)

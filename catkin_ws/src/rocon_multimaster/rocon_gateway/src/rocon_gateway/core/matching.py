@@ -1,6 +1,6 @@
 """What rules match: names, nodes and gateways.
 
-Everything "matches" by regular expression over the whole text. Besides, a gateway is met by its base name
+Everything "matches" by regular expression (RE2) over the whole text. Besides, a gateway is met by its base name
 (without the unique suffix) taken literally, and a relative topic name by the absolute one.
 """
 
@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable
 from rocon_gateway.core.error import RequestError
 from rocon_hub_protocol.core.code import Code
 from rocon_hub_protocol.core.rule import Connection, Kind, Rule
-from rocon_relay.core.pattern import compiled, matches_whole
+from rocon_relay.core.pattern import PatternError, compiled, matches_whole
 
 ALL = ".*"
 """The name in a rule that the `*_all` services install."""
@@ -41,7 +41,7 @@ def check_pattern(what: str, pattern: str, code: Code) -> None:
     """Raises RequestError with `code` if `pattern` is no regular expression."""
     try:
         compiled(pattern)
-    except (re.error, RecursionError, OverflowError) as error:
+    except PatternError as error:
         raise RequestError(code, f"the {what} '{pattern}' is not a regular expression: {error}") from None
 
 

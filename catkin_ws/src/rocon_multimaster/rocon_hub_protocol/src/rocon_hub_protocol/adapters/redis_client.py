@@ -10,12 +10,13 @@ import redis
 
 from rocon_hub_protocol.adapters.password import FILE_VARIABLE, Password
 from rocon_hub_protocol.core.address import HubAddress
-from rocon_hub_protocol.core.admission import LONGEST_LINE, REFUSED, GatewaySide
 from rocon_hub_protocol.core.code import Code, HubError
-from rocon_hub_protocol.core.cpace import ProofError
 from tcpros.adapters.tls import NO_TLS, VARIABLE, Certificates, reason_of, speaks_plainly, speaks_tls
 
 Cause = TypeVar("Cause", bound=BaseException)
+
+LONGEST_LINE = 512
+"""A hub's line during the proof is shorter than this [bytes]."""
 
 TIMEOUT = 2.0
 """Within which a hub must have answered [s]."""
@@ -72,6 +73,10 @@ def prove(sock: socket.socket, password: str) -> None:
         NotOurHubError: one of us does not know it, or it is no hub with a password.
         OSError: the hub does not answer.
     """
+    # Costs 2 MB, so only for gateways with a password.
+    from rocon_hub_protocol.core.admission import REFUSED, GatewaySide
+    from rocon_hub_protocol.core.cpace import ProofError
+
     side = GatewaySide(password)
     sock.sendall(side.first)
     line = _line(sock)
@@ -95,8 +100,8 @@ def _line(sock: socket.socket) -> bytes:
     # The hub says one line, and then nothing until it is answered.
     line = b""
     while not line.endswith(b"\n"):
-        part = sock.recv(LONGEST_LINE + 1 - len(line))
-        if not part:
+        part = sock.recv(LONGEST_LINE - len(line))
+        if not part:  # closed, or too long for a line of ours
             raise ConnectionError("Connection closed by server.")
         line += part
     return line

@@ -1,7 +1,7 @@
 """What gateways write on the hub, as values and as JSON; `docs/gateway.md` describes both.
 
 Whatever is read was written by somebody else: it is checked field by field, and what does not fit is an error
-that names the field.
+that names the field. Rows with a name that no ROS name can be, or that is too long, are left out.
 """
 
 import enum
@@ -11,10 +11,13 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from rocon_hub_protocol.core.code import HubProtocolError
-from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule, is_namespace
+from rocon_hub_protocol.core.rule import LONGEST_NAME, Connection, Kind, RemoteRule, Rule, is_namespace, is_ros_name
 
 PROTOCOL = 2
 """The number of this layout, in `rocon:hub:protocol`."""
+
+LONGEST_TEXT = 4096
+"""Longest pattern, or sentence for people, that is read from a hub [characters]."""
 
 Value = TypeVar("Value")
 
@@ -148,6 +151,11 @@ def is_text(value: object) -> bool:
     return True
 
 
+def is_gateway_name(value: object) -> bool:
+    """Tells whether this can be a gateway's name."""
+    return is_text(value) and 0 < len(str(value)) <= LONGEST_NAME
+
+
 def sound_namespaces(told: object) -> frozenset[str]:
     """Returns those of a list, as somebody wrote it, that can be robots' namespaces."""
     return frozenset(filter(is_namespace, told)) if isinstance(told, list) else frozenset()
@@ -173,15 +181,17 @@ def text_from_record(record: Record) -> str:
 def record_from_text(text: str | bytes) -> Record:
     """Returns the record in a JSON text. Raises RecordError."""
     document = _document(text)
+    if not is_gateway_name(document.get("name")):
+        raise RecordError(f"'name' is not a gateway's: {str(document.get('name'))[:40]!r}")
     return Record(
         name=_field(document, "name", str),
         instance=_field(document, "instance", str),
         host=_field(document, "host", str),
         port=_field(document, "port", int),
         firewall=_field(document, "firewall", bool),
-        advertisements=_rows(document, "advertisements", 4, _connection),
-        flips=_rows(document, "flips", 4, _remote),
-        pulls=_rows(document, "pulls", 4, _remote),
+        advertisements=_rows(document, "advertisements", 4, _connection, lambda r: _are_names(r[1], r[2], r[3])),
+        flips=_rows(document, "flips", 4, _remote, _are_short),
+        pulls=_rows(document, "pulls", 4, _remote, _are_short),
         namespace=_field({"namespace": "", **document}, "namespace", str),
     )
 
@@ -201,9 +211,9 @@ def request_from_text(text: str | bytes) -> PeerRequest:
     """Returns the request in a JSON text. Raises RecordError."""
     document = _document(text)
     return PeerRequest(
-        offers=_rows(document, "offers", 5, lambda r: Offer(r[0], r[1], r[2], Purpose(r[3]), r[4])),
-        wants=_rows(document, "wants", 3, lambda r: Want(r[0], r[1], Purpose(r[2]))),
-        replies=_rows(document, "replies", 5, lambda r: Reply(Kind(r[0]), r[1], r[2], r[3], r[4])),
+        offers=_rows(document, "offers", 5, _offer, lambda r: _are_names(r[0], r[1], r[2], r[4])),
+        wants=_rows(document, "wants", 3, lambda r: Want(r[0], r[1], Purpose(r[2])), _is_want),
+        replies=_rows(document, "replies", 5, lambda r: Reply(Kind(r[0]), r[1], r[2], r[3], r[4]), _are_short),
     )
 
 
@@ -229,11 +239,15 @@ def _field(document: Mapping[str, Any], name: str, kind: type[Value]) -> Value:
 
 
 def _rows(
-    document: Mapping[str, Any], name: str, length: int, build: Callable[[list[str]], Value]
+    document: Mapping[str, Any],
+    name: str,
+    length: int,
+    build: Callable[[list[str]], Value],
+    is_sound: Callable[[list[str]], bool],
 ) -> tuple[Value, ...]:
     rows = _field(document, name, list)
     try:
-        return tuple(build(_strings(row, length)) for row in rows)
+        return tuple(build(row) for row in (_strings(row, length) for row in rows) if is_sound(row))
     except ValueError as error:
         raise RecordError(f"'{name}': {error}") from None
 
@@ -242,6 +256,23 @@ def _strings(row: object, length: int) -> list[str]:
     if not isinstance(row, list) or len(row) != length or not all(is_text(cell) for cell in row):
         raise ValueError(f"{row!r} is not a list of {length} texts")
     return row
+
+
+def _are_names(first: str, *others: str) -> bool:
+    """Tells whether these are a name and more names, of which some may be empty or `*`, for any."""
+    return is_ros_name(first) and all(one in ("", "*") or is_ros_name(one) for one in others)
+
+
+def _are_short(row: list[str]) -> bool:
+    return all(len(cell) <= LONGEST_TEXT for cell in row)
+
+
+def _is_want(row: list[str]) -> bool:
+    return is_ros_name(row[0]) and _are_short(row)
+
+
+def _offer(row: list[str]) -> Offer:
+    return Offer(row[0], row[1], row[2], Purpose(row[3]), row[4])
 
 
 def _row(remote: RemoteRule) -> list[str]:

@@ -53,6 +53,17 @@ class Connection:
     node: str
 
 
+LONGEST_NAME = 256
+"""Longest name of a topic, service, parameter, node, type or gateway that is read from a hub [characters]."""
+
+_NAME = re.compile(r"[~/A-Za-z][A-Za-z0-9_/]*")
+
+
+def is_ros_name(text: str) -> bool:
+    """Tells whether this is a name by ROS' grammar, and not longer than we take."""
+    return len(text) <= LONGEST_NAME and _NAME.fullmatch(text) is not None
+
+
 def is_namespace(text: object) -> bool:
     """Tells whether this can be a robot's namespace: one ROS name, without slashes."""
     return isinstance(text, str) and re.fullmatch("[A-Za-z][A-Za-z0-9_]{0,255}", text) is not None

@@ -107,7 +107,7 @@ class Import:
         source_node: resolved name of the publishing node on that gateway's master.
         address: where that gateway's relay listens.
         allowed_nodes: regular expressions, sorted, of which the whole name of a subscribing node must match one; none
-            is any. They stay apart: flags, groups and references of one would mean something else, or nothing, in
+            is any. They stay apart: flags and groups of one would mean something else, or nothing, in
             an expression that joins several.
         options: what our rules ask of the link; the source does it.
     """
@@ -255,7 +255,7 @@ class Relay(Protocol):
 
         Raises:
             ConnectionConflictError: two exports or two imports have the same key. Nothing was changed.
-            re.error: one of `allowed_nodes` is no regular expression. Nothing was changed.
+            PatternError: one of `allowed_nodes` is no regular expression. Nothing was changed.
         """
 
     def refresh(self) -> None:

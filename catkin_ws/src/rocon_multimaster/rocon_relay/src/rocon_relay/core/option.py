@@ -1,18 +1,11 @@
 """What a rule may ask of its links beyond carrying: how often, how much may wait, what of it, and how small."""
 
-import functools
 import math
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from rocon_relay.core.error import RelayError
-from rocon_relay.core.pattern import compiled
-
-_QUANTIFIERS = re.compile(r"[*+{]")
-_REPEATED_GROUP = re.compile(r"\)[*+?{]")
-_LONGEST_PATTERN = 256
-_MOST_QUANTIFIERS = 3
+from rocon_relay.core.pattern import PatternError, compiled, matches_whole
 
 
 class OptionError(RelayError):
@@ -67,13 +60,7 @@ class LinkOptions:
 
     def keeps_frame(self) -> Callable[[str], bool]:
         """Returns what tells whether a transform with this child frame crosses; a leading slash counts for nothing."""
-        patterns = [re.compile(one) for one in self.tf_frames]
-
-        @functools.lru_cache(maxsize=1024)
-        def keeps(frame: str) -> bool:
-            return all(pattern.fullmatch(frame.lstrip("/")) for pattern in patterns)
-
-        return keeps
+        return lambda frame: all(matches_whole(one, frame.lstrip("/")) for one in self.tf_frames)
 
 
 NO_OPTIONS = LinkOptions()
@@ -84,7 +71,7 @@ def check_frames(pattern: str) -> None:
     """Raises OptionError for a pattern that is no regular expression."""
     try:
         compiled(pattern)
-    except (re.error, RecursionError, OverflowError) as error:
+    except PatternError as error:
         raise OptionError(f"the tf_frames pattern '{pattern}' is not a regular expression: {error}") from None
 
 
@@ -92,7 +79,7 @@ def options_from_fields(fields: Mapping[str, str]) -> LinkOptions:
     """Returns the options in a hello.
 
     Raises:
-        OptionError: they are not sound. As they come from somebody else, this includes patterns that could take long.
+        OptionError: they are not sound.
     """
     compress = fields.get("compress", "")
     if compress not in ("", "zlib"):
@@ -105,15 +92,4 @@ def options_from_fields(fields: Mapping[str, str]) -> LinkOptions:
         raise OptionError(f"rate {rate} or queue_size {queue_size} is out of bounds")
     pattern = fields.get("tf_frames", "")
     check_frames(pattern)
-    if not _is_quick(pattern):
-        raise OptionError(f"the pattern '{pattern}' could take long to match; ask for it where the publisher is")
     return LinkOptions(rate, queue_size, bool(compress), (pattern,) if pattern else ())
-
-
-def _is_quick(pattern: str) -> bool:
-    """Tells whether no text of a frame's length can make matching slow: few repetitions, none of a group."""
-    return (
-        len(pattern) <= _LONGEST_PATTERN
-        and len(_QUANTIFIERS.findall(pattern)) <= _MOST_QUANTIFIERS
-        and not _REPEATED_GROUP.search(pattern)
-    )

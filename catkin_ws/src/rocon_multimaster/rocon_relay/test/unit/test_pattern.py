@@ -1,0 +1,30 @@
+"""Patterns match in linear time, and what cannot is refused."""
+
+import time
+
+import pytest
+
+from rocon_relay.core.pattern import PatternError, compiled, matches_whole
+
+
+@pytest.mark.parametrize("pattern", [r"/(\w+/?)+/odom", "(a+)+b", "(.*)*x", ".*.*.*.*.*=", "(a|a)*b", "(/?a?){50}b"])
+def test_no_pattern_takes_long_for_a_name_of_any_length(pattern):
+    """The first of these once stalled its gateway beyond SIGTERM, for a name of 40 characters."""
+    began = time.process_time()
+    assert not matches_whole(pattern, "/" + "a" * 100_000)
+    assert time.process_time() - began < 1.0
+
+
+@pytest.mark.parametrize(
+    "pattern", ["(", r"(a)\1", "(?=a)b", "(?!a)b", "(?<!a)b", "(?>a)", "a*+", "a{2000}", "x" * 2000, "\udcff"]
+)
+def test_a_pattern_that_is_none_or_has_no_linear_time_is_refused(pattern):
+    with pytest.raises(PatternError):
+        compiled(pattern)
+
+
+def test_patterns_match_whole_names_as_rocon_has_it():
+    assert matches_whole("/pioneer[0-9]+/(odom|tf)", "/pioneer12/odom")
+    assert not matches_whole("/pioneer[0-9]+", "/pioneer12/odom")
+    assert matches_whole(".*scan.*", "/pioneer1/scan_filtered")
+    assert not matches_whole(".*", "\udcff")
