@@ -113,5 +113,44 @@ def test_executables_carry_an_interpreter_that_has_their_modules() -> None:
     assert not wrong
 
 
+@pytest.mark.parametrize(
+    ("package", "path"),
+    [
+        ("pioneer_description", "launch/one_pioneer.launch"),
+        ("pioneer_description", "launch/pioneer_poses.yaml"),
+        ("pioneer_2dnav", "base_local_planner_params.yaml"),
+        ("pioneer_2dnav", "costmap_common_params.yaml"),
+        ("pioneer_2dnav", "global_costmap_params.yaml"),
+        ("pioneer_2dnav", "local_costmap_params.yaml"),
+        ("pioneer_ros", "pioneer_controller_params.yaml"),
+    ],
+)
+def test_files_of_the_original_are_where_its_launch_files_look(package: str, path: str) -> None:
+    assert (Path(roslib.packages.get_pkg_dir(package)) / path).read_text()
+
+
+@pytest.mark.parametrize(
+    ("package", "name"),
+    [
+        ("rocon_flip", "original_msg_publisher"),
+        ("rocon_flip", "msg_receiver"),
+        ("simple_navigation_goals", "move_base_recover"),
+    ],
+)
+def test_executables_of_the_original_exist(package: str, name: str) -> None:
+    assert roslib.packages.find_node(package, name)
+
+
+@pytest.mark.parametrize("config", ["pioneer", "pioneer.rviz", "/tmp/my own.rviz"])
+def test_an_rviz_configuration_is_a_name_or_a_file(config: str) -> None:
+    path = SOURCE / "pioneer_gazebo_ros" / "pioneer_description" / "launch" / "pioneer_rviz.launch"
+    loaded = roslaunch.config.ROSLaunchConfig()
+    roslaunch.xmlloader.XmlLoader(resolve_anon=False).load(
+        str(path), loaded, argv=[f"rviz_config:={config}"], verbose=False
+    )
+    expected = config if "/" in config else f"{path.parents[1]}/rviz/pioneer.rviz"
+    assert loaded.nodes[0].args == f"-d '{expected}'"
+
+
 def test_there_are_launch_files() -> None:
     assert LAUNCH_FILES

@@ -9,6 +9,7 @@ from rocon_flip.core.plan import (
     flipped_by_tools,
     flipped_from_hub,
     flipped_from_robot,
+    flipped_topic,
     handshake,
     pulled_from_hub,
     robot_name,
@@ -43,12 +44,13 @@ def test_a_robot_flips_its_sensors_here_and_its_commands_there() -> None:
     ]
 
 
-def test_the_hub_flips_six_topics_a_robot_to_rviz() -> None:
+def test_the_hub_flips_six_topics_a_robot_to_every_node_or_one() -> None:
     wishes = flipped_from_hub(["pioneer1", "pioneer2"])
     assert len(wishes) == 12
-    assert {(wish.kind, wish.node) for wish in wishes} == {("subscriber", "/rviz")}
-    assert Wish("subscriber", "/pioneer2/move_base/NavfnROS/plan", "/rviz", "aadi2_gateway") in wishes
-    assert Wish("subscriber", "/tf", "/rviz", "aadi1_gateway") in wishes
+    assert {(wish.kind, wish.node) for wish in wishes} == {("subscriber", "")}
+    assert Wish("subscriber", "/pioneer2/move_base/NavfnROS/plan", "", "aadi2_gateway") in wishes
+    assert Wish("subscriber", "/tf", "", "aadi1_gateway") in wishes
+    assert Wish("subscriber", "/tf", "/rviz", "aadi1_gateway") in flipped_from_hub(["pioneer1"], "/rviz")
 
 
 def test_rvizs_tools_reach_the_robots() -> None:
@@ -56,6 +58,14 @@ def test_rvizs_tools_reach_the_robots() -> None:
         Wish("publisher", "/pioneer1/map_goal_pose", "/rviz", "aadi1_gateway"),
         Wish("publisher", "/pioneer1/initialpose", "/rviz", "aadi1_gateway"),
     ]
+
+
+def test_a_topic_and_a_gateway_are_enough_for_a_flip() -> None:
+    assert flipped_topic("publisher", "map_goal", "aadi1_gateway") == Wish(
+        "publisher", "/map_goal", "", "aadi1_gateway"
+    )
+    assert flipped_topic("publisher", "/map_goal", "aadi1").gateway == "aadi1_gateway"
+    assert flipped_topic("subscriber", "odom", "Hub_Gateway").gateway == "Hub_Gateway"
 
 
 def test_the_number_of_robots_is_an_argument_or_a_variable_or_fifteen() -> None:

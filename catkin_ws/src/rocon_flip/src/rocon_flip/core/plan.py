@@ -19,7 +19,8 @@ VIEWED_TOPICS = (
     "move_base/NavfnROS/plan",
     "move_base/TrajectoryPlannerROS/local_plan",
 )
-VIEWER = "/rviz"
+ANY_NODE = ""
+TOOLS_NODE = "/rviz"
 TOOL_TOPICS = ("map_goal_pose", "initialpose")
 PING, PONG = "/handshake/ping", "/handshake/pong"
 DEFAULT_ROBOTS = 15
@@ -71,10 +72,10 @@ def pulled_from_hub(gateway: str = HUB_GATEWAY) -> list[Wish]:
     return [replace(wish, gateway=gateway) for wish in advertised_by_hub()]
 
 
-def flipped_from_hub(robots: Sequence[str]) -> list[Wish]:
-    """Returns what the hub's gateway flips so that RViz there sees `robots`, the first on aadi1 and so on."""
+def flipped_from_hub(robots: Sequence[str], node: str = ANY_NODE) -> list[Wish]:
+    """Returns what the hub's gateway flips so that `node` there sees `robots`, the first on aadi1 and so on."""
     return [
-        Wish("subscriber", topic, VIEWER, f"aadi{number}_gateway")
+        Wish("subscriber", topic, node, f"aadi{number}_gateway")
         for number, robot in enumerate(robots, 1)
         for topic in ("/tf", *(topic_in(robot, topic) for topic in VIEWED_TOPICS))
     ]
@@ -83,7 +84,7 @@ def flipped_from_hub(robots: Sequence[str]) -> list[Wish]:
 def flipped_by_tools(robots: Sequence[str]) -> list[Wish]:
     """Returns what the hub's gateway flips so that RViz's goal and initial-pose tools reach `robots`."""
     return [
-        Wish("publisher", topic_in(robot, topic), VIEWER, f"aadi{number}_gateway")
+        Wish("publisher", topic_in(robot, topic), TOOLS_NODE, f"aadi{number}_gateway")
         for number, robot in enumerate(robots, 1)
         for topic in TOOL_TOPICS
     ]
@@ -93,6 +94,12 @@ def flipped_from_robot(robot: str, laser: str = LASER_TOPIC, gateway: str = HUB_
     """Returns what a robot flips: its sensors here, its commands there."""
     sensors = [Wish("subscriber", topic_in(robot, topic), gateway=gateway) for topic in (laser, ODOMETRY_TOPIC)]
     return [*sensors, Wish("publisher", topic_in(robot, COMMAND_TOPIC), gateway=gateway)]
+
+
+def flipped_topic(kind: str, topic: str, gateway: str) -> Wish:
+    """Returns the flip of one topic of any node to a gateway, `aadi1_gateway` or `Hub_Gateway`; `aadi1` is enough."""
+    full = gateway if gateway.lower().endswith("gateway") else f"{gateway}_gateway"
+    return Wish(kind, topic_in("", topic), gateway=full)
 
 
 def handshake(gateway: str) -> list[Wish]:

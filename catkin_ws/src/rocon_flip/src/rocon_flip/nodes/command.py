@@ -54,13 +54,15 @@ def pull_from_hub() -> int:
 
 
 def flip_from_hub() -> int:
-    """`flip-from-hub [ROBOTS | ROBOT_NAME …]`: what RViz on the hub shows of each robot."""
+    """`flip-from-hub [ROBOTS | ROBOT_NAME …] [/NODE]`: what RViz on the hub shows, for any node or one."""
     name = "flip-from-hub"
 
     def wishes(arguments: list[str]) -> list[Wish]:
-        return plan.flipped_from_hub(plan.robot_names(arguments, os.environ))
+        nodes = [one for one in arguments if one.startswith("/")]
+        robots = [one for one in arguments if one not in nodes]
+        return plan.flipped_from_hub(plan.robot_names(robots, os.environ), *nodes[:1])
 
-    return _run(name, f"{name} [ROBOTS | ROBOT_NAME …]", Action.FLIP, wishes, most=1000)
+    return _run(name, f"{name} [ROBOTS | ROBOT_NAME …] [/NODE]", Action.FLIP, wishes, most=1001)
 
 
 def flip_tools_from_hub() -> int:
@@ -102,16 +104,22 @@ def pull_hub_publisher() -> int:
 
 
 def _flip_one(name: str, kind: str, from_hub: bool) -> int:
-    """A single flip: the hub's scripts name the robot's host (`aadi1`), a robot's always mean the hub."""
+    """A single flip: the hub's scripts name the robot's host (`aadi1`), a robot's always mean the hub.
+
+    With two arguments at the hub they are topic and gateway, as the published repository's scripts have it.
+    """
 
     def wishes(arguments: list[str]) -> list[Wish]:
+        if len(arguments) == 2:
+            return [plan.flipped_topic(kind, *arguments)]
+        if from_hub and len(arguments) == 3:
+            raise PlanError(f"3 arguments are ambiguous; usage: {usage}")
         namespace, topic, node = arguments[:3]
         gateway = f"{arguments[3]}_gateway" if from_hub else plan.HUB_GATEWAY
         return [Wish(kind, plan.topic_in(namespace, topic), plan.node_named(node), gateway)]
 
-    count = 4 if from_hub else 3
-    usage = f"{name} namespace topic node{' gate' if from_hub else ''}"
-    return _run(name, usage, Action.FLIP, wishes, count, count)
+    usage = f"{name} namespace topic node{f' gate | {name} topic gateway' if from_hub else ''}"
+    return _run(name, usage, Action.FLIP, wishes, *((2, 4) if from_hub else (3, 3)))
 
 
 def flip_hub_subscriber() -> int:

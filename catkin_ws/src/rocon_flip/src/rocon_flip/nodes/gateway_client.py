@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 
+import rosgraph
 import rospy
 from gateway_msgs import msg, srv
 
@@ -31,7 +32,8 @@ class GatewayClient:
 
     def wait(self) -> None:
         """Returns when the gateway is there and on a hub; says what it waits for. Ends with ROSInterruptException."""
-        self._wait_for(lambda: self._info is not None, f"Waiting for the gateway {self._namespace} …")
+        where = f"{self._namespace} on the master {rosgraph.get_master_uri()}"
+        self._wait_for(lambda: self._info is not None, f"Waiting for the gateway {where} …")
         self._wait_for(self._is_connected, "Waiting for the gateway to reach its hub …")
 
     def _is_connected(self) -> bool:

@@ -7,7 +7,7 @@ import uuid
 from dataclasses import dataclass
 
 import rospy
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 
 from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes import entry
@@ -121,6 +121,53 @@ class SenderNode:
             with self._arrived:
                 self._last = max(self._last, int(number))
                 self._arrived.notify()
+
+
+class OriginalPublisherNode:
+    """The original's `original_msg_publisher`: a greeting, and an acknowledgement of each answer.
+
+    Publishes: `original_message` (String, latched), `msg_ack` (Bool, latched).
+    Subscribes: `/receiver/handshake` (String).
+
+    Parameters, services: none. Threads: rospy's. On error: nothing can go wrong here.
+    """
+
+    def __init__(self) -> None:
+        self._greeting = rospy.Publisher("original_message", String, queue_size=10, latch=True)
+        self._acknowledgement = rospy.Publisher("msg_ack", Bool, queue_size=10, latch=True)
+        self._answers = rospy.Subscriber("/receiver/handshake", String, self._acknowledge, queue_size=10)
+        self._greeting.publish(String("Hello from the sender!"))
+
+    def _acknowledge(self, answer: String) -> None:
+        rospy.loginfo("received from the remote gateway: %s", answer.data)
+        self._acknowledgement.publish(Bool(True))
+
+
+class MessageReceiverNode:
+    """The original's `msg_receiver`, the partner of `original_msg_publisher`.
+
+    Subscribes: `/original_message` (String). Publishes: `handshake` (String, latched).
+
+    Parameters, services: none. Threads: rospy's. On error: nothing can go wrong here.
+    """
+
+    def __init__(self) -> None:
+        self._answer = rospy.Publisher("handshake", String, queue_size=10, latch=True)
+        self._greetings = rospy.Subscriber("/original_message", String, self._take, queue_size=10)
+
+    def _take(self, greeting: String) -> None:
+        rospy.loginfo("received from the remote gateway: %s", greeting.data)
+        self._answer.publish(String("Hello from the receiver!"))
+
+
+def original_publisher() -> int:
+    """Entry point of `original_msg_publisher`."""
+    return entry.run("original_msg_publisher", OriginalPublisherNode, wall_time=True)
+
+
+def message_receiver() -> int:
+    """Entry point of `msg_receiver`."""
+    return entry.run("msg_receiver", MessageReceiverNode, wall_time=True)
 
 
 def sender() -> int:

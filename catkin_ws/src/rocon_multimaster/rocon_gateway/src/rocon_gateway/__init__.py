@@ -1,1 +1,22 @@
-"""The gateway: rules as desired state, and a relay that carries the topics."""
+"""The gateway: rules as desired state, and a relay that carries the topics.
+
+``GatewayError``, ``GatewaySampleRuntimeError`` and ``samples`` are what the tests of rocon's gateway import from here;
+they are loaded when they are asked for, since they need rospy and most of this package does not.
+"""
+
+import importlib
+
+_PLACES = {
+    "GatewayError": ("core.error", "GatewayError"),
+    "GatewaySampleRuntimeError": ("nodes.samples", "GatewaySampleRuntimeError"),
+    "samples": ("nodes.samples", ""),
+}
+
+
+def __getattr__(name: str) -> object:
+    """Returns one of the names above."""
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    place, attribute = _PLACES[name]
+    module = importlib.import_module(f"{__name__}.{place}")
+    return getattr(module, attribute) if attribute else module

@@ -1,6 +1,7 @@
 """Rules and reports as messages."""
 
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from gateway_msgs.msg import ConnectionStatistics, GatewayInfo, RemoteGateway, RemoteRuleWithStatus
@@ -170,3 +171,14 @@ def _rule(message: RuleMessage) -> Rule:
 
 def _remote_rule(message: RemoteRuleMessage) -> RemoteRule:
     return RemoteRule(message.gateway, _rule(message.rule))
+
+
+def plain_from_message(message: Any) -> dict[str, Any]:
+    """Returns a message's fields as JSON has them."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, list | tuple):
+            return [plain(one) for one in value]
+        return plain_from_message(value) if hasattr(value, "__slots__") else value
+
+    return {name: plain(getattr(message, name)) for name in message.__slots__}

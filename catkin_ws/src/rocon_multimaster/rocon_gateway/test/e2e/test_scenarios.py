@@ -211,6 +211,30 @@ def test_a_flipped_service_is_known_to_the_tools_and_answers(sites) -> None:
     wait_until(lambda: "/add_two_ints" not in robot.master.system_state()[2], "unregistered", GONE_WITHIN)
 
 
+SAMPLES = """
+import sys, rospy
+from rocon_gateway import GatewayError, GatewaySampleRuntimeError, samples
+assert issubclass(GatewaySampleRuntimeError, GatewayError)
+rospy.init_node("samples_test")
+assert "already" in samples.connect_hub_by_service(raise_exception=False, uri=sys.argv[1])[1]
+samples.advertise_tutorials()
+samples.advertise_tutorials(cancel=True)
+samples.flip_tutorials("robot", regex_patterns=True)
+samples.flip_tutorials("robot", regex_patterns=True, cancel=True)
+samples.pull_all()
+samples.pull_all(cancel=True)
+try:
+    samples.flip_all("base")
+except GatewaySampleRuntimeError as error:
+    print("refused:", error)
+"""
+
+
+def test_rocons_samples_can_be_imported_and_do_what_their_names_say(shared_fleet, sites) -> None:
+    base, _ = sites
+    assert "refused: flip_all with" in run(base, sys.executable, "-c", SAMPLES, shared_fleet.hub_uri)
+
+
 def flipped(base, robot, cancel: bool) -> None:
     assert base.flip("robot", "action_server", "/fibonacci/server", cancel=cancel) == 0
 

@@ -1,5 +1,6 @@
 """The command-line tools against real gateways."""
 
+import json
 import os
 import re
 import shutil
@@ -45,9 +46,14 @@ def test_the_tools_make_rules_and_say_how_they_do(pair, tmp_path) -> None:
     status, said = tool(base, "remote_gateway_info", "robot", "nobody")
     assert (status, "advertised (1)\n  publisher /p1/scan" in said) == (1, True)
     said = tool(base, "graph")[1]
-    assert "flip <-> robot" in said
+    assert "flip <-- robot" in said
     assert "pull <-- robto  (no such gateway)" in said
-    assert '"base" -> "robot" [color=purple' in tool(base, "graph", "--dot")[1]
+    assert '"robot" -> "base" [color=purple' in tool(base, "graph", "--dot")[1]
+
+    described = {name: json.loads(tool(base, name, "--json")[1]) for name in ("rules", "gateway_info", "graph")}
+    assert {one["name"]: one["state"] for one in described["rules"]}["/p1/scam"] == "no such topic"
+    assert described["gateway_info"]["flip_watchlist"][0]["rule"]["name"] == "/p1/scan"
+    assert ["robot", "base"] in [one["ends"] for one in described["graph"]["arrows"]]
 
     picture = tmp_path / "graph.png"
     if shutil.which("dot") is None:
@@ -76,3 +82,34 @@ def test_the_tools_say_what_is_missing(fleet) -> None:
     status, said = tool(site, "rules")
     assert (status, "is ROS_MASTER_URI right?" in said) == (2, True)
     assert os.path.exists(site.log) is False
+
+
+def test_a_subscriber_that_a_flip_does_not_cover_is_named_by_rules_doctor_and_once_by_the_log(pair) -> None:
+    base, robot = pair
+    robot.talk("/tf_of_p1")
+    base.hear("/tf_of_p1", "rviz")
+    base.hear("/tf_of_p1", "tf_echo")
+    assert base.flip("robot", "subscriber", "/tf_of_p1", "/rviz") == 0
+    cure = "rosrun rocon_gateway flip robot /tf_of_p1 -t subscriber"
+    wait_until(lambda: cure in base.states()["flip /tf_of_p1"], "the reason", 10)
+    assert "/tf_echo" in base.states()["flip /tf_of_p1"]
+    findings = json.loads(tool(base, "doctor", "--json")[1])["findings"]
+    assert [one["fix"] for one in findings if "/tf_echo" in one["what"]] == [cure]
+    assert base.log.read_text().count(cure) == 1
+    assert tool(base, *cure.split()[2:])[0] == 0
+    wait_until(lambda: cure not in str(base.states()), "every node to be covered", 10)
+
+
+def test_the_hubs_own_master_is_refused_for_the_simulation_and_warned_of_for_a_gateway(fleet) -> None:
+    fleet.start_hub()
+    nodes = fleet.hub_master.system_state
+    wait_until(lambda: "/hub/get_loggers" in nodes()[2], "the hub's node", 30)
+    command = ["rosrun", "pioneer_gazebo", "run-multi-pioneer-gazebo-master", "robots:=1", "world_name:=blank"]
+    refused = subprocess.run(
+        command, env=fleet.hub_master.environment, capture_output=True, text=True, check=False, timeout=60
+    )
+    assert refused.returncode != 0
+    assert "is the hub's own ROS master" in refused.stderr
+    assert "export ROS_MASTER_URI=http://localhost:" in refused.stderr
+    site = fleet.site("lost", master=fleet.hub_master).start().connected()
+    assert "is the hub's own ROS master; a gateway needs one of its own" in site.log.read_text()

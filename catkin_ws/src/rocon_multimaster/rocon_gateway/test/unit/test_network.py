@@ -22,7 +22,7 @@ def test_the_text_names_everything_and_says_what_is_wrong() -> None:
     lines = text("Pioneer Hub", [ROBOT, BASE]).splitlines()
     assert lines[0] == "hub Pioneer Hub"
     assert "  aadi1_gateway  (not heard of)" in lines
-    assert "    flip <-> aadi2  (no such gateway)" in lines
+    assert "    flip <-- aadi2  (no such gateway)" in lines
     assert "    advertises publisher /map" in lines
     assert lines.count("      subscriber /p1/scan of /rviz") == 2
 
@@ -30,9 +30,16 @@ def test_the_text_names_everything_and_says_what_is_wrong() -> None:
 def test_the_graph_has_the_figures_colours_and_is_quoted() -> None:
     drawn = dot('the "hub"', [BASE, ROBOT])
     assert 'label="the \\"hub\\""' in drawn
-    assert drawn.count("[color=purple,") == 2
-    assert drawn.count("style=dashed") == 1
-    assert f'"{ROBOT.name}" -> "Hub_Gateway" [color=green4' in drawn
+    assert drawn.count("[color=purple,") == 2 + 2, "two in the legend"
+    assert drawn.count("style=dashed") == 1 + 1
+    assert f'"Hub_Gateway" -> "{ROBOT.name}" [color=green4' in drawn
+
+
+def test_arrows_point_where_data_go() -> None:
+    rules = [Rule(kind, "/x") for kind in (Kind.PUBLISHER, Kind.SUBSCRIBER, Kind.SERVICE)]
+    flips = tuple(RemoteRule("b", rule) for rule in rules)
+    ends = {(one.action, one.ends) for one in arrows([Member("a", flips=flips, pulls=flips[:1]), Member("b")])}
+    assert ends == {("flip", ("a", "b")), ("flip", ("b", "a")), ("pull", ("b", "a"))}
 
 
 def test_a_long_label_is_cut_and_counted() -> None:

@@ -189,11 +189,26 @@ def test_a_topic_for_a_node_that_does_not_listen_says_so_and_who_does() -> None:
     )
     fleet_of(hub, robot)
     assert hub.states() == {"flip /a": State.ACTIVE, "flip /b": State.ACTIVE}
-    assert hub.reason("/a") == "for /rvzi, which does not listen yet; here it is subscribed by /rviz"
+    cure = "'rosrun rocon_gateway flip robot /a -t subscriber'"
+    assert hub.reason("/a") == (
+        "for /rvzi, which does not listen yet; here it is also subscribed by /rviz, "
+        f"not covered by a rule; to cover every node: {cure}"
+    )
     assert hub.reason("/b") == "for /rviz, which does not listen yet"
     hub.local = frozenset({subscriber("/a", "/rvzi"), subscriber("/b", "/rviz")})
     fleet_of(hub, robot)
     assert hub.reason("/a") == hub.reason("/b") == ""
+
+
+def test_a_flip_for_one_node_names_the_subscribers_it_does_not_cover() -> None:
+    hub = gateway("hub", subscriber("/tf", "/rviz"), subscriber("/tf", "/tf_echo"))
+    robot = gateway("robot", publisher("/tf"))
+    hub.book = hub.book.flipped([to("robot", Kind.SUBSCRIBER, "/tf", "/rviz")])
+    fleet_of(hub, robot)
+    assert hub.reason("/tf").startswith("only for /rviz; here it is also subscribed by /tf_echo, not covered by a rule")
+    hub.book = hub.book.flipped([to("robot", Kind.SUBSCRIBER, "/tf", "")])
+    fleet_of(hub, robot)
+    assert hub.reason("/tf") == ""
 
 
 def test_rules_wait_for_a_hub() -> None:

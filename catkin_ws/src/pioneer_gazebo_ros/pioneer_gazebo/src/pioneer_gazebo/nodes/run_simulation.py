@@ -3,6 +3,7 @@
 import os
 import shlex
 import sys
+import urllib.parse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,7 @@ from pioneer_gazebo.nodes.simulator_client import SimulatorClient
 from pioneer_node.core.fleet_file import RobotEntry
 
 NAME = "run-multi-pioneer-gazebo-master"
+GATEWAY, HUB_GATEWAY = "/gateway", "Hub_Gateway"
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +175,8 @@ def simulate(session: Session, options: SimulationOptions) -> None:
         if drawn is not None:
             check_place(drawn, robot, pose.x, pose.y, world)
     session.wait_for_master()
+    if options.gateway:
+        _check_master(session)
     # Robots' computers read it through the gateways, and choose their initial poses by it.
     rosgraph.Master(f"/{NAME}").setParam("/world_name", world)
     session.say(f"starting {world} with {len(poses)} robots")
@@ -195,6 +199,29 @@ def simulate(session: Session, options: SimulationOptions) -> None:
         session.spin()
     finally:
         rospy.signal_shutdown("the session ends")
+
+
+def _check_master(session: Session) -> None:
+    """Raises SessionError on the hub's own master, warns where the gateway is another than the robots pull from."""
+    uri, master = rosgraph.get_master_uri(), rosgraph.Master(f"/{NAME.replace('-', '_')}")
+    parameter = f"{GATEWAY}/name"
+    name = str(master.getParam(parameter)) if master.hasParam(parameter) else ""
+    if not name and _has_node(master, "/hub"):
+        port = (urllib.parse.urlsplit(uri).port or 11311) + 1
+        raise SessionError(
+            f"{uri} is the hub's own ROS master; Hub_Gateway has another: "
+            f"export ROS_MASTER_URI=http://localhost:{port} and start this again"
+        )
+    if name and name != HUB_GATEWAY:
+        session.say(f"warning: the gateway on {uri} is '{name}', and robots pull from {HUB_GATEWAY}")
+
+
+def _has_node(master: rosgraph.Master, name: str) -> bool:
+    try:
+        master.lookupNode(name)
+    except rosgraph.MasterError:
+        return False
+    return True
 
 
 def _connect(session: Session, robots: Sequence[str]) -> None:

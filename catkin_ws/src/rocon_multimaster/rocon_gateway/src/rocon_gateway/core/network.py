@@ -4,11 +4,20 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from rocon_gateway.core.matching import base_name, gateway_matches
-from rocon_hub_protocol.core.rule import RemoteRule, Rule
+from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule
 
 FLIP_COLOUR = "purple"
 PULL_COLOUR = "green4"
 """As in the figure of the tutorial: flips are direct, what is advertised may be pulled by all."""
+
+_LEGEND = (
+    "  subgraph cluster_legend {",
+    '    label="arrows point where data go"; style=rounded; color=gray; node [shape=point, width=0.01, label=""];',
+    f'    legend_1 -> legend_2 [color={FLIP_COLOUR}, fontcolor={FLIP_COLOUR}, label="flipped"];',
+    f'    legend_3 -> legend_4 [color={PULL_COLOUR}, fontcolor={PULL_COLOUR}, label="pulled, or advertised"];',
+    f'    legend_5 -> legend_6 [color={FLIP_COLOUR}, style=dashed, label="no such gateway"];',
+    "  }",
+)
 
 LABEL_LINES = 8
 """An arrow names so many topics and counts the others."""
@@ -42,6 +51,7 @@ class Arrow:
         origin: the gateway whose rules these are.
         target: the other one's unique name, or the rule's pattern if it means none.
         missing: whether it means none.
+        outward: whether data, or requests to a service, go from the origin to the target.
         labels: the rules, for people.
     """
 
@@ -49,21 +59,36 @@ class Arrow:
     origin: str
     target: str
     missing: bool
+    outward: bool
     labels: tuple[str, ...]
+
+    @property
+    def ends(self) -> tuple[str, str]:
+        """Where its data come from and go to."""
+        return (self.origin, self.target) if self.outward else (self.target, self.origin)
+
+
+def _goes_out(action: str, rule: Rule) -> bool:
+    """Tells which way data go: a flip offers publishers and asks for subscribers, a pull the other way round.
+
+    Requests to a service go to its server.
+    """
+    offers = rule.kind not in (Kind.SUBSCRIBER, Kind.SERVICE, Kind.ACTION_SERVER)
+    return offers == (action == "flip")
 
 
 def arrows(members: Iterable[Member]) -> list[Arrow]:
-    """Returns the network's arrows: one for each action and pair of gateways."""
+    """Returns the network's arrows: one for each action, pair of gateways and direction of data."""
     members = sorted(members, key=lambda member: member.name)
     names = [member.name for member in members]
-    found: dict[tuple[str, str, str, bool], list[str]] = {}
+    found: dict[tuple[str, str, str, bool, bool], list[str]] = {}
     for member in members:
         for action, rules in (("flip", member.flips), ("pull", member.pulls)):
             for remote in rules:
                 others = [name for name in names if name != member.name and gateway_matches(remote.gateway, name)]
                 for target in others or [remote.gateway]:
-                    labels = found.setdefault((action, member.name, target, not others), [])
-                    labels.append(str(remote.rule))
+                    key = (action, member.name, target, not others, _goes_out(action, remote.rule))
+                    found.setdefault(key, []).append(str(remote.rule))
     return [Arrow(*key, tuple(labels)) for key, labels in found.items()]
 
 
@@ -76,14 +101,17 @@ def text(hub: str, members: Iterable[Member]) -> str:
         lines.append(f"  {base_name(member.name)}" + ("" if member.alive else "  (not heard of)"))
         lines += [f"    advertises {rule}" for rule in member.advertised]
         for arrow in (one for one in drawn if one.origin == member.name):
-            sign, missing = ("<->" if arrow.action == "flip" else "<--"), "  (no such gateway)" if arrow.missing else ""
+            sign, missing = ("-->" if arrow.outward else "<--"), "  (no such gateway)" if arrow.missing else ""
             lines.append(f"    {arrow.action} {sign} {base_name(arrow.target)}{missing}")
             lines += [f"      {label}" for label in arrow.labels]
     return "\n".join(lines)
 
 
 def dot(hub: str, members: Iterable[Member]) -> str:
-    """Returns the network in Graphviz' language: flips purple, pulls and advertisements green."""
+    """Returns the network in Graphviz' language, with a legend: flips purple, pulls and advertisements green.
+
+    Arrows point where data go.
+    """
     members = sorted(members, key=lambda member: member.name)
     lines = ["digraph gateways {", "  rankdir=LR; node [shape=box, style=rounded];"]
     lines.append(f"  {_quoted('hub')} [label={_quoted(hub or 'no hub')}, shape=ellipse];")
@@ -96,9 +124,9 @@ def dot(hub: str, members: Iterable[Member]) -> str:
     for arrow in arrows(members):
         colour = FLIP_COLOUR if arrow.action == "flip" else PULL_COLOUR
         style = ", style=dashed" if arrow.missing else ""
-        ends = f"{_quoted(arrow.origin)} -> {_quoted(arrow.target)}"
+        ends = " -> ".join(map(_quoted, arrow.ends))
         lines.append(f"  {ends} [color={colour}, fontcolor={colour}, label={_label(arrow.labels)}{style}];")
-    return "\n".join([*lines, "}"])
+    return "\n".join([*lines, *_LEGEND, "}"])
 
 
 def _label(labels: Iterable[str]) -> str:

@@ -28,8 +28,10 @@ from rocon_gateway.core.matching import (
     ALL,
     absolute_name,
     asks_for,
+    base_name,
     blacklisting,
     foreign_namespace,
+    gateway_matches,
     gateways_meant,
     is_literal,
     rule_matches,
@@ -187,7 +189,18 @@ class _Reconciler:
             listening = [one for one in allowed if one.name == topic]
             for connection in listening:
                 self._flipped_to(gateway, other, connection, answer)
-            yield judge if listening or not rule.node else partial(verdict.unheard, judge, topic, rule.node, self.local)
+            if rule.node:
+                remote, others = RemoteRule(base_name(gateway), rule), self._not_covered(gateway, topic)
+                judge = partial(verdict.for_node, judge, topic, remote, bool(listening), others)
+            yield judge
+
+    def _not_covered(self, gateway: str, topic: str) -> list[str]:
+        """Returns the nodes that subscribe to a topic and for which no flip brings it from that gateway."""
+        flips = [one.rule for one in self.book.flips.rules if gateway_matches(one.gateway, gateway)]
+        subscribers = [one for one in self.local if one.kind == Kind.SUBSCRIBER and one.name == topic]
+        return sorted(
+            {one.node for one in subscribers if not any(rule_matches(flip, one, self.name) for flip in flips)}
+        )
 
     def _flip_action(self, gateway: str, other: Remote, action: Connection) -> PendingVerdict:
         answers, judges = [], []

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from rocon_gateway.core.matching import absolute_name, base_name, is_literal, name_matches
 from rocon_gateway.core.situation import State, Verdict
 from rocon_gateway.core.spelling import spelling_of
-from rocon_hub_protocol.core.rule import Connection, Kind, Rule
+from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule
 from rocon_relay.core.connection import LinkState, LinkStatus
 from rocon_relay.core.service import AnyImport
 
@@ -44,6 +44,9 @@ _VERBS = {
     Kind.ACTION_CLIENT: "used by",
     Kind.ACTION_SERVER: "served by",
 }
+
+UNCOVERED = "not covered by a rule; to cover every node:"
+"""In the reason of a flip for one node, before the command."""
 
 NO_HUB = Verdict(State.PENDING, "waiting for a hub")
 NO_ANSWER = Verdict(State.PENDING, "waiting for the other gateway's answer")
@@ -123,14 +126,24 @@ def nothing(kind: Kind, pattern: str, names: Collection[str], where: str) -> Ver
     return Verdict(state, _nearest(name, names, where, what))
 
 
-def unheard(judge: Callable[[], Verdict], topic: str, node: str, local: Iterable[Connection]) -> Verdict:
-    """Returns the state of a topic that comes for one node: while that does not listen, the reason says who does."""
+def for_node(judge: Callable[[], Verdict], topic: str, rule: RemoteRule, listens: bool, others: list[str]) -> Verdict:
+    """Returns the state of a topic that is flipped for one node only.
+
+    Args:
+        judge: the state of the topic.
+        topic: its name.
+        rule: the flip, which names the node.
+        listens: whether that node subscribes to it.
+        others: nodes that subscribe to it and that no flip covers.
+    """
     said = judge()
-    if said.state != State.ACTIVE:
+    if said.state != State.ACTIVE or (listens and not others):
         return said
-    nodes = sorted({one.node for one in local if one.kind == Kind.SUBSCRIBER and one.name == topic})
-    others = f"; here it is subscribed by {', '.join(nodes)}" if nodes else ""
-    return Verdict(said.state, f"for {node}, which does not listen yet{others}")
+    reason = f"only for {rule.rule.node}" if listens else f"for {rule.rule.node}, which does not listen yet"
+    if others:
+        cure = f"rosrun rocon_gateway flip {rule.gateway} {topic} -t subscriber"
+        reason += f"; here it is also subscribed by {', '.join(others)}, {UNCOVERED} '{cure}'"
+    return Verdict(said.state, reason)
 
 
 def no_publisher(topic: str, local: Iterable[Connection]) -> Verdict:

@@ -5,6 +5,8 @@ command that cannot be carried out: a wrong command line, no gateway, or more th
 """
 
 import argparse
+import dataclasses
+import json
 import shutil
 import subprocess
 import sys
@@ -23,18 +25,24 @@ from rocon_hub_protocol.core.rule import Kind
 
 def rules() -> int:
     """`rules`: a table of all rules, with state and reason; 1 if one of them is not active."""
-    _parsed(argparse.ArgumentParser("rules", description="How each rule of this master's gateway does."))
-    return _run(_rules)
+    options = _parsed(
+        _with_json(argparse.ArgumentParser("rules", description="The state of each rule of this gateway."))
+    )
+    return _run(lambda client: _rules(client, options.json))
 
 
-def _rules(client: GatewayClient) -> int:
+def _rules(client: GatewayClient, as_json: bool) -> int:
     statuses = client.latched("rules", DiagnosticArray).status
+    active = all(status.level == DiagnosticStatus.OK for status in statuses)
+    if as_json:
+        _say_json([{one.key: one.value for one in status.values} for status in statuses])
+        return int(not active)
     rows = [_row(status) for status in statuses]
     if not rows:
         _say("the gateway has no rules")
         return 0
     _say(table(("ACTION", "GATEWAY", "TYPE", "NAME", "NODE", "STATE", "REASON"), rows))
-    return int(any(status.level != DiagnosticStatus.OK for status in statuses))
+    return int(not active)
 
 
 def _row(status: DiagnosticStatus) -> tuple[str, ...]:
@@ -44,12 +52,18 @@ def _row(status: DiagnosticStatus) -> tuple[str, ...]:
 
 def gateway_info() -> int:
     """`gateway_info`: what this master's gateway is and does."""
-    _parsed(argparse.ArgumentParser("gateway_info", description="What this master's gateway is and does."))
-    return _run(_gateway_info)
+    parser = argparse.ArgumentParser(
+        "gateway_info", description="This master's gateway: its hubs, rules and connections."
+    )
+    options = _parsed(_with_json(parser))
+    return _run(lambda client: _gateway_info(client, options.json))
 
 
-def _gateway_info(client: GatewayClient) -> int:
+def _gateway_info(client: GatewayClient, as_json: bool) -> int:
     info = client.latched("gateway_info", msg.GatewayInfo)
+    if as_json:
+        _say_json({"namespace": client.namespace, **conversions.plain_from_message(info)})
+        return 0
     hubs = [f"{name} at {uri}" for name, uri in zip(info.hub_names, info.hub_uris, strict=False)]
     _say(f"gateway {info.name} ({client.namespace}) at {info.ip}, firewall {'on' if info.firewall else 'off'}")
     _say(f"hub     {', '.join(hubs) or 'none yet'}")
@@ -161,6 +175,7 @@ def graph() -> int:
     kind = parser.add_mutually_exclusive_group()
     kind.add_argument("--dot", action="store_true", help="in the language of Graphviz")
     kind.add_argument("--png", metavar="FILE", help="as a picture; needs Graphviz (apt install graphviz)")
+    kind.add_argument("--json", action="store_true", help="for programs: gateways, and arrows in the direction of data")
     options = _parsed(parser)
 
     def show(client: GatewayClient) -> int:
@@ -168,6 +183,10 @@ def graph() -> int:
         others = client.call("remote_gateway_info", srv.RemoteGatewayInfo).gateways
         members = [conversions.member_from_info(info), *map(conversions.member_from_remote, others)]
         hub = info.hub_names[0] if info.hub_names else ""
+        if options.json:
+            arrows = [{**dataclasses.asdict(one), "ends": one.ends} for one in network.arrows(members)]
+            _say_json({"hub": hub, "gateways": members, "arrows": arrows})
+            return 0
         if options.png:
             return _draw(network.dot(hub, members), options.png)
         _say(network.dot(hub, members) if options.dot else network.text(hub, members))
@@ -207,6 +226,15 @@ def _text(rule: msg.Rule) -> str:
 
 def _remote_text(remote: msg.RemoteRule) -> str:
     return f"{remote.gateway}: {_text(remote.rule)}"
+
+
+def _with_json(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    parser.add_argument("--json", action="store_true", help="for programs")
+    return parser
+
+
+def _say_json(content: object) -> None:
+    _say(json.dumps(content, indent=2, ensure_ascii=False, default=dataclasses.asdict))
 
 
 def _say(text: str) -> None:

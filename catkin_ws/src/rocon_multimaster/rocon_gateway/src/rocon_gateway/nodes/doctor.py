@@ -1,6 +1,8 @@
 """The command `doctor`: what keeps gateways from working, seen from each of them, and what to do about it."""
 
 import argparse
+import dataclasses
+import json
 import sys
 import urllib.parse
 from collections.abc import Iterator
@@ -13,7 +15,7 @@ from gateway_msgs.msg import GatewayInfo
 from rocon_gateway.adapters import examination
 from rocon_gateway.adapters.client import GatewayClient, NoGatewayError
 from rocon_gateway.adapters.hub_session import HubSession
-from rocon_gateway.core import diagnosis
+from rocon_gateway.core import diagnosis, verdict
 from rocon_gateway.core.diagnosis import Finding, Level
 from rocon_hub_protocol.adapters.password import password_from
 from rocon_hub_protocol.adapters.redis_client import Access
@@ -33,10 +35,15 @@ def main() -> int:
     """Entry point of `doctor`; the exit status is 0 if nothing is at fault, else 1."""
     parser = argparse.ArgumentParser("doctor", description=__doc__)
     parser.add_argument("--hub", default="", help="the hub, host:port; else the gateway's, else those announced")
+    parser.add_argument("--json", action="store_true", help="for programs: the findings")
     options = parser.parse_args([one for one in sys.argv[1:] if ":=" not in one])
     found = list(_examine(options.hub))
     findings = [one for one in found if isinstance(one, Finding)]
     tables = [one for one in found if isinstance(one, str)]
+    if options.json:
+        plain = [{**dataclasses.asdict(one), "level": one.level.name.lower()} for one in findings]
+        sys.stdout.write(json.dumps({"findings": plain}, indent=2, ensure_ascii=False) + "\n")
+        return diagnosis.status(findings)
     sys.stdout.write("\n\n".join([*tables, diagnosis.report(findings)]) + "\n")
     return diagnosis.status(findings)
 
@@ -56,7 +63,7 @@ def _examine(hub: str) -> Iterator[Finding | str]:
         yield Finding(Level.FAULT, str(error), "roslaunch pioneer_networking pioneer_gateway.launch")
     yield from _hub(hub, info)
     if client is not None:
-        yield _rules(client)
+        yield from _rules(client)
 
 
 def _hub(named: str, info: GatewayInfo | None) -> Iterator[Finding | str]:
@@ -113,11 +120,16 @@ def _members(session: HubSession, info: GatewayInfo | None) -> Iterator[Finding 
     yield from diagnosis.of_examinations(seen, names)
 
 
-def _rules(client: GatewayClient) -> Finding:
+def _rules(client: GatewayClient) -> Iterator[Finding]:
     try:
         states = client.latched("rules", DiagnosticArray).status
     except NoGatewayError as error:
-        return Finding(Level.FAULT, str(error), "look into the gateway's log")
+        yield Finding(Level.FAULT, str(error), "look into the gateway's log")
+        return
     idle = sum(state.level != DiagnosticStatus.OK for state in states)
     what = f"{len(states) - idle} of {len(states)} rules are active"
-    return Finding(Level.WARNING, what, "rosrun rocon_gateway rules says why") if idle else Finding(Level.OK, what)
+    yield Finding(Level.WARNING, what, "rosrun rocon_gateway rules says why") if idle else Finding(Level.OK, what)
+    for state in states:
+        before, mark, cure = state.message.partition(verdict.UNCOVERED)
+        if mark:
+            yield Finding(Level.WARNING, f"{state.name}: {before}not covered by a rule", cure.strip(" '"))

@@ -21,6 +21,7 @@ from rocon_gateway import conversions
 from rocon_gateway.adapters.address import interface_address, own_address
 from rocon_gateway.adapters.hubs import Hubs, HubsConfig
 from rocon_gateway.adapters.master import MasterError, MasterWatch
+from rocon_gateway.core import verdict
 from rocon_gateway.core.config import GatewayConfig, book_from_config, with_custom_rules
 from rocon_gateway.core.error import ConfigError, GatewayError
 from rocon_gateway.core.membership import Overview
@@ -46,6 +47,7 @@ LOOK_PERIOD = 0.15
 """Time between two looks at the master [s]."""
 
 SETTLE = 1.0
+_HUB = "/hub"
 """The longest that a service waits for topics to tell what it has changed [s]: the master may keep us from telling."""
 
 DIAGNOSTIC_PERIOD = 1.0
@@ -97,6 +99,7 @@ class GatewayNode:
         self._traffic = Traffic()
         self._outcome = Outcome()
         self._said: tuple[object, object] = (None, None)
+        self._uncovered: set[tuple[str, str]] = set()
         self._relay = TcpRelay(self._relay_config(), self._wake, self._logger, access.certificates)
         self._hubs = Hubs(self._hub_config(access), self._record(), self._linked, self._wake, self._logger)
         self._turned, self._begun, self._done = threading.Condition(), 0, 0
@@ -158,6 +161,7 @@ class GatewayNode:
             self._handlers.open()
             self._opened = True
             rospy.loginfo("gateway '%s', relay on port %d", self._name, self._relay.port)
+            _warn_on_the_hubs_master()
             self._loop()
         finally:
             self._hubs.shutdown()
@@ -268,7 +272,16 @@ class GatewayNode:
             self._info.publish(info)
         if self._outcome.states != self._said[1]:
             self._rules.publish(self._diagnostic_array())
+            self._report_uncovered()
         self._said = (info, self._outcome.states)
+
+    def _report_uncovered(self) -> None:
+        """Logs, once a rule, that a local subscriber gets nothing of what the rule brings for another node."""
+        for state in self._outcome.states:
+            key = (state.gateway, state.rule.name)
+            if verdict.UNCOVERED in state.verdict.reason and key not in self._uncovered:
+                self._uncovered.add(key)
+                rospy.logwarn("%s comes from %s %s", state.rule.name, state.gateway, state.verdict.reason)
 
     def _gateway_info(self, view: Overview) -> GatewayInfo:
         book, outcome = self._handlers.book, self._outcome
@@ -321,6 +334,18 @@ class GatewayNode:
     def _wake(self) -> None:
         with contextlib.suppress(BlockingIOError):
             os.write(self._writer, b"x")
+
+
+def _warn_on_the_hubs_master() -> None:
+    uri = rosgraph.get_master_uri()
+    try:
+        rosgraph.Master(rospy.get_name()).lookupNode(_HUB)
+    except rosgraph.MasterError:
+        return
+    rospy.logwarn(
+        "%s is the hub's own ROS master; a gateway needs one of its own. End this one, then: "
+        "export ROS_MASTER_URI=http://localhost:11313; roslaunch pioneer_networking pioneer_gateway.launch", uri
+    )  # fmt: skip
 
 
 def _parameters() -> dict[str, Any]:
