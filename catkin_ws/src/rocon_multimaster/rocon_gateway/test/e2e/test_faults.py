@@ -127,7 +127,7 @@ def test_a_master_that_is_restarted_under_its_gateway_learns_everything_anew(
         wait_until(lambda: site.states() == {"flip /kept": "active"}, "the gateway's own topics and services", 10)
         site.hear("/kept").first_after(0.0)
         assert site.flip("robot", "subscriber", "/other") == 0
-        assert site.log.read_text().count("restarted; registered anew") == 1
+        assert site.log.read_text().count("restarted; registered again") == 1
         site.stop()
 
 

@@ -88,7 +88,7 @@ def test_a_master_that_answers_nonsense_stops_no_data_and_is_one_line(standing_f
     assert site.flip("robot", "subscriber", "/flow") == 0
     ear.first_after(0.0)
     began, mad.front.is_mad = time.monotonic(), True
-    lost, back = "running links go on", "the ROS master answers again"
+    lost, back = "running links stay up", "the ROS master answers again"
     wait_until(lambda: lost in site.log.read_text(), "the line", 5)
     wait_until(lambda: time.monotonic() - began > 1.0, "several looks at the master", 3)
     mad.front.is_mad = False
@@ -97,7 +97,7 @@ def test_a_master_that_answers_nonsense_stops_no_data_and_is_one_line(standing_f
     wait_until(lambda: site.states()["flip /flow"] == "active", "active", 5)
     assert longest_gap(ear.times(), began) < 1.0
     said = site.log.read_text()
-    assert (said.count(lost), said.count(back), said.count("registered anew")) == (1, 1, 0)
+    assert (said.count(lost), said.count(back), said.count("registered again")) == (1, 1, 0)
 
 
 def test_what_a_service_has_changed_shows_when_it_has_answered_also_where_the_master_is_slow(
@@ -145,5 +145,5 @@ def test_a_gateway_that_sees_itself_unregistered_while_it_ends_does_not_register
     wait_until(lambda: not standing_fleet.group.is_running(site.name), "the gateway's end", 15)
     hub.close()
     assert looked.is_set()
-    assert "registered anew" not in site.log.read_text()
+    assert "registered again" not in site.log.read_text()
     assert site.publishers("/gateway/gateway_info") == []

@@ -41,7 +41,7 @@ class Examiner:
         try:
             seen = text_from_examination(examination(session, session.name))
         except (redis.RedisError, OSError):
-            seen = ""  # the hub is lost, and with it whoever asked
+            seen = ""  # the hub is lost, and the request with it
         with self._lock:
             requests = self._waiting.pop(session)
         if seen:

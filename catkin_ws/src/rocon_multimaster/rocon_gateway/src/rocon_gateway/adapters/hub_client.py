@@ -50,7 +50,7 @@ class HubContext:
         examine: called with a session and the number of a request to look at our links; returns at once.
         logger: takes one line when a hub is found and one when it is lost.
         host: our address for others; empty: the one on the way to the hub.
-        namespaces: of robots, to be told to all.
+        namespaces: of robots, to announce to all.
     """
 
     open: Callable[[Candidate], HubSession]
@@ -77,7 +77,7 @@ class HubClient:
 
     Attributes:
         lost_since: when the hub was seen last, or looked for first; monotonic [s].
-        refused: whether the hub, as it was found last, is none for us.
+        refused: whether this gateway does not accept the hub as it was found last.
     """
 
     def __init__(self, ways: Sequence[Candidate], named: bool, said: Publication, context: HubContext) -> None:
@@ -113,7 +113,7 @@ class HubClient:
             return []
 
     def stop(self) -> None:
-        """Takes our leave; see `join`."""
+        """Deregisters; `join` waits until that is done."""
         self._stopping = True
         self._wake()
 
@@ -152,7 +152,7 @@ class HubClient:
             os.read(self._wake_reader, 4096)
 
     def _visit(self, way: Candidate) -> bool:
-        """Stays on the hub at this address as long as that goes; tells whether it is none for us."""
+        """Stays on the hub at this address as long as possible; returns whether this gateway does not accept it."""
         if self._stopping:
             return False
         session = None
@@ -172,7 +172,7 @@ class HubClient:
         except (HubError, redis.RedisError, OSError) as error:
             if not self._stopping:
                 self._told_lost = True
-                text = "hub '%s' lost (%s); running links go on, reconnecting"
+                text = "hub '%s' lost (%s); running links stay up, reconnecting"
                 self._context.logger.warning(text, session.hub_name, error)
         finally:
             self._exit(session)

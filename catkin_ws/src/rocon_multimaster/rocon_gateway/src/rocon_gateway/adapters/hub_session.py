@@ -67,7 +67,7 @@ class HubSession:
     """Registers a gateway on a hub and speaks for it; used by one thread, `describe` apart.
 
     Raises:
-        HubError: 12 if nobody answers, 14 if whoever answers will not have us, 16 if it is not a hub.
+        HubError: 12 if nothing answers, 14 if the hub refuses us, 16 if it is not a hub.
     """
 
     def __init__(self, address: HubAddress, access: Access, name: str, instance: str) -> None:
@@ -111,7 +111,7 @@ class HubSession:
         return self.client.get(alive_key(self.name))
 
     def join(self, record: Record, requests: Mapping[str, PeerRequest], namespaces: Collection[str] = ()) -> None:
-        """Registers us, in place of whoever bore our name; whoever hears of it finds record and requests there.
+        """Registers us, in place of an earlier gateway of our name; record and requests are there before the event.
 
         Requests that we, or who bore our name, wrote before are withdrawn from those to whom we have nothing to say.
 
@@ -135,7 +135,7 @@ class HubSession:
                 pipe.hset(requests_key(receiver), self.name, text_from_request(request))
             self._tell(pipe, "joined", namespaces)
             results = pipe.execute(raise_on_error=False)
-        # What is no hash, because a stranger wrote it, has no requests of ours to delete.
+        # A key that another client made something else than a hash holds no requests of ours to delete.
         for error in results[len(others) :]:
             if isinstance(error, redis.RedisError):
                 raise error
@@ -151,12 +151,12 @@ class HubSession:
             return
         try:
             self.client.sadd(NAMESPACES_KEY, *namespaces)
-        except redis.ResponseError:  # a stranger wrote no set in its place
+        except redis.ResponseError:  # another client wrote something else in its place
             self.client.delete(NAMESPACES_KEY)
             self.client.sadd(NAMESPACES_KEY, *namespaces)
 
     def namespaces(self) -> frozenset[str]:
-        """Returns the namespaces of all robots that the hub was told of."""
+        """Returns the namespaces of all robots that the hub knows."""
         try:
             return sound_namespaces(list(self.client.smembers(NAMESPACES_KEY)))
         except redis.ResponseError:  # likewise; who has one to tell mends it
@@ -164,7 +164,7 @@ class HubSession:
 
     def live(self) -> tuple[str | None, bool]:
         """Gives a sign of life; returns the instance that lived under our name until now, and if the hub lists it."""
-        # No transaction: a Redis that is full refuses those, and whoever is on the hub would drop off it.
+        # No transaction: a Redis that is full refuses those, and gateways that are on the hub would drop off it.
         with self.client.pipeline(transaction=False) as pipe:
             pipe.get(alive_key(self.name))
             pipe.sismember(GATEWAYS_KEY, self.name)
@@ -181,7 +181,7 @@ class HubSession:
         return {name for name, instance in zip(names, alive, strict=True) if instance}
 
     def watch(self, names: Iterable[str]) -> None:
-        """Asks to be told when the records of these gateways change; read them when an event confirms that."""
+        """Subscribes to changes of these gateways' records; read the records when an event confirms it."""
         self.events.subscribe(*(record_key(name) for name in names))
 
     def unwatch(self, names: Iterable[str]) -> None:
@@ -198,7 +198,7 @@ class HubSession:
         """Returns the requests to us, all or those of `senders`; None for a sender who has none or no sound one.
 
         Raises:
-            HubError: 17 if somebody wrote no requests in their place. That is removed; who joins anew gets requests.
+            HubError: 17 if another client wrote something else in their place. It is removed; joining again helps.
         """
         try:
             texts = self._requests(senders)
@@ -252,7 +252,7 @@ class HubSession:
         return True
 
     def forget(self, receiver: str) -> None:
-        """Has the request to `receiver` written anew: it is a new instance, or was lost with the old hub."""
+        """Has the request to `receiver` written again: the receiver is a new instance, or the old hub was lost."""
         self._written.pop(receiver, None)
 
     def describe(self, names: Collection[str]) -> list[Description]:
@@ -312,7 +312,7 @@ def _refusal(error: redis.RedisError) -> str:
 def _sound(
     names: Sequence[str], texts: Sequence[str | None], parse: Callable[[str], Value]
 ) -> Iterator[tuple[str, Value]]:
-    """Yields name and value of what can be read; what a stranger wrote badly counts as not written."""
+    """Yields name and value of what can be read; what is malformed counts as not written."""
     for name, text in zip(names, texts, strict=True):
         if text is not None:
             try:

@@ -42,7 +42,7 @@ class HubsConfig:
         discover: also join hubs that announce themselves by mDNS.
         access: what the hubs' Redis asks for.
         host: our address for others; empty: the one on the way to the hub.
-        namespaces: of robots, to be told to all.
+        namespaces: of robots, to announce to all.
         learn: called with the salt of each hub that we may join, before we do.
     """
 
@@ -157,7 +157,7 @@ class Hubs:
         return [found[name] for name in sorted(found)]
 
     def shutdown(self) -> None:
-        """Takes our leave everywhere; a hub that does not answer is not waited for."""
+        """Deregisters from every hub; does not wait for a hub that does not answer."""
         with self._changed:
             self._stopping = True
             hubs = list(self._hubs)

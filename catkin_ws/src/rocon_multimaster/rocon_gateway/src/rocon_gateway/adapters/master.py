@@ -114,7 +114,7 @@ class MasterWatch:
 
 
 class _Line:
-    """A kept connection to a master. What http.client sends in two packets, made anew each time, goes as it is in one:
+    """A kept connection to a master. What http.client builds each time and sends in two packets goes in one, prepared:
     that is half of what a look costs, here and at the master.
     """
 
@@ -163,7 +163,7 @@ def _value(answer: bytes) -> Any:
 
 
 def _rows(state: Any) -> list[_Row]:
-    """Returns kind, name and nodes of all that a master tells of its state. Raises MasterError."""
+    """Returns kind, name and nodes of everything in a master's system state. Raises MasterError."""
     try:
         publishers, subscribers, services = state
         parts = (Kind.PUBLISHER, publishers), (Kind.SUBSCRIBER, subscribers), (Kind.SERVICE, services)

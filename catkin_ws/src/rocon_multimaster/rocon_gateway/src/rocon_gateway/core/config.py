@@ -34,7 +34,7 @@ class GatewayConfig:
         insecure: take links from other machines though there is neither password nor certificate.
         disable_zeroconf: do not look for hubs by mDNS, which only a gateway without `hub_uri` does.
         firewall: refuse flips to here.
-        watch_loop_period: at the latest after so long, all is compared anew even if nothing seems to change [s].
+        watch_loop_period: the longest time between two comparisons, even if nothing seems to change [s].
         default_blacklist: `{name, node, type}` of what never leaves this gateway.
         default_advertisements: `{name, node, type}`.
         default_flips: `{gateway, rule: {name, node, type}}`; without `rule`, everything is flipped there.
@@ -44,7 +44,7 @@ class GatewayConfig:
             the first row that matches counts. See `core.option.LinkOptions`.
         advertise_all: start with everything advertised.
         custom_rules_file: YAML with more of these; empty for none.
-        network_interface: the interface whose address other gateways are told; empty for the one that leads to the hub.
+        network_interface: the interface whose address is announced to other gateways; empty: the one towards the hub.
         namespace: the robot's own namespace, `pioneer1`: rules whose name is a pattern then bring nothing here out of
             other robots' namespaces, unless the pattern spells one out; empty: no such guard. Other robots' are those
             that differ from it in the number at their end only, and those that any gateway has told the hub.
@@ -79,7 +79,7 @@ class GatewayConfig:
     max_message_size: int = 256 * 2**20
 
     def __post_init__(self) -> None:
-        """Raises ConfigError for values that cannot be meant."""
+        """Raises ConfigError for invalid parameter values."""
         if not self.name.strip() or not self.name.isprintable():
             raise ConfigError(f"gateway: ~name must be a printable text, not {self.name!r}")
         if self.watch_loop_period <= 0:
@@ -94,7 +94,7 @@ class GatewayConfig:
         self.options()
 
     def options(self) -> tuple[OptionRule, ...]:
-        """Returns what is asked of links. Raises ConfigError for what cannot be meant."""
+        """Returns what is asked of links. Raises ConfigError for an invalid row."""
         try:
             return tuple(option_rule(row) for row in _rows(self.rule_options))
         except (GatewayError, OptionError) as error:
@@ -111,7 +111,7 @@ class GatewayConfig:
 
     @property
     def known_namespaces(self) -> frozenset[str]:
-        """The robot's namespace and the others that are told."""
+        """The robot's namespace and the others to announce."""
         told = (self.namespace, *_entries("robot_namespaces", self.robot_namespaces))
         return frozenset(one.removeprefix("/") for one in told) - {""}
 

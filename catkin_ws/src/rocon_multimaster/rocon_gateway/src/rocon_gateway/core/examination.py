@@ -104,7 +104,7 @@ def examination_from_text(text: str | bytes) -> Examination:
 def _row(row: Any, *kinds: type) -> list[Any]:
     if not isinstance(row, list) or [type(cell) for cell in row] != list(kinds):
         raise ExaminationError(f"not a list of {', '.join(kind.__name__ for kind in kinds)}")
-    # It is for a terminal, which must not be told what to do by a stranger.
+    # It is printed on a terminal, so it must not contain control sequences of an unauthenticated client.
     if any(isinstance(cell, str) and (len(cell) > MAX_TEXT or not cell.isprintable()) for cell in row):
         raise ExaminationError("a text is too long or not printable")
     return row

@@ -16,7 +16,7 @@ class Overview:
         hubs: those that we are on now.
         names: unique names of all gateways that are present on any of them, or were on one that is lost.
         remotes: those of them that our rules or their requests concern; each once, however many hubs it is on.
-        namespaces: of all robots that were told of on any of them.
+        namespaces: of all robots that any of them knows.
     """
 
     hubs: tuple[HubView, ...] = ()

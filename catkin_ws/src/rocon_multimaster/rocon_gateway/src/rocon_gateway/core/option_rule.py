@@ -36,7 +36,7 @@ def option_rule(row: object) -> OptionRule:
     """Returns one row of `~rule_options`, `{name, node, gateway, rate, queue_size, compress, tf_frames}`.
 
     Raises:
-        OptionError: a key that does not exist, a value that cannot be meant, or no option at all.
+        OptionError: an unknown key, an invalid value, or no option at all.
         RequestError: a pattern that is no regular expression.
     """
     if not isinstance(row, Mapping):

@@ -68,7 +68,7 @@ class HubView:
         listed: unique names of all gateways that the hub says are alive, ourselves apart.
         names: unique names of all that count as present: those, and some that it has just stopped listing.
         remotes: those of them that our rules or their requests concern.
-        namespaces: of all robots that were told of there.
+        namespaces: of all robots that it knows.
     """
 
     connected: bool = False
@@ -84,9 +84,9 @@ class HubView:
 class Presence:
     """Which gateways count as present when the hub no longer lists them.
 
-    A gateway that takes its leave is gone at once. One that the hub merely stopped hearing of is gone at once
+    A gateway that deregisters is gone at once. One that the hub merely stopped hearing of is gone at once
     too, unless our links to it still stand: then it, or its way to the hub, may only be slow, and it stays for
-    `LINKED_GRACE`. A hub that was restarted knows nobody yet, so whoever was there before stays for
+    `LINKED_GRACE`. A hub that was restarted knows no gateway yet, so those that were there before stay for
     `RESTART_GRACE`, and for `LINKED_GRACE` more if links stand. All times are monotonic [s].
     """
 

@@ -139,7 +139,7 @@ class RuleBook:
             raise RequestError(Code.REMOTE_GATEWAY_SELF_IS_NOT, f"'{gateway}' is this gateway itself")
 
     def _refuse_blacklisted(self, rule: Rule, code: Code) -> None:
-        """A plain name that the blacklist names cannot ever be carried, so the caller is told at once."""
+        """A plain name on the blacklist can never be carried, so the request is refused at once."""
         if not is_literal(rule.name):
             return
         node = rule.node if is_literal(rule.node) else ""

@@ -5,7 +5,7 @@ import functools
 import heapq
 
 COUNT = 3
-"""So many are told."""
+"""How many nearest names are reported."""
 
 LIKE = 0.6
 """From this ratio of difflib on two names are spelt alike."""

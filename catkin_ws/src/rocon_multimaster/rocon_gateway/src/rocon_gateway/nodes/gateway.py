@@ -70,7 +70,7 @@ class GatewayNode:
     Threads: the main thread compares and applies; the hub and the relay have one each; services run in rospy's.
 
     On error: a bad parameter ends the node with one line, a bad default rule is named and left out. A hub or master
-    that is lost is told once and waited for.
+    that is lost is logged once and waited for.
     """
 
     def __init__(self) -> None:
@@ -194,10 +194,10 @@ class GatewayNode:
             if self._opened and not self._master.knows_us and not self._stopping:
                 register_anew()
                 self._relay.refresh()
-                rospy.logwarn("the ROS master was restarted; registered anew")
+                rospy.logwarn("the ROS master was restarted; registered again")
         except (MasterError, OSError) as error:
             if not self._master_lost:
-                rospy.logwarn("%s; running links go on", error)
+                rospy.logwarn("%s; running links stay up", error)
             self._master_lost = True
             return False
         if self._master_lost:

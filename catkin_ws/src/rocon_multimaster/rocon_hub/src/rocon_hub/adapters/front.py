@@ -1,4 +1,4 @@
-"""The hub's port where there is a password: whoever proves it there is joined to Redis, nobody else reaches it."""
+"""The hub's port where there is a password: only clients that prove the password are connected to Redis."""
 
 import asyncio
 import logging
@@ -99,27 +99,27 @@ class End(asyncio.Protocol):
         self.other: End | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """See asyncio."""
+        """Takes the new connection."""
         assert isinstance(transport, asyncio.Transport)
         self.transport = transport
 
     def data_received(self, data: bytes) -> None:
-        """See asyncio."""
+        """Handles what has arrived."""
         if self.other and self.other.transport:
             self.other.transport.write(data)
 
     def pause_writing(self) -> None:
-        """See asyncio. Who does not read is not read for, so that Redis' own limits hold."""
+        """Stops reading the other side while this one is not read, so that Redis' own limits hold."""
         if self.other and self.other.transport:
             self.other.transport.pause_reading()
 
     def resume_writing(self) -> None:
-        """See asyncio."""
+        """Reads the other side again."""
         if self.other and self.other.transport:
             self.other.transport.resume_reading()
 
     def connection_lost(self, error: Exception | None) -> None:
-        """See asyncio."""
+        """Closes the other side too."""
         if self.other and self.other.transport:
             self.other.transport.close()
         self.other = None
@@ -138,7 +138,7 @@ class Client(End):
         self._joining: asyncio.Task[None] | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """See asyncio."""
+        """Takes the new connection."""
         super().connection_made(transport)
         self._host = transport.get_extra_info("peername")[0]
         connection = transport.get_extra_info("socket")
@@ -148,19 +148,19 @@ class Client(End):
         self._front.arrived(self)
 
     def data_received(self, data: bytes) -> None:
-        """See asyncio."""
+        """Handles what has arrived."""
         if self.other:
             super().data_received(data)
             return
         self._line += data
         if self._joining or len(self._line) > LONGEST_LINE:
-            self.give_up()  # it goes on before it was answered
+            self.give_up()  # it sends more before it was answered
         elif self._line.endswith(b"\r\n"):
             line, self._line = self._line, b""
             self._take(line)
 
     def connection_lost(self, error: Exception | None) -> None:
-        """See asyncio."""
+        """Closes the other side too."""
         self._timer.cancel()
         self._front.settled(self)
         super().connection_lost(error)

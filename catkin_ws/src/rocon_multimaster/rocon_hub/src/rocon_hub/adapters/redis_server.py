@@ -31,7 +31,7 @@ def guard_from(access: Access) -> Guard:
 
 
 class SocketConnection(redis.UnixDomainSocketConnection):
-    """A connection over a Unix socket. redis' own leaves its socket open where nobody listens."""
+    """A connection over a Unix socket. redis' own leaves its socket open when connecting fails."""
 
     def _connect(self) -> socket.socket:
         sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)

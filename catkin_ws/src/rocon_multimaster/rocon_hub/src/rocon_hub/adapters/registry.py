@@ -57,7 +57,7 @@ class Registry:
     def look(self, now: float) -> Iterator[str]:
         """Tells everybody of gateways that have just fallen silent, and yields each when that is done.
 
-        Those that an error left untold are told of by the next look.
+        Those that an error left out are announced by the next look.
         """
         names = sorted(self._members())
         lives = self._client.mget([alive_key(name) for name in names]) if names else []
@@ -80,7 +80,7 @@ class Registry:
         try:
             return self._client.smembers(GATEWAYS_KEY)
         except redis.ResponseError:
-            # A stranger wrote something else in its place. The gateways notice that they are not listed.
+            # Another client wrote something else in its place. The gateways notice that they are not listed.
             self._client.delete(GATEWAYS_KEY)
             return set()
 
@@ -100,5 +100,5 @@ class Registry:
                 pipe.delete(record_key(name), requests_key(name), lost_key(name))
             for receiver in everybody:
                 pipe.hdel(requests_key(receiver), *gone)
-            # What is no hash, because a stranger wrote it, has no requests to delete.
+            # A key that another client made something else than a hash holds no requests to delete.
             pipe.execute(raise_on_error=False)

@@ -59,7 +59,7 @@ class HubConfig:
     insecure: bool = False
 
     def __post_init__(self) -> None:
-        """Raises HubNodeError for values that cannot be meant."""
+        """Raises HubNodeError for invalid parameter values."""
         if not self.name.strip() or not self.name.isprintable():
             raise HubNodeError(f"hub: ~name must be a printable text, not {self.name!r}")
         if not 0 < self.port < 65536:
@@ -77,7 +77,7 @@ class HubConfig:
 
 @dataclass(frozen=True)
 class Guard:
-    """What keeps strangers out of the hub.
+    """What keeps unauthenticated clients off the hub.
 
     Attributes:
         has_password: whether clients must prove that they know a password. Redis then has no port: they come over

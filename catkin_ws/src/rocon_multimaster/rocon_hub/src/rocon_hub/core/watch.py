@@ -26,7 +26,7 @@ class Watch:
         return silent - set(self._silent)
 
     def note(self, name: str, now: float) -> None:
-        """Takes note of a gateway whose silence everybody was told of."""
+        """Takes note of a gateway whose silence was announced."""
         self._silent[name] = now
 
     def gone(self, now: float) -> set[str]:

@@ -22,7 +22,7 @@ RESOLVE = 3000
 
 def own_interfaces() -> frozenset[IPv4Interface]:
     """Returns this machine's IPv4 addresses with their networks, the loopback's included."""
-    import ifaddr  # costs nothing to gateways that are told where their hub is
+    import ifaddr  # costs nothing for gateways with a configured hub
 
     return frozenset(
         IPv4Interface(f"{address.ip}/{address.network_prefix}")

@@ -1,4 +1,4 @@
-"""CPace: two sides find out whether they know the same password, and whoever does not know it learns nothing.
+"""CPace: two sides find out whether they know the same password, and a side that does not know it learns nothing.
 
 Neither what one side sends nor what anybody reads on the way lets a password be checked: each attempt to guess costs
 an exchange with someone who knows it. The suite is CPACE-X25519-SHA512 of draft-irtf-cfrg-cpace (section 5.1), with

@@ -5,7 +5,7 @@ PROTOCOL_KEY = "rocon:hub:protocol"
 SALT_KEY = "rocon:hub:salt"
 """From which, and the password, gateways derive the key of their links."""
 GATEWAYS_KEY = "rocon:gateways"
-"""The set of all gateways' names, and the channel on which joining and leaving is told."""
+"""The set of all gateways' names, and the channel that announces joining and leaving."""
 NAMESPACES_KEY = "rocon:namespaces"
 """The set of the namespaces of all robots that gateways told of since the hub was started."""
 EXAMINE_KEY = "rocon:examine"
@@ -13,7 +13,7 @@ EXAMINE_KEY = "rocon:examine"
 
 
 def record_key(gateway: str) -> str:
-    """Returns the key of a gateway's record, and the channel that tells of its changes."""
+    """Returns the key of a gateway's record, and the channel that announces its changes."""
     return f"rocon:gateway:{gateway}"
 
 

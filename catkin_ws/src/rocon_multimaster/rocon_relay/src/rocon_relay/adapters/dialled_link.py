@@ -60,7 +60,7 @@ class DialledLink(Stream):
         self.parse = self._parse_answer
 
     def connected(self) -> None:
-        """See `stream.Stream`."""
+        """Sends the hello."""
         self.send(header_bytes(self._hello.fields()))
 
     def accepted(self, _fields: dict[str, str]) -> None:
@@ -69,7 +69,7 @@ class DialledLink(Stream):
         self._owner.link_up()
 
     def closed(self, reason: str) -> None:
-        """See `stream.Stream`."""
+        """Reports the lost link to its owner."""
         self._timer.cancel()
         if reason.startswith("malformed"):
             self._context.logger.warning("link to %s: %s", self.peer, reason)
@@ -137,14 +137,14 @@ class TopicLink(DialledLink):
         """Measures the way to the far relay and back, unless the last measurement still lasts.
 
         Args:
-            last: what that took last time, which the far relay is told [s].
+            last: what that took last time, which is reported to the far relay [s].
         """
         self._ask(last, measures=True)
 
     def watch(self, late: bool) -> None:
         """Has the far relay say something if nothing comes, and gives the link up if still nothing does.
 
-        Something on the way may go on acknowledging what it swallows: then no kernel knows that nobody is there.
+        A middlebox may keep acknowledging bytes that it drops: then no kernel notices that the peer is gone.
 
         Args:
             late: whether we could not look when we should have; then nothing is known.
@@ -166,7 +166,7 @@ class TopicLink(DialledLink):
         self.send(control_frame(op="ping", token=str(self._pings), last=f"{last:.6f}"))
 
     def accepted(self, fields: dict[str, str]) -> None:
-        """See `DialledLink`."""
+        """Handles the welcome."""
         self.fanout = self._topic_owner.inlet(fields)
         self.parse = self._parse_frames
         self._topic_owner.link_up()

@@ -65,7 +65,7 @@ class ExportEnd(Stream):
     """One link that another gateway's relay dialled.
 
     Attributes:
-        hello: what it wants, once it has said so.
+        hello: what it wants, once it has sent that.
         is_proven: whether it has proved that it belongs to the fleet.
         export: what it was given, once it was accepted.
         outlet: where its messages go in: itself, or what looks at them first.
@@ -107,7 +107,7 @@ class ExportEnd(Stream):
         return LinkStatus(self._state, self._reason, int(self._wanted), *went, drops, left_out, saved)
 
     def push(self, chunk: Chunk) -> None:
-        """See `core.fanout.Outlet`."""
+        """Counts and sends a chunk."""
         self._messages += chunk.ended
         self._bytes += len(chunk.data)
         super().push(chunk)
@@ -115,7 +115,7 @@ class ExportEnd(Stream):
             self._answer_ping()
 
     def passed(self, count: int, ended: bool) -> None:
-        """See `core.fanout.Outlet`."""
+        """Counts bytes that were spliced."""
         self._messages += ended
         self._bytes += count
         super().passed(count, ended)
@@ -153,7 +153,7 @@ class ExportEnd(Stream):
         self.finish(header_bytes(Refusal(state, reason).fields()))
 
     def source_found(self, header: Mapping[str, str]) -> bool:
-        """See `subscription.Customer`."""
+        """Compares the publisher's type with the requested one and starts forwarding."""
         assert self.hello is not None
         wrong = mismatch(self.hello.type, self.hello.md5sum, header.get("type", ANY), header.get("md5sum", ANY))
         if wrong:
@@ -168,11 +168,11 @@ class ExportEnd(Stream):
         return not self.is_closed  # who is gone by now has left everything, and must not be joined again
 
     def source_lost(self, reason: str) -> None:
-        """See `subscription.Customer`."""
+        """Reports to the sink that there is no publisher."""
         self._tell(LinkState.NO_PUBLISHER, reason)
 
     def left(self) -> None:
-        """See `core.fanout.Outlet`."""
+        """Joins again if the sink has subscribed meanwhile, else ends the subscription."""
         self._leaving = False
         if self._wanted:
             self._join()
@@ -181,7 +181,7 @@ class ExportEnd(Stream):
             subscription.stop_if_unused()
 
     def without_tls(self) -> None:
-        """See `stream.Stream`. Who dials is told in its own words, by a refusal."""
+        """Refuses a peer without TLS in plain text, so that it can log the reason."""
         self._refuse_stranger("it speaks no TLS, and this gateway speaks nothing else", NEEDS_TLS)
 
     def _refuse_stranger(self, what: str, reason: str) -> None:
@@ -189,7 +189,7 @@ class ExportEnd(Stream):
         self.refuse(LinkState.REFUSED, reason)
 
     def closed(self, reason: str) -> None:
-        """See `stream.Stream`."""
+        """Leaves the subscription and the relay."""
         self.timer.cancel()
         self._end_sieve()
         if reason.startswith(("malformed", "TLS")):
@@ -269,7 +269,7 @@ class ExportEnd(Stream):
         self._exporter.admit(self, hello)
 
     def _too_much(self, _fields: dict[str, str]) -> None:
-        raise LinkError("it went on before it was answered")
+        raise LinkError("it sent more before it was answered")
 
     def _when_header(self, use: Callable[[dict[str, str]], None], prefix: int = 0) -> Callable[[memoryview], int]:
         def parse(data: memoryview) -> int:

@@ -41,11 +41,11 @@ class ImportEnd(StandingImport):
 
     @property
     def address(self) -> Address:
-        """See `standing_import.StandingImport`."""
+        """Where the source gateway's relay listens."""
         return self.wanted.address
 
     def link(self) -> TopicLink:
-        """See `standing_import.StandingImport`."""
+        """Returns a new link to the source gateway."""
         wanted = self.wanted
         types = wanted.type, wanted.md5sum
         hello = hello_to(self._context, wanted.source_gateway, Subject.TOPIC, wanted.topic, wanted.source_node, *types)
@@ -77,7 +77,7 @@ class ImportEnd(StandingImport):
         return LinkStatus(self._state, self._reason, len(self.topic.subscribers), *counted, drops, saved=saved)
 
     def inlet(self, fields: dict[str, str]) -> Fanout:
-        """See `dialled_link.TopicOwner`."""
+        """Returns what takes the frames of a link with this welcome."""
         self._limit = limit_from_fields(fields)
         if "compress" not in fields:
             return self.fanout
@@ -99,7 +99,7 @@ class ImportEnd(StandingImport):
             self._link.watch(late)
 
     def link_lost(self, state: LinkState, reason: str) -> None:
-        """See `dialled_link.LinkOwner`."""
+        """Forgets the source and schedules the next attempt."""
         self._source = None
         self._wants = False
         if self._inflater is not None:
@@ -109,7 +109,7 @@ class ImportEnd(StandingImport):
         super().link_lost(state, reason)
 
     def told(self, fields: dict[str, str]) -> None:
-        """See `dialled_link.LinkOwner`."""
+        """Handles a control frame of the source."""
         if fields.get("op") == "state":
             self._source_failed(state_from_field(fields.get("state", "")), fields.get("reason", ""))
         elif fields.get("op") == "connected" and self._wants and fields.get("demand") == str(self._demand):
@@ -127,7 +127,7 @@ class ImportEnd(StandingImport):
             return
         told = fields.get("type", ANY), fields.get("md5sum", ANY)
         if self._told_source not in (None, told) and self.topic.subscribers:
-            self.topic.hide()  # they were told another definition: they must come anew
+            self.topic.hide()  # they got another definition: they have to reconnect
             self.topic.show()
             return
         self._source = fields
@@ -143,7 +143,7 @@ class ImportEnd(StandingImport):
                 subscriber.finish(header_bytes({"error": refusal}))
 
     def subscribed(self, subscriber: Stream, fields: Mapping[str, str]) -> str:
-        """See `proxy_topic.TopicOwner`."""
+        """Adds a subscriber; returns why it is refused, "" if it is not."""
         self._context.bound(subscriber.backlog, self.wanted.options)
         if self._source is not None:
             return self._serve(subscriber, fields)
@@ -155,7 +155,7 @@ class ImportEnd(StandingImport):
         return ""
 
     def unsubscribed(self, subscriber: Stream) -> None:
-        """See `proxy_topic.TopicOwner`."""
+        """Removes a subscriber."""
         self._drops += subscriber.backlog.drops
         self._pending.pop(subscriber, None)
         self.fanout.remove(subscriber)
@@ -163,7 +163,7 @@ class ImportEnd(StandingImport):
             self._want(False)
 
     def shown(self) -> None:
-        """See `registration.Owner`."""
+        """Called when the proxy is registered."""
         self._set_active()
         if not self.topic.subscribers:
             self._want(False)

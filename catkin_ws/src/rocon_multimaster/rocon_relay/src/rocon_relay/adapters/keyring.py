@@ -45,11 +45,11 @@ class PasswordKeyring:
         self._keys = {key_name(one): known.get(key_name(one)) or _key(password, one) for one in self._salts}
 
     def names(self) -> tuple[str, ...]:
-        """See `core.connection.Keyring`."""
+        """Returns the names of the keys that are valid now."""
         return tuple(self._keys)
 
     def key(self, names: Iterable[str]) -> tuple[str, bytes] | None:
-        """See `core.connection.Keyring`."""
+        """Returns the first of these keys that we have, with its name; None if we have none."""
         keys = self._keys
         return next(((name, keys[name]) for name in names if name in keys), None)
 

@@ -119,10 +119,10 @@ class ParameterImportEnd(LinkOwner):
             self._link.connect(host, self.wanted.address.port)
 
     def link_up(self) -> None:
-        """See `dialled_link.LinkOwner`; `received` says more."""
+        """Does nothing: `received` follows."""
 
     def link_lost(self, state: LinkState, reason: str) -> None:
-        """See `dialled_link.LinkOwner`."""
+        """Schedules the next attempt unless the value has been copied."""
         self._link = None
         if not self._is_ending and not self._is_copied:
             self._failed(state, reason)
@@ -169,12 +169,12 @@ class _ParameterLink(DialledLink):
         self._late: Timer | None = None
 
     def accepted(self, _fields: dict[str, str]) -> None:
-        """See `dialled_link.DialledLink`."""
+        """Handles the welcome."""
         self.parse = self._parse_value
         self._late = self._context.reactor.call_later(self._context.config.handshake_timeout, self._too_late)
 
     def closed(self, reason: str) -> None:
-        """See `dialled_link.DialledLink`."""
+        """Reports a link that closed before the whole value had arrived."""
         if self._late is not None:
             self._late.cancel()
         super().closed(reason)

@@ -36,7 +36,7 @@ class ProxyNodes:
         self._nodes: dict[str, ProxyNode] = {}
 
     def open(self, shown: Registration) -> "ProxyNode":
-        """See `registration.Nodes`."""
+        """Returns the node for a source node, new or existing."""
         node = self._nodes.get(shown.proxy)
         if node is None:
             node = self._nodes[shown.proxy] = ProxyNode(self._context, shown.proxy)
@@ -47,7 +47,7 @@ class ProxyNodes:
         return node
 
     def release(self, shown: Registration) -> None:
-        """See `registration.Nodes`."""
+        """Closes a node that nothing uses any more."""
         node = self._nodes.get(shown.proxy)
         if node is None:
             return
@@ -123,11 +123,11 @@ class ProxyConnection(Stream):
         self.parse = self._parse_first
 
     def give_up(self, reason: str) -> None:
-        """Closes a stranger; one that was answered may be idle, and is no fault to tell of."""
+        """Closes a connection of no subscriber; an idle one that was answered is not a fault worth a log line."""
         self.close("" if self._asked else f"malformed: {reason}")
 
     def closed(self, reason: str) -> None:
-        """See `stream.Stream`."""
+        """Removes the connection from its topic or service."""
         self._timer.cancel()
         if reason.startswith("malformed"):
             self._context.logger.warning("%s from %s: %s", self._node.name, self.peer, reason)

@@ -45,11 +45,11 @@ class ProxyService(Registration):
         self._service_owner = owner
 
     def registering(self, node: Node) -> tuple[str, tuple[str, ...]]:
-        """See `registration.Registration`."""
+        """Returns the master's method and arguments that register it."""
         return "registerService", (self.wanted.service, self._uri(node), node.uri)
 
     def unregistering(self, node: Node) -> tuple[str, tuple[str, ...]]:
-        """See `registration.Registration`."""
+        """Returns the master's method and arguments that unregister it."""
         return "unregisterService", (self.wanted.service, self._uri(node))
 
     def call(self, client: Stream, fields: dict[str, str]) -> Call:
@@ -60,7 +60,7 @@ class ProxyService(Registration):
         return call
 
     def close_users(self) -> None:
-        """See `registration.Registration`."""
+        """Closes the connections of its users."""
         for call in tuple(self.calls):
             call.fail(f"{self.wanted.service} is not relayed any more")
 

@@ -35,11 +35,11 @@ class ProxyTopic(Registration):
         self._topic_owner = owner
 
     def registering(self, node: Node) -> tuple[str, tuple[str, ...]]:
-        """See `registration.Registration`."""
+        """Returns the master's method and arguments that register it."""
         return "registerPublisher", (self.wanted.topic, self.wanted.type, node.uri)
 
     def unregistering(self, node: Node) -> tuple[str, tuple[str, ...]]:
-        """See `registration.Registration`."""
+        """Returns the master's method and arguments that unregister it."""
         return "unregisterPublisher", (self.wanted.topic, node.uri)
 
     def refusal(self, name: str) -> str:
@@ -72,6 +72,6 @@ class ProxyTopic(Registration):
                 subscriber.close("")
 
     def close_users(self) -> None:
-        """See `registration.Registration`."""
+        """Closes the connections of its users."""
         for subscriber in tuple(self.subscribers):
             subscriber.close("")

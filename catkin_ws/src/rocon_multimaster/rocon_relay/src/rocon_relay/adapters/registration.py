@@ -52,7 +52,7 @@ class _Phase(enum.Enum):
 class Registration:
     """A topic or service of a proxy node.
 
-    Whoever uses it is closed only after the master was told: a rospy subscriber does not come back by itself.
+    Its users are closed only after the master has unregistered it: a rospy subscriber does not reconnect by itself.
 
     Attributes:
         proxy: the node's name.

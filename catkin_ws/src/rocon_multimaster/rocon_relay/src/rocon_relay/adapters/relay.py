@@ -114,7 +114,7 @@ class TcpRelay:
         return self._listener.port
 
     def apply(self, exports: Collection[AnyExport], imports: Collection[AnyImport]) -> None:
-        """See `core.connection.Relay`."""
+        """Makes these, and no others, the connections that exist."""
         wanted_exports = _by_name(exports, "exports")
         wanted_imports = _by_name(imports, "imports")
         topics = [one for one in imports if isinstance(one, Import)]
@@ -125,11 +125,11 @@ class TcpRelay:
         self._reactor.call(lambda: self._apply(wanted_exports, wanted_imports))
 
     def refresh(self) -> None:
-        """See `core.connection.Relay`."""
+        """Registers all proxies again."""
         self._reactor.call(lambda: [end.refresh() for end in self._imports.values()])
 
     def status(self) -> RelayStatus:
-        """See `core.connection.Relay`."""
+        """Returns how everything does."""
         result: list[RelayStatus] = []
         done = threading.Event()
 
@@ -142,7 +142,7 @@ class TcpRelay:
         return result[0] if result else RelayStatus()
 
     def shutdown(self) -> None:
-        """See `core.connection.Relay`."""
+        """Unregisters and closes everything."""
         self._reactor.call(self._shut_down)
         self._is_down.wait(SHUTDOWN_TIME + 0.5)
         self._reactor.join(0.5)
@@ -207,7 +207,7 @@ class TcpRelay:
             next(iter(self._strangers)).close("malformed: too many connections wait to be accepted")
 
     def admit(self, end: ExportEnd, hello: Hello) -> None:
-        """See `export_end.Exporter`."""
+        """Accepts or refuses a link, at the latest after the configured patience."""
         own = self._context.config.gateway
         if end.is_proven and hello.source_gateway != own:  # to anybody else it looks like what is not exported
             end.refuse(LinkState.REFUSED, f"this is {own}, not {hello.source_gateway}")
@@ -265,14 +265,14 @@ class TcpRelay:
         end.accept(export)
 
     def subscription(self, export: Export) -> Subscription:
-        """See `export_end.Exporter`."""
+        """Returns the one subscription to a publisher."""
         key = export.topic, export.source_node, export.subscriber
         if key not in self._subscriptions:
             self._subscriptions[key] = Subscription(self._context, export, lambda: self._subscriptions.pop(key, None))
         return self._subscriptions[key]
 
     def ended(self, end: ExportEnd) -> None:
-        """See `export_end.Exporter`."""
+        """Forgets a closed link."""
         self._strangers.pop(end, None)
         self._parked.pop(end, None)
         peers = self._peers.get(end.hello.sink_gateway, set()) if end.hello else set()

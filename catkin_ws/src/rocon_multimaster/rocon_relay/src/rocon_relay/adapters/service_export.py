@@ -17,7 +17,7 @@ from tcpros.core.header import HeaderError, header_bytes, header_end, header_fie
 
 
 class ServiceExportEnd:
-    """One exported service: the link that stands for it, and the calls that go on.
+    """One exported service: the link that stands for it, and the calls under way.
 
     Args:
         context: what all parts share.
@@ -187,7 +187,7 @@ class ExportedCall(Tenant):
         self._link.close("")
 
     def ended(self, _reason: str) -> None:
-        """See `export_end.Tenant`."""
+        """Ends the call: its link is closed."""
         self._end()
         self._owner.finished(self)
 

@@ -18,10 +18,10 @@ MAX_CALLS = 256
 """Clients that one service has connected at a time; one more is refused."""
 
 MAX_REASON = 1000
-"""Characters of an error that are told on: a header must hold them."""
+"""Characters of an error that are passed on: a header must hold them."""
 
 PASSED_ON = ("type", "md5sum", "request_type", "response_type")
-"""What a client is told of the server's connection header."""
+"""The fields of the server's connection header that a client gets."""
 
 
 class ServiceImportEnd(StandingImport):
@@ -40,7 +40,7 @@ class ServiceImportEnd(StandingImport):
 
     @property
     def address(self) -> Address:
-        """See `standing_import.StandingImport`."""
+        """Where the source gateway's relay listens."""
         return self.wanted.address
 
     def hello(self, subject: Subject, md5sum: str = ANY) -> Hello:
@@ -51,11 +51,11 @@ class ServiceImportEnd(StandingImport):
         )
 
     def link(self) -> DialledLink:
-        """See `standing_import.StandingImport`."""
+        """Returns a new link to the source gateway."""
         return DialledLink(self._context, self, self.wanted.address, self.hello(Subject.SERVICE))
 
     def replace(self, wanted: ServiceImport) -> None:
-        """Takes an import of the same key with another address; calls under way go on if they can."""
+        """Takes an import of the same key with another address; calls under way continue if they can."""
         self.wanted = self.service.wanted = wanted
         self.redial("its address has changed")
 
@@ -71,7 +71,7 @@ class ServiceImportEnd(StandingImport):
         return [call for call in self.service.calls if isinstance(call, ImportedCall)]
 
     def called(self, client: Stream, fields: dict[str, str]) -> "ImportedCall":
-        """See `proxy_service.ServiceOwner`."""
+        """Starts a call of a client."""
         call = ImportedCall(self._context, self, client, fields)
         if not self.service.is_serving:
             call.fail(f"{self.wanted.service} is not relayed any more")
@@ -142,17 +142,17 @@ class ImportedCall(LinkOwner):
         self._client.send(header_bytes({**header, "callerid": self._owner.wanted.proxy}))
 
     def link_up(self) -> None:
-        """See `dialled_link.LinkOwner`; `answered` says more."""
+        """Does nothing: `answered` follows."""
 
     def link_lost(self, state: LinkState, reason: str) -> None:
-        """See `dialled_link.LinkOwner`."""
+        """Fails the call."""
         self._link = None
         if state is LinkState.NO_SERVER:
             self._owner.not_reached(reason)
         self.fail(reason)
 
     def fail(self, reason: str) -> None:
-        """See `proxy_service.Call`."""
+        """Reports an error to the client."""
         if self._client.is_closed:
             return
         if self.pipe is None:
@@ -163,7 +163,7 @@ class ImportedCall(LinkOwner):
             self._link.close("")
 
     def ended(self, reason: str) -> None:
-        """See `proxy_service.Tenant`."""
+        """Ends the call: its client has disconnected."""
         self._owner.finished(self)
         if self._link is not None:
             self._link.close(reason)
@@ -177,5 +177,5 @@ class CallLink(DialledLink):
         self._call = call
 
     def accepted(self, fields: dict[str, str]) -> None:
-        """See `dialled_link.DialledLink`."""
+        """Handles the welcome."""
         self._call.answered(self, fields)

@@ -36,17 +36,17 @@ class Sieve:
         self._timer: Timer | None = None
 
     def push(self, chunk: Chunk) -> None:
-        """See `core.fanout.Outlet`."""
+        """Takes a chunk; handles each message that is whole."""
         self.backlog.queue(chunk)
         self.flush()
 
     def flush(self) -> None:
-        """See `core.fanout.Outlet`."""
+        """Handles the messages that are whole."""
         for message in _messages(self.backlog):
             self._take(message)
 
     def left(self) -> None:
-        """See `core.fanout.Outlet`."""
+        """Sends nothing any more and lets the link leave."""
         self.end()
         self._link.left()
 
@@ -57,7 +57,7 @@ class Sieve:
             self._timer.cancel()
 
     def close(self, reason: str) -> None:
-        """See `core.fanout.Outlet`."""
+        """Closes the link."""
         self._link.close(reason)
 
     def _take(self, message: memoryview) -> None:
@@ -116,7 +116,7 @@ class Inflater:
         self._max_message_size = max_message_size
 
     def push(self, chunk: Chunk) -> None:
-        """See `core.fanout.Outlet`."""
+        """Takes a chunk; handles each message that is whole."""
         self.backlog.queue(chunk)
         for message in _messages(self.backlog):
             whole = inflated(message, self._max_message_size)
@@ -124,13 +124,13 @@ class Inflater:
             self._fanout.feed(whole_frame(whole).data)
 
     def flush(self) -> None:
-        """See `core.fanout.Outlet`."""
+        """Does nothing: `push` leaves nothing behind."""
 
     def left(self) -> None:
-        """See `core.fanout.Outlet`."""
+        """Does nothing: the link owns the stream."""
 
     def close(self, reason: str) -> None:
-        """See `core.fanout.Outlet`."""
+        """Does nothing: the link closes itself."""
 
 
 def _messages(backlog: Backlog) -> Iterator[memoryview]:

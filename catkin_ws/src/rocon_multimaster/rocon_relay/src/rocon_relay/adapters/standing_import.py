@@ -75,14 +75,14 @@ class StandingImport:
             self._link.connect(host, self.address.port)
 
     def link_up(self) -> None:
-        """See `dialled_link.LinkOwner`."""
+        """Called when the link stands."""
         self._pause.reset()
         if not self._is_ending:
             self._set(LinkState.PENDING, "being registered with the master")
             self.registration.show()
 
     def link_lost(self, state: LinkState, reason: str) -> None:
-        """See `dialled_link.LinkOwner`."""
+        """Forgets the source and schedules the next attempt."""
         self._link = None
         if self._is_ending:
             return
@@ -91,15 +91,15 @@ class StandingImport:
         self.registration.hide()
 
     def shown(self) -> None:
-        """See `registration.Owner`."""
+        """Called when the proxy is registered."""
         self._set(LinkState.ACTIVE, "")
 
     def not_shown(self, reason: str) -> None:
-        """See `registration.Owner`."""
+        """Called when the master did not register the proxy."""
         self._set(LinkState.PENDING, f"our master does not register it: {reason}")
 
     def hidden(self) -> None:
-        """See `registration.Owner`."""
+        """Called when the proxy is unregistered."""
         if not self._is_ending:
             return
         if self._link is not None:

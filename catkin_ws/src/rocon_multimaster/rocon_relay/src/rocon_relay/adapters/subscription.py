@@ -60,7 +60,7 @@ class Subscription:
             self._ask()
 
     def leave(self, customer: Customer) -> None:
-        """Removes a customer whose connection goes on; its `left` follows when it is at a frame's end."""
+        """Removes a customer that stays connected; its `left` follows at the end of the current frame."""
         if customer not in self._customers:
             return
         self._customers.remove(customer)

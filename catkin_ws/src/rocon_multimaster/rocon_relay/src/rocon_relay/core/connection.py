@@ -1,4 +1,4 @@
-"""What the control plane asks of the relay, and what the relay tells of it.
+"""What the control plane asks of the relay, and what the relay reports.
 
 The control plane turns all rules into two sets and hands the relay the whole of both, each time; the relay
 compares them with what runs and does the difference. Data always flows from an export to an import, and the
@@ -249,7 +249,7 @@ class Relay(Protocol):
     def apply(self, exports: "Collection[AnyExport]", imports: "Collection[AnyImport]") -> None:
         """Makes these, and no others, the connections that shall exist.
 
-        What is in both the old and the new sets goes on undisturbed. An import whose address alone changed
+        What is in both the old and the new sets keeps running undisturbed. An import whose address alone changed
         keeps its subscribers only if the new relay answers; one whose `allowed_nodes` changed drops those
         that are no longer allowed. What is no longer asked for is unregistered, then closed, within a second.
 

@@ -20,11 +20,11 @@ class LinkError(RelayError):
 
 
 class AskError(LinkError):
-    """A peer asks of a link what cannot be had; it is told so."""
+    """A peer asks for something invalid; the answer is a refusal."""
 
 
 LONGEST_ROUND_TRIP = 60.0
-"""What is told of a round trip counts only below this [s]."""
+"""A reported round trip counts only below this [s]."""
 
 CLIENT = "client."
 """Before the names of the fields that a call hands on from its client."""

@@ -9,7 +9,7 @@ from rocon_relay.core.pattern import PatternError, compiled, matches_whole
 
 
 class OptionError(RelayError):
-    """An option that cannot be meant."""
+    """An invalid option."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,6 +38,6 @@ class Traffic:
 
 
 def _flow(before: LinkStatus, now: LinkStatus, elapsed: float) -> Flow:
-    # A link that was dialled anew counts from the beginning.
+    # A link that was reconnected counts from 0.
     messages, size = now.messages - before.messages, now.bytes - before.bytes
     return Flow(max(0, messages) / elapsed, max(0, size) / elapsed)

@@ -10,7 +10,7 @@ from tcpros.adapters.tls import AUTHORITY, CERTIFICATE, KEY
 from tcpros.core.error import CertificateError
 
 AUTHORITY_KEY = "ca.key"
-"""Whoever has this makes members of the fleet: it stays where it was made."""
+"""The owner of this key can make members of the fleet: it stays where it was made."""
 
 AUTHORITY_DAYS, DAYS = 3650, 825
 """How long certificates are good [days]."""
@@ -38,10 +38,10 @@ class Authority:
         self._certificate, self._key = directory / AUTHORITY, directory / AUTHORITY_KEY
 
     def certify(self, name: str) -> Path:
-        """Makes a key and a certificate for a machine, anew if it has one; returns the directory for that machine.
+        """Makes a key and a certificate for a machine, new ones if it has some; returns the machine's directory.
 
         Raises:
-            CertificateError: the name cannot be meant, or openssl cannot be run or says no.
+            CertificateError: the name is invalid, or openssl cannot be run or fails.
         """
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", name):
             raise CertificateError(

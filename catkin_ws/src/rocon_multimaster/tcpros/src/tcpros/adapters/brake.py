@@ -13,14 +13,14 @@ STALL = 1.0
 class Brake:
     """Holds a stream back while what it feeds is full.
 
-    Where all receivers stand still, the stream goes on, and their backlogs drop the oldest, until one of them takes
+    Where all receivers stand still, the stream resumes, and their backlogs drop the oldest, until one of them takes
     something again: a receiver that has stopped must not stop the sender, nor make its own link look dead.
 
     Args:
         reactor: where it looks after itself.
         fanout: what the stream feeds.
         longest: receivers that take something, but not all of what waits within so long, are not waited for either [s].
-        changed: called when the stream may go on.
+        changed: called when the stream may resume.
 
     Attributes:
         is_on: whether the stream shall not be read now.
@@ -64,7 +64,7 @@ class Brake:
         self._timer = self._reactor.call_later(STALL, self._look)
 
     def _look(self) -> None:
-        """Every `STALL` seconds while it holds or yields: one timer, however often the brake goes on and off."""
+        """Every `STALL` seconds while it holds or yields: one timer, however often the brake changes."""
         self._timer = None
         if not self.is_on and not self._yields:
             self._acknowledged = -1

@@ -38,7 +38,7 @@ class Listener:
         self._reactor.add(self._socket.fileno(), self, _IN)
 
     def ready(self, events: int) -> None:
-        """See `reactor.Handler`."""
+        """Accepts a connection."""
         try:
             sock, address = self._socket.accept()
         except OSError as error:

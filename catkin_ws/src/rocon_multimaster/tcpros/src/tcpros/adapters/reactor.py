@@ -19,7 +19,7 @@ BUFFER_SIZE = 256 * 1024
 
 
 class Handler(Protocol):
-    """What is told of events of a file descriptor."""
+    """Receives the events of a file descriptor."""
 
     def ready(self, events: int) -> None:
         """Called with the epoll events that occurred."""
@@ -47,9 +47,9 @@ class Reactor:
     All methods but `call` and `join` belong to that thread.
 
     Attributes:
-        buffer: where whoever is called may receive into; valid until that call returns.
-        pipe: what whoever is called may move bytes through.
-        moved: bytes of topics' messages that this round has taken; whoever takes them adds them.
+        buffer: a handler may receive into it; valid until the handler returns.
+        pipe: a handler may move bytes through it.
+        moved: bytes of topics' messages in this round; handlers add them.
     """
 
     def __init__(self, logger: logging.Logger) -> None:
@@ -149,4 +149,4 @@ class Reactor:
         try:
             callback()
         except Exception:
-            self._logger.critical("fault in the relay, which goes on", exc_info=True)
+            self._logger.critical("fault in the relay, which keeps running", exc_info=True)

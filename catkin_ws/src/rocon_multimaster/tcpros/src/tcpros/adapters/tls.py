@@ -32,7 +32,7 @@ class TlsError(OSError):
 class Certificates:
     """What a gateway or hub of a fleet needs for TLS. TLS 1.3 only, both sides show a certificate.
 
-    Names in certificates are not compared with anything: addresses of robots change, and gateways are told apart on
+    Names in certificates are not compared with anything: addresses of robots change, and gateways are distinguished on
     the hub. A certificate says that its bearer is of the fleet.
 
     Attributes:

@@ -36,7 +36,7 @@ class TlsSocket:
     """A connected non-blocking socket with what a `stream.Stream` needs of one, encrypted; for the relay's thread.
 
     Args:
-        sock: the socket; whoever made this closes it, after `close`.
+        sock: the socket; the owner closes it, after `close`.
         context: whom we believe, and who we are.
         server_side: whether the other side dialled.
         buffer: where encrypted bytes are received into; only used within a call, so one serves all.
@@ -56,7 +56,7 @@ class TlsSocket:
         return bool(self._unsent)
 
     def shake_hands(self) -> bool:
-        """Goes on with the handshake as far as that goes now; tells whether it is done.
+        """Continues the handshake as far as possible now; returns whether it is done.
 
         Raises:
             NoTlsError: the client does not speak TLS; nothing was sent to it.
@@ -169,7 +169,7 @@ class TlsSocket:
                 self.flush()
 
     def _failure(self, error: ssl.SSLError) -> TlsError:
-        """Returns what to raise, after the other side was told why, if it listens."""
+        """Returns what to raise, after sending the reason to the peer if possible."""
         with contextlib.suppress(OSError):
             self._drain()
         return TlsError(reason_of(error))

@@ -11,7 +11,7 @@ class Pressure(Protocol):
     """How far behind something is that takes messages.
 
     Attributes:
-        relieved: to be called when it takes more again after it was full; whoever waits for that sets it.
+        relieved: to be called when it takes more again after it was full; the source sets it.
     """
 
     relieved: Callable[[], None]
@@ -171,7 +171,7 @@ class Fanout:
         self._relieve()
 
     def leave(self, outlet: Outlet) -> None:
-        """Removes a receiver whose connection goes on; its `left` is called at the end of the frame under way to it."""
+        """Removes a receiver that stays connected; its `left` is called at the end of the frame under way to it."""
         if outlet in self._outlets:
             self._outlets.remove(outlet)
             gone = outlet.backlog.abandon()
@@ -183,7 +183,7 @@ class Fanout:
         outlet.left()
 
     def begin(self, latching: bool) -> None:
-        """Expects the messages of a source anew, between two frames; forgets the last one of before."""
+        """Expects the messages of a new source, between two frames; forgets the last one of the old."""
         self.latching = latching
         self._last = None
 

@@ -40,7 +40,7 @@ class Chunk:
         data: the bytes. Valid only until the next chunk is read: see `stable`.
         head: how many of them continue a frame that began before; frames begin there.
         head_ends: whether that frame ends with them; true as well where `head` is 0.
-        tail: where the frame begins that goes on after this chunk; `len(data)` if none begins and goes on.
+        tail: where the frame begins that continues after this chunk; `len(data)` if there is none.
         ended: number of frames that end in this chunk.
     """
 
@@ -55,7 +55,7 @@ class Chunk:
 
     @property
     def is_open(self) -> bool:
-        """Whether the last frame goes on after this chunk."""
+        """Whether the last frame continues after this chunk."""
         return self.tail < len(self.data) or not self.head_ends
 
     @functools.cached_property

@@ -20,7 +20,7 @@ class HttpMessage:
         first: its first line.
         length: bytes of the body that follows; -1 if it ends with the connection.
         start: where the body begins.
-        keep_alive: whether the sender wants to go on with the connection.
+        keep_alive: whether the sender wants to keep the connection.
     """
 
     first: str

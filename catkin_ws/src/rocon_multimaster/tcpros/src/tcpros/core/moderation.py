@@ -5,7 +5,7 @@ REST = 0.0003
 STREAK = 8
 """So many rounds must have come one soon after the other."""
 SOON = 0.0006
-"""What is soon [s]; longer than a rest, so that a flood goes on as one streak."""
+"""What is soon [s]; longer than a rest, so that a flood counts as one streak."""
 SMALL = 16 * 1024
 """More bytes than this in a round are worth their round [bytes]."""
 
