@@ -8,7 +8,7 @@ from containers import SOURCE
 
 COMMANDS = (
     "demo", "fleet", "status", "rviz", "teleop", "up", "down", "logs", "exec", "image", "run", "shell", "setup",
-    "test", "bench",
+    "test", "bench", "package", "docs",
 )  # fmt: skip
 
 

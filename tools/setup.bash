@@ -82,11 +82,10 @@ check_disk() {
     die "only $free MiB free under $root and set-up needs $minimum_free_mib; free some space and run the command again"
 }
 
+# missing_packages PACKAGE...: those that are not installed.
 missing_packages() {
-  local wanted
-  mapfile -t wanted < <(grep -vE '^\s*(#|$)' "$root/apt-packages.txt")
-  comm -23 <(printf '%s\n' "${wanted[@]}" | sort) \
-    <(dpkg-query -W -f '${Package} ${db:Status-Status}\n' "${wanted[@]}" 2>/dev/null | awk '$2 == "installed" {print $1}' | sort)
+  comm -23 <(printf '%s\n' "$@" | sort) \
+    <(dpkg-query -W -f '${Package} ${db:Status-Status}\n' "$@" 2>/dev/null | awk '$2 == "installed" {print $1}' | sort)
 }
 
 apt_install() {
@@ -98,9 +97,10 @@ apt_install() {
   as_root env DEBIAN_FRONTEND=noninteractive RUNLEVEL=1 apt-get install -yq --no-install-recommends "$@"
 }
 
+# install_packages PACKAGE...: installs those that are missing.
 install_packages() {
   local missing
-  mapfile -t missing < <(missing_packages)
+  mapfile -t missing < <(missing_packages "$@")
   ((${#missing[@]})) || return 0
   check_disk
   [[ $EUID -eq 0 ]] || command -v sudo >/dev/null ||
@@ -115,7 +115,9 @@ make_venv() {
   # The python3 found on the PATH may be one that cannot import rospy (anaconda, pyenv); Debian's can.
   /usr/bin/python3 -m venv --system-site-packages "$venv"
   # --no-deps: the requirements list is complete, and Debian's numpy must not be shadowed.
-  "$venv/bin/pip" install --disable-pip-version-check --no-deps -r "$root/requirements.txt"
+  # PyPI has no wheel of pybullet for Debian 13's Python 3.13: pip compiles it, and GCC 14 refuses its C otherwise.
+  CFLAGS="${CFLAGS:-} -Wno-incompatible-pointer-types" \
+    "$venv/bin/pip" install --disable-pip-version-check --no-deps -r "$root/requirements.txt"
 }
 
 prepare_venv() {
@@ -123,7 +125,9 @@ prepare_venv() {
   stamp=$(sha256sum "$root/requirements.txt")$(/usr/bin/python3 -V)$root
   [[ -f $venv/stamp && $(<"$venv/stamp") == "$stamp" ]] && return 0
   check_disk
-  step "Installing Python packages" "$setup_dir/log/pip.log" make_venv
+  local label='Installing Python packages'
+  /usr/bin/python3 -c 'import sys; sys.exit(sys.version_info >= (3, 12))' || label+=' (compiles pybullet, some 10 min)'
+  step "$label" "$setup_dir/log/pip.log" make_venv
   printf '%s' "$stamp" >"$venv/stamp"
 }
 
@@ -177,11 +181,19 @@ setup() {
   exec {lock}>"$setup_dir/lock"
   flock -n "$lock" || { printf 'Waiting for another set-up of this checkout …\n'; flock "$lock"; }
   local before=$SECONDS
-  install_packages
+  install_packages $(grep -vE '^\s*(#|$)' "$root/apt-packages.txt")
   prepare_venv
   build_workspace
   ((SECONDS - before > 1)) && give_back
   exec {lock}>&-
+}
+
+# build_docs: makes the documents and the API of the docstrings into pages.
+build_docs() {
+  install_packages python3-sphinx python3-myst-parser python3-sphinx-autoapi
+  step "Building the documentation" "$setup_dir/log/docs.log" \
+    /usr/bin/python3 -m sphinx -q -b html -d "$setup_dir/doctrees" "$root/docs" "$setup_dir/docs"
+  printf 'Open %s\n' "$setup_dir/docs/index.html"
 }
 
 # enter_workspace: the environment that nodes run in.

@@ -28,7 +28,9 @@ def test_every_command_has_help_with_a_sentence_and_an_example(command: str) -> 
     assert ". " in text.partition("options:")[0]
 
 
-@pytest.mark.parametrize("command", ["demo", "fleet", "test", "bench", "run", "shell", "setup", "up"])
+@pytest.mark.parametrize(
+    "command", ["demo", "fleet", "test", "bench", "run", "shell", "setup", "package", "docs", "up"]
+)
 def test_help_needs_no_set_up(tmp_path: Path, command: str) -> None:
     """Without the tools that set-up installs: nothing but Python's own library and a checkout."""
     (tmp_path / "pioneer").write_text((ROOT / "pioneer").read_text())
