@@ -8,6 +8,7 @@ import sys
 BENCHES = {
     "sim": "the simulator: CPU, memory and scans by number of robots",
     "accuracy": "the simulator: motion, contacts and laser against what they should be",
+    "worlds": "the simulator: each world with ten robots, and its beams against an independent caster",
     "gateway": "the gateway: how fast rules act, what relaying costs beside peers",
     "nav": "navigation: success, accuracy and cost of one robot's tours",
 }

@@ -15,9 +15,9 @@ from geometry_msgs.msg import Point, Quaternion, Twist, Vector3
 from geometry_msgs.msg import Pose as PoseMessage
 from nav_msgs.msg import Odometry as OdometryMessage
 from numpy.typing import NDArray
-from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan, Range
+from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan, PointCloud2, PointField, Range
 
-from pioneer_gazebo.core.camera import Picture, intrinsics_of
+from pioneer_gazebo.core.camera import Depth, Picture, intrinsics_of
 from pioneer_gazebo.core.engine import Velocity
 from pioneer_gazebo.core.pose import Pose, Vector
 from pioneer_gazebo.core.robot import Camera, LaserSensor, SonarSensor
@@ -179,6 +179,22 @@ def image_of(picture: Picture, config: Camera) -> Image:
         picture = picture[:, :, ::-1]
     step = config.width * (1 if encoding == "mono8" else 3)
     return Image(height=config.height, width=config.width, encoding=encoding, step=step, data=picture.tobytes())
+
+
+def depth_of(depth: Depth) -> Image:
+    """Returns the message of distances, without a header."""
+    height, width = depth.shape
+    return Image(height=height, width=width, encoding="32FC1", step=4 * width, data=depth.tobytes())
+
+
+def cloud_of(points: NDArray[np.float32]) -> PointCloud2:
+    """Returns the message of points, shape (height, width, 3), without a header."""
+    height, width, _ = points.shape
+    fields = [PointField(name, 4 * index, PointField.FLOAT32, 1) for index, name in enumerate("xyz")]
+    return PointCloud2(
+        height=height, width=width, fields=fields, point_step=12, row_step=12 * width, data=points.tobytes(),
+        is_dense=False,
+    )  # fmt: skip
 
 
 def info_of(config: Camera) -> CameraInfo:

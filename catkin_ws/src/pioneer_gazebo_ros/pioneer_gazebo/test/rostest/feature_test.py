@@ -13,7 +13,7 @@ from gazebo_msgs import srv
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
 from nav_msgs.msg import Odometry
 from pioneer_msgs.msg import BumperState
-from sensor_msgs.msg import BatteryState, CameraInfo, Image, PointCloud, Range
+from sensor_msgs.msg import BatteryState, CameraInfo, Image, Imu, NavSatFix, PointCloud, PointCloud2, Range
 from std_msgs.msg import Bool, Float32, Float64, Int8, UInt32
 
 PATIENCE = 60.0
@@ -35,6 +35,20 @@ def first(topic: str, kind: Any, wanted: Callable[[Any], bool] = lambda message:
     assert came.wait(PATIENCE), f"{topic}: what is wanted did not come"
     subscriber.unregister()
     return found[0]
+
+
+SLIDER = """<robot name="slider"><link name="base"><inertial><mass value="5"/><inertia ixx="0.1" iyy="0.1" izz="0.1"/>
+</inertial><collision><geometry><box size="0.3 0.3 0.2"/></geometry></collision></link>
+<gazebo><plugin name="move" filename="libgazebo_ros_planar_move.so"><robotBaseFrame>base</robotBaseFrame>
+<robotNamespace>/slider</robotNamespace></plugin><plugin name="imu" filename="libgazebo_ros_imu.so">
+<bodyName>base</bodyName><topicName>imu/data</topicName><updateRate>50</updateRate></plugin>
+<plugin name="gps" filename="libhector_gazebo_ros_gps.so"><bodyName>base</bodyName></plugin></gazebo>
+<gazebo reference="base"><sensor type="depth" name="kinect"><update_rate>10</update_rate><camera>
+<horizontal_fov>1.2</horizontal_fov><image><width>80</width><height>60</height></image>
+<clip><near>0.05</near><far>9</far></clip></camera>
+<plugin name="kinect" filename="libgazebo_ros_openni_kinect.so"><cameraName>kinect</cameraName></plugin></sensor>
+</gazebo>
+</robot>"""
 
 
 class FeatureTest(unittest.TestCase):
@@ -64,6 +78,21 @@ class FeatureTest(unittest.TestCase):
         assert first("/pioneer1/battery_state_of_charge", Float32).data <= state.percentage
         assert first("/pioneer1/battery_recharge_state", Int8).data == 0
         assert first("/pioneer1/motors_state", Bool).data
+
+    def test_a_robot_of_others_slides_and_tells_of_inertia_place_and_depth(self) -> None:
+        spawn = rospy.ServiceProxy("/gazebo/spawn_urdf_model", srv.SpawnModel)
+        answer = spawn("slider", SLIDER, "", Pose(Point(2.0, -3.5, 0.1), Quaternion(0, 0, 0, 1)), "")
+        assert answer.success, answer.status_message
+        command = rospy.Publisher("/slider/cmd_vel", Twist, queue_size=1, latch=True)
+        command.publish(Twist(Vector3(0.0, 0.2, 0.0), Vector3()))
+        first("/slider/odom", Odometry, lambda message: message.pose.pose.position.y > -3.3)
+        command.publish(Twist())
+        imu = first("/slider/imu/data", Imu, lambda message: abs(message.linear_acceleration.x) < 0.1)
+        assert abs(imu.linear_acceleration.z - 9.8) < 0.5
+        assert abs(first("/slider/fix", NavSatFix).latitude - 49.9) < 0.001
+        cloud = first("/slider/kinect/points", PointCloud2)
+        assert (cloud.width, cloud.height, len(cloud.data)) == (80, 60, 80 * 60 * 12)
+        assert first("/slider/kinect/depth/image_raw", Image).encoding == "32FC1"
 
     def test_the_camera_shows_the_world_while_somebody_looks(self) -> None:
         image = first("/pioneer1/camera/image_raw", Image)

@@ -36,12 +36,12 @@ def of_colour(picture, channel):
 
 
 def test_nothing_is_sky(renderer):
-    assert (renderer.picture(CAMERA, EYE, [], []) == SKY).all()
+    assert (renderer.picture(CAMERA, EYE, [], [])[0] == SKY).all()
 
 
 @pytest.mark.parametrize(("y", "z"), [(0.0, 1.0), (1.0, 1.0), (-1.2, 0.4), (0.5, 1.8)])
 def test_a_ball_is_where_the_intrinsics_project_it(renderer, y, z):
-    picture = renderer.picture(CAMERA, EYE, [look(Sphere(0.2), Pose((4.0, y, z)))], [])
+    picture, _ = renderer.picture(CAMERA, EYE, [look(Sphere(0.2), Pose((4.0, y, z)))], [])
     rows, columns = np.nonzero(of_colour(picture, 0))
     lens = intrinsics_of(CAMERA)
     assert columns.mean() == pytest.approx(lens.x - lens.focal * y / 4.0, abs=1.0)
@@ -55,14 +55,14 @@ def test_what_is_nearer_hides_what_is_behind_and_left_is_left(renderer):
         look(Box((0.5, 2.0, 2.0)), Pose((6.0, 0.0, 1.0)), BLUE),
         look(Cylinder(0.2, 1.0), Pose((3.0, 1.2, 1.0)), GREEN),
     ]
-    picture = renderer.picture(CAMERA, EYE, boxes, [])
+    picture, _ = renderer.picture(CAMERA, EYE, boxes, [])
     assert of_colour(picture, 0)[60, 80]
     assert of_colour(picture, 2).sum() > of_colour(picture, 0).sum() / 4
     assert np.nonzero(of_colour(picture, 1))[1].max() < 60
 
 
 def test_the_floor_is_below_the_horizon_only(renderer):
-    picture = renderer.picture(CAMERA, EYE, [look(Plane(size=(60.0, 60.0)), Pose(), GREEN)], [])
+    picture, _ = renderer.picture(CAMERA, EYE, [look(Plane(size=(60.0, 60.0)), Pose(), GREEN)], [])
     floor = of_colour(picture, 1)
     assert floor[80:].all()
     assert not floor[:58].any()
@@ -70,7 +70,7 @@ def test_the_floor_is_below_the_horizon_only(renderer):
 
 def test_a_mesh_is_drawn(renderer, tmp_path):
     (tmp_path / "t.obj").write_text("v 0 -1 0\nv 0 1 0\nv 0 0 2\nf 1 2 3\nf 3 2 1\n")
-    picture = renderer.picture(CAMERA, EYE, [look(Mesh(str(tmp_path / "t.obj")), Pose((4.0, 0.0, 0.0)))], [])
+    picture, _ = renderer.picture(CAMERA, EYE, [look(Mesh(str(tmp_path / "t.obj")), Pose((4.0, 0.0, 0.0)))], [])
     assert of_colour(picture, 0).sum() > 200
 
 
@@ -80,11 +80,11 @@ def test_what_moves_is_drawn_where_it_is_and_not_when_it_has_gone(renderer, simu
     entity = simulation.entity("crate")
 
     def column(y):
-        picture = renderer.picture(CAMERA, EYE, [], [(entity, [Pose((3.0, y, 1.0))])])
+        picture, _ = renderer.picture(CAMERA, EYE, [], [(entity, [Pose((3.0, y, 1.0))])])
         return np.nonzero(of_colour(picture, 0))[1].mean()
 
     assert column(1.0) < 50 < column(0.0) < 110 < column(-1.0)
-    assert not of_colour(renderer.picture(CAMERA, EYE, [], []), 0).any()
+    assert not of_colour(renderer.picture(CAMERA, EYE, [], [])[0], 0).any()
 
 
 def test_messages_carry_format_and_intrinsics():

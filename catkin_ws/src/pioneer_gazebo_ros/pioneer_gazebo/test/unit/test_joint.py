@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from pioneer_gazebo.adapters.mesh import triangles_of_mesh
 from pioneer_gazebo.adapters.sdf import world_from_sdf_text
 from pioneer_gazebo.adapters.urdf import robot_from_urdf
 from pioneer_gazebo.core.body import body_from_model
@@ -126,7 +127,7 @@ def test_a_tree_is_turned_away_from_its_root_and_takes_loose_links_along():
 
 
 def test_links_stand_where_the_file_puts_them_whatever_the_joints_frames():
-    body = body_from_model(model_of(*DOOR))
+    body = body_from_model(model_of(*DOOR), triangles_of_mesh)
     part, at = body.part_of("leaf")
     assert part == 1
     assert body.parts[0].mass == 0

@@ -96,10 +96,10 @@ def test_laser_is_read_under_the_sensors_names():
 
 
 def test_unknown_plugins_and_elements_are_named_once():
-    other = '<gazebo><plugin name="x" filename="libgazebo_ros_imu.so"/></gazebo>'
+    other = '<gazebo><plugin name="x" filename="libgazebo_ros_wings.so"/></gazebo>'
     robot = cart(other * 2 + DRIVE.format(extra="<wheelSeperation>1</wheelSeperation>"))
     assert robot.warnings == (
-        "plugin libgazebo_ros_imu.so is not supported and ignored",
+        "plugin libgazebo_ros_wings.so is not supported and ignored",
         "<wheelSeperation> of plugin libgazebo_ros_diff_drive.so is not supported and ignored; "
         "did you mean <wheelSeparation>?",
     )

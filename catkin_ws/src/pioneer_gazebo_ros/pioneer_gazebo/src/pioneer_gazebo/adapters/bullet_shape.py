@@ -8,9 +8,9 @@ import pybullet
 from numpy.typing import NDArray
 
 from pioneer_gazebo.adapters.mesh import hull_of_mesh, solid_of_mesh
-from pioneer_gazebo.core.body import Touch
 from pioneer_gazebo.core.engine import EngineError
 from pioneer_gazebo.core.pose import IDENTITY, Pose
+from pioneer_gazebo.core.wheel import Touch
 from pioneer_gazebo.core.world import Box, Collision, Cylinder, Mesh, PlacedCollision, Plane, Sphere
 
 SHAPES_AT_MOST = 16

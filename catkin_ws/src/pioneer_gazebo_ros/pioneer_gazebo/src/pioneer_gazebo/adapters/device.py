@@ -10,8 +10,8 @@ from pioneer_gazebo.adapters.element import Element, Notes
 
 Config = TypeVar("Config")
 
-QUIET = {"alwaysOn", "always_on", "rosDebugLevel", "legacyMode", "robotNamespace", "hackBaseline"}
-"""Elements of plugins that change nothing here."""
+QUIET = {"alwaysOn", "always_on", "rosDebugLevel", "robotNamespace", "robotParam", "robotSimType"}
+"""Elements of plugins that are read elsewhere, or change nothing here."""
 
 ALIASES = {"torque": "wheelTorque", "jointNames": "jointName"}
 """Spellings of other releases of the plugins."""
@@ -33,6 +33,13 @@ class Names:
         _check(element, "joint", name, self.joints)
 
 
+def note_unread(plugin: Element, read: Collection[str], notes: Notes) -> None:
+    """Notes every element of a plugin that is not in ``read``."""
+    for child in plugin.children():
+        if child.tag not in QUIET and child.tag not in read:
+            notes.add(f"<{child.tag}> of plugin lib{library_of(plugin)}.so is not supported and ignored")
+
+
 def _check(element: Element, what: str, name: str, names: Collection[str]) -> None:
     if name not in names:
         near = difflib.get_close_matches(name, names, n=1)
@@ -44,8 +51,15 @@ def library_of(plugin: Element) -> str:
     return plugin.attribute("filename").rpartition("/")[2].removeprefix("lib").removesuffix(".so")
 
 
-def filled(config: type[Config], element: Element, notes: Notes, **given: Any) -> Config:
+def filled(config: type[Config], element: Element, notes: Notes, known: Collection[str] = (), **given: Any) -> Config:
     """Returns ``config`` with every field whose name is a child's tag filled from that child, and ``given``.
+
+    Args:
+        config: the class.
+        element: the plugin.
+        notes: takes each child that is neither a field nor in ``known``.
+        known: tags that the caller reads, or that change nothing.
+        **given: further fields.
 
     Raises:
         DescriptionError: an invalid value.
@@ -55,7 +69,7 @@ def filled(config: type[Config], element: Element, notes: Notes, **given: Any) -
         tag = ALIASES.get(child.tag, child.tag)
         if tag in hints:
             given[tag] = _READERS[hints[tag]](child)
-        elif tag not in QUIET:
+        elif tag not in QUIET and tag not in known:
             near = difflib.get_close_matches(tag, hints, n=1)
             hint = f"; did you mean <{near[0]}>?" if near else ""
             notes.add(f"<{tag}> of plugin lib{library_of(element)}.so is not supported and ignored{hint}")

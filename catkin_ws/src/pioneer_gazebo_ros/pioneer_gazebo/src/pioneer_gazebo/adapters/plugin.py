@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from pioneer_gazebo.adapters.device import Names, filled, library_of
 from pioneer_gazebo.adapters.element import Element, Notes
+from pioneer_gazebo.core.device import Gps, Imu, PlanarMove
 from pioneer_gazebo.core.robot import BaseDriver, Device, DiffDrive, GroundTruth, JointStatePublisher
 
 
@@ -27,9 +28,30 @@ def _name(element: Element) -> str:
 
 
 def _drive(element: Element, names: Names, notes: Notes) -> DiffDrive:
-    drive = filled(DiffDrive, element, notes, name=_name(element))
-    for joint in (drive.leftJoint, drive.rightJoint):
-        names.check_joint(element, joint)
+    return _checked_drive(element, names, filled(DiffDrive, element, notes, name=_name(element)))
+
+
+def _skid_steer(element: Element, names: Names, notes: Notes) -> DiffDrive:
+    """Reads a drive of four wheels; as in gazebo_ros its odometry is the true pose."""
+    joints = {
+        field: element.word(tag, tag)
+        for field, tag in (
+            ("leftJoint", "leftFrontJoint"), ("rightJoint", "rightFrontJoint"),
+            ("leftRearJoint", "leftRearJoint"), ("rightRearJoint", "rightRearJoint"),
+        )
+    }  # fmt: skip
+    known = {"leftFrontJoint", "rightFrontJoint", "broadcastTF", "covariance_x", "covariance_y", "covariance_yaw"}
+    drive = filled(DiffDrive, element, notes, known, name=_name(element), **joints)
+    drive = dataclasses.replace(drive, publishOdomTF=element.flag("broadcastTF", True), odometrySource="world")
+    return _checked_drive(element, names, drive)
+
+
+def _checked_drive(element: Element, names: Names, drive: DiffDrive) -> DiffDrive:
+    for side in drive.joints():
+        for joint in side:
+            names.check_joint(element, joint)
+    if drive.legacyMode not in ("", "true", "false"):
+        drive = dataclasses.replace(drive, legacyMode=str(element.flag("legacyMode")).lower())
     for name in ("wheelSeparation", "wheelDiameter", "wheelTorque"):
         if getattr(drive, name) <= 0:
             raise element.error(f"{name} must be above 0, not {getattr(drive, name):g}")
@@ -60,6 +82,31 @@ def _ground_truth(element: Element, names: Names, notes: Notes) -> GroundTruth:
     return filled(GroundTruth, element, notes, name=_name(element))
 
 
+def _planar(element: Element, names: Names, notes: Notes) -> PlanarMove:
+    del names
+    return filled(PlanarMove, element, notes, name=_name(element))
+
+
+def _imu(element: Element, names: Names, notes: Notes) -> Imu:
+    return imu_of(element, element.needed("bodyName").text, names, notes)
+
+
+def imu_of(element: Element, link: str, names: Names | None, notes: Notes) -> Imu:
+    """Returns the IMU of a plugin: of a model's, or of that in a sensor on ``link``."""
+    if names is not None:
+        names.check_link(element, link)
+    frame = element.word("frameName", element.word("frameId", link))
+    rate = element.number("updateRateHZ", element.number("updateRate", 0.0))
+    given = {"bodyName": link, "frame": frame, "updateRate": rate, "name": _name(element)}
+    known = {"frameName", "frameId", "updateRateHZ", "serviceName", "initialOrientationAsReference"}
+    return dataclasses.replace(filled(Imu, element, notes, known, **given), bodyName=link, updateRate=rate)
+
+
+def _gps(element: Element, names: Names, notes: Notes) -> Gps:
+    names.check_link(element, element.needed("bodyName").text)
+    return filled(Gps, element, notes, name=_name(element))
+
+
 def _joint_states(element: Element, names: Names, notes: Notes) -> JointStatePublisher:
     publisher = filled(JointStatePublisher, element, notes, name=_name(element))
     for joint in publisher.jointName:
@@ -69,6 +116,11 @@ def _joint_states(element: Element, names: Names, notes: Notes) -> JointStatePub
 
 _PLUGINS: dict[str, Callable[[Element, Names, Notes], Device]] = {
     "gazebo_ros_diff_drive": _drive,
+    "gazebo_ros_skid_steer_drive": _skid_steer,
+    "gazebo_ros_planar_move": _planar,
+    "gazebo_ros_imu": _imu,
+    "hector_gazebo_ros_imu": _imu,
+    "hector_gazebo_ros_gps": _gps,
     "gazebo_ros_p3d": _ground_truth,
     "gazebo_ros_joint_state_publisher": _joint_states,
     "pioneer_base_driver": _base_driver,

@@ -4,15 +4,19 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from pioneer_gazebo.adapters.device import Names
 from pioneer_gazebo.adapters.element import Element, Notes
 from pioneer_gazebo.adapters.file import content_of
+from pioneer_gazebo.adapters.plugin import read_plugin
 from pioneer_gazebo.adapters.resource import file_of_uri
 from pioneer_gazebo.adapters.sdf_actor import actor_from_sdf
 from pioneer_gazebo.adapters.sdf_frame import Frames
 from pioneer_gazebo.adapters.sdf_joint import joint_from_sdf
 from pioneer_gazebo.adapters.sdf_link import Scope, link_from_sdf, pose_in
+from pioneer_gazebo.adapters.sensor import read_sensor
 from pioneer_gazebo.core.joint import WORLD, Joint, tree_of
 from pioneer_gazebo.core.pose import IDENTITY, Pose
+from pioneer_gazebo.core.robot import Device
 from pioneer_gazebo.core.world import Collision, Link, Model, Plane, Visual, World
 
 VERSIONS = ("1.4", "1.5", "1.6", "1.7")
@@ -22,7 +26,7 @@ WORLD_QUIET = {
     "light", "scene", "gui", "physics", "audio", "wind", "atmosphere", "magnetic_field", "spherical_coordinates",
     "gravity", "state", "frame",
 }  # fmt: skip
-MODEL_QUIET = {"pose", "static", "self_collide", "allow_auto_disable", "enable_wind", "frame"}
+MODEL_QUIET = {"pose", "static", "plugin", "self_collide", "allow_auto_disable", "enable_wind", "frame"}
 
 _GROUND = Plane((0.0, 0.0, 1.0), (100.0, 100.0))
 GROUND_PLANE = Model(
@@ -227,7 +231,24 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
     tree, closing = tree_of(poses, joints) if joints else ((), ())
     for joint in closing:
         scope.notes.add(f"joint {joint} of model {name} closes a ring, which is not supported, and is left out")
-    return Model(name, pose_in(element), static, tuple(links), joints=tree)
+    devices = _devices(element, [link.name for link in links], [joint.name for joint in joints], scope)
+    if static and devices:
+        scope.notes.add(f"sensors and plugins of model {name}, which is static, are not supported and ignored")
+        devices = []
+    return Model(name, pose_in(element), static, tuple(links), joints=tree, devices=tuple(devices))
+
+
+def _devices(element: Element, links: list[str], joints: list[str], scope: Scope) -> list[Device]:
+    """Returns sensors and plugins of a model's own links."""
+    devices: list[Device] = []
+    for link in element.children("link"):
+        for sensor in link.children("sensor"):
+            with scope.leaving_out():
+                devices += read_sensor(sensor, link.attribute("name"), scope.notes)
+    for plugin in element.children("plugin"):
+        with scope.leaving_out():
+            devices += read_plugin(plugin, Names(links, joints), scope.notes)
+    return devices
 
 
 def _flattened(nested: Model) -> tuple[list[Link], list[Joint]]:

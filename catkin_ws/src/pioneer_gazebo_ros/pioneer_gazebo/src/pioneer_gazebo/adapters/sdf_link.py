@@ -24,7 +24,17 @@ from pioneer_gazebo.core.world import (
     Visual,
 )
 
-QUIET = {"pose", "self_collide", "enable_wind", "kinematic", "velocity_decay", "must_be_base_link", "gravity", "light"}
+QUIET = {
+    "pose",
+    "self_collide",
+    "enable_wind",
+    "kinematic",
+    "velocity_decay",
+    "must_be_base_link",
+    "gravity",
+    "light",
+    "sensor",
+}
 
 RADIUS_OF_GYRATION = 0.1
 """Of a link whose inertia cannot be right [m]."""

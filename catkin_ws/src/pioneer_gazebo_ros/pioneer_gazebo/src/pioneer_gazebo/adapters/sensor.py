@@ -3,12 +3,23 @@
 from collections.abc import Callable
 from typing import Any
 
-from pioneer_gazebo.adapters.device import library_of
+from pioneer_gazebo.adapters.device import library_of, note_unread
 from pioneer_gazebo.adapters.element import Element, Notes
+from pioneer_gazebo.adapters.plugin import imu_of
 from pioneer_gazebo.core.pose import IDENTITY, Pose
 from pioneer_gazebo.core.robot import Bumper, Camera, Device, LaserSensor, SonarSensor
 
-QUIET = {"pose", "ray", "camera", "contact", "plugin", "update_rate", "visualize", "always_on", "topic"}
+QUIET = {"pose", "ray", "camera", "contact", "plugin", "update_rate", "visualize", "always_on", "topic", "imu"}
+IMU_PLUGINS = ("gazebo_ros_imu_sensor", "gazebo_ros_imu")
+READ = {
+    "topicName", "frameName", "updateRate", "fov", "radiation", "gaussianNoise", "cameraName", "imageTopicName",
+    "cameraInfoTopicName", "hackBaseline", "bumperTopicName", "ros", "output_type", "frame_name", "depthImageTopicName",
+    "pointCloudTopicName", "depthImageCameraInfoTopicName", "pointCloudCutoff", "pointCloudCutoffMax",
+    "distortionK1", "distortionK2", "distortionK3", "distortionT1", "distortionT2", "Cx", "CxPrime", "Cy",
+    "focalLength", "baseline",
+}  # fmt: skip
+"""Elements of sensors' plugins that are read, or change nothing here: pictures have no distortion."""
+DEPTH_PLUGINS = ("gazebo_ros_depth_camera", "gazebo_ros_openni_kinect")
 PIXEL_FORMATS = ("R8G8B8", "B8G8R8", "L8", "RGB_INT8", "BGR_INT8", "L_INT8")
 
 
@@ -22,6 +33,8 @@ def read_sensor(element: Element, link: str, notes: Notes) -> list[Device]:
         if child.tag not in QUIET:
             notes.add(f"<{child.tag}> in <sensor> is not supported and ignored")
     plugin = element.child("plugin")
+    if element.attribute("type", "") == "imu" and plugin is not None and library_of(plugin) in IMU_PLUGINS:
+        return [imu_of(plugin, link, None, notes)]
     if plugin is None:
         notes.add(f"sensor {element.attribute('name')!r} is ignored: it has no plugin that would publish it")
         return []
@@ -29,6 +42,7 @@ def read_sensor(element: Element, link: str, notes: Notes) -> list[Device]:
     if reader is None:
         notes.add(f"sensor plugin lib{library_of(plugin)}.so is not supported and ignored")
         return []
+    note_unread(plugin, READ, notes)
     return [reader(element, plugin, link)]
 
 
@@ -73,9 +87,16 @@ def _laser(element: Element, plugin: Element, link: str) -> LaserSensor:
         resolution=reach.number("resolution", 0.0),
         noise_mean=0.0 if noise is None else noise.number("mean", 0.0),
         noise_stddev=0.0 if noise is None else noise.number("stddev", 0.0),
-        topic=plugin.word("topicName", "base_scan"),
-        frame=plugin.word("frameName", link),
+        topic=plugin.word("topicName", _remapped(plugin) or "base_scan"),
+        frame=plugin.word("frameName", plugin.word("frame_name", link)),
     )
+
+
+def _remapped(plugin: Element) -> str:
+    """Returns the topic that ``libgazebo_ros_ray_sensor.so`` is remapped to, empty for none."""
+    ros = plugin.child("ros")
+    names = [] if ros is None else [child.text for child in ros.children("remapping")]
+    return next((name.partition(":=")[2] for name in names if name.startswith("~/out:=")), "")
 
 
 def _sonar(element: Element, plugin: Element, link: str) -> SonarSensor:
@@ -120,7 +141,17 @@ def _camera(element: Element, plugin: Element, link: str) -> Camera:
         image_topic=plugin.word("imageTopicName", "image_raw"),
         info_topic=plugin.word("cameraInfoTopicName", "camera_info"),
         frame=plugin.word("frameName", link),
+        **_depth_topics(element, plugin),
     )
+
+
+def _depth_topics(element: Element, plugin: Element) -> dict[str, str]:
+    if element.attribute("type", "") != "depth" and library_of(plugin) not in DEPTH_PLUGINS:
+        return {}
+    return {
+        "depth_topic": plugin.word("depthImageTopicName", "depth/image_raw"),
+        "cloud_topic": plugin.word("pointCloudTopicName", "points"),
+    }
 
 
 def _camera_pose(sensor: Pose, camera: Element) -> Pose:
@@ -144,7 +175,10 @@ def _bumper(element: Element, plugin: Element, link: str) -> Bumper:
 _SENSORS: dict[str, Callable[[Element, Element, str], Device]] = {
     "gazebo_ros_laser": _laser,
     "gazebo_ros_gpu_laser": _laser,
+    "gazebo_ros_ray_sensor": _laser,
     "gazebo_ros_range": _sonar,
     "gazebo_ros_camera": _camera,
+    "gazebo_ros_depth_camera": _camera,
+    "gazebo_ros_openni_kinect": _camera,
     "gazebo_ros_bumper": _bumper,
 }

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import numpy as np
 import pybullet
 
-from pioneer_gazebo.core.camera import Picture, vertical_fov
+from pioneer_gazebo.core.camera import Depth, Picture, vertical_fov
 from pioneer_gazebo.core.entity import Entity
 from pioneer_gazebo.core.pose import Pose, rotated
 from pioneer_gazebo.core.robot import Camera
@@ -41,7 +41,7 @@ class TinyRenderer:
 
     def picture(
         self, camera: Camera, eye: Pose, standing: Iterable[Model], moving: Iterable[tuple[Entity, list[Pose]]]
-    ) -> Picture:
+    ) -> tuple[Picture, Depth]:
         """See `Renderer`."""
         self._show_standing(tuple(standing))
         self._show_moving(dict(moving))
@@ -55,8 +55,10 @@ class TinyRenderer:
         )  # fmt: skip
         size = camera.height, camera.width
         picture = np.array(colours, dtype=np.uint8).reshape(*size, 4)[:, :, :3].copy()
-        picture[np.array(depths, dtype=np.float32).reshape(size) >= 1.0] = SKY
-        return picture
+        buffer = np.array(depths, dtype=np.float32).reshape(size)
+        picture[buffer >= 1.0] = SKY
+        distances = camera.far * camera.near / (camera.far - (camera.far - camera.near) * buffer)
+        return picture, np.where(buffer < 1.0, distances, np.inf).astype(np.float32)
 
     def _show_standing(self, models: tuple[Model, ...]) -> None:
         if models == self._standing:
@@ -98,13 +100,15 @@ class TinyRenderer:
     def _shape(self, shape: Shape, colour: tuple[float, float, float, float]) -> int:
         look = {"rgbaColor": colour, "specularColor": (0.0, 0.0, 0.0), "physicsClientId": self._client}
         match shape:
-            case Box(size=(x, y, z)):
+            case Box(size=size):
+                x, y, z = size
                 return pybullet.createVisualShape(pybullet.GEOM_BOX, halfExtents=(x / 2, y / 2, z / 2), **look)
             case Sphere(radius=radius):
                 return pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=radius, **look)
             case Cylinder(radius=radius, length=length):
                 return pybullet.createVisualShape(pybullet.GEOM_CYLINDER, radius=radius, length=length, **look)
-            case Plane(size=(x, y)):
+            case Plane(size=extent):
+                x, y = extent
                 return pybullet.createVisualShape(
                     pybullet.GEOM_BOX, halfExtents=(x / 2, y / 2, PLANE_THICKNESS / 2),
                     visualFramePosition=(0.0, 0.0, -PLANE_THICKNESS / 2), **look,

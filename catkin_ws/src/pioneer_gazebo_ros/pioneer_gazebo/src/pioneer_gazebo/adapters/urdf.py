@@ -55,6 +55,7 @@ def robot_from_urdf(text: str | bytes, source: str = "robot_description") -> Rob
         tuple(extensions.devices),
         extensions.static,
         notes.lines(),
+        extensions.namespace,
     )
 
 

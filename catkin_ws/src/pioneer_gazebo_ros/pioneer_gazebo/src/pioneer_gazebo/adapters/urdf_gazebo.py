@@ -29,6 +29,7 @@ class Extensions:
     surfaces: dict[str, Surface] = field(default_factory=dict)
     devices: list[Device] = field(default_factory=list)
     static: bool = False
+    namespace: str = ""
 
     def surface(self, link: str) -> Surface:
         """Returns the surface of a link, the default one where nothing is said."""
@@ -80,5 +81,6 @@ def _read_model(element: Element, extensions: Extensions, names: Names, notes: N
             extensions.static = child.truth(_said(child))
         elif child.tag == "plugin":
             extensions.devices += read_plugin(child, names, notes)
+            extensions.namespace = extensions.namespace or child.word("robotNamespace", "").strip("/")
         else:
             notes.add(f"<{child.tag}> in <gazebo> is not supported and ignored")

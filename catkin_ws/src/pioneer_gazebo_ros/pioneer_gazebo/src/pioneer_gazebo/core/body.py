@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pioneer_gazebo.core import joint as kinds
+from pioneer_gazebo.core.device import PlanarMove
 from pioneer_gazebo.core.error import DescriptionError
 from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
-from pioneer_gazebo.core.robot import Robot
+from pioneer_gazebo.core.robot import DiffDrive, Robot
 from pioneer_gazebo.core.section import Triangles
 from pioneer_gazebo.core.wheel import Touch, as_balls, is_wheel
 from pioneer_gazebo.core.world import Box, Collision, Cylinder, Inertia, Link, Mesh, Model, Plane, Shape, Sphere, Visual
@@ -91,14 +92,19 @@ class Body:
         raise KeyError(joint)
 
 
-def body_from_model(model: Model) -> Body:
-    """Returns a dynamic model as one body whose frame is the model's: what no joint moves is held together."""
+def body_from_model(model: Model, triangles: Triangles) -> Body:
+    """Returns a dynamic model as one body whose frame is the model's: what no joint moves is held together.
+
+    Args:
+        model: the model.
+        triangles: reads meshes.
+    """
     if model.joints and model.script is None:
         links = {link.name: link for link in model.links}
         held = Link(kinds.WORLD)
         root = held if any(one.parent == kinds.WORLD for one in model.joints) else model.links[0]
         groups = _groups(model.name, root, root.pose, links.__getitem__, model.joints)
-        return Body(model.name, _parts(groups, model.joints, lambda *_: None))
+        return Body(model.name, _parts(groups, model.joints, _wheels_of(model.devices, triangles)))
     group = [(link, link.pose) for link in model.links]
     mass, inertia = (LED_MASS, LED_INERTIA) if model.script is not None else _lumped(group)
     touches = tuple(Touch(k.name, _moved(c, k.pose)) for k in model.links for c in k.collisions)
@@ -113,14 +119,29 @@ def body_from_robot(robot: Robot, triangles: Triangles) -> Body:
     Raises:
         DescriptionError: a floating joint, which a tree of parts has no room for.
     """
-    driven = {joint for drive in robot.drives for joint in (drive.leftJoint, drive.rightJoint)}
     groups = _groups(robot.name, robot.root, IDENTITY, robot.link, robot.joints)
+    parts = _parts(groups, robot.joints, _wheels_of(robot.devices, triangles), robot.static)
+    return Body(robot.name, _gliding(parts) if robot.of(PlanarMove) else parts)
+
+
+def _gliding(parts: tuple[Part, ...]) -> tuple[Part, ...]:
+    """Returns parts without friction: a base that is moved in the plane is not held back by its wheels."""
+    return tuple(
+        replace(part, touches=tuple(replace(t, collision=replace(t.collision, friction=0.0)) for t in part.touches))
+        for part in parts
+    )
+
+
+def _wheels_of(devices: Iterable[object], triangles: Triangles) -> "_Wheels":
+    """Returns what makes wheels of parts: of those that drives turn, and of those that roll by themselves."""
+    drives = [device for device in devices if isinstance(device, DiffDrive)]
+    driven = {joint for drive in drives for side in drive.joints() for joint in side}
 
     def rolling(touches: Sequence[Touch], joint: Joint, parent: Pose) -> _Rolling | None:
         is_driven = joint.name in driven
         return as_balls(touches, joint, triangles) if is_driven or is_wheel(touches, joint, parent, triangles) else None
 
-    return Body(robot.name, _parts(groups, robot.joints, rolling, robot.static))
+    return rolling
 
 
 _Group = list[tuple[Link, Pose]]
@@ -129,11 +150,14 @@ _Group = list[tuple[Link, Pose]]
 _Rolling = tuple[list[Touch], list[Touch]]
 """A wheel's shapes, and those that its parent takes over."""
 
+_Wheels = Callable[[Sequence[Touch], Joint, Pose], _Rolling | None]
+"""Returns what a part becomes that is a wheel, by its shapes, joint and parent's pose."""
+
 
 def _parts(
     groups: list[_Group],
     joints: Sequence[Joint],
-    rolling: Callable[[Sequence[Touch], Joint, Pose], _Rolling | None],
+    rolling: _Wheels,
     static: bool = False,
 ) -> tuple[Part, ...]:
     """Returns a part for each group; ``rolling`` returns what wheels become, by shapes, joint, parent's pose."""

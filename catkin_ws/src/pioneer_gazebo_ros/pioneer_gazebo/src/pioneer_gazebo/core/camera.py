@@ -16,13 +16,16 @@ from pioneer_gazebo.core.world import Model
 Picture = NDArray[np.uint8]
 """Shape (height, width, 3): red, green, blue; row 0 is the top."""
 
+Depth = NDArray[np.float32]
+"""Shape (height, width) [m]: along the camera's axis; +inf where nothing is near enough."""
+
 
 class Renderer(Protocol):
     """Draws the world. Used from one thread."""
 
     def picture(
         self, camera: Camera, eye: Pose, standing: Iterable[Model], moving: Iterable[tuple[Entity, list[Pose]]]
-    ) -> Picture:
+    ) -> tuple[Picture, Depth]:
         """Returns what ``camera`` sees from ``eye``, looking along x.
 
         Args:
@@ -54,6 +57,15 @@ def intrinsics_of(camera: Camera) -> Intrinsics:
 def vertical_fov(camera: Camera) -> float:
     """Returns the vertical opening [rad]."""
     return 2.0 * math.atan(math.tan(camera.horizontal_fov / 2.0) * camera.height / camera.width)
+
+
+def points_of(depth: Depth, camera: Camera) -> NDArray[np.float32]:
+    """Returns what each pixel shows as x to the right, y down, z ahead [m], shape (height, width, 3)."""
+    lens = intrinsics_of(camera)
+    x = (np.arange(camera.width, dtype=np.float32) - np.float32(lens.x)) / np.float32(lens.focal)
+    y = (np.arange(camera.height, dtype=np.float32) - np.float32(lens.y)) / np.float32(lens.focal)
+    met = np.where(np.isfinite(depth), depth, np.float32(np.nan))
+    return np.stack([met * x[None, :], met * y[:, None], met], axis=-1)
 
 
 def noisy(picture: Picture, stddev: float, generator: np.random.Generator) -> Picture:

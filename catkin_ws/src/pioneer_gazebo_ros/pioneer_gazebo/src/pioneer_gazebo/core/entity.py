@@ -1,14 +1,16 @@
 """One thing that moves in the simulated world: a robot or a dynamic model."""
 
+import math
 from collections import deque
 from dataclasses import dataclass, field, replace
 
 from pioneer_gazebo.core.body import Body
 from pioneer_gazebo.core.collision import CollisionCounter
+from pioneer_gazebo.core.device import PlanarMove
 from pioneer_gazebo.core.drive import Drive, Odometry, check_motion
-from pioneer_gazebo.core.engine import STILL, Velocity
+from pioneer_gazebo.core.engine import STILL, Engine, Velocity
 from pioneer_gazebo.core.laser import Laser, generator_for, laser_of_sonar
-from pioneer_gazebo.core.pose import IDENTITY, Pose
+from pioneer_gazebo.core.pose import IDENTITY, Pose, Quaternion, heading
 from pioneer_gazebo.core.robot import DiffDrive, LaserSensor, Robot, SonarSensor
 from pioneer_gazebo.core.script import Script
 
@@ -17,16 +19,21 @@ COMMANDS_KEPT = 100
 
 @dataclass(slots=True)
 class Driven:
-    """A drive together with what it turns: the parts of its left and right wheel, and how hard [N m].
+    """A drive together with what it turns.
 
     Attributes:
+        drive: wheel speeds and odometry.
+        parts: of the left wheels, then of as many right ones.
+        torque: at each wheel [N m].
+        handle: of the body in the engine.
         before: odometry after the step before the last one.
         commands: what is still to be obeyed: tick, speed [m/s], turn [rad/s]. The newest counts, so few are kept.
     """
 
     drive: Drive
-    parts: tuple[int, int]
+    parts: tuple[int, ...]
     torque: float
+    handle: int = -1
     before: Odometry = field(default_factory=Odometry)
     commands: deque[tuple[int, float, float]] = field(default_factory=lambda: deque(maxlen=COMMANDS_KEPT))
 
@@ -45,6 +52,18 @@ class Driven:
         """Hands the drive what has come by ``tick``."""
         while self.commands and self.commands[0][0] <= tick:
             self.drive.command(*self.commands.popleft()[1:])
+
+    def turn(self, engine: Engine, speeds: tuple[float, float]) -> None:
+        """Turns the left and the right wheels at these speeds [rad/s]."""
+        side = len(self.parts) // 2
+        each = (speeds[0],) * side + (speeds[1],) * side
+        engine.turn(self.handle, self.parts, each, (self.torque,) * len(self.parts))
+
+    def angles(self, engine: Engine) -> tuple[float, float]:
+        """Returns how far the left and the right wheels have turned [rad], on the average."""
+        turned = [angle for angle, _ in engine.joints(self.handle, self.parts)]
+        side = len(turned) // 2
+        return sum(turned[:side]) / side, sum(turned[side:]) / side
 
     def reset(self) -> None:
         """Stops the wheels, forgets commands, and puts the odometry back to the origin."""
@@ -90,8 +109,61 @@ def driven_on(body: Body, name: str, config: DiffDrive, seed: int, error: float,
     """
     errors = generator_for(seed, name, config.name, "odometry").standard_normal(2) * error
     drive = Drive(config, *(scale * (1.0 + float(error)) for error in errors))
-    parts = body.joint_index(config.leftJoint), body.joint_index(config.rightJoint)
-    return Driven(drive, parts, config.wheelTorque)
+    left, right = (tuple(body.joint_index(joint) for joint in side) for side in config.joints())
+    is_swapped = config.legacyMode == "true" or (not config.legacyMode and _y(body, left[0]) < _y(body, right[0]))
+    return Driven(drive, right + left if is_swapped else left + right, config.wheelTorque)
+
+
+def _y(body: Body, number: int) -> float:
+    """Returns how far to the left of the base a part lies [m], joints at 0."""
+    part = body.parts[number]
+    pose = IDENTITY
+    while part.joint is not None:
+        pose = part.joint.pose.compose(pose)
+        part = body.parts[part.parent]
+    return pose.position[1]
+
+
+@dataclass(slots=True)
+class Mover:
+    """What moves a base in the plane, in any direction.
+
+    Attributes:
+        config: names of topics and frames.
+        commands: what is still to be obeyed: tick, velocity ahead and to the left [m/s], turn rate [rad/s].
+        motion: what is obeyed now.
+    """
+
+    config: PlanarMove
+    commands: deque[tuple[int, float, float, float]] = field(default_factory=lambda: deque(maxlen=COMMANDS_KEPT))
+    motion: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def command(self, tick: int, ahead: float, left: float, turn: float) -> None:
+        """Takes a motion that came at ``tick``; any thread may call this. Raises CommandError."""
+        check_motion(math.hypot(ahead, left), turn)
+        self.commands.append((tick, ahead, left, turn))
+
+    def obey(self, tick: int, rotation: Quaternion, fall: float) -> Velocity | None:
+        """Returns the velocity for the step that begins at ``tick``, in the world; None where it is to stand.
+
+        Args:
+            tick: the present.
+            rotation: of the base.
+            fall: its vertical velocity [m/s], which stays.
+        """
+        while self.commands and self.commands[0][0] <= tick:
+            self.motion = self.commands.popleft()[1:]
+        if self.motion == (0.0, 0.0, 0.0):
+            return None
+        ahead, left, turn = self.motion
+        yaw = heading(rotation)
+        c, s = math.cos(yaw), math.sin(yaw)
+        return Velocity((c * ahead - s * left, s * ahead + c * left, fall), (0.0, 0.0, turn))
+
+    def reset(self) -> None:
+        """Forgets all commands."""
+        self.commands.clear()
+        self.motion = (0.0, 0.0, 0.0)
 
 
 @dataclass(slots=True, eq=False)
@@ -123,6 +195,7 @@ class Entity:
     initial: Pose
     robot: Robot | None = None
     drives: list[Driven] = field(default_factory=list)
+    movers: list[Mover] = field(default_factory=list)
     lasers: list[Mounted] = field(default_factory=list)
     sonars: list[Mounted] = field(default_factory=list)
     before: Pose = IDENTITY
@@ -172,3 +245,14 @@ def swinging_parts(entity: Entity) -> list[Swinging]:
         for number, part in enumerate(entity.body.parts)
         if number and part.touches
     ]
+
+
+def equip(entity: Entity, robot: Robot, seed: int, error: float, scale: float) -> None:
+    """Gives an entity the drives, lasers and sonars of ``robot``; seed, error and scale as for `driven_on`."""
+    body, name = entity.body, entity.name
+    entity.drives = [driven_on(body, name, config, seed, error, scale) for config in robot.drives]
+    for driven in entity.drives:
+        driven.handle = entity.handle
+    entity.movers = [Mover(config) for config in robot.of(PlanarMove)]
+    entity.lasers = [mounted_on(body, name, config, seed) for config in robot.lasers]
+    entity.sonars = [mounted_on(body, name, config, seed) for config in robot.sonars]

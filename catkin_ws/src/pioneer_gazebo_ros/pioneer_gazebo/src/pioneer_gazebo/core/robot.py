@@ -9,6 +9,7 @@ finds each setting again. Lengths [m], angles [rad], masses [kg], rates [Hz].
 from dataclasses import dataclass
 from typing import TypeVar
 
+from pioneer_gazebo.core.device import Gps, Imu, PlanarMove
 from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
 from pioneer_gazebo.core.world import Link
@@ -27,6 +28,8 @@ class DiffDrive:
         commandTimeout: without a command for longer the wheels stop [s]; 0 for never (ours, not gazebo_ros').
         updateRate: of commands and odometry [Hz]; 0 for every step.
         odometrySource: ``encoder`` (integrates the wheels) or ``world`` (the true pose).
+        legacyMode: ``true`` if the joint called left is on the right; empty: as the joints lie.
+        leftRearJoint: the second wheel on the left of ``libgazebo_ros_skid_steer_drive.so``; so ``rightRearJoint``.
     """
 
     name: str = "diff_drive"
@@ -48,6 +51,14 @@ class DiffDrive:
     publishOdomTF: bool = True
     publishWheelTF: bool = False
     publishWheelJointState: bool = False
+    legacyMode: str = ""
+    leftRearJoint: str = ""
+    rightRearJoint: str = ""
+
+    def joints(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Returns the names of the joints that are called left and right."""
+        left, right = (self.leftJoint, self.leftRearJoint), (self.rightJoint, self.rightRearJoint)
+        return tuple(filter(None, left)), tuple(filter(None, right))
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +148,8 @@ class Camera:
         image_topic: relative to ``name``.
         info_topic: relative to ``name``.
         frame: ``frame_id``, before the prefix.
+        depth_topic: of the picture's distances [m], relative to ``name``; empty for none.
+        cloud_topic: of the same as points, relative to ``name``; empty for none.
     """
 
     name: str
@@ -153,6 +166,8 @@ class Camera:
     image_topic: str = "image_raw"
     info_topic: str = "camera_info"
     frame: str = "camera_link"
+    depth_topic: str = ""
+    cloud_topic: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,7 +264,19 @@ class BaseDriver:
     windingLoss: float = 3.0
 
 
-Device = DiffDrive | LaserSensor | SonarSensor | Camera | GroundTruth | Bumper | JointStatePublisher | BaseDriver
+Device = (
+    DiffDrive
+    | PlanarMove
+    | Imu
+    | Gps
+    | LaserSensor
+    | SonarSensor
+    | Camera
+    | GroundTruth
+    | Bumper
+    | JointStatePublisher
+    | BaseDriver
+)
 """A sensor or plugin of a robot."""
 
 Kind = TypeVar("Kind")
@@ -266,6 +293,7 @@ class Robot:
         devices: sensors and plugins, in the file's order.
         static: the model never moves (``<gazebo><static>``).
         warnings: one line for each kind of thing in the file that is not supported and was left out.
+        namespace: that a plugin names for its topics; it counts where the robot is spawned without one.
     """
 
     name: str
@@ -274,6 +302,7 @@ class Robot:
     devices: tuple[Device, ...] = ()
     static: bool = False
     warnings: tuple[str, ...] = ()
+    namespace: str = ""
 
     def of(self, kind: type[Kind]) -> tuple[Kind, ...]:
         """Returns the devices of one kind, in the file's order."""

@@ -6,6 +6,7 @@ than a step, and commands act from the next step on.
 """
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +14,10 @@ from numpy.typing import NDArray
 from pioneer_gazebo.core import bound
 from pioneer_gazebo.core.actor import Actors
 from pioneer_gazebo.core.body import Body, body_from_model, body_from_robot
+from pioneer_gazebo.core.control import control
 from pioneer_gazebo.core.drive import Odometry
 from pioneer_gazebo.core.engine import STILL, Contact, Engine, Physics, Velocity
-from pioneer_gazebo.core.entity import Driven, Entity, Mounted, driven_on, mounted_on
+from pioneer_gazebo.core.entity import Driven, Entity, Mounted, equip
 from pioneer_gazebo.core.error import ModelError
 from pioneer_gazebo.core.laser import generator_for
 from pioneer_gazebo.core.pose import Pose, between
@@ -131,9 +133,13 @@ class Simulation:
             return
         if not model.links:
             raise ModelError(f"model {model.name} has no links")
-        body = body_from_model(model)
+        body = body_from_model(model, self._triangles)
         if model.script is None:
-            self._add(model.name, namespace, body, model.pose, None, anywhere)
+            devices: tuple[Any, ...] = model.devices
+            robot = Robot(model.name, model.links, model.joints, devices) if devices else None
+            entity = self._add(model.name, namespace, body, model.pose, robot, anywhere)
+            if robot is not None:
+                self._equip(entity, robot)
             return
         pose = model.script.pose(0.0)
         entity = Entity(model.name, namespace, body, self._engine.add(body, pose), pose, after=pose)
@@ -148,15 +154,16 @@ class Simulation:
         """
         self._roster.check_name(name, self._standing.models)
         body = body_from_robot(robot, self._triangles)
-        errors = self._seed, self._odometry_error, self._odometry_scale
-        drives = [driven_on(body, name, config, *errors) for config in robot.drives]
         entity = self._add(name, namespace, body, pose, robot, anywhere=False)
-        entity.drives = drives
-        entity.lasers = [mounted_on(body, name, config, self._seed) for config in robot.lasers]
-        entity.sonars = [mounted_on(body, name, config, self._seed) for config in robot.sonars]
-        for driven in drives:
-            self._engine.turn(entity.handle, driven.parts, (0.0, 0.0), (driven.torque, driven.torque))
+        self._equip(entity, robot)
         return entity
+
+    def _equip(self, entity: Entity, robot: Robot) -> None:
+        """Gives an entity its drives and sensors."""
+        errors = self._seed, self._odometry_error, self._odometry_scale
+        equip(entity, robot, *errors)
+        for driven in entity.drives:
+            driven.turn(self._engine, (0.0, 0.0))
 
     def _add(self, name: str, namespace: str, body: Body, pose: Pose, robot: Robot | None, anywhere: bool) -> Entity:
         bound.check_body(body)
@@ -210,33 +217,20 @@ class Simulation:
         step = self.physics.step
         self._wrenches.push(self._stepped)
         for entity in self._roster.entities:
-            self._control(entity, step)
+            control(self._engine, entity, self._stepped, step)
         self._actors.lead(self._stepped + self._period, step)
         self._engine.step()
         self._stepped += self._period
         for entity in self._roster.entities:
             for driven in entity.drives:
                 driven.before = driven.drive.odometry
-                (left, _), (right, _) = self._engine.joints(entity.handle, driven.parts)
-                driven.drive.measure(left, right, step)
+                driven.drive.measure(*driven.angles(self._engine), step)
         self._actors.follow(self._stepped)
         time = self._stepped / TICK_RATE
         for handle in sorted(self._engine.touching()):
             entity = self._roster.of_handle(handle)
             if entity.collisions.touched(time):
                 self._collided.append(entity)
-
-    def _control(self, entity: Entity, step: float) -> None:
-        for driven in entity.drives:
-            driven.obey(self._stepped)
-        speeds = [driven.drive.wheel_speeds(step) for driven in entity.drives]
-        at_rest = all(driven.drive.at_rest for driven in entity.drives)
-        if at_rest != entity.at_rest:
-            entity.at_rest = at_rest
-            self._engine.rest(entity.handle, at_rest)
-        for driven, wanted in zip(entity.drives, speeds, strict=True):
-            if wanted is not None:
-                self._engine.turn(entity.handle, driven.parts, wanted, (driven.torque, driven.torque))
 
     def collided(self) -> list[Entity]:
         """Returns what began to touch something since this was asked last."""
@@ -384,7 +378,9 @@ class Simulation:
                     self._engine.set_joint(entity.handle, part, 0.0)
             for driven in entity.drives:
                 driven.reset()
-                self._engine.turn(entity.handle, driven.parts, (0.0, 0.0), (driven.torque, driven.torque))
+                driven.turn(self._engine, (0.0, 0.0))
+            for mover in entity.movers:
+                mover.reset()
 
     def reset(self) -> None:
         """Does `reset_poses` and puts time, noise and collision counts back to the beginning."""

@@ -129,6 +129,7 @@ class Model:
         links: poses are in the model's frame, all joints at 0.
         script: what moves it in place of physics.
         joints: one tree of all links (see `joint.tree_of`); none where all links are held together.
+        devices: sensors and plugins (see `robot.Device`).
     """
 
     name: str
@@ -137,6 +138,7 @@ class Model:
     links: tuple[Link, ...] = ()
     script: Script | None = None
     joints: tuple[Joint, ...] = ()
+    devices: tuple[object, ...] = ()
 
     def moved(self, base: Pose) -> "Model":
         """Returns the model with its pose and script, given in ``base``'s frame, in the frame of ``base``'s parent."""

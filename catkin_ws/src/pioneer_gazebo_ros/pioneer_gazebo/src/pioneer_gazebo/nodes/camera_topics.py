@@ -1,20 +1,25 @@
 """A robot's camera: pictures and their intrinsics, drawn only while something subscribes."""
 
+from collections.abc import Callable
+from typing import Any
+
 import rospy
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 
 from pioneer_gazebo import conversions
-from pioneer_gazebo.core.camera import noisy
+from pioneer_gazebo.core.camera import noisy, points_of
 from pioneer_gazebo.core.laser import generator_for
 from pioneer_gazebo.core.robot import Camera
 from pioneer_gazebo.core.schedule import nanoseconds
 from pioneer_gazebo.nodes.port import Port
+from pioneer_gazebo.nodes.topic import Topic
 
 
 def camera_topics(port: Port, config: Camera) -> None:
     """Publishes ``image_raw`` (Image) and ``camera_info`` (CameraInfo) below the camera's name, with the same stamps.
 
-    The simulation waits for each picture.
+    A depth camera publishes distances (Image, 32FC1) and points (PointCloud2), too. The simulation waits for each
+    picture; where pictures take too much time, some are left out (`Budget`).
     """
     simulation, frame = port.simulation, port.frame(config.frame)
     noise = generator_for(0, port.entity.name, config.name)
@@ -23,18 +28,31 @@ def camera_topics(port: Port, config: Camera) -> None:
     intrinsics = conversions.info_of(config)
     intrinsics.header.frame_id = frame
 
+    depth = port.topic(f"{config.name}/{config.depth_topic}", Image) if config.depth_topic else None
+    cloud = port.topic(f"{config.name}/{config.cloud_topic}", PointCloud2) if config.cloud_topic else None
+
+    def send(topic: Topic | None, tick: int, make: Callable[[], Any]) -> None:
+        if topic is not None and topic.wanted:
+            message = make()
+            message.header.frame_id = frame
+            message.header.stamp = rospy.Time(*conversions.seconds_nanoseconds(nanoseconds(tick)))
+            topic.send(conversions.frame_of(message))
+
     def publish_image(tick: int) -> None:
-        eye = simulation.link_pose(port.entity, config.link).compose(config.pose)
-        moving = [(entity, simulation.part_poses(entity)) for entity in simulation.entities()]
-        picture = port.context.renderer().picture(config, eye, simulation.standing_models(), moving)
-        message = conversions.image_of(noisy(picture, config.noise_stddev, noise), config)
-        message.header.frame_id = frame
-        message.header.stamp = rospy.Time(*conversions.seconds_nanoseconds(nanoseconds(tick)))
-        image.send(conversions.frame_of(message))
+        def draw() -> None:
+            eye = simulation.link_pose(port.entity, config.link).compose(config.pose)
+            moving = [(entity, simulation.part_poses(entity)) for entity in simulation.entities()]
+            picture, far = port.context.renderer().picture(config, eye, simulation.standing_models(), moving)
+            seen = noisy(picture, config.noise_stddev, noise)
+            send(image, tick, lambda: conversions.image_of(seen, config))
+            send(depth, tick, lambda: conversions.depth_of(far))
+            send(cloud, tick, lambda: conversions.cloud_of(points_of(far, config)))
+
+        port.context.budget.draw(f"{port.entity.name}/{config.name}", draw)
 
     def publish_info(tick: int) -> None:
         intrinsics.header.stamp = rospy.Time(*conversions.seconds_nanoseconds(nanoseconds(tick)))
         info.send(conversions.frame_of(intrinsics))
 
-    port.every(config.update_rate, config.image_topic, publish_image, image)
+    port.every(config.update_rate, config.image_topic, publish_image, *filter(None, (image, depth, cloud)))
     port.every(config.update_rate, config.info_topic, publish_info, info)

@@ -7,10 +7,30 @@ from nav_msgs.msg import Odometry
 from pioneer_gazebo import conversions
 from pioneer_gazebo.core.drive import CommandError
 from pioneer_gazebo.core.engine import Velocity
+from pioneer_gazebo.core.entity import Driven
 from pioneer_gazebo.core.pose import planar_pose
-from pioneer_gazebo.core.robot import DiffDrive
+from pioneer_gazebo.core.robot import DiffDrive, JointStatePublisher
 from pioneer_gazebo.core.schedule import nanoseconds
 from pioneer_gazebo.nodes.port import Port
+from pioneer_gazebo.nodes.sensor_topics import joint_state_topics
+
+
+def _wheel_transforms(port: Port, driven: Driven) -> None:
+    """Publishes the transforms of the driven wheels, from the links that carry them."""
+    body, simulation, transforms = port.entity.body, port.simulation, port.context.transforms
+    wheels = []
+    for part in driven.parts:
+        joint = body.parts[part].joint
+        assert joint is not None, "a wheel has a joint"
+        wheels.append((joint, conversions.TransformTemplate(port.frame(joint.parent), port.frame(joint.child))))
+
+    def publish(tick: int) -> None:
+        for joint, template in wheels:
+            parent = simulation.link_pose(port.entity, joint.parent)
+            child = simulation.link_pose(port.entity, joint.child)
+            transforms.add(template.fill(nanoseconds(tick), parent.inverse().compose(child)))
+
+    port.every(driven.drive.config.updateRate, "wheels", publish, transforms=True)
 
 
 def drive_topics(port: Port, config: DiffDrive) -> None:
@@ -44,4 +64,9 @@ def drive_topics(port: Port, config: DiffDrive) -> None:
             rospy.logerr_throttle(1.0, f"{port.entity.name}: {error}; the last command holds")
 
     port.every(config.updateRate, config.odometryTopic, publish, topic, transforms=sends_transform)
+    if config.publishWheelTF:
+        _wheel_transforms(port, driven)
+    if config.publishWheelJointState:
+        names = tuple(joint for side in config.joints() for joint in side)
+        joint_state_topics(port, JointStatePublisher(config.name, names, config.updateRate))
     port.subscribe(config.commandTopic, Twist, command)

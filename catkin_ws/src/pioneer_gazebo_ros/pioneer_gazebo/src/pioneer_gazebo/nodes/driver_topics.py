@@ -63,7 +63,7 @@ def driver_topics(port: Port, config: BaseDriver) -> None:
         drained[0] = simulation.tick
 
     port.on_reset.append(reset)
-    port.every(config.updateRate, config.name, update)
+    port.every(config.updateRate, config.name, update, always=True)
     port.latched("battery_recharge_state", Int8(NOT_CHARGING))
     port.latched("motors_state", Bool(True))
 

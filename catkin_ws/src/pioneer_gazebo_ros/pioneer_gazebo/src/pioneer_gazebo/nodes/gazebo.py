@@ -105,6 +105,7 @@ class GazeboNode:
         )
         self._transforms = TransformTopic(self._timeline.schedule.review)
         self._robots = Robots(self._simulation, self._timeline, self._transforms)
+        self._robots.start_topics()
         self._factor = rospy.Publisher("/gazebo/real_time_factor", Float64, queue_size=1)
         self._diagnostics = Diagnostics()
         self._ready = rospy.Publisher("/gazebo/ready", Bool, queue_size=1, latch=True)

@@ -10,6 +10,7 @@ from pioneer_gazebo.core.camera import Renderer
 from pioneer_gazebo.core.entity import Entity
 from pioneer_gazebo.core.schedule import Schedule, Task
 from pioneer_gazebo.core.simulation import Simulation
+from pioneer_gazebo.nodes.budget import Budget
 from pioneer_gazebo.nodes.topic import Topic, publish_while_alive
 from pioneer_gazebo.nodes.transform_topic import TransformTopic
 from pioneer_node.core.frame import resolved
@@ -25,6 +26,7 @@ class Context:
         transforms: ``/tf``.
         now: returns the tick that a command arrives at; any thread may call it.
         renderer: returns what draws pictures, made at the first call.
+        budget: the wall time that pictures may take.
     """
 
     simulation: Simulation
@@ -32,6 +34,7 @@ class Context:
     transforms: TransformTopic
     now: Callable[[], int]
     renderer: Callable[[], Renderer]
+    budget: Budget
 
 
 class Port:
@@ -83,23 +86,30 @@ class Port:
         )
 
     def every(
-        self, rate: float, what: str, action: Callable[[int], None], *topics: Topic, transforms: bool = False
+        self,
+        rate: float,
+        what: str,
+        action: Callable[[int], None],
+        *topics: Topic,
+        transforms: bool = False,
+        always: bool = False,
     ) -> None:
-        """Runs ``action`` at a rate [Hz; 0: every step], while any of ``topics``, or ``/tf``, has subscribers.
+        """Runs ``action`` while any of ``topics``, or ``/tf``, has subscribers.
 
         Args:
             rate: [Hz]; 0: every step of the engine.
             what: for messages.
             action: takes the tick.
-            topics: none: it always runs.
-            transforms: whether ``action`` makes transforms as well.
+            topics: that it publishes.
+            transforms: whether it makes transforms as well.
+            always: whether it runs without subscribers, too.
 
         Raises:
             RateError: the rate does not divide the simulator's.
         """
 
         def wanted() -> bool:
-            return not topics or any(one.wanted for one in topics) or (transforms and self.context.transforms.wanted)
+            return always or any(one.wanted for one in topics) or (transforms and self.context.transforms.wanted)
 
         rate = rate if rate > 0 else 1.0 / self.simulation.physics.step
         self._tasks.append(self.context.schedule.add(f"{self.entity.name}: {what}", rate, action, wanted))

@@ -7,10 +7,12 @@ import rospy
 from std_msgs.msg import UInt32
 
 from pioneer_gazebo.core import robot as kinds
+from pioneer_gazebo.core.device import Gps, Imu, PlanarMove
 from pioneer_gazebo.core.entity import Entity
 from pioneer_gazebo.nodes.camera_topics import camera_topics
 from pioneer_gazebo.nodes.drive_topics import drive_topics
 from pioneer_gazebo.nodes.driver_topics import driver_topics
+from pioneer_gazebo.nodes.other_topics import gps_topics, imu_topics, planar_topics
 from pioneer_gazebo.nodes.port import Context, Port
 from pioneer_gazebo.nodes.sensor_topics import (
     bumper_topics,
@@ -23,6 +25,9 @@ from pioneer_gazebo.nodes.topic import publish_while_alive
 
 TOPICS: dict[type, Callable[[Port, Any], object]] = {
     kinds.DiffDrive: drive_topics,
+    PlanarMove: planar_topics,
+    Imu: imu_topics,
+    Gps: gps_topics,
     kinds.LaserSensor: laser_topics,
     kinds.SonarSensor: sonar_topics,
     kinds.Camera: camera_topics,

@@ -6,10 +6,13 @@ import rospy
 
 from pioneer_gazebo.adapters.mesh import triangles_of_mesh
 from pioneer_gazebo.adapters.tiny_renderer import TinyRenderer
+from pioneer_gazebo.core.entity import Entity
 from pioneer_gazebo.core.error import SimulatorError
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.simulation import Simulation
+from pioneer_gazebo.core.world import Model
+from pioneer_gazebo.nodes.budget import Budget
 from pioneer_gazebo.nodes.port import Context
 from pioneer_gazebo.nodes.robot_topics import RobotTopics
 from pioneer_gazebo.nodes.timeline import Timeline
@@ -23,7 +26,8 @@ class Robots:
         self._simulation = simulation
         self._topics: dict[str, RobotTopics] = {}
         self._drawing: TinyRenderer | None = None
-        self._context = Context(simulation, timeline.schedule, transforms, timeline.present, self._renderer)
+        budget = Budget(lambda: timeline.pacer.factor)
+        self._context = Context(simulation, timeline.schedule, transforms, timeline.present, self._renderer, budget)
 
     def __len__(self) -> int:
         """Returns the number of robots."""
@@ -43,16 +47,42 @@ class Robots:
         """
         for line in robot.warnings:
             rospy.logwarn("%s: %s", name, line)
-        entity = self._simulation.add_robot(name, namespace, robot, pose)
+        entity = self._simulation.add_robot(name, namespace or robot.namespace, robot, pose)
         moved = math.dist(entity.initial.position[:2], pose.position[:2])
         if moved > 0:
             x, y, _ = entity.initial.position
             rospy.logwarn("%s: its pose overlaps something; it is moved by %.2f m to (%.2f, %.2f)", name, moved, x, y)
         try:
-            self._topics[name] = RobotTopics(self._context, entity)
+            self._start(entity)
         except SimulatorError:
             self._simulation.remove(name)
             raise
+
+    def add_model(self, model: Model, namespace: str) -> None:
+        """Adds a model, and its topics where it has sensors or plugins.
+
+        Raises:
+            SimulatorError: it cannot be added; nothing is left of it.
+        """
+        self._simulation.add_model(model, namespace)
+        try:
+            self.start_topics()
+        except SimulatorError:
+            self._simulation.remove(model.name)
+            raise
+
+    def start_topics(self) -> None:
+        """Starts the topics of all models with sensors or plugins that have none yet, as a world's file brings them.
+
+        Raises:
+            RateError: a rate does not divide the simulator's.
+        """
+        for entity in self._simulation.entities():
+            if entity.robot is not None and entity.name not in self._topics:
+                self._start(entity)
+
+    def _start(self, entity: Entity) -> None:
+        self._topics[entity.name] = RobotTopics(self._context, entity)
 
     def delete(self, name: str) -> None:
         """Removes a model and its topics.

@@ -59,7 +59,7 @@ class SpawnServices:
             prepare(models[0].links, models[0].static, rospy.loginfo)
             pose = self._mailbox.call(lambda: self._initial_pose(request))
             model = replace(models[0].moved(pose), name=name)
-            self._mailbox.call(lambda: self._simulation.add_model(model, namespace))
+            self._mailbox.call(lambda: self._robots.add_model(model, namespace))
         except (SimulatorError, ValueError) as error:
             return refusal("spawn_sdf_model", srv.SpawnModel, str(error))
         return self._spawned(name)

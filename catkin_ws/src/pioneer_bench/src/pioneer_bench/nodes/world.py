@@ -1,0 +1,123 @@
+"""One world of ``bench worlds`` in a process of its own, the robot on standard input: prints its figures as JSON."""
+
+import json
+import math
+import resource
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pioneer_bench.core.caster import distances, triangles_of
+from pioneer_bench.core.maze import loose_maze
+from pioneer_gazebo.adapters.bullet import BulletEngine
+from pioneer_gazebo.adapters.mesh import triangles_of_mesh
+from pioneer_gazebo.adapters.resource import model_path
+from pioneer_gazebo.adapters.sdf import world_from_sdf
+from pioneer_gazebo.adapters.urdf import robot_from_urdf
+from pioneer_gazebo.core.engine import Physics
+from pioneer_gazebo.core.entity import Entity
+from pioneer_gazebo.core.error import ModelError
+from pioneer_gazebo.core.pose import Pose
+from pioneer_gazebo.core.robot import Robot
+from pioneer_gazebo.core.schedule import TICK_RATE
+from pioneer_gazebo.core.simulation import Simulation
+from pioneer_gazebo.core.world import Shape, World
+
+ROBOTS = 10
+SECONDS = 5
+SCANS = 10
+LONGEST_LOAD = 10.0
+CLOSE = 0.02
+"""A beam is true if it is so close [m] to the caster's; sections are cut in layers of 2 cm, and balls have facets."""
+
+MOST_WRONG = 0.01
+"""Of the beams: those that pass an edge closer than the noise."""
+
+
+def main() -> int:
+    """Loads, runs and checks the world that the command line names."""
+    [name] = sys.argv[1:]
+    robot = robot_from_urdf(sys.stdin.read())
+    began = time.process_time()
+    world = world_from_sdf(name, model_path()) if name.endswith(".world") else loose_maze()
+    engine = BulletEngine()
+    simulation = Simulation(engine, triangles_of_mesh, Physics(gravity=world.gravity))
+    simulation.load(world)
+    loaded = time.process_time() - began
+    entities = _spawned(simulation, robot)
+    simulation.advance(2 * TICK_RATE)
+    checked = [_errors(simulation, entity, world) for entity in entities]
+    errors = np.concatenate([np.empty(0), *checked])
+    factor = _factor(simulation, entities)
+    figures = {
+        "world": Path(name).stem,
+        "robots": len(entities),
+        "load": loaded,
+        "rss": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "factor": factor,
+        "beams": len(errors),
+        "true": int((errors <= CLOSE).sum()),
+        "worst": float(errors.max(initial=0.0)),
+        "holds": loaded <= LONGEST_LOAD and factor >= 1.0 and int((errors > CLOSE).sum()) <= MOST_WRONG * len(errors),
+    }
+    print(json.dumps(figures))
+    return 0
+
+
+def _spawned(simulation: Simulation, robot: Robot) -> list[Entity]:
+    """Spawns robots at free places of a grid, from the middle outwards."""
+    places = sorted(((x * 1.5, y * 1.5) for x in range(-8, 9) for y in range(-8, 9)), key=lambda p: math.hypot(*p))
+    simulation.spawn_search = 0.0
+    entities: list[Entity] = []
+    for x, y in places:
+        if len(entities) == ROBOTS:
+            break
+        try:
+            entities.append(simulation.add_robot(f"r{len(entities)}", f"r{len(entities)}", robot, Pose((x, y, 0.0))))
+        except ModelError:
+            continue  # something stands there: the next place is tried
+    return entities
+
+
+def _errors(simulation: Simulation, entity: Entity, world: World) -> NDArray[np.float64]:
+    """Returns by how much [m] the beams of a scan that met something differ from the caster's, noise allowed for."""
+    mounted = entity.lasers[0]
+    config = mounted.laser.config
+    ranges = simulation.ranges(entity, mounted).copy()
+    sensor = simulation.pose(entity).compose(mounted.pose)
+    angles = sensor.yaw + np.linspace(config.min_angle, config.max_angle, config.samples)
+    beams = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))])
+    standing = [(one.collision.shape, one.pose) for one in world.collisions(static_only=True)]
+    moving = [shape for other in simulation.entities() if other is not entity for shape in _shapes(simulation, other)]
+    truth = distances(triangles_of(standing + moving, triangles_of_mesh), np.array(sensor.position), beams)
+    met = np.isfinite(ranges) & (truth < config.max_range - 0.1) & (truth > config.min_range + 0.1)
+    return np.maximum(np.abs(ranges - truth)[met] - 4 * config.noise_stddev, 0.0)
+
+
+def _shapes(simulation: Simulation, entity: Entity) -> list[tuple[Shape, Pose]]:
+    """Returns all shapes of what moves that lasers see, where they are."""
+    return [
+        (touch.collision.shape, pose.compose(touch.collision.pose))
+        for part, pose in zip(entity.body.parts, simulation.part_poses(entity), strict=True)
+        for touch in part.touches
+        if not touch.rolling
+    ]
+
+
+def _factor(simulation: Simulation, entities: list[Entity]) -> float:
+    """Returns simulated seconds per second of the processor, while all robots drive and scan."""
+    for number, entity in enumerate(entities):
+        entity.drives[0].command(simulation.tick, 0.3, 0.4 if number % 2 else -0.4)
+    began = time.process_time()
+    for _ in range(SECONDS * SCANS):
+        simulation.advance(simulation.tick + TICK_RATE // SCANS)
+        for entity in entities:
+            simulation.ranges(entity, entity.lasers[0])
+    return SECONDS / (time.process_time() - began)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

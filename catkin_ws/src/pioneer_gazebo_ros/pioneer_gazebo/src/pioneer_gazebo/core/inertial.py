@@ -1,0 +1,73 @@
+"""What inertial and satellite sensors report of a link."""
+
+import math
+
+from pioneer_gazebo.core.device import Gps, Imu
+from pioneer_gazebo.core.engine import Velocity
+from pioneer_gazebo.core.entity import Entity
+from pioneer_gazebo.core.laser import generator_for
+from pioneer_gazebo.core.pose import Quaternion, Vector, added, conjugate, opposite, rotated
+from pioneer_gazebo.core.schedule import TICK_RATE
+from pioneer_gazebo.core.simulation import Simulation
+from pioneer_gazebo.core.state import link_motion
+
+EARTH = 6_378_137.0
+FLATTENING = 1 / 298.257223563
+"""Of WGS 84: the radius at the equator [m], and by how much the poles are nearer."""
+
+
+class InertialUnit:
+    """Reports orientation, rates and accelerations of a link in its own axes; at rest, it feels gravity's opposite."""
+
+    def __init__(self, simulation: Simulation, entity: Entity, config: Imu) -> None:
+        self._simulation, self._entity, self._config = simulation, entity, config
+        self._noise = generator_for(0, entity.name, config.name)
+        self._before: tuple[int, Vector] | None = None
+
+    def measure(self) -> tuple[Quaternion, Vector, Vector]:
+        """Returns rotation in the world, rates [rad/s], and the mean acceleration since the last measurement [m/s²]."""
+        simulation, config = self._simulation, self._config
+        pose, velocity = link_motion(simulation, self._entity.name, config.bodyName)
+        felt = opposite(simulation.physics.gravity)
+        if self._before is not None and simulation.tick > self._before[0]:
+            rate = TICK_RATE / (simulation.tick - self._before[0])
+            x, y, z = added(velocity.linear, opposite(self._before[1]))
+            felt = added(felt, (x * rate, y * rate, z * rate))
+        self._before = simulation.tick, velocity.linear
+        back = conjugate(pose.rotation)
+        rates, felt = rotated(back, velocity.angular), rotated(back, felt)
+        if config.gaussianNoise > 0:
+            draws: list[float] = (self._noise.standard_normal(6) * config.gaussianNoise).tolist()
+            rates, felt = added(rates, (draws[0], draws[1], draws[2])), added(felt, (draws[3], draws[4], draws[5]))
+        return pose.rotation, rates, felt
+
+
+class Receiver:
+    """Reports where on the globe a link is, on a plane that touches it at the world's origin."""
+
+    def __init__(self, simulation: Simulation, entity: Entity, config: Gps) -> None:
+        self._simulation, self._entity, self._config = simulation, entity, config
+        latitude, heading = math.radians(config.referenceLatitude), math.radians(config.referenceHeading)
+        square = 1.0 / (1.0 - (2 * FLATTENING - FLATTENING**2) * math.sin(latitude) ** 2)
+        east = EARTH * math.sqrt(square)
+        self._north_radius = east * (1.0 - (2 * FLATTENING - FLATTENING**2)) * square
+        self._east_radius = east * math.cos(latitude)
+        self._heading = math.cos(heading), math.sin(heading)
+
+    def measure(self) -> tuple[tuple[float, float, float], Vector]:
+        """Returns latitude, longitude [deg], altitude [m], and the velocity to north, west, up [m/s]."""
+        pose, velocity = link_motion(self._simulation, self._entity.name, self._config.bodyName)
+        config = self._config
+        north, west = self._turned(pose.position)
+        latitude = config.referenceLatitude + math.degrees(north / self._north_radius)
+        longitude = config.referenceLongitude - math.degrees(west / self._east_radius)
+        altitude = config.referenceAltitude + pose.position[2]
+        return (latitude, longitude, altitude), self._velocity(velocity)
+
+    def _velocity(self, velocity: Velocity) -> Vector:
+        return *self._turned(velocity.linear), velocity.linear[2]
+
+    def _turned(self, vector: Vector) -> tuple[float, float]:
+        """Returns the parts to north and west."""
+        c, s = self._heading
+        return c * vector[0] + s * vector[1], -s * vector[0] + c * vector[1]

@@ -1,0 +1,41 @@
+"""How much of the wall time pictures may take, so that physics keeps its pace."""
+
+import time
+from collections.abc import Callable
+
+import rospy
+
+SHARE = 0.4
+"""Of the wall time."""
+
+SAVED = 0.5
+"""Wall seconds of pictures that may be drawn at once after a rest."""
+
+REPORT_PERIOD = 30.0
+"""Pictures that are left out are reported at most once in so many wall seconds."""
+
+
+class Budget:
+    """Wall time for pictures; without limit where simulated time runs as fast as possible."""
+
+    def __init__(self, factor: Callable[[], float]) -> None:
+        """Takes what returns the real-time factor asked for; 0: as fast as possible."""
+        self._factor = factor
+        self._left = SAVED
+        self._then = time.monotonic()
+
+    def draw(self, name: str, picture: Callable[[], None]) -> bool:
+        """Has a picture drawn if there is time for it; returns whether it was."""
+        now = time.monotonic()
+        self._left = min(SAVED, self._left + SHARE * (now - self._then))
+        self._then = now
+        if self._factor() > 0 and self._left <= 0.0:
+            rospy.logwarn_throttle(
+                REPORT_PERIOD,
+                f"{name}: pictures take more than {SHARE:.0%} of the time: some are left out so that physics keeps its"
+                " pace; reduce the camera's size or rate",
+            )
+            return False
+        picture()
+        self._left -= time.monotonic() - now
+        return True

@@ -1,0 +1,218 @@
+"""Drives and sensors of common robots other than the Pioneer."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pioneer_gazebo.adapters.sdf import world_from_sdf_text
+from pioneer_gazebo.adapters.urdf import robot_from_urdf
+from pioneer_gazebo.core.camera import points_of
+from pioneer_gazebo.core.device import Gps, Imu
+from pioneer_gazebo.core.entity import Entity
+from pioneer_gazebo.core.inertial import InertialUnit, Receiver
+from pioneer_gazebo.core.pose import Pose
+from pioneer_gazebo.core.robot import Camera, Robot
+from pioneer_gazebo.core.schedule import TICK_RATE
+from pioneer_gazebo.core.simulation import Simulation
+
+MakeSimulation = Callable[..., Simulation]
+
+SIDES = (("left", 0.2), ("right", -0.2))
+WHEELS = [(f"{end}_{side}", x, y) for end, x in (("front", 0.15), ("rear", -0.15)) for side, y in SIDES]
+LIGHT = "<inertial><mass>2</mass><inertia><ixx>0.01</ixx><iyy>0.01</iyy><izz>0.01</izz></inertia></inertial>"
+SKID = """<gazebo><plugin name="skid" filename="libgazebo_ros_skid_steer_drive.so">
+<leftFrontJoint>front_left</leftFrontJoint><rightFrontJoint>front_right</rightFrontJoint>
+<leftRearJoint>rear_left</leftRearJoint><rightRearJoint>rear_right</rightRearJoint>
+<wheelSeparation>0.4</wheelSeparation><wheelDiameter>0.2</wheelDiameter><torque>20</torque>
+<robotNamespace>/husky</robotNamespace><broadcastTF>false</broadcastTF></plugin></gazebo>"""
+
+
+def rover(extra: str = "", wheels: str = '<cylinder radius="0.1" length="0.08"/>', smooth: bool = False) -> Robot:
+    """Returns a robot with four wheels, of which the rear ones slide if ``smooth``."""
+    links = ['<link name="base"><inertial><mass value="15"/><inertia ixx="0.3" iyy="0.4" izz="0.6"/></inertial>'
+             '<collision><geometry><box size="0.5 0.28 0.15"/></geometry></collision></link>']  # fmt: skip
+    for name, x, y in WHEELS:
+        links.append(
+            f'<link name="{name}_wheel"><inertial><mass value="0.5"/><inertia ixx="0.002" iyy="0.003" izz="0.002"/>'
+            f'</inertial><collision><origin rpy="{math.pi / 2} 0 0"/><geometry>{wheels}</geometry></collision></link>'
+            f'<joint name="{name}" type="continuous"><origin xyz="{x} {y} 0"/><parent link="base"/>'
+            f'<child link="{name}_wheel"/><axis xyz="0 1 0"/></joint>'
+        )
+        if smooth and name.startswith("rear"):
+            links.append(f'<gazebo reference="{name}_wheel"><mu1>0</mu1></gazebo>')
+    return robot_from_urdf(f'<robot name="rover">{"".join(links)}{extra}</robot>')
+
+
+def run(simulation: Simulation, seconds: float) -> None:
+    simulation.advance(simulation.tick + round(seconds * TICK_RATE))
+
+
+def spawned(simulation: Simulation, robot: Robot) -> Entity:
+    entity = simulation.add_robot("r", "r", robot, Pose((0.0, 0.0, 0.1)))
+    run(simulation, 1.0)
+    return entity
+
+
+def test_a_skid_steer_robot_drives_straight_and_turns_to_the_left(simulate: MakeSimulation) -> None:
+    simulation = simulate()
+    robot = rover(SKID)
+    assert (robot.namespace, robot.warnings, robot.drives[0].publishOdomTF) == ("husky", (), False)
+    entity = spawned(simulation, robot)
+    entity.drives[0].drive.command(0.5, 0.0)
+    run(simulation, 4.0)
+    x, y, _ = simulation.pose(entity).position
+    assert x == pytest.approx(2.0, abs=0.1)
+    assert abs(y) < 0.03
+    assert abs(simulation.pose(entity).yaw) < 0.03
+    entity.drives[0].drive.command(0.0, 1.0)
+    run(simulation, 2.0)
+    assert simulation.pose(entity).yaw > 0.4
+
+
+@pytest.mark.parametrize("extra", [SKID, ""])
+@pytest.mark.parametrize("wheels", ['<cylinder radius="0.1" length="0.08"/>', '<sphere radius="0.1"/>'])
+def test_four_wheels_without_a_command_stay_where_they_are(simulate: MakeSimulation, extra: str, wheels: str) -> None:
+    simulation = simulate()
+    entity = spawned(simulation, rover(extra, wheels))
+    before = simulation.pose(entity)
+    run(simulation, 20.0)
+    after = simulation.pose(entity)
+    assert math.dist(before.position, after.position) < 0.005
+    assert abs(after.yaw - before.yaw) < 0.005
+
+
+def test_a_planar_move_goes_sideways_and_stops(simulate: MakeSimulation) -> None:
+    simulation = simulate()
+    plugin = '<gazebo><plugin name="p" filename="libgazebo_ros_planar_move.so"/></gazebo>'
+    entity = spawned(simulation, rover(plugin))
+    [mover] = entity.movers
+    mover.command(simulation.tick, 0.0, 0.3, 0.0)
+    run(simulation, 2.0)
+    x, y, z = simulation.pose(entity).position
+    assert (x, y) == pytest.approx((0.0, 0.6), abs=0.02)
+    assert z == pytest.approx(0.1, abs=0.005)
+    mover.command(simulation.tick, 0.0, 0.0, 0.0)
+    run(simulation, 5.0)
+    assert math.dist(simulation.pose(entity).position, (x, y, z)) < 0.01
+
+
+def test_an_imu_feels_gravity_rates_and_acceleration(simulate: MakeSimulation) -> None:
+    simulation = simulate()
+    plugin = """<gazebo><plugin name="imu" filename="libhector_gazebo_ros_imu.so"><bodyName>base</bodyName>
+    <frameId>imu_frame</frameId><updateRate>50</updateRate></plugin>
+    <plugin name="p" filename="libgazebo_ros_planar_move.so"/></gazebo>"""
+    robot = rover(plugin)
+    [config] = robot.of(Imu)
+    assert (config.frame, config.updateRate, robot.warnings) == ("imu_frame", 50.0, ())
+    entity = spawned(simulation, robot)
+    unit = InertialUnit(simulation, entity, config)
+    unit.measure()
+    run(simulation, 1.0)
+    _, rates, felt = unit.measure()
+    assert rates == pytest.approx((0.0, 0.0, 0.0), abs=0.02)
+    assert felt == pytest.approx((0.0, 0.0, 9.81), abs=0.05)
+    entity.movers[0].command(simulation.tick, 0.5, 0.0, 0.8)
+    run(simulation, 0.5)
+    _, rates, felt = unit.measure()
+    assert rates[2] == pytest.approx(0.8, abs=0.05)
+    assert felt[0] > 0.3
+
+
+def test_a_sensor_of_type_imu_is_an_imu_of_its_link() -> None:
+    robot = rover("""<gazebo reference="base"><sensor name="imu" type="imu"><plugin name="p"
+    filename="libgazebo_ros_imu_sensor.so"><topicName>imu/data</topicName><updateRateHZ>100</updateRateHZ>
+    <gaussianNoise>0.1</gaussianNoise><frameName>base</frameName></plugin></sensor></gazebo>""")
+    [config] = robot.of(Imu)
+    assert (config.bodyName, config.topicName, config.updateRate, config.gaussianNoise) == (
+        "base",
+        "imu/data",
+        100.0,
+        0.1,
+    )
+    assert robot.warnings == ()
+
+
+def test_a_gps_moves_north_and_east_by_metres(simulate: MakeSimulation) -> None:
+    simulation = simulate()
+    plugin = """<gazebo><plugin name="gps" filename="libhector_gazebo_ros_gps.so"><bodyName>base</bodyName>
+    <referenceLatitude>45</referenceLatitude><referenceLongitude>10</referenceLongitude></plugin></gazebo>"""
+    robot = rover(plugin)
+    [config] = robot.of(Gps)
+    entity = spawned(simulation, robot)
+    (latitude, longitude, _), _ = Receiver(simulation, entity, config).measure()
+    simulation.place("r", Pose((100.0, -200.0, 0.1)))
+    (north, east, height), velocity = Receiver(simulation, entity, config).measure()
+    assert (north - latitude) * 111_132 == pytest.approx(100.0, abs=0.5)
+    assert (east - longitude) * 78_847 == pytest.approx(200.0, abs=0.7)
+    assert height == pytest.approx(0.1, abs=0.01)
+    assert velocity == pytest.approx((0.0, 0.0, 0.0), abs=0.1)
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_the_left_wheel_is_where_it_lies_unless_legacy_mode_says_so(simulate: MakeSimulation, swapped: bool) -> None:
+    left, right = ("front_right", "front_left") if swapped else ("front_left", "front_right")
+    for mode, way in (("", 1.0), ("true", 1.0 if swapped else -1.0), ("false", -1.0 if swapped else 1.0)):
+        words = f"<legacyMode>{mode}</legacyMode>" if mode else ""
+        plugin = f"""<gazebo><plugin name="d" filename="libgazebo_ros_diff_drive.so"><leftJoint>{left}</leftJoint>
+        <rightJoint>{right}</rightJoint><wheelSeparation>0.4</wheelSeparation><wheelDiameter>0.2</wheelDiameter>{words}
+        </plugin></gazebo>"""
+        simulation = simulate()
+        entity = spawned(simulation, rover(plugin, smooth=True))
+        entity.drives[0].drive.command(0.0, 1.0)
+        run(simulation, 1.0)
+        assert simulation.pose(entity).yaw * way > 0.02
+
+
+def test_an_element_that_nothing_reads_is_noted_once() -> None:
+    plugin = '<plugin name="{}" filename="libgazebo_ros_planar_move.so"><wings>2</wings></plugin>'
+    sensor = """<sensor type="ray" name="s"><ray><scan><horizontal><samples>5</samples><min_angle>-1</min_angle>
+    <max_angle>1</max_angle></horizontal></scan><range><min>0.1</min><max>30</max></range></ray>
+    <plugin name="p" filename="libgazebo_ros_ray_sensor.so"><ros><remapping>~/out:=scan</remapping></ros>
+    <wheels>4</wheels></plugin></sensor>"""
+    both = plugin.format("a") + plugin.format("b")
+    robot = rover(f'<gazebo>{both}</gazebo><gazebo reference="base">{sensor}</gazebo>')
+    assert [line.partition(" of ")[0] for line in robot.warnings] == ["<wings>", "<wheels>"]
+    assert robot.lasers[0].topic == "scan"
+
+
+def test_plugins_and_sensors_of_an_sdf_model_work_as_in_urdf(simulate: MakeSimulation) -> None:
+    wheels = "".join(
+        f"""<link name='{name}'><pose>0 {y} 0.1 {-math.pi / 2} 0 0</pose>{LIGHT}<collision name='c'><geometry>
+        <cylinder><radius>0.1</radius><length>0.04</length></cylinder></geometry></collision></link>
+        <joint name='{name}_joint' type='revolute'><parent>base</parent><child>{name}</child>
+        <axis><xyz>0 0 1</xyz></axis></joint>"""
+        for name, y in (("left", 0.2), ("right", -0.2))
+    )
+    text = f"""<sdf version='1.6'><model name='cart'><link name='base'><pose>0 0 0.1 0 0 0</pose>{LIGHT}
+    <collision name='c'><geometry><box><size>0.3 0.3 0.1</size></box></geometry></collision>
+    <collision name='caster'><pose>-0.12 0 -0.06 0 0 0</pose><geometry><sphere><radius>0.04</radius></sphere></geometry>
+    <surface><friction><ode><mu>0</mu></ode></friction></surface></collision>
+    <sensor name='s' type='ray'><ray><scan><horizontal><samples>9</samples>
+    <min_angle>-1</min_angle><max_angle>1</max_angle></horizontal></scan><range><min>0.1</min><max>5</max></range></ray>
+    <plugin name='p' filename='libgazebo_ros_laser.so'><topicName>scan</topicName></plugin></sensor></link>{wheels}
+    <plugin name='d' filename='libgazebo_ros_diff_drive.so'><leftJoint>left_joint</leftJoint>
+    <rightJoint>right_joint</rightJoint><wheelSeparation>0.4</wheelSeparation><wheelDiameter>0.2</wheelDiameter></plugin>
+    </model></sdf>"""
+    world = world_from_sdf_text(text)
+    assert world.warnings == ()
+    simulation = simulate()
+    simulation.add_model(replace(world.models[0], pose=Pose()))
+    entity = simulation.entity("cart")
+    run(simulation, 1.0)
+    assert np.isinf(simulation.ranges(entity, entity.lasers[0])).all()
+    entity.drives[0].drive.command(0.3, 0.0)
+    run(simulation, 3.0)
+    assert simulation.pose(entity).position[:2] == pytest.approx((0.9, 0.0), abs=0.06)
+
+
+def test_a_depth_cameras_points_lie_where_the_pixels_look() -> None:
+    camera = Camera("c", "l", width=5, height=3, horizontal_fov=math.pi / 2)
+    depth = np.full((3, 5), 2.0, np.float32)
+    depth[0, 0] = np.inf
+    points = points_of(depth, camera)
+    np.testing.assert_allclose(points[1, 2], (0.0, 0.0, 2.0))
+    assert points[1, 4, 0] == pytest.approx(2.0 * 2.0 / 2.5)
+    assert np.isnan(points[0, 0]).all()
