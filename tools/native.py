@@ -102,7 +102,7 @@ def _rviz(options: argparse.Namespace) -> NoReturn:
         raise ContainerError("the fleet runs in containers: ./pioneer up --desktop has its RViz in the browser")
     fleet = _newest(fleets)
     launch = ["roslaunch", "pioneer_description", "multi_pioneer_rviz.launch", "description:=false"]
-    _become(fleet["master"], [*launch, f"robots:={len(fleet['robots'])}"])
+    _become(fleet["master"], [*launch, f"robots:={' '.join(robot['robot'] for robot in fleet['robots'])}"])
 
 
 def _teleop(options: argparse.Namespace) -> int:
