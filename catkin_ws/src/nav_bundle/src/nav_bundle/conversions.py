@@ -20,7 +20,16 @@ from geometry_msgs.msg import Point, PoseArray, PoseStamped, PoseWithCovarianceS
 from geometry_msgs.msg import Pose as PoseMessage
 from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry, Path
-from nav_msgs.srv import GetMap, GetMapResponse, LoadMap, LoadMapResponse, SetMap, SetMapRequest
+from nav_msgs.srv import (
+    GetMap,
+    GetMapResponse,
+    GetPlan,
+    GetPlanResponse,
+    LoadMap,
+    LoadMapResponse,
+    SetMap,
+    SetMapRequest,
+)
 from numpy.typing import NDArray
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 from std_msgs.msg import Header
@@ -239,11 +248,7 @@ def scan_from_message(message: LaserScan, base_from_laser: Transform) -> Scan:
 
 
 def points_from_scan(message: LaserScan, inf_is_valid: bool) -> NDArray[np.float64]:
-    """Returns the points (n, 3) [m] of a (Scan)Message in the laser's frame; see ``points_from_ranges``.
-
-    Raises:
-        ObservationError: an angle is not finite, or a range limit is NaN.
-    """
+    """Returns the points (n, 3) [m] of a (Scan)Message in the laser's frame; raises as ``scan_from_message`` does."""
     _check_scan(message)
     ranges, limits = np.asarray(message.ranges, np.float32), (message.range_min, message.range_max)
     return points_from_ranges(ranges, message.angle_min, message.angle_increment, *limits, inf_is_valid)
@@ -299,8 +304,8 @@ def grid_from_message(message: OccupancyGrid) -> Grid:
     """Returns the map of a (Grid)Message; the cells share its memory where it is an array, and are then read-only.
 
     Raises:
-        MapError: the message has no cells, another number of them than its width and height say, or no resolution.
-        MessageError: a number of its origin or its resolution is not finite, or beyond ``LARGEST``.
+        MapError: no cells, another number of them than width and height say, or no resolution.
+        MessageError: origin or resolution are not finite, or beyond ``LARGEST``.
     """
     info = message.info
     check_numbers("map", info)
@@ -377,3 +382,17 @@ def path_message(track: NDArray[np.float64], frame: str, stamp: Any) -> PathMess
     message.header = Header(0, stamp, stripped(frame))
     message.track = track
     return message
+
+
+class GetPlanArrayResponse(GetPlanResponse):  # type: ignore[misc]
+    """A GetPlan response around a ``PathMessage``. For services."""
+
+    def serialize(self, buff: io.BytesIO) -> None:
+        """Writes the response: the plan's bytes and nothing else."""
+        self.plan.serialize(buff)
+
+
+class GetPlanArray(GetPlan):  # type: ignore[misc]
+    """nav_msgs/GetPlan whose response is written from an array."""
+
+    _response_class = GetPlanArrayResponse

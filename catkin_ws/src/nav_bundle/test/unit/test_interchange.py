@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import roslaunch.config
+import roslaunch.core
 import roslaunch.xmlloader
 import roslib.packages
 import rospkg
@@ -40,12 +41,17 @@ def packages(tmp_path: Path) -> rospkg.RosPack:
 
 def navigation_nodes(file: str, *arguments: str) -> list[tuple[str, str]]:
     """Returns (package, type) of the navigation nodes that a launch file starts."""
+    return [(node.package, node.type) for node in launched(file, *arguments)]
+
+
+def launched(file: str, *arguments: str) -> list[roslaunch.core.Node]:
+    """Returns the navigation nodes that a launch file starts."""
     config = roslaunch.config.ROSLaunchConfig()
     with contextlib.redirect_stdout(io.StringIO()):
         roslaunch.xmlloader.XmlLoader(resolve_anon=False).load(
             str(LAUNCH / file), config, argv=["robot_name:=pioneer1", *arguments], verbose=False
         )
-    return [(node.package, node.type) for node in config.nodes if node.type in NAVIGATION]
+    return [node for node in config.nodes if node.type in NAVIGATION]
 
 
 pytestmark = pytest.mark.filterwarnings("default")
@@ -62,6 +68,10 @@ def test_one_argument_starts_the_cpp_nodes(file: str, packages: rospkg.RosPack) 
 @pytest.mark.parametrize("file", FILES)
 def test_without_it_all_nodes_are_ours(file: str) -> None:
     assert {package for package, _ in navigation_nodes(file)} == {"nav_bundle"}
+
+
+def test_localisation_and_navigation_start_again_when_they_die() -> None:
+    assert {node.type for node in launched("single_navigation.launch") if node.respawn} == {"amcl", "move_base"}
 
 
 def test_slam_alone_starts_gmapping(packages: rospkg.RosPack) -> None:

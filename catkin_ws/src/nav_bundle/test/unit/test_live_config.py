@@ -72,3 +72,32 @@ def test_the_other_local_planner_can_be_chosen():
 def test_values_that_contradict_each_other_are_refused():
     with pytest.raises(ParameterError, match="minimal velocity lies above"):
         changed("TrajectoryPlannerROS", min_vel_x=2.0)
+
+
+NOETIC = {
+    "TrajectoryPlannerROS": (
+        "acc_lim_x acc_lim_y acc_lim_theta max_vel_x min_vel_x max_vel_theta min_vel_theta min_in_place_vel_theta "
+        "sim_time sim_granularity angular_sim_granularity path_distance_bias goal_distance_bias occdist_scale "
+        "oscillation_reset_dist escape_reset_dist escape_reset_theta vx_samples vtheta_samples heading_lookahead "
+        "holonomic_robot escape_vel dwa heading_scoring heading_scoring_timestep simple_attractor y_vels "
+        "restore_defaults"
+    ),
+    "": (
+        "base_global_planner base_local_planner planner_frequency controller_frequency planner_patience "
+        "controller_patience max_planning_retries conservative_reset_dist recovery_behavior_enabled "
+        "clearing_rotation_allowed shutdown_costmaps oscillation_timeout oscillation_distance restore_defaults"
+    ),
+    "local_costmap": (
+        "transform_tolerance update_frequency publish_frequency width height resolution origin_x origin_y footprint "
+        "robot_radius footprint_padding"
+    ),
+    "local_costmap/inflation_layer": "enabled cost_scaling_factor inflation_radius inflate_unknown",
+    "local_costmap/obstacle_layer": "enabled footprint_clearing_enabled max_obstacle_height combination_method",
+}
+"""Names in the .cfg files of navigation's packages, by namespace."""
+
+
+def test_every_name_of_noetics_cfg_files_can_be_changed() -> None:
+    configs = setup_from_parameters({}, "move_base").live_configs()
+    for namespace, names in NOETIC.items():
+        assert not set(names.split()) - live_values(configs[namespace]).keys(), namespace

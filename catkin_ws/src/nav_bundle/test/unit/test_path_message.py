@@ -8,8 +8,9 @@ import pytest
 import rospy
 from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import Path
+from nav_msgs.srv import GetPlanResponse
 
-from nav_bundle.conversions import GridUpdateMessage, path_message
+from nav_bundle.conversions import GetPlanArrayResponse, GridUpdateMessage, path_message
 
 
 def read(kind, message):
@@ -25,6 +26,11 @@ def test_a_path_is_read_as_the_poses_it_was_made_from():
     assert [(pose.pose.position.x, pose.pose.position.y) for pose in path.poses] == [(1.0, 2.0), (3.0, 4.0)]
     assert {pose.header.frame_id for pose in path.poses} == {"map"}
     assert path.poses[1].pose.orientation.z == pytest.approx(math.sin(math.pi / 4))
+
+
+def test_a_plan_response_is_read_as_the_path_it_holds():
+    path = path_message(np.array([[1.0, 2.0, 0.0], [3.0, 4.0, 0.5]]), "map", rospy.Time(3, 4))
+    assert read(GetPlanResponse, GetPlanArrayResponse(path)).plan == read(Path, path)
 
 
 def test_an_empty_path_is_one():

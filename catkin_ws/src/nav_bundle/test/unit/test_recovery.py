@@ -42,7 +42,7 @@ def test_clearing_forgets_what_lies_beyond_half_the_reset_distance():
     assert (costmap.cells == LETHAL).sum() == 1
 
 
-@pytest.mark.parametrize("tolerance", [0.1, 3.15])
+@pytest.mark.parametrize("tolerance", [0.1, 0.5])
 @pytest.mark.parametrize("begun", [0.0, 2.0, -3.0])
 def test_the_robot_turns_once_round_to_the_left(begun, tolerance):
     costmap, recovery = costmap_with(), RotateRecovery("rotate", RotateConfig(yaw_goal_tolerance=tolerance))
@@ -56,6 +56,13 @@ def test_the_robot_turns_once_round_to_the_left(begun, tolerance):
         assert velocity.x == 0.0
         yaw += velocity.turn * 0.05
     assert yaw - begun == pytest.approx(math.tau, abs=0.6)
+
+
+def test_no_turn_is_made_where_headings_do_not_matter():
+    recovery = RotateRecovery("rotate", RotateConfig(yaw_goal_tolerance=3.15))
+    recovery.start()
+    assert recovery.step(around(costmap_with())) is None
+    assert recovery.complaint == ""
 
 
 def test_the_turn_ends_in_front_of_an_obstacle():

@@ -35,7 +35,7 @@ def test_the_local_planner_is_the_pioneers() -> None:
     assert (planner.acc_lim_theta, planner.acc_lim_x, planner.acc_lim_y) == (3.2, 2.5, 2.5)
     assert (planner.xy_goal_tolerance, planner.yaw_goal_tolerance) == (0.25, 3.15)
     assert (planner.sim_time, planner.heading_lookahead, planner.meter_scoring) == (1.7, 0.325, True)
-    assert (planner.pdist_scale, planner.gdist_scale) == (0.8, 1.0)
+    assert (planner.path_distance_bias, planner.goal_distance_bias) == (0.8, 1.0)
 
 
 def test_the_other_local_planner_is_the_pioneers_too() -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from pioneer_bench.core.row import Row, table
 from pioneer_bench.core.tour import CONDITIONS, PEER_SECONDS, Tour, tour_rows
+from pioneer_bench.hard import hard_rows
 from pioneer_bench.nav_kernel import kernel_rows
 
 EXPLANATION = (
@@ -33,17 +34,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=True,
         help="measure plans and cycles without ROS, too",
     )
+    parser.add_argument("--hard", action="store_true", help="drive hard courses without ROS instead of tours")
     parser.add_argument("--output", type=Path, default=Path("bench-report"), metavar="DIR", help="default: %(default)s")
 
 
 def run(options: argparse.Namespace) -> int:
     """Drives all tours; returns 0 where every goal holds, 1 where one does not, 2 where a tour could not be driven."""
     load = os.getloadavg()[0]
+    if options.hard:
+        rows = hard_rows(max(options.seeds), options.parallel)
+        _write(rows, [], load, options)
+        return 1 if any(row.holds is False for row in rows) else 0
     asked = [(condition, seed) for condition in options.condition for seed in options.seeds]
     with ThreadPoolExecutor(options.parallel) as pool:
         tours = list(pool.map(lambda pair: _tour(*pair, options), asked))
     driven = [tour for tour in tours if tour is not None]
-    rows: list[Row] = []
+    rows = []
     for name in options.condition:
         own = [tour for tour in driven if tour.condition == name]
         rows += tour_rows(CONDITIONS[name], own) if own else []

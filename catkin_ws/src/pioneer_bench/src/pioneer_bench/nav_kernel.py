@@ -151,7 +151,7 @@ def _cycle_rows(whole: Costmap, repetitions: int) -> Iterator[Row]:
     plan = np.zeros((60, 3))
     plan[:, 0] = 2.5 + 0.05 * np.arange(60)
     plan[:, 1] = 2.5 + 0.3 * np.sin(plan[:, 0])
-    trajectory = TrajectoryConfig(max_vel_x=1.0, meter_scoring=True, pdist_scale=0.8, gdist_scale=1.0)
+    trajectory = TrajectoryConfig(max_vel_x=1.0, meter_scoring=True, path_distance_bias=0.8, goal_distance_bias=1.0)
     dwa = DwaConfig(
         max_vel_trans=1.0, max_vel_x=1.0, max_vel_y=0.0, min_vel_y=0.0, vx_samples=8,
         path_distance_bias=32.0, goal_distance_bias=24.0,

@@ -1,7 +1,7 @@
 """Recovery behaviours: what move_base tries when planning or control fails."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -31,7 +31,7 @@ class Recovery(Protocol):
     complaint: str
 
     def start(self) -> None:
-        """Begins anew."""
+        """Starts from the beginning."""
         ...
 
     def step(self, around: Surroundings) -> Velocity | None:
@@ -88,27 +88,22 @@ class RotateConfig:
     min_in_place_rotational_vel: float = 0.4
 
 
-_LOOSEST_TURN = 0.5
-
-
 class RotateRecovery:
     """Turns once round to the left, as far as the footprint stays free, so that sensors see all around.
 
-    A goal tolerance wider than half a radian (3.15 means that a goal's heading does not matter) would
-    end the turn before it began; it counts as half a radian here.
+    As in Noetic, a goal tolerance of more than half a turn (3.15 means that a goal's heading does not matter) ends the
+    turn where it begins: a laser that sees all around gains nothing by it.
     """
 
     def __init__(self, name: str, config: RotateConfig) -> None:
         self.name, self.complaint = name, ""
         self._config = config
-        self._tolerance = min(config.yaw_goal_tolerance, _LOOSEST_TURN)
-        self.start()
+        self._begun: float | None = None
+        self._half_way = False
 
     def start(self) -> None:
         """Begins a new turn at whatever heading the robot has then."""
-        self.complaint = ""
-        self._begun: float | None = None
-        self._half_way = False
+        self.complaint, self._begun, self._half_way = "", None, False
 
     def step(self, around: Surroundings) -> Velocity | None:
         """Returns the turning velocity, None after the turn or in front of an obstacle."""
@@ -116,7 +111,7 @@ class RotateRecovery:
         if self._begun is None:
             self._begun = yaw
         left = self._left(yaw)
-        if self._half_way and left < self._tolerance:
+        if self._half_way and left < self._config.yaw_goal_tolerance:
             return None
         if not self._is_free(around, left):
             self.complaint = "Rotate recovery can't rotate in place because there is a potential collision."
@@ -129,7 +124,7 @@ class RotateRecovery:
         assert self._begun is not None
         if not self._half_way:
             to_half = angle_difference(self._begun + math.pi, yaw)
-            if abs(to_half) >= self._tolerance:
+            if abs(to_half) >= self._config.yaw_goal_tolerance:
                 return math.pi + (to_half if to_half >= 0.0 else to_half + math.tau)
             self._half_way = True
         return abs(angle_difference(self._begun, yaw))
@@ -141,9 +136,6 @@ class RotateRecovery:
             if around.local_costmap.footprint_cost(turned) < 0:
                 return False
         return True
-
-
-_TYPES = {"ClearCostmapRecovery": ClearCostmapRecovery, "RotateRecovery": RotateRecovery}
 
 
 def recoveries_from_parameters(parameters: Mapping[str, Any], circumscribed_radius: float) -> list[Recovery]:
@@ -166,16 +158,26 @@ def recoveries_from_parameters(parameters: Mapping[str, Any], circumscribed_radi
 
 def _recovery(parameters: Mapping[str, Any], entry: Any, reset_distance: float) -> Recovery:
     try:
-        name, kind = entry["name"], str(entry["type"]).split("/")[-1]
+        name, kind = str(entry["name"]), str(entry["type"]).split("/")[-1]
     except (KeyError, TypeError):
         raise ParameterError(f"~recovery_behaviors needs entries of {{name, type}}, not {entry!r}") from None
-    own = dict(parameters.get(name, {}))
-    if kind == "ClearCostmapRecovery":
-        own.setdefault("reset_distance", reset_distance)
-        return ClearCostmapRecovery(name, config_from_mapping(ClearConfig, own, f"~{name}"))
-    if kind == "RotateRecovery":
-        return RotateRecovery(name, _rotate_config(parameters, own, name))
-    raise ParameterError(f"~recovery_behaviors: no such type {entry['type']!r}; there are {', '.join(_TYPES)}")
+    if kind not in _MAKERS:
+        raise ParameterError(f"~recovery_behaviors: no such type {entry['type']!r}; there are {', '.join(_MAKERS)}")
+    return _MAKERS[kind](parameters, name, reset_distance)
+
+
+def _clear(parameters: Mapping[str, Any], name: str, reset_distance: float) -> Recovery:
+    own = {"reset_distance": reset_distance, **parameters.get(name, {})}
+    return ClearCostmapRecovery(name, config_from_mapping(ClearConfig, own, f"~{name}"))
+
+
+def _rotate(parameters: Mapping[str, Any], name: str, _: float) -> Recovery:
+    return RotateRecovery(name, _rotate_config(parameters, parameters.get(name, {}), name))
+
+
+Maker = Callable[[Mapping[str, Any], str, float], Recovery]
+_MAKERS: dict[str, Maker] = {"ClearCostmapRecovery": _clear, "RotateRecovery": _rotate}
+"""Makes each type of behaviour from move_base's parameters, its name, and the reset distance [m] it has by default."""
 
 
 def _rotate_config(parameters: Mapping[str, Any], own: Mapping[str, Any], name: str) -> RotateConfig:

@@ -12,8 +12,8 @@ from pioneer_node.core.parameter import UNKNOWN, ParameterError, config_from_map
 
 # Names that base_local_planner still takes, and what they are called now.
 _FORMER = {
-    "path_distance_bias": "pdist_scale",
-    "goal_distance_bias": "gdist_scale",
+    "pdist_scale": "path_distance_bias",
+    "gdist_scale": "goal_distance_bias",
     "acc_lim_th": "acc_lim_theta",
     "backup_vel": "escape_vel",
     "min_in_place_rotational_vel": "min_in_place_vel_theta",
@@ -52,8 +52,8 @@ class TrajectoryConfig:
     vtheta_samples: Annotated[int, Live(1, 300)] = 20
     controller_frequency: float = 20.0
     meter_scoring: Annotated[bool, Live()] = False
-    pdist_scale: Annotated[float, Live(0.0, 5.0)] = 0.6
-    gdist_scale: Annotated[float, Live(0.0, 5.0)] = 0.8
+    path_distance_bias: Annotated[float, Live(0.0, 5.0)] = 0.6
+    goal_distance_bias: Annotated[float, Live(0.0, 5.0)] = 0.8
     occdist_scale: Annotated[float, Live(0.0, 5.0)] = 0.01
     clearance: Annotated[float, Live(0.0, 2.0)] = 0.3
     clearance_scale: Annotated[float, Live(0.0, 10.0)] = 5.0

@@ -74,8 +74,8 @@ class TrajectoryPlanner:
                 config.sim_time, config.sim_granularity, config.angular_sim_granularity, config.heading_scoring_timestep
             ),
             Scales(
-                config.pdist_scale * unit,
-                config.gdist_scale * unit,
+                config.path_distance_bias * unit,
+                config.goal_distance_bias * unit,
                 config.occdist_scale * unit,
                 _HEADING_SCALE if config.heading_scoring else 0.0,
                 config.clearance_scale,

@@ -141,7 +141,6 @@ class CostmapNode:
             found.append(f"the map on {rospy.resolve_name(self._map_topic)}")
         if self.pose(now) is None:
             found.append(f"a transform from {self.base_frame} to {self.frame}")
-        found += [f"scans on {scans.topic}" for _, scans, _ in self._sources if scans.received is None]
         return found
 
     def pose(self, now: float) -> Pose | None:
@@ -309,6 +308,7 @@ def _is_current(source: SourceConfig, scans: Newest[Seen], now: float) -> bool:
         return True
     age = scans.age(now)
     if age is None:
+        rospy.logwarn_throttle(5.0, f"no scans on {scans.topic} yet")
         return False
     if age <= source.expected_update_rate:
         return True

@@ -2,15 +2,23 @@
 
 import threading
 
+import numpy as np
 import rospy
 from geometry_msgs.msg import Twist
 from move_base_msgs.msg import RecoveryStatus
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.msg import Path as PathType
-from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
+from nav_msgs.srv import GetPlanRequest
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
 
-from nav_bundle.conversions import check_numbers, path_message, stamped_from_pose, velocity_from_odometry
+from nav_bundle.conversions import (
+    GetPlanArray,
+    GetPlanArrayResponse,
+    check_numbers,
+    path_message,
+    stamped_from_pose,
+    velocity_from_odometry,
+)
 from nav_bundle.core.error import MessageError
 from nav_bundle.core.global_planner import visible_potential
 from nav_bundle.core.local_planner import Velocity
@@ -102,7 +110,7 @@ class MoveBaseNode:
         self._goals = GoalServer("move_base", self._global.frame, self._listener, self._goal_fault)
         self._odometry = newest_odometry("odom")
         self._services = [
-            rospy.Service("~make_plan", GetPlan, self._make_plan),
+            rospy.Service("~make_plan", GetPlanArray, self._make_plan),
             rospy.Service("~clear_costmaps", Empty, self._clear_costmaps),
         ]
         self._reconfiguration = Reconfiguration(self._parameters, self._setup, self._adopt)
@@ -249,23 +257,19 @@ class MoveBaseNode:
         status.recovery_behavior_name = f"{self._setup.recoveries[index].name} ({trigger.lower()})"
         return status
 
-    def _make_plan(self, request: GetPlanRequest) -> GetPlanResponse:
-        """Plans for somebody else while no goal is under way; where nothing leads to the goal, the plan is empty."""
+    def _make_plan(self, request: GetPlanRequest) -> GetPlanArrayResponse:
+        """Plans for somebody else while no goal is active; where nothing leads to the goal, the plan is empty."""
         with self._turn:
             if self._goals.active:
                 raise rospy.ServiceException(_BUSY)
-            now = rospy.Time.now()
-            response = GetPlanResponse()
-            response.plan.header.stamp, response.plan.header.frame_id = now, self._global.frame
             try:
                 path = self._plan_for(request)
             except (NoPathError, GoalOutsideError) as error:
                 rospy.logwarn("make_plan: %s", error)
-                return response
+                path = np.empty((0, 3))
             except (PlannerError, TransformError, MessageError) as error:
                 raise rospy.ServiceException(str(error)) from error
-            response.plan.poses = [stamped_from_pose(Pose(*pose), self._global.frame, now) for pose in path.tolist()]
-            return response
+            return GetPlanArrayResponse(path_message(path, self._global.frame, rospy.Time.now()))
 
     def _plan_for(self, request: GetPlanRequest) -> Path:
         check_numbers("make_plan", request)

@@ -71,6 +71,14 @@ class Ride:
     slow: float = 0.0
     last: str = ""
 
+    def summary(self) -> str:
+        """Returns the ride in one line."""
+        line = (
+            f"{self.reached} of {self.goals} in {self.seconds:.0f} s, {self.way:.0f} m, {self.contacts} contacts, "
+            f"least gap {self.clearance:.2f} m, {self.recoveries} recoveries"
+        )
+        return f"{line}; out of time: {self.last}" if self.stuck else line
+
 
 class Body:
     """Where the robot is, how fast, and how near to what stands."""

@@ -1,0 +1,94 @@
+"""``pioneer_bench nav --hard``: courses that are hard for navigation, driven without ROS, beside the C++ stack."""
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from pioneer_bench.adapters.parameter_file import shipped_parameters
+from pioneer_bench.core import course
+from pioneer_bench.core.course import Course
+from pioneer_bench.core.ride import Ride, ride, with_changes
+from pioneer_bench.core.row import Row
+
+COURSES: dict[str, Callable[[int], Course]] = {
+    "clutter": course.clutter,
+    "doors": lambda _: course.doors(),
+    "slalom": lambda _: course.slalom(),
+    "corridor": lambda _: course.corridor(),
+    "maze": course.maze,
+    "maze, random parameters": course.maze,
+    "unreachable goal": lambda _: course.unreachable(),
+}
+SEEDED = ("clutter", "maze", "maze, random parameters")
+CLEARANCE_GOAL, SPEED_GOAL, PATIENCE_GOAL, TIME_GOAL = 0.25, 0.38, 25.6, 118.0
+"""The C++ stack's, measured side by side: gap to walls [m], speed in clutter [m/s], time until it gives up [s], time
+for eight goals among thirty cylinders [s]."""
+
+
+def random_changes(seed: int) -> dict[str, Any]:
+    """Returns parameters that differ from the shipped ones, within what configurations of robots in use have."""
+    generator = np.random.default_rng(seed)
+
+    def between(low: float, high: float) -> float:
+        return round(float(generator.uniform(low, high)), 3)
+
+    def one_of(*values: float) -> float:
+        return float(generator.choice(values))
+
+    planner = {
+        "max_vel_x": between(0.3, 1.0), "min_vel_x": one_of(0.0, 0.05, 0.1), "acc_lim_x": between(0.5, 3.0),
+        "acc_lim_theta": between(1.0, 3.2), "max_vel_theta": between(0.6, 1.5),
+        "min_in_place_vel_theta": between(0.2, 0.5),
+        "path_distance_bias": between(0.4, 1.2), "goal_distance_bias": between(0.4, 1.2),
+        "occdist_scale": one_of(0.01, 0.02, 0.05),
+        "sim_time": between(1.0, 2.5), "vx_samples": int(generator.integers(3, 21)),
+        "vtheta_samples": int(generator.integers(10, 31)), "heading_lookahead": between(0.2, 0.6),
+        "meter_scoring": bool(generator.integers(2)), "dwa": bool(generator.integers(2)),
+    }  # fmt: skip
+    planner["min_vel_theta"] = -planner["max_vel_theta"]
+    costmap = {"inflation_radius": between(0.4, 1.0), "cost_scaling_factor": between(2.0, 10.0)}
+    changes: dict[str, Any] = {f"TrajectoryPlannerROS/{name}": value for name, value in planner.items()}
+    for name in ("global_costmap", "local_costmap"):
+        changes.update({f"{name}/{each}": value for each, value in costmap.items()})
+    return changes | {"controller_frequency": one_of(5.0, 10.0, 20.0), "planner_frequency": one_of(0.0, 0.5, 1.0)}
+
+
+def _driven(asked: tuple[str, int, Mapping[str, Any]]) -> tuple[str, Ride]:
+    name, seed, parameters = asked
+    changes = random_changes(seed) if "random" in name else {}
+    return name, ride(COURSES[name](seed), with_changes(parameters, changes), seed)
+
+
+def hard_rows(seeds: int, processes: int) -> list[Row]:
+    """Drives all courses, the random ones with seeds 1 to ``seeds``; returns their rows."""
+    parameters = shipped_parameters()
+    asked = [(name, seed, parameters) for name in COURSES for seed in range(1, (seeds if name in SEEDED else 1) + 1)]
+    rides: dict[str, list[Ride]] = {name: [] for name in COURSES}
+    with ProcessPoolExecutor(min(processes, os.cpu_count() or 1)) as pool:
+        for (_, seed, _), (name, each) in zip(asked, pool.map(_driven, asked), strict=True):
+            rides[name].append(each)
+            print(f"{name}, seed {seed}: {each.summary()}", flush=True)
+    return [row for name, driven in rides.items() for row in _rows(name, driven)]
+
+
+def _rows(name: str, rides: list[Ride]) -> Iterator[Row]:
+    def samples(field: str) -> tuple[float, ...]:
+        return tuple(float(getattr(each, field)) for each in rides)
+
+    if name == "unreachable goal":
+        given_up = tuple(seconds for each in rides for seconds in each.given_up)
+        yield Row(f"{name}: given up after", "s", given_up, PATIENCE_GOAL, remark="C++")
+        return
+    yield Row(f"{name}: goals reached", "", (sum(samples("reached")),), sum(samples("goals")), True)
+    yield Row(f"{name}: contacts", "", samples("contacts"), 0.0, every=True)
+    yield Row(f"{name}: stuck for good", "", samples("stuck"), 0.0, every=True)
+    clear = CLEARANCE_GOAL if name == "slalom" else None
+    yield Row(f"{name}: least gap to what stands", "m", samples("clearance"), clear, True, "C++" if clear else "")
+    speeds = tuple(each.way / each.seconds for each in rides)
+    clutter = name == "clutter"
+    yield Row(f"{name}: speed", "m/s", speeds, SPEED_GOAL if clutter else None, True, "C++" if clutter else "")
+    yield Row(f"{name}: time", "s", samples("seconds"), TIME_GOAL if clutter else None, remark="C++" if clutter else "")
+    yield Row(f"{name}: recoveries", "", samples("recoveries"))
