@@ -2,6 +2,7 @@
 
 `talk` publishes its name, `hear` appends a line `seconds text` for each message of `talk`; `load` publishes numbered
 texts that can be checked, of BYTES and at RATE, `check` appends a line `seconds number bytes good|bad` for each;
+`count` publishes numbers, std_msgs/Int32;
 `clock` publishes /clock at RATE; SIGUSR1 sets it a million seconds on, SIGUSR2 back to its beginning.
 """
 
@@ -11,7 +12,7 @@ import time
 
 import rospy
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import String
+from std_msgs.msg import Int32, String
 
 
 def say(*words: object) -> None:
@@ -40,6 +41,15 @@ def publish(topic: str, size: int, rate: float, name: str) -> None:
         rospy.rostime.wallsleep(1 / rate)
 
 
+def count(topic: str) -> None:
+    publisher = rospy.Publisher(topic, Int32, queue_size=10)
+    number = 0
+    while not rospy.is_shutdown():
+        publisher.publish(number)
+        number += 1
+        rospy.rostime.wallsleep(0.02)
+
+
 def tell_time(rate: float) -> None:
     publisher = rospy.Publisher("/clock", Clock, queue_size=1)
     now = [100.0]
@@ -58,6 +68,8 @@ def main() -> None:
         heard = check if what == "check" else lambda message: say(time.monotonic(), message.data)
         rospy.Subscriber(topic, String, heard)
         rospy.spin()
+    elif what == "count":
+        count(topic)
     elif what == "clock":
         tell_time(float(more[0]))
     else:

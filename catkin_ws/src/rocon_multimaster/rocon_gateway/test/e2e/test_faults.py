@@ -12,6 +12,7 @@ from pioneer_harness.master_process import MasterProcess
 from pioneer_harness.port import PortReservation
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
+from tcpros.adapters.client import ClientError
 
 # rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
@@ -155,3 +156,31 @@ def test_in_a_ring_of_three_that_flips_everything_each_message_comes_once(standi
         numbers = [number for _, number, _ in checked(ears[site])]
         # Three sources count from 0 on: a number may come three times, an echo would be a fourth.
         assert max(numbers.count(one) for one in set(numbers)) <= 3
+
+
+def test_a_publisher_that_was_killed_and_comes_back_with_another_type_is_told_by_both_types(standing, report) -> None:
+    """Who publishes has not changed then, so nobody read the type again."""
+    base, robot = standing
+    first = robot.talk("/fickle")
+    ear = base.hear("/fickle")
+    assert base.flip("robot", "subscriber", "/fickle") == 0
+    ear.first_after(0.0)
+    os.kill(first, signal.SIGKILL)
+    robot.probe("count", "talker", "/fickle")
+    began = time.monotonic()
+    both = "type mismatch: /fickle is std_msgs/String at base and std_msgs/Int32 at robot"
+    wait_until(lambda: base.states()["flip /fickle"] == both, "both types in the rule's state", 10)
+    report("publisher back with another type: noticed", time.monotonic() - began)
+    base.end_probe("listener")
+    wait_until(lambda: base.states()["flip /fickle"] == "active", "the rule is active without the old listener", 10)
+    wait_until(lambda: published_type(base, "/robot/talker", "/fickle") == "std_msgs/Int32", "the new type", 5)
+
+
+def published_type(site, node: str, topic: str) -> str:
+    """The type of a topic's next message, as a node of this site's master publishes it; "" while it does not."""
+    try:
+        with site.subscription(node, topic) as connection:
+            connection.read_frame()
+            return connection.header["type"]
+    except (OSError, ClientError):
+        return ""

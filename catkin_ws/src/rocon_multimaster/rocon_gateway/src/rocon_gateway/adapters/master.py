@@ -48,6 +48,7 @@ class MasterWatch:
         self._state_request = _request("getSystemState", node)
         self._types_request = _request("getTopicTypes", node)
         self._seen: bytes | None = None
+        self._types_due = False
         self.knows_us = False
         self._local: frozenset[Connection] = frozenset()
         self._proxies: dict[str, bool] = {}
@@ -60,16 +61,24 @@ class MasterWatch:
         """
         try:
             state = self._post(self._state_request)
-            if state == self._seen:
+            if state == self._seen and not self._types_due:
                 return False
             rows = _rows(_value(state))
-            self._local = self._connections(rows, _types(_value(self._post(self._types_request))))
+            local = self._connections(rows, _types(_value(self._post(self._types_request))))
         except MasterError:
             self._seen = None
             raise
+        is_new = (state, local) != (self._seen, self._local)
         self.knows_us = any(kind == Kind.SERVICE and self._node in nodes for kind, _, nodes in rows)
-        self._seen = state
-        return True
+        self._seen, self._local, self._types_due = state, local, False
+        return is_new
+
+    def read_types(self) -> None:
+        """Has the next look read the topics' types, even if nobody has come or gone.
+
+        A node that was killed and came back with another type leaves the master's state as it was.
+        """
+        self._types_due = True
 
     @property
     def local(self) -> frozenset[Connection]:

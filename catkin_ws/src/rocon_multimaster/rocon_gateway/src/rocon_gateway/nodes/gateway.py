@@ -212,6 +212,9 @@ class GatewayNode:
             self._begun += 1
         view = self._hubs.view()
         book = self._handlers.book
+        status = self._relay.status()
+        if any(link.state is LinkState.TYPE_MISMATCH for link in status.exports.values()):
+            self._master.read_types()
         situation = Situation(
             book=book,
             firewall=self._config.firewall,
@@ -219,7 +222,7 @@ class GatewayNode:
             connected=view.connected,
             names=view.names,
             remotes=view.remotes,
-            links=self._relay.status().imports,
+            links=status.imports,
             options=self._options,
             namespace=self._config.own_namespace,
             robots=view.namespaces,
