@@ -79,7 +79,7 @@ def test_the_number_of_robots_is_an_argument_or_a_variable_or_fifteen() -> None:
 
 def test_robots_of_other_names_and_lasers_have_their_rules() -> None:
     robots = robot_names(["pioneer1", "rover"], {})
-    assert Wish("subscriber", "/rover/move_base/NavfnROS/plan", "/rviz", "aadi2_gateway") in flipped_from_hub(robots)
+    assert Wish("subscriber", "/rover/move_base/NavfnROS/plan", "", "aadi2_gateway") in flipped_from_hub(robots)
     assert Wish("subscriber", "/rover/scan", "", "Hub_Gateway") in flipped_from_robot("rover", "scan")
 
 

@@ -6,7 +6,18 @@ import numpy as np
 import pytest
 import yaml
 
-from pioneer_description.core.scene import FREE, TOP_PLATE, Mark, SceneError, View, alone, marks_of, missing, view_of
+from pioneer_description.core.scene import (
+    FREE,
+    TOP_PLATE,
+    Mark,
+    SceneError,
+    View,
+    alone,
+    marks_of,
+    missing,
+    topic_of,
+    view_of,
+)
 
 CONFIG = yaml.safe_load((Path(__file__).parents[2] / "rviz" / "multi_pioneer.rviz").read_text())
 VIEW = View((0.0, 0.0), 20.0)
@@ -29,6 +40,13 @@ def picture():
 
 def lacking(image, position=None):
     return [str(mark) for mark in missing(image, VIEW, MARKS, {"r1": position} if position else {})]
+
+
+def test_a_mark_knows_the_topic_that_leaves_it():
+    topics = {str(mark): topic_of(CONFIG, mark) for mark in marks_of(CONFIG)}
+    assert topics["the map"] == "/map"
+    assert topics["pioneer2's scan"] == "/pioneer2/base_scan"
+    assert topics["pioneer2's model"] == ""
 
 
 def test_the_shipped_configuration_shows_six_displays_of_five_robots_and_the_map():

@@ -121,6 +121,16 @@ def _marks_of_robot(group: Mapping[str, Any]) -> Iterator[Mark]:
                 yield Mark(robot, name, (red, green, blue))
 
 
+def topic_of(config: Mapping[str, Any], mark: Mark) -> str:
+    """Returns the topic whose display leaves a mark; empty where it has none, as a robot's model."""
+    displays = config.get("Visualization Manager", {}).get("Displays", ())
+    inner = [one for group in displays if group.get("Name") == mark.robot for one in group.get("Displays", ())]
+    for display in inner if mark.robot else displays:
+        if str(display.get("Name", "")).lower() == mark.what:
+            return str(display.get("Topic", ""))
+    return ""
+
+
 def size_of(config: Mapping[str, Any]) -> tuple[int, int]:
     """Returns width and height of the configuration's window [pixels]."""
     window = config.get("Window Geometry", {})

@@ -63,17 +63,17 @@ class Snapshot:
             raise SnapshotError(f"no simulator serves /gazebo/{name} at {rosgraph.get_master_uri()}") from None
         return rospy.ServiceProxy(f"/gazebo/{name}", kind)
 
-    def walls(self) -> Section:
-        """Returns the section of what stands in the world's file at the height of the laser.
+    def solids(self) -> list[Section]:
+        """Returns the section of each solid in the world's file at the height of the laser.
 
         Raises:
             DescriptionError: the file cannot be read.
         """
         world = world_from_sdf(world_path(rospy.get_param("/gazebo/world_name", "utm_0")), model_path())
-        return Section.joined(
+        return [
             section_of(one.collision.shape, one.pose, LASER_HEIGHT, triangles_of_mesh)
             for one in world.collisions(static_only=True)
-        )
+        ]
 
     def shown(self) -> list[Shown]:
         """Returns all that moves, in the order of spawning."""
@@ -136,7 +136,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         snapshot = Snapshot()
         shown = snapshot.shown()
-        PlanImage(snapshot.walls(), shown, options.size).image.save(options.output, "PNG")
+        PlanImage(snapshot.solids(), shown, options.size).image.save(options.output, "PNG")
     except (SimulatorError, rospy.ServiceException, OSError) as error:
         print(f"snapshot: {error}", file=sys.stderr)
         return 1
