@@ -46,7 +46,7 @@ class Client:
         self.texts.append(status.text)
 
     def sends_goals_here(self) -> bool:
-        """Tells whether this test hears the goals; the node connects anew whenever a move_base has gone."""
+        """Tells whether this test hears the goals; the node reconnects whenever a move_base has gone."""
         uri = rosgraph.Master(rospy.get_name()).lookupNode(self.node)
         with xmlrpc.client.ServerProxy(uri) as slave:
             links = slave.getBusInfo(rospy.get_name())[2]

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The spin recovery seen from outside, on a clock that the test sets: it goes on only when the node has come along."""
+"""The spin recovery seen from outside, on a clock that the test sets: it advances only when the node has come along."""
 
 import unittest
 import xmlrpc.client

@@ -69,7 +69,7 @@ class MoveBase:
         self._goal = None
 
     def renew(self) -> None:
-        """Forgets the goal sent last and connects anew: its server is gone.
+        """Forgets the goal sent last and reconnects: its server has ended.
 
         rospy does not see that a subscriber is gone until it writes to it; a goal for the next server would be written
         to the last one's socket.

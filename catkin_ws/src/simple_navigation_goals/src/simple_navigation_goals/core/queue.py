@@ -1,6 +1,6 @@
 """The queue of waypoints as a state machine: what to send to move_base, and what to do when that fails.
 
-It knows neither clock nor ROS. Whoever owns it tells it what happened (``add``, ``clear``, ``finished``,
+It knows neither clock nor ROS. Its owner reports what happened (``add``, ``clear``, ``finished``,
 ``server_found``, ``server_lost``, ``rested``), asks what is ``due``, and says when that was ``sent``. Every change
 leaves one line of text in ``take_events``.
 """
@@ -33,7 +33,7 @@ class Outcome(Enum):
     CANCELLED = "cancelled"
     """Somebody else cancelled the goal or sent another one."""
     LOST = "lost"
-    """move_base no longer knows the goal: it was started anew."""
+    """move_base no longer knows the goal: it was restarted."""
 
 
 ABORT_POLICIES = ("skip", "retry", "stop", "clear")
@@ -44,7 +44,7 @@ ABORT_POLICIES = ("skip", "retry", "stop", "clear")
 class QueueConfig:
     """What follows when move_base gives a waypoint up.
 
-    ``on_abort``: ``skip`` goes on with the next one; ``retry`` sends it again up to ``retries`` times, then skips it;
+    ``on_abort``: ``skip`` continues with the next one; ``retry`` sends it again up to ``retries`` times, then skips it;
     ``stop`` keeps the rest back until a new waypoint arrives; ``clear`` drops the rest.
 
     Raises:
@@ -79,7 +79,7 @@ class WaypointQueue:
         aborted: how many were given up after all retries; those cleared or cancelled by others are not among them.
         current: the waypoint that is under way or about to be; None when there is none.
         waiting: those after it.
-        rest: how long the robot is to stand where it is before it goes on [s]; 0 while it need not.
+        rest: how long the robot is to stand where it is before it continues [s]; 0 while it need not.
         text: the latest event.
     """
 
@@ -110,7 +110,7 @@ class WaypointQueue:
         return Phase.IDLE
 
     def add(self, waypoint: Waypoint) -> None:
-        """Appends a waypoint; a queue that was held goes on."""
+        """Appends a waypoint; a queue that was held continues."""
         self.received += 1
         self.waiting.append(waypoint)
         self._numbers.append(self.received)

@@ -60,7 +60,7 @@ def watched(state: SpinState, config: SpinConfig, active: bool, now: float) -> S
 def advanced(state: SpinState, config: SpinConfig, now: float) -> SpinState:
     """Returns the state at ROS time ``now`` [s]: a turn begins after ``patience`` of standing, ends after ``duration``.
 
-    Without an active goal nothing turns. When time jumps back, the wait begins anew.
+    Without an active goal nothing turns. When time jumps back, the wait starts over.
     """
     if not state.active or now < state.now:
         return replace(state, now=now, standing_since=None, turning_until=None)

@@ -62,7 +62,7 @@ class GoalClientNode:
 
     On error: a waypoint that is not finite is refused with one line. A patrol that cannot be read ends the node at its
     start, and is the service's answer later. A move_base that is absent is waited for, one
-    that ends or starts anew gets the waypoint again.
+    that ends or restarts gets the waypoint again.
 
     Args:
         topic: of the waypoints.
@@ -101,7 +101,7 @@ class GoalClientNode:
         while not is_ending():
             with contextlib.suppress(queue.Empty):
                 self._events.get(timeout=_TICK)()
-            # A shutdown closes move_base's connections first; connecting anew then would wait for a master for ever.
+            # A shutdown closes move_base's connections first; reconnecting then would wait for a master for ever.
             if is_ending():
                 return
             self._tell()

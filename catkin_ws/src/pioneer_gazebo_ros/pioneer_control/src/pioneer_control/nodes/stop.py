@@ -30,7 +30,7 @@ def _begin(name: str, description: str, once: bool) -> argparse.Namespace | None
 
 
 def _report(fleet: Fleet) -> int:
-    """Waits until the goals have ended, says so, and returns the exit status."""
+    """Waits until the goals have ended, logs it, and returns the exit status."""
     unended = fleet.wait_until_cancelled(_TIMEOUT)
     for action in unended:
         rospy.logerr("%s has not confirmed within %.0f s that its goals are cancelled", action, _TIMEOUT)

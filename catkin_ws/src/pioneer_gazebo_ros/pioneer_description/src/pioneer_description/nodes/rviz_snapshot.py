@@ -110,7 +110,7 @@ def _check_master() -> None:
         with xmlrpc.client.ServerProxy(running) as node:
             node.getPid("/rviz_snapshot")
     except (rosgraph.MasterError, OSError):
-        return  # there is none, or it has died without a word
+        return  # there is none, or it has died silently
     raise RvizError(f"an RViz runs at {uri} already ({running}), and the fleet's rules serve only one: close it first")
 
 

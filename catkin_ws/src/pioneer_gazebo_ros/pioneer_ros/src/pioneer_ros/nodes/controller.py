@@ -1,4 +1,4 @@
-"""The controller between whoever commands velocities and the robot."""
+"""The controller between the source of velocity commands and the robot."""
 
 import threading
 
@@ -67,7 +67,7 @@ class ControllerNode:
     def _complain(self, error: CommandError) -> None:
         if not self._complained:
             self._complained = True
-            rospy.logerr("command dropped: %s; further ones are dropped without a word", error)
+            rospy.logerr("command dropped: %s; further ones are dropped silently", error)
 
     def _wake(self) -> None:
         with self._armed:
