@@ -89,6 +89,7 @@ def test_a_map_is_read_by_its_thresholds_and_drawn_with_the_fleet(tmp_path, flee
     draw_fleet(floor, fleet, "one robot", tmp_path / "fleet.png")
     with Image.open(tmp_path / "fleet.png") as picture:
         assert picture.width > 400
+        assert picture.width < 1.2 * picture.height, "the legend stands below, not beside the map"
 
 
 def test_a_missing_or_broken_map_is_one_line(tmp_path):

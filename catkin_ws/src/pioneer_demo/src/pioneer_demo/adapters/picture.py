@@ -40,7 +40,7 @@ def draw_fleet(floor: Floor, fleet: Fleet, title: str, path: Path) -> None:
 
 def _size(width: float, height: float) -> tuple[float, float]:
     longest = max(width, height)
-    return 3.0 + 7.0 * width / longest, 1.0 + 7.0 * height / longest
+    return 1.0 + 7.0 * width / longest, 1.6 + 7.0 * height / longest
 
 
 def _draw_robot(axes: Any, robot: RobotTrack, paint: str) -> None:
@@ -80,6 +80,7 @@ def _dress(axes: Any, extent: tuple[float, float, float, float], title: str) -> 
         pyplot.Line2D([], [], color="#57606a", linewidth=1.1, linestyle=(0, (4, 3)), label="planned"),
         pyplot.Line2D([], [], color="#57606a", marker="s", linestyle="", markersize=7, label="start"),
     ]
+    # Below, where it takes a line or two; beside the map it would leave a third of the picture empty.
     axes.legend(
-        handles=[*handles, *key], loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=9
+        handles=[*handles, *key], loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=3, frameon=False, fontsize=9
     )  # fmt: skip
