@@ -22,6 +22,7 @@ VIEWED_TOPICS = (
 ANY_NODE = ""
 TOOLS_NODE = "/rviz"
 TOOL_TOPICS = ("map_goal_pose", "initialpose")
+REPORT_TOPIC, ROBOT_GATEWAYS = "/traffic/reports", "aadi.*_gateway"
 PING, PONG = "/handshake/ping", "/handshake/pong"
 DEFAULT_ROBOTS = 15
 
@@ -100,6 +101,11 @@ def flipped_topic(kind: str, topic: str, gateway: str) -> Wish:
     """Returns the flip of one topic of any node to a gateway, `aadi1_gateway` or `Hub_Gateway`; `aadi1` is enough."""
     full = gateway if gateway.lower().endswith("gateway") else f"{gateway}_gateway"
     return Wish(kind, topic_in("", topic), gateway=full)
+
+
+def flipped_for_traffic() -> list[Wish]:
+    """Returns what a robot flips to all other robots, there now or later, to keep the right of way with them."""
+    return [Wish("publisher", REPORT_TOPIC, gateway=ROBOT_GATEWAYS)]
 
 
 def handshake(gateway: str) -> list[Wish]:

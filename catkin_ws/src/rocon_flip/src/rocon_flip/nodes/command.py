@@ -86,6 +86,12 @@ def flip_from_remote() -> int:
     return _run(name, f"{name} [ROBOT_NAME [LASER_TOPIC]]", Action.FLIP, wishes, most=2)
 
 
+def flip_traffic() -> int:
+    """`flip-traffic`: a robot's reports on the right of way, to all other robots."""
+    name = "flip-traffic"
+    return _run(name, name, Action.FLIP, lambda _: plan.flipped_for_traffic())
+
+
 def advertise_hub_publisher() -> int:
     """`advertise_hub_publisher.py TOPIC`."""
     name = "advertise_hub_publisher.py"

@@ -31,6 +31,7 @@ class NavigationOptions:
     poses: str = ""
     fleet: str = ""
     gateway: bool = True
+    traffic: bool = False
 
 
 DOCS = {
@@ -39,6 +40,7 @@ DOCS = {
     "poses": "YAML file of initial poses; empty for pioneer_description's",
     "fleet": "fleet file that has the robot's pose, laser topic and move_base parameters; environment: FLEET",
     "gateway": "pull and flip the robot's topics through this master's gateway",
+    "traffic": "keep the right of way with the other robots that do (pioneer_traffic)",
 }
 
 
@@ -76,10 +78,10 @@ def entry_of(options: NavigationOptions) -> tuple[RobotEntry, int]:
     )
 
 
-def launch_files(robot: RobotEntry, pose: InitialPose, poses: str) -> list[LaunchFile]:
+def launch_files(robot: RobotEntry, pose: InitialPose, poses: str, traffic: bool = False) -> list[LaunchFile]:
     """Returns the launch files of one robot's computer."""
     start = {"robot_name": robot.name, "x": str(pose.x), "y": str(pose.y), "yaw": str(pose.a)}
-    start |= {"laser": robot.laser, "navigation": robot.navigation}
+    start |= {"laser": robot.laser, "navigation": robot.navigation, "traffic": str(traffic).lower()}
     return [
         ("pioneer_description", "robot_description.launch", {"poses": poses}),
         ("nav_bundle", "single_navigation.launch", start),
@@ -123,11 +125,13 @@ def navigate(session: Session, options: NavigationOptions) -> None:
     master.setParam("/use_sim_time", True)
     session.say(f"starting the navigation of {options.robot_name} in {world}")
     robot, _ = entry_of(options)
-    session.launch(launch_files(robot, pose, str(poses)))
+    session.launch(launch_files(robot, pose, str(poses), options.traffic))
     if options.gateway:
         if wanted:
             session.run("rocon_flip", "pull-from-hub")
         session.run("rocon_flip", "flip-from-remote", robot.name, robot.laser)
+        if options.traffic:
+            session.run("rocon_flip", "flip-traffic")
         session.say("topics are pulled and flipped")
         _check_world(world, _world_here(session, master))
     session.spin()

@@ -1,0 +1,177 @@
+"""``pioneer_bench traffic``: fleets that keep the right of way, in simulated narrow and shipped worlds, without ROS."""
+
+import argparse
+import json
+import os
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+
+import rospkg
+
+from pioneer_bench.core.row import Row, table
+from pioneer_bench.core.traffic import NARROW, narrow_space, random_tours, seconds_alone
+from pioneer_demo.adapters.map_file import floor_from_file
+from pioneer_traffic.core.roadmap import FreeSpace, Roadmap, roadmap_from_space
+from pioneer_traffic.core.simulation import Trial
+
+SHIPPED = ("closed_maze", "utm_0", "small_world", "willow_office", "blank")
+SWAP = "swap"
+_LIMIT = 1800.0
+"""Simulated seconds after which a trial counts as stuck."""
+_WAIT = 10.0
+"""Seconds that one of two robots may wait in the bay, beside 1.5 times what it needs alone."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """One trial."""
+
+    world: str
+    robots: int
+    seed: int
+    reached: int
+    asked: int
+    contacts: int
+    gap: float
+    seconds: float
+    alone: float
+    slowest_alone: float
+    mean: float
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds this bench's options."""
+    worlds = [*SHIPPED, *NARROW]
+    parser.add_argument("--worlds", nargs="+", choices=worlds, default=worlds, help="default: all")
+    parser.add_argument("--robots", type=int, nargs="+", metavar="N", default=[4, 8, 15], help="default: 4 8 15")
+    parser.add_argument("--seeds", type=int, default=3, metavar="K", help="trials of each size (default %(default)s)")
+    parser.add_argument("--waypoints", type=int, default=4, metavar="K", help="of each robot (default %(default)s)")
+    parser.add_argument("--parallel", type=int, default=1, metavar="N", help="trials at a time (default %(default)s)")
+    parser.add_argument("--output", type=Path, default=Path("bench-report"), metavar="DIR", help="default: %(default)s")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Drives all trials; returns 0 where every goal holds, 1 where one does not."""
+    asked = [
+        (world, robots, seed, options.waypoints)
+        for seed in range(options.seeds)
+        for world in options.worlds
+        for robots in ([2] if world == SWAP else options.robots)
+    ]
+    results = list[Result]()
+    with ProcessPoolExecutor(options.parallel) as pool:
+        for result in pool.map(_trial, *zip(*asked, strict=True)):
+            results.append(result)
+            print(_line(result), flush=True)
+    rows = _rows(results)
+    text = table(rows) + "\n\nA sample is a trial. Seconds are simulated ones."
+    print("\n" + text)
+    options.output.mkdir(parents=True, exist_ok=True)
+    (options.output / "traffic.md").write_text(f"# Right of way\n\n{text}\n")
+    values = {
+        "cores": os.cpu_count(),
+        "rows": [row.as_dict() for row in rows],
+        "trials": [asdict(one) for one in results],
+    }
+    (options.output / "traffic.json").write_text(json.dumps(values, indent=2) + "\n")
+    _draw(results, options.output / "traffic.png")
+    print(f"written: traffic.md, traffic.json and traffic.png in {options.output}")
+    return 1 if any(row.holds is False for row in rows) else 0
+
+
+@cache
+def _world(name: str) -> tuple[FreeSpace, Roadmap]:
+    if name in NARROW:
+        space = narrow_space(name)
+    else:
+        floor = floor_from_file(Path(rospkg.RosPack().get_path("pioneer_gazebo")) / "map" / f"{name}.yaml")
+        space = FreeSpace.of(floor.free, floor.resolution, (floor.x, floor.y))
+    return space, roadmap_from_space(space)
+
+
+def _trial(world: str, robots: int, seed: int, waypoints: int) -> Result:
+    space, roadmap = _world(world)
+    if world == SWAP:
+        ends = [(0.45, 0.45), (29.45, 0.45)]
+        starts, tours = ends, [[ends[1]], [ends[0]]]
+    else:
+        starts, tours = random_tours(space, roadmap, robots, waypoints, seed)
+    alone = [seconds_alone(space, roadmap, start, tour) for start, tour in zip(starts, tours, strict=True)]
+    outcome = Trial(roadmap, space, starts, tours, seed=seed).run(_LIMIT)
+    done = [min(seconds, _LIMIT) for seconds in outcome.finished]
+    return Result(
+        world,
+        robots,
+        seed,
+        outcome.reached,
+        outcome.asked,
+        outcome.contacts + outcome.shared,
+        round(min(outcome.gap, 9.0), 3),
+        round(max(done), 1),
+        round(sum(alone), 1),
+        round(max(alone), 1),
+        round(sum(done) / len(done), 1),
+    )
+
+
+def _line(one: Result) -> str:
+    return (
+        f"{one.world}, {one.robots} robots, seed {one.seed}: {one.reached} of {one.asked} waypoints, "
+        f"{one.contacts} contacts, {one.seconds:.0f} s; alone the slowest {one.slowest_alone:.0f} s, "
+        f"one after another {one.alone:.0f} s"
+    )
+
+
+def _rows(results: Sequence[Result]) -> list[Row]:
+    rows = list[Row]()
+    for world, robots in dict.fromkeys((one.world, one.robots) for one in results):
+        own = [one for one in results if (one.world, one.robots) == (world, robots)]
+        name = f"{world}, {robots} robots"
+        missed = tuple(float(one.asked - one.reached) for one in own)
+        rows.append(Row(f"{name}: waypoints missed", "", missed, 0.0, every=True))
+        rows.append(Row(f"{name}: contacts", "", tuple(float(one.contacts) for one in own), 0.0, every=True))
+        seconds = tuple(one.seconds for one in own)
+        goal = 1.5 * own[0].slowest_alone + _WAIT if world == SWAP else None
+        rows.append(Row(f"{name}: time", "s", seconds, goal, every=True))
+        shares = tuple(one.seconds / one.alone for one in own)
+        rows.append(Row(f"{name}: time by that of one after another", "", shares))
+    return rows
+
+
+def _draw(results: Sequence[Result], path: Path) -> None:
+    """Draws completion time against the sum of the robots' times alone."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(8.0, 5.5), layout="constrained")
+    sizes = sorted({one.robots for one in results})
+    for number, world in enumerate(dict.fromkeys(one.world for one in results)):
+        for size in sizes:
+            own = [one for one in results if (one.world, one.robots) == (world, size)]
+            label = world if own and size == max(one.robots for one in results if one.world == world) else None
+            axes.scatter(
+                [one.alone for one in own],
+                [one.seconds for one in own],
+                s=6.0 + 3.0 * size,
+                alpha=0.6,
+                color=f"C{number}",
+                edgecolor="none",
+                label=label,
+            )
+    end = max(one.alone for one in results)
+    axes.plot([0.0, end], [0.0, end], "k--", linewidth=1.0, label="one after another")
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlabel="sum of the robots' times alone [s]",
+        ylabel="until the last robot is done [s]",
+        title=f"Right of way: random tours of {', '.join(map(str, sizes))} robots (larger dots: more)",
+    )
+    axes.grid(alpha=0.3, which="both")
+    axes.legend(fontsize=8)
+    figure.savefig(path, dpi=110)

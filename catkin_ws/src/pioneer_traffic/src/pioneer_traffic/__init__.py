@@ -1,0 +1,1 @@
+"""Right of way for fleets in narrow ways."""

@@ -1,0 +1,78 @@
+"""Messages from and to the coordinators' reports."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from geometry_msgs.msg import Point
+from std_msgs.msg import Header
+
+from pioneer_traffic.core.report import Plan, PlanId, Report, Wait
+from pioneer_traffic.msg import Path as PathMessage
+from pioneer_traffic.msg import Plan as PlanMessage
+from pioneer_traffic.msg import Report as ReportMessage
+from pioneer_traffic.msg import Wait as WaitMessage
+
+
+def message_from_report(report: Report, stamp: Any) -> ReportMessage:
+    """Returns a report as a message of ``stamp`` (genpy.Time)."""
+    return ReportMessage(
+        header=Header(0, stamp, "map"),
+        robot=report.robot,
+        roadmap=report.roadmap,
+        position=Point(*report.position, 0.0),
+        held=report.held,
+        goal=report.goal,
+        since=report.since,
+        region=report.region,
+        out=report.out,
+        adopted=report.adopted.number,
+        adopted_author=report.adopted.author,
+        reached=report.reached,
+        ready=report.ready.number,
+        ready_author=report.ready.author,
+        heard=report.heard,
+        plan=_message_from_plan(report.plan) if report.plan else PlanMessage(),
+    )
+
+
+def report_from_message(message: ReportMessage, places: int) -> Report | None:
+    """Returns a message's report; None where it names a stop, a goal or a path beyond a roadmap of ``places``."""
+    stops = [*message.held[-1:], *(place for path in message.plan.paths for place in path.places)]
+    if not _are_places((*stops, message.goal), places) or any(not path.held for path in message.plan.paths):
+        return None
+    return Report(
+        robot=message.robot,
+        roadmap=message.roadmap,
+        position=(message.position.x, message.position.y),
+        held=tuple(message.held),
+        goal=message.goal,
+        since=message.since,
+        region=tuple(message.region),
+        out=message.out,
+        adopted=PlanId(message.adopted, message.adopted_author),
+        reached=message.reached,
+        ready=PlanId(message.ready, message.ready_author),
+        heard=tuple(message.heard),
+        plan=_plan_from_message(message.plan) if message.plan.number else None,
+    )
+
+
+def _are_places(numbers: Sequence[int], places: int) -> bool:
+    return all(-1 <= number < places for number in numbers)
+
+
+def _message_from_plan(plan: Plan) -> PlanMessage:
+    paths = [
+        PathMessage(name, plan.held[name], places, plan.regions.get(name, ())) for name, places in plan.paths.items()
+    ]
+    return PlanMessage(plan.id.number, plan.id.author, paths, [WaitMessage(*wait) for wait in plan.waits])
+
+
+def _plan_from_message(message: PlanMessage) -> Plan:
+    return Plan(
+        PlanId(message.number, message.author),
+        {path.robot: tuple(path.held) for path in message.paths},
+        {path.robot: tuple(path.places) for path in message.paths},
+        {path.robot: tuple(path.region) for path in message.paths if path.region},
+        tuple(Wait(wait.robot, wait.step, wait.other, wait.other_step) for wait in message.waits),
+    )

@@ -1,0 +1,174 @@
+"""The fleet's plan: a path for each robot on the roadmap, and who passes a place before whom.
+
+Paths come from ``core.pathfinding`` step by step; robots keep their order at each place, not the steps (Hönig et al.,
+"Persistent and robust execution of MAPF schedules in warehouses", RA-L 2019). A late robot delays those behind it.
+"""
+
+import math
+import random
+from collections import deque
+from collections.abc import Collection, Iterator, Sequence
+from itertools import pairwise
+
+from pioneer_traffic.core.pathfinding import Configuration, Problem, solve
+from pioneer_traffic.core.report import Plan, PlanId, Report, Wait
+from pioneer_traffic.core.roadmap import Roadmap
+
+_TRIES, _MOST, _GOOD = 4, 500, 1.6
+"""Searches with other priorities, configurations tried in each, and moves for each one needed that are good enough."""
+
+
+def planned(roadmap: Roadmap, reports: Sequence[Report], barred: Collection[int], plan_id: PlanId) -> Plan:
+    """Returns a plan for robots of which no two hold the same place.
+
+    Where all cannot be at their goals at once, those that have waited longest go first, and the others make room.
+
+    Args:
+        roadmap: the places.
+        reports: of the robots that take part.
+        barred: places near robots that do not take part.
+        plan_id: of the new plan; its number seeds the search.
+    """
+    ordered = sorted(reports, key=lambda report: (report.goal < 0, report.since, report.robot))
+    regions = _granted(ordered, barred)
+    owned = {report.stop for report in ordered if report.robot in regions}
+    closed = owned.union(barred, *regions.values())
+    # Nobody enters what is closed; who is in there may go through it on the way out.
+    graph = [
+        [] if place in owned else [other for other in near if other not in (owned if place in closed else closed)]
+        for place, near in enumerate(roadmap.neighbours)
+    ]
+    targets = _targets(roadmap, ordered, regions, closed)
+    distances = [_distances(graph, target) for target in targets]
+    tracks = _search(graph, tuple(report.stop for report in ordered), targets, distances, plan_id.number)
+    visits = [list(_visits(places)) for places in tracks]
+    names = [report.robot for report in ordered]
+    return Plan(
+        plan_id,
+        {report.robot: report.held for report in ordered},
+        {name: tuple(place for _, place in visits[robot]) for robot, name in enumerate(names)},
+        {name: tuple(sorted(region)) for name, region in regions.items()},
+        tuple(_waits(ordered, visits)),
+    )
+
+
+def _granted(ordered: Sequence[Report], barred: Collection[int]) -> dict[str, frozenset[int]]:
+    """Returns the regions of the robots that may leave the roadmap at their goals now."""
+    claimed, granted = set(barred), dict[str, frozenset[int]]()
+    for report in sorted(ordered, key=lambda report: not report.out):
+        own = set(report.held) if report.out else {*report.region, report.stop}
+        if report.out or (report.has_arrived and report.region and not claimed & own):
+            granted[report.robot] = frozenset(own - {report.stop})
+            claimed |= own
+    return granted
+
+
+def _targets(
+    roadmap: Roadmap, ordered: Sequence[Report], regions: dict[str, frozenset[int]], closed: Collection[int]
+) -> list[int]:
+    """Returns a place for each robot, no two the same: its goal, or what is free nearest to it."""
+    taken, targets = set(closed), []
+    for report in ordered:
+        target = report.stop
+        if report.robot not in regions:
+            wanted = report.goal if report.goal >= 0 else report.stop
+            target = _nearest_free(roadmap, wanted, taken, report.stop)
+            taken.add(target)
+        targets.append(target)
+    return targets
+
+
+def _nearest_free(roadmap: Roadmap, wanted: int, taken: Collection[int], otherwise: int) -> int:
+    known, waiting = {wanted}, deque([wanted])
+    while waiting:
+        place = waiting.popleft()
+        if place not in taken:
+            return place
+        fresh = [other for other in roadmap.neighbours[place] if other not in known]
+        known.update(fresh)
+        waiting.extend(fresh)
+    return otherwise
+
+
+def _distances(graph: Sequence[Sequence[int]], goal: int) -> list[int]:
+    """Returns the number of steps to ``goal`` from each place, by a graph whose ways may lead one way only."""
+    before: list[list[int]] = [[] for _ in graph]
+    for place, near in enumerate(graph):
+        for other in near:
+            before[other].append(place)
+    return Roadmap([(0.0, 0.0)] * len(graph), before).distances(goal)
+
+
+def _search(
+    graph: Sequence[Sequence[int]],
+    starts: Configuration,
+    targets: Sequence[int],
+    distances: Sequence[Sequence[int]],
+    seed: int,
+) -> list[list[int]]:
+    """Returns each robot's place by step, for as many robots led to their targets as is worth while, oldest first.
+
+    A plan is the better, the fewer steps all robots take for each step of the way that the led ones have to go.
+    """
+    reachable = [distance[start] < len(graph) for start, distance in zip(starts, distances, strict=True)]
+    led = [robot for robot, start in enumerate(starts) if reachable[robot] and targets[robot] != start]
+    guides = [distance if fine else [0] * len(graph) for distance, fine in zip(distances, reachable, strict=True)]
+    best, least = [[start] for start in starts], math.inf
+    while led and least > _GOOD:
+        needed = sum(distances[robot][starts[robot]] for robot in led)
+        goals = [target if robot in led else None for robot, target in enumerate(targets)]
+        for attempt in range(_TRIES):
+            order = list(range(len(starts)))
+            if attempt:
+                random.Random(seed + attempt).shuffle(order)
+            found = solve(Problem(graph, starts, guides, goals), order, seed + attempt, _MOST)
+            if found is None:
+                continue
+            tracks = _without_detours(found)
+            moves = sum(one != other for track in tracks for one, other in pairwise(track))
+            if moves / needed < least:
+                best, least = tracks, moves / needed
+            if least <= _GOOD:
+                break
+        led = led[: len(led) // 2]
+    return best
+
+
+def _without_detours(steps: Sequence[Configuration]) -> list[list[int]]:
+    """Returns the places of each robot by step; it waits where it went away and came back with nobody there between."""
+    tracks = [list(track) for track in zip(*steps, strict=True)]
+    for robot, track in enumerate(tracks):
+        step = 0
+        while step < len(track):
+            place = track[step]
+            last = max(later for later in range(step, len(track)) if track[later] == place)
+            others = (other for number, other in enumerate(tracks) if number != robot)
+            if last > step + 1 and not any(place in other[step : last + 1] for other in others):
+                track[step:last] = [place] * (last - step)
+                step = last
+            step += 1
+    return tracks
+
+
+def _visits(places: Sequence[int]) -> Iterator[tuple[int, int]]:
+    """Yields (step, place) for each place of one robot that is not the one before."""
+    for step, place in enumerate(places):
+        if step == 0 or place != places[step - 1]:
+            yield step, place
+
+
+def _waits(ordered: Sequence[Report], visits: Sequence[Sequence[tuple[int, int]]]) -> Iterator[Wait]:
+    """Yields, for each visit of a place, which robot must have gone on from there before."""
+    by_place: dict[int, list[tuple[int, int, int]]] = {}
+    for robot, own in enumerate(visits):
+        for index, (step, place) in enumerate(own):
+            by_place.setdefault(place, []).append((step, robot, index))
+    for robot, report in enumerate(ordered):
+        # What it holds behind it is free again when it has reached its first place.
+        for place in set(report.held[:-1]):
+            by_place.setdefault(place, []).append((-1, robot, -1))
+    for entries in by_place.values():
+        entries.sort()
+        for (_, before, left), (_, after, index) in pairwise(entries):
+            if before != after:
+                yield Wait(ordered[after].robot, index, ordered[before].robot, left + 1)

@@ -1,0 +1,88 @@
+"""What the robots' coordinators tell one another."""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from pioneer_traffic.core.geometry import Point
+
+
+class PlanId(NamedTuple):
+    """Plans are ordered by number, then by the name of the robot that made them."""
+
+    number: int = 0
+    author: str = ""
+
+
+NO_PLAN = PlanId()
+
+
+class Wait(NamedTuple):
+    """``robot`` may enter place ``step`` of its path once ``other`` has reached place ``other_step`` of its own."""
+
+    robot: str
+    step: int
+    other: str
+    other_step: int
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Who goes where after whom.
+
+    Attributes:
+        held: by robot, the places it held when the plan was made.
+        paths: by robot, places from the last one held on.
+        regions: by robot, the places about its own that it alone may use, to leave the roadmap.
+        waits: an order of passing that no robot may break.
+    """
+
+    id: PlanId = field(default_factory=PlanId)
+    held: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    paths: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    regions: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    waits: tuple[Wait, ...] = ()
+
+
+@dataclass(frozen=True)
+class Report:
+    """State of one robot, as all others get it a few times a second.
+
+    Attributes:
+        robot: its name.
+        roadmap: signature of its roadmap; robots with another one do not take part.
+        position: x, y [m], frame map.
+        held: places that it is at or may go to without asking, its next stop last; empty while it has no place.
+        goal: place it wants to be at; -1 without.
+        since: when it got that goal [s]; the longest wait goes first.
+        region: places about its goal that must be free when it leaves the roadmap there.
+        out: it is off the roadmap, within its region, until it is back at its stop.
+        adopted: the plan it follows.
+        reached: how much of its path in that plan it has driven: index of a place, -1 before the first.
+        ready: the newest plan it knows. While that is not the adopted one, it takes no further place.
+        heard: robots it has heard lately.
+        plan: the newest plan that it has made itself.
+    """
+
+    robot: str
+    roadmap: int
+    position: Point
+    held: tuple[int, ...] = ()
+    goal: int = -1
+    since: float = 0.0
+    region: tuple[int, ...] = ()
+    out: bool = False
+    adopted: PlanId = NO_PLAN
+    reached: int = -1
+    ready: PlanId = NO_PLAN
+    heard: tuple[str, ...] = ()
+    plan: Plan | None = None
+
+    @property
+    def stop(self) -> int:
+        """The last place held; -1 without."""
+        return self.held[-1] if self.held else -1
+
+    @property
+    def has_arrived(self) -> bool:
+        """Whether it stands at its goal, and may have to leave the roadmap there."""
+        return self.goal >= 0 and self.held == (self.goal,)

@@ -1,0 +1,289 @@
+"""The roadmap: places a robot may wait at and ways between them, from a map.
+
+Two robots at places or on ways that share no end are at least ``clearance`` apart, so who may be where is a question
+of places alone. Places stand ``spacing`` apart, in narrow ways along the middle, elsewhere in a triangular lattice.
+"""
+
+import math
+import zlib
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pioneer_traffic.core.geometry import Point, distance_between_segments, distance_to_segment
+
+_STEP = 0.05
+"""Distance [m] between the points at which a way is checked."""
+_PATCH, _PATCHES = 0.25, 20_000
+"""Side of a patch of ground [m], and how many there are along x and y before their numbers repeat."""
+_DETOUR = 5
+"""A tight way is no gain where so few others lead to the same place."""
+_HALF_CELL = 0.7
+"""A wall begins this far [cells] before the middle of its cell."""
+
+
+@dataclass(frozen=True)
+class RoadmapConfig:
+    """How places are chosen; all [m].
+
+    Attributes:
+        spacing: between places that a way joins, at least.
+        clearance: between a robot's way and where another may be, at least: more than the robot's largest diameter.
+        turning_radius: room about a place, wherever there is so much: a bit more than a robot needs to turn.
+        driving_radius: room about a place, at least, for a turn; and about a way, wherever there is so much.
+        passing_radius: room about a way, at least: half of the narrowest passage to use.
+    """
+
+    spacing: float = 1.0
+    clearance: float = 0.8
+    turning_radius: float = 0.41
+    driving_radius: float = 0.37
+    passing_radius: float = 0.28
+
+
+@dataclass(frozen=True, eq=False)
+class FreeSpace:
+    """Distance to the nearest wall [m], shape (rows, cols), row 0 at the bottom; ``corner``: of cell (0, 0) [m]."""
+
+    room: NDArray[np.float32]
+    resolution: float
+    corner: Point
+
+    @classmethod
+    def of(cls, free: NDArray[np.bool_], resolution: float, corner: Point) -> "FreeSpace":
+        """Returns the free space of a map; what lies outside counts as wall."""
+        padded = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
+        return cls((np.maximum(padded - _HALF_CELL, 0.0) * resolution).astype(np.float32), resolution, corner)
+
+    def room_at(self, points: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Returns the distance to the nearest wall at points, shape (n, 2) -> (n,); 0 outside the map."""
+        cells = np.floor((points - self.corner) / self.resolution).astype(int)
+        inside = ((cells >= 0) & (cells < self.room.shape[::-1])).all(axis=1)
+        cells[~inside] = 0
+        return np.where(inside, self.room[cells[:, 1], cells[:, 0]], np.float32(0.0))
+
+    def sees(self, start: Point, end: Point, radius: float) -> bool:
+        """Tells whether a disc of ``radius`` [m] can go straight from one point to the other."""
+        steps = max(2, math.ceil(math.dist(start, end) / _STEP))
+        return bool((self.room_at(np.linspace(start, end, steps)) >= radius).all())
+
+    def middles(self, radius: float) -> NDArray[np.float64]:
+        """Returns the middles of the cells with at least ``radius`` [m] of room, shape (n, 2)."""
+        rows, cols = np.nonzero(self.room >= radius)
+        return np.stack([cols + 0.5, rows + 0.5], axis=1) * self.resolution + self.corner
+
+
+@dataclass
+class Roadmap:
+    """Places and the ways between them.
+
+    Attributes:
+        places: x, y [m], frame map.
+        neighbours: of each place, those that a straight way leads to, ascending.
+    """
+
+    places: list[Point]
+    neighbours: list[list[int]]
+    config: RoadmapConfig = field(default_factory=RoadmapConfig)
+    space: FreeSpace | None = None
+
+    @property
+    def signature(self) -> int:
+        """A checksum: equal on all computers that have the same map and parameters."""
+        rounded = [(round(x, 3), round(y, 3)) for x, y in self.places]
+        return zlib.crc32(repr((rounded, self.neighbours)).encode())
+
+    def distances(self, goal: int) -> list[int]:
+        """Returns the number of ways from each place to ``goal``; the number of places where none leads there."""
+        found = [len(self.places)] * len(self.places)
+        found[goal] = 0
+        waiting = deque([goal])
+        while waiting:
+            place = waiting.popleft()
+            for other in self.neighbours[place]:
+                if found[other] > found[place] + 1:
+                    found[other] = found[place] + 1
+                    waiting.append(other)
+        return found
+
+    def near(self, start: Point, end: Point, place: int = -1) -> frozenset[int]:
+        """Returns what no other robot may hold while one moves off the ways, between ``start`` and ``end``.
+
+        These are the places within the clearance, and one end of each way that comes so near; ``place``, which that
+        robot holds, and the ways from there do not count. Beside places it is patches of the ground, numbered after
+        them: two robots off the ways that hold none in common are a clearance apart.
+        """
+        least, reach = self.config.clearance, math.dist(start, end) + 2.5 * self.config.spacing
+        about = [one for one, at in enumerate(self.places) if one != place and math.dist(at, start) < reach]
+        distance = {one: distance_to_segment(self.places[one], start, end) for one in about}
+        found = {one for one in about if distance[one] < least}
+        for one in about:
+            for other in self.neighbours[one]:
+                if other < one or other == place or {one, other} & found:
+                    continue
+                if distance_between_segments((self.places[one], self.places[other]), (start, end)) < least:
+                    found.add(min(one, other, key=lambda end: distance.get(end, math.inf)))
+        return frozenset(found | self._patches(start, end))
+
+    def _patches(self, start: Point, end: Point) -> set[int]:
+        """Returns the numbers of the patches that come within half the clearance of a straight way."""
+        radius = 0.5 * self.config.clearance + _PATCH * math.sqrt(0.5)
+        cols, rows = (
+            range(math.floor((min(pair) - radius) / _PATCH), math.ceil((max(pair) + radius) / _PATCH) + 1)
+            for pair in zip(start, end, strict=True)
+        )
+        return {
+            len(self.places) + (row % _PATCHES) * _PATCHES + col % _PATCHES
+            for row in rows
+            for col in cols
+            if distance_to_segment((col * _PATCH, row * _PATCH), start, end) < radius
+        }
+
+    def entries(self, point: Point) -> Iterator[int]:
+        """Yields the places that a robot at ``point`` can go straight to, the nearest first."""
+        order = sorted((math.dist(at, point), place) for place, at in enumerate(self.places))
+        for distance, place in order:
+            if distance > 2.0 * self.config.spacing:
+                return
+            if self._sees(point, self.places[place]):
+                yield place
+
+    def _sees(self, start: Point, end: Point) -> bool:
+        """Tells whether the way is free; a robot that stands nearer to a wall than it may drive gets away from it."""
+        if self.space is None:
+            return True
+        radius = min(self.config.passing_radius, float(self.space.room_at(np.array([start]))[0]))
+        return self.space.sees(start, end, radius)
+
+
+def roadmap_from_space(space: FreeSpace, config: RoadmapConfig | None = None) -> Roadmap:
+    """Returns the roadmap of the largest connected part of the free space; deterministic."""
+    config = config or RoadmapConfig()
+    growth = _Growth(space, config)
+    growth.grow()
+    neighbours = _ways(growth.places, space, config)
+    return Roadmap(growth.places, neighbours, config, space)
+
+
+class _Growth:
+    """Places that grow from a first one: each new place is joined to an older one by a straight way."""
+
+    def __init__(self, space: FreeSpace, config: RoadmapConfig) -> None:
+        self.places: list[Point] = []
+        self._space, self._config = space, config
+        self._buckets: dict[tuple[int, int], list[Point]] = {}
+        angles = np.arange(72) * (math.tau / 72)
+        ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        self._ring = np.concatenate([ring * config.spacing * factor for factor in (1.0, 1.08, 1.16)])
+        self._lattice = self._ring[:72:12] * 1.0001
+
+    def grow(self) -> None:
+        """Fills the largest part of the free space, from the middle of its narrowest way on."""
+        room = np.where(_largest_part(self._space, self._config.passing_radius), self._space.room, 0.0)
+        side = 2 * math.ceil(0.5 * self._config.spacing / self._space.resolution) + 1
+        middles = (room == ndimage.maximum_filter(room, side)) & (room >= self._config.driving_radius)
+        if not middles.any():
+            return
+        row, col = np.unravel_index(int(np.argmin(np.where(middles, room, np.inf))), room.shape)
+        resolution, (left, low) = self._space.resolution, self._space.corner
+        self._add((left + (float(col) + 0.5) * resolution, low + (float(row) + 0.5) * resolution))
+        # First the lattice with room enough, then what is left, at last places behind narrow passages.
+        config = self._config
+        tiers = (
+            (self._lattice, config.turning_radius, config.driving_radius),
+            (self._ring, config.turning_radius, config.driving_radius),
+            (self._ring, config.driving_radius, config.passing_radius),
+        )
+        done = [0] * len(tiers)
+        while any(count < len(self.places) for count in done):
+            tier = next(tier for tier, count in enumerate(done) if count < len(self.places))
+            self._extend(self.places[done[tier]], *tiers[tier])
+            done[tier] += 1
+
+    def _extend(self, origin: Point, offsets: NDArray[np.float64], radius: float, way_radius: float) -> None:
+        """Adds the places about ``origin`` that fit, with so much room about them and their way.
+
+        Those that have just room enough come first: the middle of a narrow way, not the mouth of a bay beside it.
+        """
+        points = offsets + origin
+        room = self._space.room_at(points)
+        for index in np.argsort(np.abs(room - self._config.turning_radius), kind="stable").tolist():
+            if room[index] < radius:
+                continue
+            point = (float(points[index, 0]), float(points[index, 1]))
+            if self._is_clear(point) and self._space.sees(origin, point, way_radius):
+                self._add(point)
+
+    def _bucket(self, point: Point) -> tuple[int, int]:
+        return math.floor(point[0] / self._config.spacing), math.floor(point[1] / self._config.spacing)
+
+    def _add(self, point: Point) -> None:
+        self.places.append(point)
+        self._buckets.setdefault(self._bucket(point), []).append(point)
+
+    def _is_clear(self, point: Point) -> bool:
+        col, row = self._bucket(point)
+        least = self._config.spacing - 1e-6
+        return all(
+            math.dist(other, point) >= least
+            for c in (col - 1, col, col + 1)
+            for r in (row - 1, row, row + 1)
+            for other in self._buckets.get((c, r), ())
+        )
+
+
+def _largest_part(space: FreeSpace, radius: float) -> NDArray[np.bool_]:
+    labels, count = ndimage.label(space.room >= radius, structure=np.ones((3, 3)))
+    if not count:
+        return np.zeros(space.room.shape, bool)
+    return labels == 1 + int(np.argmax(np.bincount(labels.ravel())[1:]))
+
+
+def _ways(places: list[Point], space: FreeSpace, config: RoadmapConfig) -> list[list[int]]:
+    """Joins places, the nearest pairs first, where no other place or way is nearer than ``clearance``.
+
+    Tight ways come last, and only where there is no other one nearby.
+    """
+    found: list[list[int]] = [[] for _ in places]
+    at = np.array(places).reshape(-1, 2)
+    reach = 2.0 * config.spacing
+    near = [np.flatnonzero(np.hypot(*(at - point).T) < 2.0 * reach).tolist() for point in at]
+    pairs = sorted(
+        (math.dist(places[one], places[other]), one, other)
+        for one in range(len(places))
+        for other in near[one]
+        if one < other and math.dist(places[one], places[other]) <= reach
+    )
+    for radius in (config.driving_radius, config.passing_radius):
+        for _, one, other in pairs:
+            if other in found[one] or not _is_apart(one, other, places, near[one], found, config.clearance):
+                continue
+            tight = radius < config.driving_radius
+            if space.sees(places[one], places[other], radius) and not (tight and _are_joined(found, one, other)):
+                found[one].append(other)
+                found[other].append(one)
+    return [sorted(neighbours) for neighbours in found]
+
+
+def _is_apart(
+    one: int, other: int, places: list[Point], near: list[int], ways: list[list[int]], clearance: float
+) -> bool:
+    """Tells whether a way between two places keeps clear of all other places and of the ways between them."""
+    way = places[one], places[other]
+    others = [place for place in near if place not in (one, other)]
+    if any(distance_to_segment(places[place], *way) < clearance for place in others):
+        return False
+    segments = ((a, b) for a in others for b in ways[a] if a < b and b not in (one, other))
+    return all(distance_between_segments((places[a], places[b]), way) >= clearance for a, b in segments)
+
+
+def _are_joined(ways: list[list[int]], one: int, other: int) -> bool:
+    """Tells whether few ways lead from one place to the other."""
+    known = {one}
+    for _ in range(_DETOUR):
+        known |= {end for place in known for end in ways[place]}
+    return other in known

@@ -1,0 +1,191 @@
+"""Robots that drive by their coordinators, without ROS: kinematics, footprints, reports that arrive one tick late."""
+
+import math
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pioneer_traffic.core.coordinator import Coordinator, CoordinatorConfig
+from pioneer_traffic.core.geometry import Point
+from pioneer_traffic.core.roadmap import FreeSpace, Roadmap
+
+FOOTPRINT = np.array([[0.20, 0.20], [0.20, -0.20], [-0.30, -0.20], [-0.30, 0.20]])
+"""Corners of a Pioneer about base_link [m]."""
+STEP, TICK = 0.05, 4
+"""Time step [s], and steps between two reports of a robot."""
+SPEED, ACCELERATION, TURN = 0.8, 1.0, 1.0
+"""Of a robot [m/s, m/s², rad/s]."""
+_ASTRAY = 0.5
+"""Error of its heading [rad] at which a robot turns where it stands."""
+_NEXT, _REACH = 0.1, 0.2
+"""How near [m] a point of the route counts as passed, and a place as reached."""
+
+
+@dataclass
+class Body:
+    """A robot: pose in map and speed; it drives straight to the points of its route."""
+
+    x: float
+    y: float
+    yaw: float = 0.0
+    speed: float = 0.0
+
+    @property
+    def position(self) -> Point:
+        """Where it is, x, y [m]."""
+        return self.x, self.y
+
+    def drive(self, route: Sequence[Point]) -> None:
+        """Moves for one time step; stops at the last point."""
+        points = list(route)
+        while len(points) > 1 and math.dist(self.position, points[0]) < _NEXT:
+            points.pop(0)
+        left = sum(math.dist(a, b) for a, b in zip([self.position, *points], points, strict=False))
+        if left < 0.03:
+            self.speed = 0.0
+            return
+        bearing = math.atan2(points[0][1] - self.y, points[0][0] - self.x)
+        error = math.remainder(bearing - self.yaw, math.tau)
+        wanted = SPEED * max(0.0, 1.0 - abs(error) / _ASTRAY)
+        wanted = min(wanted, math.sqrt(2.0 * ACCELERATION * left))
+        change = ACCELERATION * STEP
+        self.speed += min(change, max(-2.0 * change, wanted - self.speed))
+        self.yaw += min(TURN * STEP, max(-TURN * STEP, error))
+        self.x += self.speed * STEP * math.cos(self.yaw)
+        self.y += self.speed * STEP * math.sin(self.yaw)
+
+    def corners(self) -> NDArray[np.float64]:
+        """Returns the footprint's corners in map, shape (4, 2)."""
+        cosine, sine = math.cos(self.yaw), math.sin(self.yaw)
+        return FOOTPRINT @ np.array([[cosine, sine], [-sine, cosine]]) + (self.x, self.y)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a trial showed.
+
+    Attributes:
+        reached: waypoints reached, of all robots.
+        asked: waypoints given.
+        contacts: pairs of robots, and robots at walls, that touched.
+        finished: when each robot reached its last waypoint [s]; inf where it did not.
+        gap: least distance between two footprints [m].
+        shared: whether two robots ever held one place.
+    """
+
+    reached: int
+    asked: int
+    contacts: int
+    finished: tuple[float, ...]
+    gap: float
+    shared: bool
+
+
+class Trial:
+    """Robots with tours of waypoints on one map.
+
+    Args:
+        roadmap: of the map.
+        space: of the map; None: walls are not looked at.
+        starts: of the robots.
+        tours: waypoints of each robot.
+        loss: share of reports that get lost.
+        seed: of the losses.
+    """
+
+    def __init__(
+        self,
+        roadmap: Roadmap,
+        space: FreeSpace | None,
+        starts: Sequence[Point],
+        tours: Sequence[Sequence[Point]],
+        loss: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        self._space, self._tours = space, [list(tour) for tour in tours]
+        self._random, self._loss = random.Random(seed), loss
+        names = [f"robot{number:02}" for number in range(len(starts))]
+        self.bodies = [Body(x, y, self._random.uniform(-math.pi, math.pi)) for x, y in starts]
+        self.coordinators = [Coordinator(name, roadmap, CoordinatorConfig(reach=_REACH), names) for name in names]
+        self.present = [True] * len(starts)
+        self.time, self.gap, self.shared = 0.0, math.inf, False
+        self._steps = 0
+        self._reached = [0] * len(starts)
+        self._finished = [math.inf] * len(starts)
+        self._touching: set[tuple[int, int]] = set()
+        for index, coordinator in enumerate(self.coordinators):
+            self._send_on(index, coordinator)
+
+    def run(self, limit: float) -> Outcome:
+        """Drives until all tours are done, or for ``limit`` seconds."""
+        while self.time < limit and math.inf in self._finished:
+            self.step()
+        asked = sum(len(tour) for tour in self._tours)
+        return Outcome(sum(self._reached), asked, len(self._touching), tuple(self._finished), self.gap, self.shared)
+
+    def step(self) -> None:
+        """Advances by one time step; robots speak in turn, not all at once."""
+        self._steps += 1
+        self.time = self._steps * STEP
+        for index, (body, coordinator) in enumerate(zip(self.bodies, self.coordinators, strict=True)):
+            if not self.present[index]:
+                continue
+            if (self._steps + index) % TICK == 0:
+                self._speak(index, coordinator)
+            body.drive(coordinator.route)
+        if self._steps % 2 == 0:
+            self._look_for_contacts()
+
+    def _speak(self, index: int, coordinator: Coordinator) -> None:
+        report = coordinator.advance(self.bodies[index].position, self.time)
+        for other, receiver in enumerate(self.coordinators):
+            if other != index and self.present[other] and self._random.random() >= self._loss:
+                receiver.receive(report, self.time)
+        held = [set(self.coordinators[one].report.held) for one in range(len(self.bodies)) if one != index]
+        moving = report.adopted.number > 0
+        self.shared |= moving and any(set(report.held) & places for places in held)
+        if coordinator.finished:
+            self._reached[index] += 1
+            self._send_on(index, coordinator)
+
+    def _send_on(self, index: int, coordinator: Coordinator) -> None:
+        """Gives a robot its next waypoint."""
+        tour = self._tours[index]
+        if self._reached[index] < len(tour):
+            coordinator.set_waypoint(tour[self._reached[index]], self.time)
+        else:
+            coordinator.set_waypoint(None, self.time)
+            self._finished[index] = self.time
+
+    def _look_for_contacts(self) -> None:
+        corners = [body.corners() for body in self.bodies]
+        for one in range(len(corners)):
+            if self._space is not None and (self._space.room_at(_outline(corners[one])) <= 0.0).any():
+                self._touching.add((one, one))
+            for other in range(one):
+                if math.dist(self.bodies[one].position, self.bodies[other].position) < 1.2:
+                    gap = _gap(corners[one], corners[other])
+                    self.gap = min(self.gap, gap)
+                    if gap <= 0.0:
+                        self._touching.add((other, one))
+
+
+def _outline(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns points along a footprint's sides, shape (16, 2)."""
+    shares = np.linspace(0.0, 1.0, 4, endpoint=False)[:, None]
+    return np.concatenate([a + shares * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)])
+
+
+def _gap(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """Returns the largest gap [m] between two convex outlines along a side's normal: 0 or less where they touch."""
+    gap = -math.inf
+    for shape in (one, other):
+        sides = np.roll(shape, -1, axis=0) - shape
+        normals = np.stack([sides[:, 1], -sides[:, 0]], axis=1) / np.hypot(*sides.T)[:, None]
+        first, second = one @ normals.T, other @ normals.T
+        gap = max(gap, float((second.min(axis=0) - first.max(axis=0)).max()))
+        gap = max(gap, float((first.min(axis=0) - second.max(axis=0)).max()))
+    return gap

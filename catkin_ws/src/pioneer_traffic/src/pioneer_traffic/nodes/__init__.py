@@ -1,0 +1,1 @@
+"""The coordinator node: the only place for rospy."""

@@ -1,0 +1,195 @@
+"""The coordinator node: takes goals, and hands move_base the stretches that the robot may drive."""
+
+import math
+import queue
+import time
+from dataclasses import dataclass
+
+import actionlib
+import rospy
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from nav_msgs.msg import OccupancyGrid
+from std_msgs.msg import Header
+
+from nav_bundle.conversions import GridMessage, grid_from_message
+from nav_bundle.core.grid import FREE
+from nav_bundle.core.pose import Pose as PlanarPose
+from nav_bundle.core.transform import TransformError
+from nav_bundle.nodes.transform import TransformListener, robot_frame
+from pioneer_node.core.frame import stripped
+from pioneer_node.core.parameter import config_from_mapping
+from pioneer_node.nodes import entry
+from pioneer_traffic.conversions import message_from_report, report_from_message
+from pioneer_traffic.core.coordinator import Coordinator, CoordinatorConfig
+from pioneer_traffic.core.roadmap import FreeSpace, Roadmap, roadmap_from_space
+from pioneer_traffic.msg import Report as ReportMessage
+from simple_navigation_goals.adapters.move_base import MoveBase
+from simple_navigation_goals.core.queue import Outcome
+
+_PERIOD = 0.2
+"""Wall time [s] between two reports."""
+_SAME = 0.05
+"""Distance [m] under which a stop is the one that move_base has already."""
+_RETRY = 2.0
+"""Wall time [s] after which move_base gets a stop again that it gave up."""
+_COMPLAIN_EVERY = 10.0
+
+
+@dataclass(frozen=True)
+class CoordinatorNodeConfig(CoordinatorConfig):
+    """``robot``: the robot's name, unlike all others'. ``fleet``: names of the fleet's robots with blanks between."""
+
+    robot: str = ""
+    fleet: str = ""
+
+
+class CoordinatorNode:
+    """Keeps the right of way for one robot.
+
+    Subscribes: ``/map`` (nav_msgs/OccupancyGrid), ``/traffic/reports`` (pioneer_traffic/Report), tf.
+
+    Publishes: ``/traffic/reports``, five a second of wall time.
+
+    Actions served: ``traffic`` (move_base_msgs/MoveBaseAction), goals in frame map. Called: ``move_base``.
+
+    Parameters: ``CoordinatorNodeConfig``.
+
+    Threads: callbacks store; ``spin`` does all the work.
+
+    On error: a goal that is in another frame or far from any place is aborted with a text that says so. What move_base
+    gives up is sent again. Without a transform the robot is where it was last, and takes nothing more.
+    """
+
+    def __init__(self) -> None:
+        self._config = config_from_mapping(CoordinatorNodeConfig, entry.parameters(), rospy.get_name())
+        self._robot = self._config.robot or rospy.get_namespace().strip("/") or "robot"
+        self._fleet = [name for name in self._config.fleet.split() if name != self._robot]
+        self._base = robot_frame("base_link")
+        self._listener = TransformListener()
+        self._listener.listen("map", self._base)
+        for name in self._fleet:
+            self._listener.listen("map", f"{name}/base_link")
+        self._maps: queue.SimpleQueue[GridMessage] = queue.SimpleQueue()
+        self._reports: queue.SimpleQueue[ReportMessage] = queue.SimpleQueue()
+        self._ends: queue.SimpleQueue[tuple[int, Outcome, str]] = queue.SimpleQueue()
+        self._coordinator: Coordinator | None = None
+        self._roadmap = Roadmap([], [])
+        self._reporting: set[str] = set()
+        self._stop: tuple[float, float] | None = None
+        self._serial, self._retry_at = 0, math.inf
+        self._target: PoseStamped | None = None
+        self._publisher = rospy.Publisher("/traffic/reports", ReportMessage, queue_size=5, tcp_nodelay=True)
+        self._move_base = MoveBase("move_base", lambda *end: self._ends.put(end))
+        self._server = actionlib.SimpleActionServer("traffic", MoveBaseAction, auto_start=False)
+        self._server.start()
+        self._inputs = [
+            rospy.Subscriber("/map", GridMessage, self._maps.put, queue_size=1),
+            rospy.Subscriber("/traffic/reports", ReportMessage, self._reports.put, queue_size=100, tcp_nodelay=True),
+        ]
+
+    def spin(self) -> None:
+        """Works in a fixed period of wall time until shutdown."""
+        while not entry.is_ending():
+            begin = time.monotonic()
+            while not self._maps.empty():
+                self._use_map(self._maps.get())
+            if self._coordinator is not None:
+                self._work(self._coordinator)
+            # A signal ends the process within one period.
+            time.sleep(max(0.01, begin + _PERIOD - time.monotonic()))
+
+    def _use_map(self, message: OccupancyGrid) -> None:
+        grid = grid_from_message(message)
+        space = FreeSpace.of(grid.cells == FREE, grid.resolution, (grid.origin.x, grid.origin.y))
+        roadmap = roadmap_from_space(space)
+        if self._coordinator is None or roadmap.signature != self._roadmap.signature:
+            self._roadmap = roadmap
+            self._coordinator = Coordinator(self._robot, roadmap, self._config, self._fleet)
+            rospy.loginfo("roadmap of %d places, signature %08x", len(roadmap.places), roadmap.signature)
+
+    def _work(self, coordinator: Coordinator) -> None:
+        now = time.monotonic()
+        while not self._reports.empty():
+            report = report_from_message(self._reports.get(), len(self._roadmap.places))
+            if report is not None:
+                self._reporting.add(report.robot)
+                coordinator.receive(report, now)
+        position = self._position(self._base)
+        if position is None:
+            rospy.logwarn_throttle(_COMPLAIN_EVERY, "waiting for the transform from %s to map", self._base)
+            return
+        silent = (self._position(f"{name}/base_link") for name in self._fleet if name not in self._reporting)
+        coordinator.set_obstacles([point for point in silent if point is not None])
+        self._take_goal(coordinator)
+        self._publisher.publish(message_from_report(coordinator.advance(position, now), rospy.Time.now()))
+        self._note_ends(now)
+        self._drive(coordinator.route, now)
+        if coordinator.finished and self._server.is_active():
+            self._server.set_succeeded(text="Goal reached.")
+            self._end_goal(coordinator)
+
+    def _position(self, frame: str) -> tuple[float, float] | None:
+        try:
+            pose: PlanarPose = self._listener.lookup("map", frame).planar()
+        except TransformError:
+            return None
+        return pose.x, pose.y
+
+    def _take_goal(self, coordinator: Coordinator) -> None:
+        if self._server.is_new_goal_available():
+            self._target = target = self._server.accept_new_goal().target_pose
+            point = (target.pose.position.x, target.pose.position.y)
+            if stripped(target.header.frame_id) != "map":
+                self._server.set_aborted(text=f"goals must be in frame map, not {target.header.frame_id!r}")
+                self._end_goal(coordinator)
+            elif not coordinator.set_waypoint(point, rospy.get_time()):
+                self._server.set_aborted(text=f"no place of the roadmap is near ({point[0]:.2f}, {point[1]:.2f})")
+                self._end_goal(coordinator)
+        elif self._server.is_active() and self._server.is_preempt_requested():
+            self._server.set_preempted()
+            self._end_goal(coordinator)
+
+    def _end_goal(self, coordinator: Coordinator) -> None:
+        coordinator.set_waypoint(None, rospy.get_time())
+        self._target = None
+
+    def _note_ends(self, now: float) -> None:
+        while not self._ends.empty():
+            serial, outcome, text = self._ends.get()
+            if serial == self._serial and outcome is not Outcome.REACHED:
+                rospy.logwarn("move_base ended the way to (%.2f, %.2f): %s", *(self._stop or (0.0, 0.0)), text)
+                self._retry_at = now + _RETRY
+                if outcome is Outcome.LOST:
+                    self._move_base.renew()
+
+    def _drive(self, route: list[tuple[float, float]], now: float) -> None:
+        """Sends move_base to the end of the route, where that is another one than before."""
+        if not route or not self._move_base.present():
+            return
+        stop = route[-1]
+        if self._stop is not None and math.dist(stop, self._stop) < _SAME and now < self._retry_at:
+            return
+        if self._stop is None and len(route) == 1 and self._is_at(stop):
+            return
+        self._stop, self._retry_at = stop, math.inf
+        self._serial = self._move_base.send(MoveBaseGoal(self._pose_at(stop, route)))
+
+    def _is_at(self, point: tuple[float, float]) -> bool:
+        position = self._position(self._base)
+        return position is not None and math.dist(position, point) <= self._config.reach
+
+    def _pose_at(self, stop: tuple[float, float], route: list[tuple[float, float]]) -> PoseStamped:
+        """Returns the goal's own pose at the goal, elsewhere one that looks along the way."""
+        target = self._target
+        if target is not None and math.dist((target.pose.position.x, target.pose.position.y), stop) < _SAME:
+            return target
+        start = route[-2] if len(route) > 1 else self._position(self._base) or stop
+        yaw = math.atan2(stop[1] - start[1], stop[0] - start[0])
+        turn = Quaternion(0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
+        return PoseStamped(Header(0, rospy.Time.now(), "map"), Pose(Point(*stop, 0.0), turn))
+
+
+def main() -> int:
+    """Runs the node; returns the exit status."""
+    return entry.run("coordinator", CoordinatorNode)
