@@ -27,6 +27,7 @@ SHOWN_LINES = 25
 MOST_AT_ONCE = 4
 TYPED = {
     *("pioneer_demo", "pioneer_fleet", "pioneer_harness", "pioneer_node"),
+    "pioneer_gazebo",
     *("tcpros", "rocon_hub_protocol", "rocon_relay", "rocon_gateway", "rocon_hub"),
 }
 """Packages whose types are checked whole, not only their cores."""

@@ -73,12 +73,12 @@ class Reading(NamedTuple):
 
 
 @njit(inline="always")
-def _clamped(value, low, high):
+def _clamped(value: int, low: int, high: int) -> int:
     return min(max(value, low), high)
 
 
 @njit
-def _segment_meets_cell(ax, ay, ex, ey, left, bottom, cell):
+def _segment_meets_cell(ax: float, ay: float, ex: float, ey: float, left: float, bottom: float, cell: float) -> bool:
     """Tells whether a segment touches a cell, by the two box axes (done by the caller) and the segment's normal."""
     margin = 1e-9 + 1e-9 * cell
     half = 0.5 * cell
@@ -88,7 +88,7 @@ def _segment_meets_cell(ax, ay, ex, ey, left, bottom, cell):
 
 
 @njit
-def _visit(walls, starts, items, store):
+def _visit(walls: Walls, starts: Array1[np.int32], items: Array1[np.int32], store: int) -> None:
     """Counts (store 0) or stores (store 1) each item in every cell it may touch; ``starts`` is the running position."""
     segments, circles, x0, y0, cell, rows, cols = walls
     margin = 1e-7
@@ -130,7 +130,7 @@ def fill_items(walls: Walls, cursors: Array1[np.int32], items: Array1[np.int32])
 
 
 @njit(inline="always")
-def _circle_distance(px, py, dx, dy, x, y, radius):
+def _circle_distance(px: float, py: float, dx: float, dy: float, x: float, y: float, radius: float) -> float:
     """Returns the distance along the ray to the circle's rim, infinity where there is none ahead."""
     mx, my = px - x, py - y
     b = mx * dx + my * dy
@@ -147,7 +147,16 @@ def _circle_distance(px, py, dx, dy, x, y, radius):
 
 
 @njit(fastmath={"contract"})
-def _cast_one(walls, starts, items, px, py, dx, dy, max_range):
+def _cast_one(
+    walls: Walls,
+    starts: Array1[np.int32],
+    items: Array1[np.int32],
+    px: float,
+    py: float,
+    dx: float,
+    dy: float,
+    max_range: float,
+) -> float:
     segments, circles, x0, y0, cell, rows, cols = walls
     count = segments.shape[0]
     best = max_range
@@ -227,7 +236,16 @@ def cast(
 
 
 @njit
-def _shorten(ax, ay, bx, by, yaw_first, increment, turn_beams, out):
+def _shorten(
+    ax: float,
+    ay: float,
+    bx: float,
+    by: float,
+    yaw_first: float,
+    increment: float,
+    turn_beams: float,
+    out: Array1[np.float64],
+) -> None:
     """Shortens the beams that cross a segment given relative to the sensor; only those between its ends are tried."""
     start = math.atan2(ay, ax)
     sweep = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
