@@ -28,7 +28,8 @@ class CommandMessage(Twist):  # type: ignore[misc]
 
     def deserialize(self, data: bytes) -> Self:
         """Reads ``command`` from ``data``."""
-        self.command = _TWIST.unpack(data)
+        x, y, z, roll, pitch, yaw = _TWIST.unpack(data)
+        self.command = (x, y, z, roll, pitch, yaw)
         return self
 
 

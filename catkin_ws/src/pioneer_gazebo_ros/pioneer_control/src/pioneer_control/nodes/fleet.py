@@ -34,8 +34,8 @@ class Fleet:
 
     def discover(self) -> Targets:
         """Asks the master what there is, and connects to what is new."""
-        graphs = [dict(part) for part in self._master.getSystemState()]
-        self.targets = targets_from_graph(*graphs, own=rospy.get_name()).of(self._robots)
+        publishers, subscribers, services = (dict[str, list[str]](part) for part in self._master.getSystemState())
+        self.targets = targets_from_graph(publishers, subscribers, services, rospy.get_name()).of(self._robots)
         for topic in self.targets.commands - self._commands.keys():
             # Latched: it arrives as the connection is made, however late that is.
             publisher = rospy.Publisher(topic, Twist, queue_size=1, latch=True, tcp_nodelay=True)

@@ -1,4 +1,4 @@
-"""Velocity commands scaled by gains, and stopped where their source falls silent."""
+"""Scales velocity commands, and notices when their source stops sending."""
 
 import math
 from collections.abc import Mapping
@@ -85,7 +85,7 @@ def _proportional(values: Any, where: str, owner: str) -> float:
 
 
 class Watchdog:
-    """Notices that a source which last commanded movement has fallen silent. Not thread-safe.
+    """Notices that a source stopped sending while the robot moves. Not thread-safe.
 
     Args:
         timeout: longest silence [s of ROS time].
