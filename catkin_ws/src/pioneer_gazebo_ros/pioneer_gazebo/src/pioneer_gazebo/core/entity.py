@@ -61,7 +61,10 @@ class Driven:
 
     def angles(self, engine: Engine) -> tuple[float, float]:
         """Returns how far the left and the right wheels have turned [rad], on the average."""
-        turned = [angle for angle, _ in engine.joints(self.handle, self.parts)]
+        states = engine.joints(self.handle, self.parts)
+        if len(states) == 2:
+            return states[0][0], states[1][0]
+        turned = [angle for angle, _ in states]
         side = len(turned) // 2
         return sum(turned[:side]) / side, sum(turned[side:]) / side
 
