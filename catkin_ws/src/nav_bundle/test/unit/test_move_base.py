@@ -275,3 +275,10 @@ def test_base_global_planner_names_the_global_planner(name, kind, namespace, par
     planner = setup.make_global_planner()
     assert type(planner) is kind
     assert (setup.global_planner_name, planner.config.default_tolerance) == (namespace, 0.5)
+
+
+def test_a_standing_robot_searches_again_at_once_whatever_the_planner_frequency() -> None:
+    limits = Limits(planner_frequency=0.5, recoveries=1)
+    state, _, _ = advance(State(), Inputs(new_goal=True, pose=Pose()), 0.0, limits)
+    state, _, _ = advance(state, Inputs(pose=Pose(), plan=PlanOutcome.FAILED), 1.0, limits)
+    assert state.plan_due <= 1.11

@@ -156,6 +156,8 @@ Step = tuple[State, Velocity | None, tuple[Event, ...]]
 
 MEETING_PERIOD = 0.5
 """How old a plan may become while something that the map does not know is near [s]."""
+RETRY_PERIOD = 0.1
+"""Longest wait between two searches while the robot stands without a plan [s]."""
 STALE_TEXT = "Sensor data is out of date, we're not going to allow commanding of the base for safety"
 
 
@@ -233,7 +235,7 @@ def _take_plan(state: State, inputs: Inputs, now: float, limits: Limits) -> Step
 
 def _planning_failed(state: State, now: float, limits: Limits) -> Step:
     """Tries again, until patience or retries end; a robot under way goes on with the plan it has."""
-    period = limits.planning_period if math.isfinite(limits.planning_period) else 0.0
+    period = min(limits.planning_period, RETRY_PERIOD) if math.isfinite(limits.planning_period) else 0.0
     if state.phase is Phase.CONTROLLING:
         return replace(state, plan_due=now + limits.planning_period), None, ()
     retries = state.planning_retries + 1
