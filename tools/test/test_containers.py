@@ -45,7 +45,7 @@ def test_the_command_needs_nothing_but_python() -> None:
 
 
 def test_the_image_takes_no_checks_from_pypi() -> None:
-    assert [one.split("==")[0] for one in requirements()] == ["pybullet", "xacro"]
+    assert [one.split("==")[0] for one in requirements()] == ["pybullet", "google-re2", "xacro"]
 
 
 def test_long_stages_of_the_image_are_made_each_from_a_file_of_its_own() -> None:

@@ -10,7 +10,9 @@ from pioneer_harness.masters import Master
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 
-OVERLAY = Path(__file__).resolve().parents[2] / "catkin_ws" / "overlay"
+pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+
+OVERLAY = Path(__file__).resolve().parents[4] / "overlay"
 LAUNCH = """<launch>
   <arg name="model" default="$(find pioneer_description)/urdf/pioneer3dx.xacro"/>
   <include file="$(find gazebo_ros)/launch/empty_world.launch">
