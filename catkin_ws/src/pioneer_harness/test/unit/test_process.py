@@ -120,14 +120,14 @@ def test_a_process_runs_in_the_folder_it_is_given(group, tmp_path):
 
 
 def test_processes_of_others_are_left_alone(group):
-    with subprocess.Popen(SLEEP, start_new_session=True) as other:
+    with subprocess.Popen(SLEEP, start_new_session=True) as outsider:
         with ProcessGroup() as other:
             foreign = other.start("theirs", SLEEP)
             group.start("ours", SLEEP)
             group.stop()
             assert is_alive(foreign)
-            assert other.poll() is None
-        other.kill()
+            assert outsider.poll() is None
+        outsider.kill()
 
 
 def test_an_unexpected_end_is_noticed_and_told_with_its_last_lines(group, tmp_path):
