@@ -196,8 +196,3 @@ def run_step(command: Sequence[str], log: Path, say: Callable[[str], None]) -> N
                 say(f"  {shown - started:4.0f} s  {line.strip()[:80]}")
     if process.returncode:
         raise ContainerError("\n".join([f"{' '.join(command[:2])} failed:", *lines, f"the whole log is {log}"]))
-
-
-def image_size(name: str) -> int:
-    """Returns the size of an image [bytes]."""
-    return int(output("docker", "image", "inspect", "-f", "{{.Size}}", name))

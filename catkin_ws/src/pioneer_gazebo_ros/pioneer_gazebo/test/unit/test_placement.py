@@ -70,7 +70,7 @@ def test_the_readmes_example_goal_is_in_free_space(path: Path) -> None:
 
 
 def test_the_place_of_pioneer1_in_utm_0_is_outside_small_world() -> None:
-    """pioneer_world.launch spawned the robot there, outside the walls, without a word."""
+    """pioneer_world.launch spawned the robot there, outside the walls, and said nothing."""
     drawn = read_map(MAPS / "small_world.yaml")
     assert drawn is not None
     with pytest.raises(PlacementError, match="small_world"):

@@ -32,7 +32,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::Deprec
 
 
 @given(records)
-def test_a_strangers_record_is_read_as_it_will_be_written_or_refused(text: bytes) -> None:
+def test_a_hostile_record_is_read_as_it_will_be_written_or_refused(text: bytes) -> None:
     try:
         record = record_from_text(text)
     except RecordError:
@@ -41,7 +41,7 @@ def test_a_strangers_record_is_read_as_it_will_be_written_or_refused(text: bytes
 
 
 @given(requests)
-def test_a_strangers_request_is_read_as_it_will_be_written_or_refused(text: bytes) -> None:
+def test_a_hostile_request_is_read_as_it_will_be_written_or_refused(text: bytes) -> None:
     try:
         request = request_from_text(text)
     except RecordError:

@@ -17,9 +17,6 @@ from rocon_hub_protocol.core.code import HubProtocolError
 SHARE_LENGTH = 32
 """Length of what each side sends first [bytes]."""
 
-TAG_LENGTH = 64
-"""Length of what each side proves its knowledge by [bytes]."""
-
 _SUITE = b"CPace255"
 _BLOCK = 128  # of SHA-512, whose first block the password fills
 _PRIME = 2**255 - 19
