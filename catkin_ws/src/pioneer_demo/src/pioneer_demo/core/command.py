@@ -65,6 +65,7 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
                 f"robots:={config.robots}",
                 f"real_time_factor:={config.real_time_factor:g}",
                 f"seed:={config.seed}",
+                "skip:=false",
             ),
             shared,
         ),

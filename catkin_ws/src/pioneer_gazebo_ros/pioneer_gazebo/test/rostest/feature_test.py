@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """What a user of rosaria asks a robot of the simulator, and people who walk, met by a robot."""
 
+import re
 import sys
 import threading
 import unittest
@@ -13,7 +14,7 @@ from gazebo_msgs import srv
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
 from nav_msgs.msg import Odometry
 from pioneer_msgs.msg import BumperState
-from sensor_msgs.msg import BatteryState, CameraInfo, Image, Imu, NavSatFix, PointCloud, PointCloud2, Range
+from sensor_msgs.msg import BatteryState, CameraInfo, Image, Imu, JointState, NavSatFix, PointCloud, PointCloud2, Range
 from std_msgs.msg import Bool, Float32, Float64, Int8, UInt32
 
 PATIENCE = 60.0
@@ -87,12 +88,38 @@ class FeatureTest(unittest.TestCase):
         command.publish(Twist(Vector3(0.0, 0.2, 0.0), Vector3()))
         first("/slider/odom", Odometry, lambda message: message.pose.pose.position.y > -3.3)
         command.publish(Twist())
-        imu = first("/slider/imu/data", Imu, lambda message: abs(message.linear_acceleration.x) < 0.1)
-        assert abs(imu.linear_acceleration.z - 9.8) < 0.5
+
+        def stands(message: Imu) -> bool:
+            felt = message.linear_acceleration
+            return abs(felt.x) < 0.1 and abs(felt.z - 9.8) < 0.5
+
+        first("/slider/imu/data", Imu, stands)
         assert abs(first("/slider/fix", NavSatFix).latitude - 49.9) < 0.001
         cloud = first("/slider/kinect/points", PointCloud2)
         assert (cloud.width, cloud.height, len(cloud.data)) == (80, 60, 80 * 60 * 12)
         assert first("/slider/kinect/depth/image_raw", Image).encoding == "32FC1"
+
+    def test_a_robot_under_ros_control_drives_by_the_yaml_in_its_namespace(self) -> None:
+        spawn = rospy.ServiceProxy("/gazebo/spawn_urdf_model", srv.SpawnModel)
+        wheels = {f"{side}_wheel": f"base_{side}_wheel_joint" for side in ("left", "right")}
+        base = {"type": "diff_drive_controller/DiffDriveController", "base_frame_id": "base_link", **wheels,
+                "wheel_radius": 0.0975, "wheel_separation": 0.33}  # fmt: skip
+        rospy.set_param("/controlled/base", base)
+        rospy.set_param("/controlled/states", {"type": "joint_state_controller/JointStateController"})
+        drive = r'<plugin [^>]*libgazebo_ros_diff_drive.so"[^>]*>.*?</plugin>'
+        control = '<plugin name="control" filename="libgazebo_ros_control.so"/>'
+        text, count = re.subn(drive, control, rospy.get_param("/robot_description"), flags=re.DOTALL)
+        assert count == 1
+        answer = spawn("controlled", text, "controlled", Pose(Point(-0.5, -1.5, 0), Quaternion(0, 0, 0, 1)), "")
+        assert answer.success, answer.status_message
+        command = rospy.Publisher("/controlled/base/cmd_vel", Twist, queue_size=1, latch=True)
+        odometry = first("/controlled/base/odom", Odometry)
+        assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
+        command.publish(Twist(Vector3(0.4, 0.0, 0.0), Vector3()))
+        first("/controlled/base/odom", Odometry, lambda message: message.twist.twist.linear.x > 0.3)
+        first("/controlled/base/odom", Odometry, lambda message: message.twist.twist.linear.x < 0.01)
+        turned = first("/controlled/joint_states", JointState)
+        assert max(turned.position) > 1.0
 
     def test_the_camera_shows_the_world_while_somebody_looks(self) -> None:
         image = first("/pioneer1/camera/image_raw", Image)

@@ -1,20 +1,24 @@
-"""Drives and sensors of common robots other than the Pioneer."""
+"""Drives, controllers and sensors of common robots other than the Pioneer."""
 
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
+from pioneer_gazebo.adapters.ros_control import controlled
 from pioneer_gazebo.adapters.sdf import world_from_sdf_text
 from pioneer_gazebo.adapters.urdf import robot_from_urdf
 from pioneer_gazebo.core.camera import points_of
 from pioneer_gazebo.core.device import Gps, Imu
 from pioneer_gazebo.core.entity import Entity
+from pioneer_gazebo.core.error import DescriptionError
 from pioneer_gazebo.core.inertial import InertialUnit, Receiver
 from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.robot import Camera, Robot
+from pioneer_gazebo.core.robot import Camera, JointStatePublisher, LaserSensor, Robot
 from pioneer_gazebo.core.schedule import TICK_RATE
 from pioneer_gazebo.core.simulation import Simulation
 
@@ -216,3 +220,130 @@ def test_a_depth_cameras_points_lie_where_the_pixels_look() -> None:
     np.testing.assert_allclose(points[1, 2], (0.0, 0.0, 2.0))
     assert points[1, 4, 0] == pytest.approx(2.0 * 2.0 / 2.5)
     assert np.isnan(points[0, 0]).all()
+
+
+CONTROL = """<gazebo><plugin name="c" filename="libgazebo_ros_control.so"><robotNamespace>/rover</robotNamespace>
+<robotSimType>gazebo_ros_control/DefaultRobotHWSim</robotSimType></plugin></gazebo>
+<transmission name="t"><type>transmission_interface/SimpleTransmission</type></transmission>"""
+
+PARAMETERS = """
+joint_states:
+  type: joint_state_controller/JointStateController
+  publish_rate: 25
+base:
+  type: diff_drive_controller/DiffDriveController
+  left_wheel: [front_left, rear_left]
+  right_wheel: [front_right, rear_right]
+  wheel_separation: 0.4
+  wheel_radius: 0.1
+  publish_rate: 40
+  cmd_vel_timeout: 1.0
+  base_frame_id: base
+  enable_odom_tf: false
+  linear: {x: {has_velocity_limits: true, max_velocity: 0.6, has_acceleration_limits: true, max_acceleration: 0.4}}
+  angular: {z: {has_velocity_limits: true, max_velocity: 1.0, min_velocity: -0.5}}
+"""
+
+
+def parameters(**changed: Any) -> dict[str, Any]:
+    values: dict[str, Any] = yaml.safe_load(PARAMETERS)
+    values["base"] |= changed
+    return {**values, "robot_description": "<robot/>"}
+
+
+def driven(given: dict[str, Any]) -> Robot:
+    robot = rover(CONTROL, smooth=True)
+    devices, notes = controlled(robot, given)
+    assert not notes
+    return replace(robot, devices=devices)
+
+
+def test_a_diff_drive_controller_is_read_under_ros_controls_names() -> None:
+    robot = driven(parameters())
+    [drive] = robot.drives
+    assert (robot.namespace, robot.warnings) == ("rover", ())
+    assert drive.joints() == (("front_left", "rear_left"), ("front_right", "rear_right"))
+    assert (drive.commandTopic, drive.odometryTopic) == ("base/cmd_vel", "base/odom")
+    assert (drive.wheelSeparation, drive.wheelDiameter, drive.updateRate, drive.commandTimeout) == (0.4, 0.2, 40, 1)
+    assert (drive.robotBaseFrame, drive.odometryFrame, drive.publishOdomTF) == ("base", "odom", False)
+    [states] = robot.of(JointStatePublisher)
+    assert (states.updateRate, states.topicName, states.jointName) == (25, "joint_states", ())
+
+
+def test_separation_and_radius_are_those_of_the_description_where_the_yaml_has_none() -> None:
+    given = parameters(left_wheel="front_left", right_wheel="front_right", wheel_separation_multiplier=1.5)
+    del given["base"]["wheel_separation"], given["base"]["wheel_radius"]
+    [drive] = driven(given).drives
+    assert (drive.wheelSeparation, drive.wheelDiameter) == pytest.approx((0.6, 0.2))
+
+
+def test_a_controlled_robot_drives_within_its_limits_and_stops_without_commands(simulate: MakeSimulation) -> None:
+    simulation = simulate()
+    entity = spawned(simulation, driven(parameters()))
+    for _ in range(8):
+        entity.drives[0].command(simulation.tick, 3.0, 0.0)
+        run(simulation, 0.5)
+        assert simulation.odometry(entity.drives[0]).speed < 0.62
+    x, y, _ = simulation.pose(entity).position
+    # 1.5 s of 0.4 m/s², then 2.5 s at 0.6 m/s.
+    assert x == pytest.approx(0.45 + 1.5, abs=0.06)
+    assert abs(y) < 0.03
+    assert simulation.odometry(entity.drives[0]).speed == pytest.approx(0.6, abs=0.02)
+    run(simulation, 3.0)
+    assert simulation.odometry(entity.drives[0]).speed == pytest.approx(0.0, abs=1e-3)
+    entity.drives[0].command(simulation.tick, 0.0, -2.0)
+    run(simulation, 0.8)
+    assert simulation.odometry(entity.drives[0]).turn == pytest.approx(-0.5, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"left_wheel": "frot_left"}, "base/left_wheel: unknown joint 'frot_left'; did you mean 'front_left'"),
+        ({"left_wheel": None}, "base/left_wheel is missing"),
+        ({"left_wheel": "front_left"}, "as many left as right wheels"),
+        ({"wheel_radius": 0}, "base/wheel_radius is 0 and must be a number > 0"),
+        ({"wheel_separation": "wide"}, "base/wheel_separation is 'wide' and must be a number > 0"),
+        ({"linear": {"x": {"has_velocity_limits": True}}}, "base/linear/x/max_velocity is missing"),
+    ],
+)
+def test_an_invalid_controller_is_refused_by_its_parameters_name(changed: dict[str, Any], message: str) -> None:
+    with pytest.raises(DescriptionError, match=message):
+        controlled(rover(CONTROL), parameters(**changed))
+
+
+def test_what_is_not_supported_is_noted() -> None:
+    arm = {"type": "position_controllers/JointPositionController", "joint": "a"}
+    _, notes = controlled(rover(CONTROL), {**parameters(wings=2), "arm_controller": arm})
+    assert [line.split(" ")[0] for line in notes] == ["base/wings", "controller"]
+    _, notes = controlled(rover(CONTROL), {"robot_description": "<robot/>"})
+    assert "libgazebo_ros_control.so drives nothing" in notes[0]
+
+
+CART = """<model name='cart'><pose>1 2 0 0 0 0</pose>
+  <link name='base'><pose>0 0 0.1 0 0 0</pose><inertial><mass>5</mass></inertial>
+    <collision name='c'><geometry><box><size>0.3 0.3 0.1</size></box></geometry></collision>
+    <sensor name='s' type='ray'><ray><scan><horizontal><samples>9</samples><min_angle>-1</min_angle>
+      <max_angle>1</max_angle></horizontal></scan><range><min>0.1</min><max>5</max></range></ray>
+      <plugin name='p' filename='libgazebo_ros_laser.so'><topicName>scan</topicName></plugin></sensor></link>
+  <link name='mast'><pose>0 0 0.3 0 0 0</pose></link>
+  <joint name='turn' type='revolute'><parent>base</parent><child>mast</child><axis><xyz>0 0 1</xyz></axis></joint>
+  <plugin name='j' filename='libgazebo_ros_joint_state_publisher.so'><jointName>turn</jointName>
+    <robotNamespace>cart</robotNamespace></plugin></model>"""
+
+
+def test_sensors_and_plugins_of_a_nested_sdf_model_are_those_of_the_outer_one(simulate: MakeSimulation) -> None:
+    outer = "<plugin name='m' filename='libgazebo_ros_p3d.so'><bodyName>cart::base</bodyName></plugin>"
+    text = f"<sdf version='1.6'><model name='train'>{CART}{outer}</model></sdf>"
+    world = world_from_sdf_text(text)
+    assert world.warnings == ()
+    [model] = world.models
+    laser, states, truth = model.devices
+    assert isinstance(laser, LaserSensor)
+    assert (laser.link, states.jointName, truth.bodyName) == ("cart::base", ("cart::turn",), "cart::base")
+    simulation = simulate()
+    simulation.add_model(model)
+    entity = simulation.entity("train")
+    assert entity.namespace == "cart"
+    x, y, _ = simulation.link_pose(entity, "cart::base").compose(entity.lasers[0].device.pose).position
+    assert (x, y) == pytest.approx((1.0, 2.0))

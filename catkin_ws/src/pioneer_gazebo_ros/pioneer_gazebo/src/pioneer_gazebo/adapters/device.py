@@ -73,8 +73,6 @@ def filled(config: type[Config], element: Element, notes: Notes, known: Collecti
             near = difflib.get_close_matches(tag, hints, n=1)
             hint = f"; did you mean <{near[0]}>?" if near else ""
             notes.add(f"<{tag}> of plugin lib{library_of(element)}.so is not supported and ignored{hint}")
-    if "robotNamespace" in hints:
-        given["robotNamespace"] = element.word("robotNamespace", "").strip("/")
     return config(**given)
 
 

@@ -2,11 +2,14 @@
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 from pioneer_gazebo.adapters.device import Names, filled, library_of
 from pioneer_gazebo.adapters.element import Element, Notes
-from pioneer_gazebo.core.device import Gps, Imu, PlanarMove
+from pioneer_gazebo.core.device import Gps, Imu, PlanarMove, RosControl
 from pioneer_gazebo.core.robot import BaseDriver, Device, DiffDrive, GroundTruth, JointStatePublisher
+
+SIDES = ("left", "right")
 
 
 def read_plugin(element: Element, names: Names, notes: Notes) -> list[Device]:
@@ -33,13 +36,8 @@ def _drive(element: Element, names: Names, notes: Notes) -> DiffDrive:
 
 def _skid_steer(element: Element, names: Names, notes: Notes) -> DiffDrive:
     """Reads a drive of four wheels; as in gazebo_ros its odometry is the true pose."""
-    joints = {
-        field: element.word(tag, tag)
-        for field, tag in (
-            ("leftJoint", "leftFrontJoint"), ("rightJoint", "rightFrontJoint"),
-            ("leftRearJoint", "leftRearJoint"), ("rightRearJoint", "rightRearJoint"),
-        )
-    }  # fmt: skip
+    joints: dict[str, Any] = {f"{side}Joint": element.word(f"{side}FrontJoint", f"{side}FrontJoint") for side in SIDES}
+    joints |= {f"{side}RearJoint": (f"{side}RearJoint",) for side in SIDES}
     known = {"leftFrontJoint", "rightFrontJoint", "broadcastTF", "covariance_x", "covariance_y", "covariance_yaw"}
     drive = filled(DiffDrive, element, notes, known, name=_name(element), **joints)
     drive = dataclasses.replace(drive, publishOdomTF=element.flag("broadcastTF", True), odometrySource="world")
@@ -61,6 +59,12 @@ def _checked_drive(element: Element, names: Names, drive: DiffDrive) -> DiffDriv
     if source not in ("encoder", "world"):
         raise element.error(f"odometrySource must be encoder or world, not {source!r}")
     return dataclasses.replace(drive, odometrySource=source)
+
+
+def _ros_control(element: Element, names: Names, notes: Notes) -> RosControl:
+    del names
+    known = {"controlPeriod", "robotSimType", "legacyModeNS"}
+    return filled(RosControl, element, notes, known, name=_name(element))
 
 
 def _base_driver(element: Element, names: Names, notes: Notes) -> BaseDriver:
@@ -118,6 +122,7 @@ _PLUGINS: dict[str, Callable[[Element, Names, Notes], Device]] = {
     "gazebo_ros_diff_drive": _drive,
     "gazebo_ros_skid_steer_drive": _skid_steer,
     "gazebo_ros_planar_move": _planar,
+    "gazebo_ros_control": _ros_control,
     "gazebo_ros_imu": _imu,
     "hector_gazebo_ros_imu": _imu,
     "hector_gazebo_ros_gps": _gps,

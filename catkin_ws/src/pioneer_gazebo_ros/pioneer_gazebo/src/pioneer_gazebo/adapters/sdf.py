@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from pioneer_gazebo.adapters.device import Names
 from pioneer_gazebo.adapters.element import Element, Notes
@@ -207,6 +208,8 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
     frames = Frames(element)
     links: list[Link] = []
     joints: list[Joint] = []
+    devices: list[Any] = []
+    namespace = ""
     static = element.flag("static")
     for child in element.children():
         if child.tag == "link":
@@ -219,9 +222,11 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
                 nested = dataclasses.replace(nested, pose=frames.pose(child)) if child.tag == "model" else nested
                 # sdformat puts all that a nested model holds, but for its pose, into the model around it.
                 static = static or nested.static
-                inner_links, inner_joints = _flattened(nested)
-                links += inner_links
-                joints += inner_joints
+                inner = _flattened(nested)
+                links += inner.links
+                joints += inner.joints
+                devices += inner.devices
+                namespace = namespace or inner.namespace
         elif child.tag not in MODEL_QUIET:
             scope.notes.add(f"<{child.tag}> in <model> is not supported and left out")
     poses = {link.name: link.pose for link in links}
@@ -231,11 +236,13 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
     tree, closing = tree_of(poses, joints) if joints else ((), ())
     for joint in closing:
         scope.notes.add(f"joint {joint} of model {name} closes a ring, which is not supported, and is left out")
-    devices = _devices(element, [link.name for link in links], [joint.name for joint in joints], scope)
+    devices += _devices(element, [link.name for link in links], [joint.name for joint in joints], scope)
+    for plugin in element.children("plugin"):
+        namespace = namespace or plugin.word("robotNamespace", "").strip("/")
     if static and devices:
         scope.notes.add(f"sensors and plugins of model {name}, which is static, are not supported and ignored")
         devices = []
-    return Model(name, pose_in(element), static, tuple(links), joints=tree, devices=tuple(devices))
+    return Model(name, pose_in(element), static, tuple(links), None, tree, tuple(devices), namespace)
 
 
 def _devices(element: Element, links: list[str], joints: list[str], scope: Scope) -> list[Device]:
@@ -251,8 +258,12 @@ def _devices(element: Element, links: list[str], joints: list[str], scope: Scope
     return devices
 
 
-def _flattened(nested: Model) -> tuple[list[Link], list[Joint]]:
-    """Returns a nested model's links and joints as the outer model's, named ``nested::link`` as Gazebo does."""
+NAMING = ("link", "bodyName", "leftJoint", "rightJoint", "leftRearJoint", "rightRearJoint", "jointName")
+"""Fields of devices that hold names of links or joints."""
+
+
+def _flattened(nested: Model) -> Model:
+    """Returns a nested model with its parts as the outer model's, named ``nested::link`` as Gazebo does."""
 
     def outer(name: str) -> str:
         return name if name == WORLD else f"{nested.name}::{name}"
@@ -270,7 +281,12 @@ def _flattened(nested: Model) -> tuple[list[Link], list[Joint]]:
         )
         for joint in nested.joints
     ]
-    return links, joints
+    devices = []
+    for device in nested.devices:
+        given = {name: getattr(device, name) for name in NAMING if hasattr(device, name)}
+        named = {key: tuple(map(outer, at)) if isinstance(at, tuple) else outer(at) for key, at in given.items()}
+        devices.append(dataclasses.replace(device, **named))
+    return dataclasses.replace(nested, links=tuple(links), joints=tuple(joints), devices=tuple(devices))
 
 
 def _include(element: Element, frames: Frames, scope: Scope, depth: int) -> Model | None:

@@ -15,7 +15,7 @@ from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.world import Box, Collision, Colour, Cylinder, Inertia, Link, Mesh, Shape, Sphere, Visual
 
 KINDS = (kinds.FIXED, kinds.CONTINUOUS, kinds.REVOLUTE, kinds.PRISMATIC, kinds.FLOATING)
-ROBOT_QUIET = {"material", "link", "joint", "gazebo"}
+ROBOT_QUIET = {"material", "link", "joint", "gazebo", "transmission"}
 XACRO = "{http://www.ros.org/wiki/xacro}"
 
 

@@ -14,12 +14,18 @@ class PlanarMove:
     """
 
     name: str = "planar_move"
-    robotNamespace: str = ""
     commandTopic: str = "cmd_vel"
     odometryTopic: str = "odom"
     odometryFrame: str = "odom"
     robotBaseFrame: str = "base_footprint"
     odometryRate: float = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class RosControl:
+    """``libgazebo_ros_control.so``: the controllers in the robot's namespace take its place when it is spawned."""
+
+    name: str = "gazebo_ros_control"
 
 
 @dataclass(frozen=True, slots=True)

@@ -73,6 +73,7 @@ class Drive:
         self.config = config
         self._radius = config.wheelDiameter / 2
         self._scales = left_scale, right_scale
+        self._wanted = self._motion = (0.0, 0.0)
         self._target = (0.0, 0.0)
         self._silence = 0.0
         self._speeds = (0.0, 0.0)
@@ -89,8 +90,7 @@ class Drive:
         """
         check_motion(speed, turn)
         self._silence = 0.0
-        half = turn * self.config.wheelSeparation / 2
-        self._target = (speed - half) / self._radius, (speed + half) / self._radius
+        self._wanted = speed, turn
 
     @property
     def at_rest(self) -> bool:
@@ -105,13 +105,24 @@ class Drive:
         if self.config.commandTimeout:
             self._silence += step
             if self._silence > self.config.commandTimeout:
-                self._target = (0.0, 0.0)
+                self._wanted = (0.0, 0.0)
+        if self._motion != self._wanted:
+            self._steer(step)
         self._ramp(step)
         trimmed = self._speeds[0] + TRIM_GAIN * self._behind[0], self._speeds[1] + TRIM_GAIN * self._behind[1]
         if abs(trimmed[0] - self._sent[0]) < SAME_SPEED and abs(trimmed[1] - self._sent[1]) < SAME_SPEED:
             return None
         self._sent = trimmed
         return trimmed
+
+    def _steer(self, step: float) -> None:
+        """Brings the motion that is asked of the wheels nearer to the commanded one, within the limits."""
+        (speed, turn), config = self._motion, self.config
+        speed = config.speedLimits.towards(speed, self._wanted[0], step)
+        turn = config.turnLimits.towards(turn, self._wanted[1], step)
+        self._motion = speed, turn
+        half = turn * config.wheelSeparation / 2
+        self._target = (speed - half) / self._radius, (speed + half) / self._radius
 
     def _ramp(self, step: float) -> None:
         (left, right), (left_target, right_target) = self._speeds, self._target
@@ -146,7 +157,7 @@ class Drive:
 
     def reset(self) -> None:
         """Stops the wheels and puts the odometry back to the origin."""
-        self._target = self._speeds = self._sent = self._behind = (0.0, 0.0)
+        self._wanted = self._motion = self._target = self._speeds = self._sent = self._behind = (0.0, 0.0)
         self._angles = (0.0, 0.0)
         self.odometry = Odometry()
 

@@ -6,13 +6,32 @@ finds each setting again. Lengths [m], angles [rad], masses [kg], rates [Hz].
 
 # ruff: noqa: N815 - fields are named as the plugins' elements are
 
+import math
 from dataclasses import dataclass
 from typing import TypeVar
 
-from pioneer_gazebo.core.device import Gps, Imu, PlanarMove
+from pioneer_gazebo.core.device import Gps, Imu, PlanarMove, RosControl
 from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
 from pioneer_gazebo.core.world import Link
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Bounds of a velocity and of its change, in m or rad a second; infinite for none."""
+
+    least: float = -math.inf
+    most: float = math.inf
+    fall: float = -math.inf
+    rise: float = math.inf
+
+    def towards(self, now: float, wanted: float, step: float) -> float:
+        """Returns the velocity after a ``step`` [s] in which ``now`` shall become ``wanted``."""
+        wanted = min(max(wanted, self.least), self.most)
+        return min(max(wanted, now + self.fall * step), now + self.rise * step)
+
+
+NO_LIMITS = Limits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,11 +48,11 @@ class DiffDrive:
         updateRate: of commands and odometry [Hz]; 0 for every step.
         odometrySource: ``encoder`` (integrates the wheels) or ``world`` (the true pose).
         legacyMode: ``true`` if the joint called left is on the right; empty: as the joints lie.
-        leftRearJoint: the second wheel on the left of ``libgazebo_ros_skid_steer_drive.so``; so ``rightRearJoint``.
+        leftRearJoint: further wheels on the left, as ``libgazebo_ros_skid_steer_drive.so`` has; so ``rightRearJoint``.
+        speedLimits: of the commanded speed, as ``diff_drive_controller`` has; so ``turnLimits``.
     """
 
     name: str = "diff_drive"
-    robotNamespace: str = ""
     leftJoint: str = "left_joint"
     rightJoint: str = "right_joint"
     wheelSeparation: float = 0.34
@@ -52,13 +71,14 @@ class DiffDrive:
     publishWheelTF: bool = False
     publishWheelJointState: bool = False
     legacyMode: str = ""
-    leftRearJoint: str = ""
-    rightRearJoint: str = ""
+    leftRearJoint: tuple[str, ...] = ()
+    rightRearJoint: tuple[str, ...] = ()
+    speedLimits: Limits = NO_LIMITS
+    turnLimits: Limits = NO_LIMITS
 
     def joints(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Returns the names of the joints that are called left and right."""
-        left, right = (self.leftJoint, self.leftRearJoint), (self.rightJoint, self.rightRearJoint)
-        return tuple(filter(None, left)), tuple(filter(None, right))
+        return (self.leftJoint, *self.leftRearJoint), (self.rightJoint, *self.rightRearJoint)
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,6 +287,7 @@ class BaseDriver:
 Device = (
     DiffDrive
     | PlanarMove
+    | RosControl
     | Imu
     | Gps
     | LaserSensor

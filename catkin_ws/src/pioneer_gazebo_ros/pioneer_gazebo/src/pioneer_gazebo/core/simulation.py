@@ -6,7 +6,6 @@ than a step, and commands act from the next step on.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,9 +133,9 @@ class Simulation:
         if not model.links:
             raise ModelError(f"model {model.name} has no links")
         body = body_from_model(model, self._triangles)
+        namespace = namespace or model.namespace
         if model.script is None:
-            devices: tuple[Any, ...] = model.devices
-            robot = Robot(model.name, model.links, model.joints, devices) if devices else None
+            robot = Robot(model.name, model.links, model.joints, model.devices) if model.devices else None
             entity = self._add(model.name, namespace, body, model.pose, robot, anywhere)
             if robot is not None:
                 self._equip(entity, robot)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
@@ -130,6 +131,7 @@ class Model:
         script: what moves it in place of physics.
         joints: one tree of all links (see `joint.tree_of`); none where all links are held together.
         devices: sensors and plugins (see `robot.Device`).
+        namespace: that a plugin names for its topics; it counts where the model is spawned without one.
     """
 
     name: str
@@ -138,7 +140,8 @@ class Model:
     links: tuple[Link, ...] = ()
     script: Script | None = None
     joints: tuple[Joint, ...] = ()
-    devices: tuple[object, ...] = ()
+    devices: tuple[Any, ...] = ()
+    namespace: str = ""
 
     def moved(self, base: Pose) -> "Model":
         """Returns the model with its pose and script, given in ``base``'s frame, in the frame of ``base``'s parent."""

@@ -1,6 +1,6 @@
 """The simulator as the node ``/gazebo``."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import rospy
 from std_msgs.msg import Bool, Float64
@@ -17,7 +17,7 @@ from pioneer_gazebo.nodes.diagnostics import Diagnostics
 from pioneer_gazebo.nodes.link_services import LinkServices
 from pioneer_gazebo.nodes.mailbox import Mailbox
 from pioneer_gazebo.nodes.model_services import ModelServices
-from pioneer_gazebo.nodes.robots import Robots
+from pioneer_gazebo.nodes.robots import Robots, with_controllers
 from pioneer_gazebo.nodes.spawn_services import SpawnServices
 from pioneer_gazebo.nodes.state_topics import StateTopics
 from pioneer_gazebo.nodes.time_services import TimeServices
@@ -99,7 +99,7 @@ class GazeboNode:
             self._engine, triangles_of_mesh, physics, config.seed, config.odometry_error, config.odometry_scale
         )
         self._simulation.spawn_search = config.spawn_search
-        self._simulation.load(world)
+        self._simulation.load(replace(world, models=tuple(map(with_controllers, world.models))))
         self._timeline = Timeline(
             self._simulation, mailbox, config.real_time_factor, config.paused, config.clock_rate, self._after_tick
         )

@@ -1,11 +1,15 @@
 """The robots in the world, each with its topics."""
 
 import math
+from dataclasses import replace
+from typing import TypeVar
 
 import rospy
 
 from pioneer_gazebo.adapters.mesh import triangles_of_mesh
+from pioneer_gazebo.adapters.ros_control import controlled
 from pioneer_gazebo.adapters.tiny_renderer import TinyRenderer
+from pioneer_gazebo.core.device import RosControl
 from pioneer_gazebo.core.entity import Entity
 from pioneer_gazebo.core.error import SimulatorError
 from pioneer_gazebo.core.pose import Pose
@@ -17,6 +21,23 @@ from pioneer_gazebo.nodes.port import Context
 from pioneer_gazebo.nodes.robot_topics import RobotTopics
 from pioneer_gazebo.nodes.timeline import Timeline
 from pioneer_gazebo.nodes.transform_topic import TransformTopic
+
+Owner = TypeVar("Owner", Robot, Model)
+
+
+def with_controllers(owner: Owner, namespace: str = "") -> Owner:
+    """Returns a robot with the controllers that its namespace's parameters configure, where it has ros_control.
+
+    Raises:
+        DescriptionError: a controller's parameter is invalid.
+    """
+    if not any(isinstance(device, RosControl) for device in owner.devices):
+        return owner
+    base = f"/{namespace or owner.namespace}"
+    devices, notes = controlled(owner, rospy.get_param(base, {}))
+    for line in notes:
+        rospy.logwarn("%s, parameters of %s: %s", owner.name, base, line)
+    return replace(owner, devices=devices)
 
 
 class Robots:
@@ -47,6 +68,7 @@ class Robots:
         """
         for line in robot.warnings:
             rospy.logwarn("%s: %s", name, line)
+        robot = with_controllers(robot, namespace)
         entity = self._simulation.add_robot(name, namespace or robot.namespace, robot, pose)
         moved = math.dist(entity.initial.position[:2], pose.position[:2])
         if moved > 0:
@@ -64,7 +86,7 @@ class Robots:
         Raises:
             SimulatorError: it cannot be added; nothing is left of it.
         """
-        self._simulation.add_model(model, namespace)
+        self._simulation.add_model(with_controllers(model, namespace), namespace)
         try:
             self.start_topics()
         except SimulatorError:

@@ -4,7 +4,7 @@ import os
 import shlex
 import sys
 import urllib.parse
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,9 +15,9 @@ from pioneer_gazebo.adapters.drawn_map import read_map
 from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses, robots_of_file
 from pioneer_gazebo.adapters.resource import map_path, package_directory, world_path
 from pioneer_gazebo.core.argument import ArgumentError, options_from_arguments, usage, value_from_text
-from pioneer_gazebo.core.error import SimulatorError
+from pioneer_gazebo.core.error import SimulatorError, SpawnError
 from pioneer_gazebo.core.fleet import InitialPose, pose_of_entry, robot_names
-from pioneer_gazebo.core.placement import check_place
+from pioneer_gazebo.core.placement import PlacementError, check_place
 from pioneer_gazebo.nodes.session import LaunchFile, Session, SessionError, run_session
 from pioneer_gazebo.nodes.simulator_client import SimulatorClient
 from pioneer_node.core.fleet_file import RobotEntry
@@ -40,6 +40,7 @@ class SimulationOptions:
     fleet: str = ""
     paused: bool = False
     gateway: bool = True
+    skip: bool = True
     laser_samples: int = 180
     laser_rate: float = 10.0
     odom_rate: float = 100.0
@@ -60,6 +61,7 @@ DOCS = {
     "fleet": "fleet file, in place of robots; environment: FLEET",
     "paused": "leave the simulation paused",
     "gateway": "put the topics on the network through this master's gateway",
+    "skip": "start without robots that cannot be placed; false: end then",
     "laser_samples": "beams a scan",
     "laser_rate": "scans a second [Hz]",
     "odom_rate": "odometry messages a second [Hz]",
@@ -171,9 +173,13 @@ def simulate(session: Session, options: SimulationOptions) -> None:
     robots = fleet_robots(options)
     poses = fleet_poses(options, world, robots)
     drawn = read_map(grid)
-    for robot, pose in poses.items():
+
+    def check(robot: str, pose: InitialPose) -> None:
         if drawn is not None:
             check_place(drawn, robot, pose.x, pose.y, world)
+
+    poses = _possible(session, options, poses, check)
+    robots = tuple(robot for robot in robots if robot.name in poses)
     session.wait_for_master()
     if options.gateway:
         _check_master(session)
@@ -185,11 +191,14 @@ def simulate(session: Session, options: SimulationOptions) -> None:
     try:
         client = SimulatorClient()
         session.wait_for(client.serving, "the simulator to load the world")
-        for robot, pose in poses.items():
+
+        def spawn(robot: str, pose: InitialPose) -> None:
             session.check()
             own = f"/{robot}/robot_description"
             name = own if rospy.has_param(own) else "/robot_description"
             client.spawn(robot, str(rospy.get_param(name)), pose)
+
+        poses = _possible(session, options, poses, spawn)
         if not options.paused:
             client.unpause()
             session.wait_for(client.ready, "the simulator's first steps")
@@ -199,6 +208,28 @@ def simulate(session: Session, options: SimulationOptions) -> None:
         session.spin()
     finally:
         rospy.signal_shutdown("the session ends")
+
+
+def _possible(
+    session: Session, options: SimulationOptions, poses: Mapping[str, InitialPose],
+    do: Callable[[str, InitialPose], None],
+) -> dict[str, InitialPose]:  # fmt: skip
+    """Does something to each robot; returns those for which it was possible, and reports the others.
+
+    Raises:
+        SimulatorError: it was possible for none, or, with ``skip:=false``, not for all.
+    """
+    done: dict[str, InitialPose] = {}
+    for number, (robot, pose) in enumerate(poses.items(), 1):
+        try:
+            do(robot, pose)
+        except (PlacementError, SpawnError) as error:
+            if not options.skip or (number == len(poses) and not done):
+                raise
+            session.say(f"warning: {error}; {robot} is skipped")
+        else:
+            done[robot] = pose
+    return done
 
 
 def _check_master(session: Session) -> None:
