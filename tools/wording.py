@@ -11,7 +11,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIST = Path(__file__).with_suffix(".tsv")
-MOST = 220
+MOST = 34
 _SHOWN = 20
 
 

@@ -83,12 +83,12 @@ class Robot:
         self.recoveries.append(message.recovery_behavior_name)
 
     def up(self) -> bool:
-        """Tells whether the robot knows where it is and can be told what to do."""
+        """Tells whether the robot knows where it is and accepts commands."""
         publishers = (self._goals, self._cancels, self._told, self._drive)
         return self.error < 1.0 and all(publisher.get_num_connections() for publisher in publishers)
 
     def place(self, pose: Pose) -> None:
-        """Sets the robot somewhere, tells it so, and waits until it believes it; its costmaps begin anew."""
+        """Moves the robot, gives it its new pose, and waits until it accepts it; its costmaps are reset."""
         self.carry(pose)
         since = self.world.time
         told = PoseWithCovarianceStamped()
@@ -103,7 +103,7 @@ class Robot:
         self._forget()
 
     def carry(self, pose: Pose) -> None:
-        """Sets the robot somewhere without a word to it."""
+        """Moves the robot without giving it its new pose."""
         self.world.put(self.name, pose)
         since = self.world.time
         self.world.wait(

@@ -1,4 +1,4 @@
-"""What is stamped by a clock that has jumped back since is told from what is of now."""
+"""Messages stamped before the clock jumped back are distinguished from current ones."""
 
 import pytest
 

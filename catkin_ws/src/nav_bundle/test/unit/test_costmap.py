@@ -69,7 +69,7 @@ def test_every_cell_costs_what_its_distance_to_the_nearest_obstacle_says():
 def test_a_partial_update_leaves_what_a_whole_one_would():
     generator = np.random.default_rng(2)
     rows = ["".join("#" if generator.random() < 0.005 else "." for _ in range(120)) for _ in range(100)]
-    costmap, anew = (costmap_of(rows, **SENSING) for _ in range(2))
+    costmap, fresh = (costmap_of(rows, **SENSING) for _ in range(2))
     costmap.update(Pose(5.0, 5.0), [])
     for step in range(10):
         x = 4.0 + 0.3 * step
@@ -79,9 +79,9 @@ def test_a_partial_update_leaves_what_a_whole_one_would():
         seen = seen_by(costmap, x, 5.0, *points)
         changed = costmap.update(Pose(x, 5.0), seen)
         assert 0 < (changed.row_1 - changed.row_0) * (changed.col_1 - changed.col_0) < costmap.cells.size
-        anew.clear_outside(Pose(), 1e6)
-        anew.update(Pose(x, 5.0), seen_by(anew, x, 5.0, *points))
-        np.testing.assert_array_equal(costmap.cells, anew.cells)
+        fresh.clear_outside(Pose(), 1e6)
+        fresh.update(Pose(x, 5.0), seen_by(fresh, x, 5.0, *points))
+        np.testing.assert_array_equal(costmap.cells, fresh.cells)
 
 
 def test_nothing_is_recomputed_when_the_laser_sees_the_same():

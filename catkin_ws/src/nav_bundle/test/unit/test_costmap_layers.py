@@ -46,11 +46,11 @@ def test_another_robot_is_lethal_where_it_stands_and_inflated_around(fleet: Cost
 
 
 def test_a_robot_that_drives_on_leaves_nothing_behind(fleet: Costmap) -> None:
-    anew = Costmap(fleet.config)
+    fresh = Costmap(fleet.config)
     fleet.update(Pose(), (), [Pose(1.5, 0.0)])
     changed = fleet.update(Pose(), (), [Pose(1.6, 0.5, 0.3)])
-    anew.update(Pose(), (), [Pose(1.6, 0.5, 0.3)])
-    np.testing.assert_array_equal(fleet.cells, anew.cells)
+    fresh.update(Pose(), (), [Pose(1.6, 0.5, 0.3)])
+    np.testing.assert_array_equal(fleet.cells, fresh.cells)
     assert changed.row_1 - changed.row_0 < fleet.geometry.rows
     assert not fleet.update(Pose(), (), [Pose(1.6, 0.5, 0.3)])
 

@@ -96,7 +96,7 @@ class World:
         kind = DwaPlanner if isinstance(config, DwaConfig) else TrajectoryPlanner
         self.planner = kind(config, RESOLUTION)
         self.other = None
-        self.strangers = np.empty((0, 2))
+        self.unmapped = np.empty((0, 2))
         self.time = 0.0
         self.way = 0.0
 
@@ -128,7 +128,7 @@ class World:
             costmap.update(self.pose, [Observation(source, self.pose.x, self.pose.y, points)])
 
     def decide(self):
-        return self.planner.decide(Situation(self.local, self.pose, self.velocity, Pose(), self.strangers))
+        return self.planner.decide(Situation(self.local, self.pose, self.velocity, Pose(), self.unmapped))
 
     def move(self, command):
         forward = np.clip(command.x - self.velocity.x, -2.5 * PERIOD, 2.5 * PERIOD)
@@ -152,8 +152,8 @@ class World:
         for cycle in range(round(seconds / PERIOD)):
             if cycle % 4 == 0:
                 self.look()
-                self.strangers = self.map.strangers(self.pose, MEETING_DISTANCE)
-            if cycle - planned >= (10 if len(self.strangers) else 40):
+                self.unmapped = self.map.unmapped(self.pose, MEETING_DISTANCE)
+            if cycle - planned >= (10 if len(self.unmapped) else 40):
                 planned = cycle
                 self.planner.set_plan(path_between(navfn, self.map, self.pose, goal))
             try:

@@ -216,7 +216,7 @@ def test_what_is_narrower_than_a_robot_need_not_be_given_way() -> None:
         points = np.column_stack([np.full(11, 2.0), 2.025 + np.linspace(-width / 2.0, width / 2.0, 11)])
         costmap.reset()
         costmap.update(Pose(0.5, 2.05), [Observation(source, 0.5, 2.05, points)])
-        assert (len(costmap.strangers(Pose(0.5, 2.05), 3.0)) > 0) == robot
+        assert (len(costmap.unmapped(Pose(0.5, 2.05), 3.0)) > 0) == robot
 
 
 def reached(planner, costmap, start, goal):

@@ -117,7 +117,7 @@ def test_the_scripts_connect_the_fleet_in_any_order_and_twice(network: Network) 
     wait_until(lambda: not any(map(network.group.is_running, ("flip", "advertise"))), "both scripts' end", PATIENCE)
     network.group.check()
     again = network.run("again", ["rosrun", "rocon_flip", "flip-from-remote"], **network.at_robot)
-    assert again.count("exists already and goes on") == 3
+    assert again.count("already exists and stays active") == 3
 
     clock = ["rostopic", "pub", "-r", "20", "/clock", "rosgraph_msgs/Clock", "{}"]
     network.start("clock", clock, **network.at_base)
@@ -176,5 +176,5 @@ def test_with_its_gateway_the_concert_ends(network: Network) -> None:
     wait_until(lambda: not [one for one in network.group.states().values() if one.alive], "everything's end", PATIENCE)
     assert "with which everything ends" in (network.folder / "hub.log").read_text()
     # A process that has ended may not have been waited for yet.
-    (death,) = wait_until(lambda: network.group.deaths, "the end that is told of", PATIENCE)
+    (death,) = wait_until(lambda: network.group.deaths, "the report of the process that ended", PATIENCE)
     assert "ended, status 1" in str(death)

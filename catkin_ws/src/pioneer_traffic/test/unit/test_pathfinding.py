@@ -62,7 +62,7 @@ def test_in_every_step_robots_move_along_ways_to_places_of_their_own(seed: int, 
             assert after[one] == before[one] or after[one] in graph[before[one]]
             front = after[one]
             ring = {one}
-            # Whoever moves to where another one stands, waits for it: that must not lead back to itself.
+            # A robot that moves to where another one stands waits for it: the chain must not lead back to itself.
             while front in before and after[before.index(front)] != front:
                 other = before.index(front)
                 assert other not in ring

@@ -1,4 +1,4 @@
-"""``map`` to ``odom`` on disk: where the robot is, for an amcl that starts while the robot's odometry goes on."""
+"""``map`` to ``odom`` on disk: where the robot is, for an amcl that starts while the robot's odometry keeps running."""
 
 import json
 import math

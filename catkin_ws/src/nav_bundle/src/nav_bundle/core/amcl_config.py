@@ -12,7 +12,7 @@ LASER_MODELS = ("likelihood_field", "likelihood_field_prob", "beam")
 ODOM_MODELS = ("diff", "omni", "diff-corrected", "omni-corrected")
 """Values of ``odom_model_type``."""
 UNSUPPORTED = frozenset({"bag_scan_period", "std_warn_level_x", "std_warn_level_y", "std_warn_level_yaw"})
-"""Noetic's parameters that have no effect here; the node says so once when they are set."""
+"""Noetic's parameters that have no effect here; the node logs this once when they are set."""
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ class DwaPlanner:
         self._route: Route | None = None
 
     def set_plan(self, plan: Path) -> None:
-        """Takes a new plan; a goal approach begins anew only if the plan leads to another goal."""
+        """Takes a new plan; a goal approach restarts only if the plan leads to another goal."""
         route = Route(plan)
         if self._route is None or self._route.goal != route.goal:
             self._approach.reset()

@@ -27,7 +27,7 @@ class DynamicWindow(Rollout):
 
     The nose is drawn along the plan, and to a point beyond the plan's end as seen from the robot. Unless
     ``accelerating``, a sample begins with its own velocity: it was chosen from what can be reached in one cycle.
-    ``is_free`` goes on accelerating in any case.
+    ``is_free`` keeps accelerating in any case.
     """
 
     def __init__(

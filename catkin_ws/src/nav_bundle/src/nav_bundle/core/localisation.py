@@ -79,7 +79,7 @@ class Localisation:
         self._free = FreeSpace(grid, self._generator)
 
     def configure(self, config: AmclConfig) -> None:
-        """Goes on with other parameters; the particles stay, and become as many as allowed with the next resampling."""
+        """Continues with other parameters; the particles stay; the next resampling adapts their number."""
         before, self._config = self._config, config
         self._filter.configure(config)
         self._move = _motion_model(config)
@@ -89,12 +89,12 @@ class Localisation:
             self._sensor = sensor_model(config, self._free.grid)
 
     def set_pose(self, pose: Pose, covariance: NDArray[np.float64]) -> None:
-        """Starts anew about ``pose`` (map frame); ``covariance`` over x, y, yaw, shape (3, 3)."""
+        """Restarts around ``pose`` (map frame); ``covariance`` over x, y, yaw, shape (3, 3)."""
         self._filter.gather(pose, covariance)
         self._odom, self._scattered = None, False
 
     def scatter(self) -> None:
-        """Starts anew with particles all over the free space: the robot may be anywhere.
+        """Restarts with particles all over the free space: the robot may be anywhere.
 
         Raises:
             NoMapError: there is no map yet.

@@ -234,7 +234,7 @@ def _take_plan(state: State, inputs: Inputs, now: float, limits: Limits) -> Step
 
 
 def _planning_failed(state: State, now: float, limits: Limits) -> Step:
-    """Tries again, until patience or retries end; a robot under way goes on with the plan it has."""
+    """Tries again, until patience or retries end; a robot under way keeps the plan it has."""
     period = min(limits.planning_period, RETRY_PERIOD) if math.isfinite(limits.planning_period) else 0.0
     if state.phase is Phase.CONTROLLING:
         return replace(state, plan_due=now + limits.planning_period), None, ()

@@ -28,7 +28,7 @@ MEETING_DISTANCE = 3.0
 _BLOCKED = -1
 # How far apart the wave's urgency bands lie; two steps over free ground, as in navfn, give the best speed at four.
 _BAND = 4.0 * NEUTRAL_COST
-# Strangers are passed on the right: crossing the line to their left, this long and thick [m],
+# Unmapped obstacles are passed on the right: crossing the line to their left, this long and thick [m],
 # costs as much as about a metre of free ground.
 _SHUNNED_LENGTH, _SHUNNED_DEPTH = 2.5, 0.15
 
@@ -92,7 +92,7 @@ class NavfnPlanner:
         costs = costmap.snapshot()
         _open_around(costs, start_cell, costmap.footprint.inscribed_radius / place.resolution)
         if self.config.keep_right:
-            _keep_right(costs, place, start, costmap.strangers(start, MEETING_DISTANCE))
+            _keep_right(costs, place, start, costmap.unmapped(start, MEETING_DISTANCE))
         reach = self.config.default_tolerance if tolerance is None else tolerance
         field = (costs, Geometry(**vars(place)))
         search = NavfnSearch(*field, start_cell, goal_cell, goal, reach, self._weights, self._guided)
@@ -101,7 +101,7 @@ class NavfnPlanner:
 
 
 class NavfnSearch:
-    """One search; its wave goes on where the last call left it.
+    """One search; its wave continues where the last call left it.
 
     Attributes:
         geometry: where the cells lie.
@@ -207,16 +207,16 @@ def _open_around(costs: NDArray[np.uint8], cell: tuple[int, int], radius: float)
     part[near & (part == INSCRIBED)] = INSCRIBED - 1
 
 
-def _keep_right(costs: NDArray[np.uint8], place: Geometry, robot: Pose, strangers: NDArray[np.float64]) -> None:
-    """Draws a dear line from each stranger (n, 2) [m] to its left, as seen from the robot."""
-    if not len(strangers):
+def _keep_right(costs: NDArray[np.uint8], place: Geometry, robot: Pose, unmapped: NDArray[np.float64]) -> None:
+    """Draws a line of high cost from each unmapped point (n, 2) [m] to its left, as seen from the robot."""
+    if not len(unmapped):
         return
-    towards = strangers - (robot.x, robot.y)
+    towards = unmapped - (robot.x, robot.y)
     towards /= np.maximum(np.hypot(towards[:, 0], towards[:, 1]), place.resolution)[:, None]
     left = np.stack([-towards[:, 1], towards[:, 0]], axis=1)
     aside = np.arange(0.0, _SHUNNED_LENGTH, place.resolution)[:, None, None, None]
     behind = np.arange(-_SHUNNED_DEPTH, _SHUNNED_DEPTH, place.resolution)[None, :, None, None]
-    points = (strangers + aside * left + behind * towards).reshape(-1, 2)
+    points = (unmapped + aside * left + behind * towards).reshape(-1, 2)
     cells = np.floor((points - (place.origin_x, place.origin_y)) / place.resolution).astype(np.int64)
     inside = ((cells >= 0) & (cells < (place.cols, place.rows))).all(axis=1)
     cols, rows = cells[inside].T

@@ -105,7 +105,7 @@ class Navigator:
         self._path: Path | None = None
         self._route: Path | None = None
         self._recovery: Recovery | None = None
-        self._strangers: NDArray[np.float64] = _NOBODY
+        self._unmapped: NDArray[np.float64] = _NOBODY
 
     @property
     def phase(self) -> Phase:
@@ -124,7 +124,7 @@ class Navigator:
 
     def look_around(self, pose: Pose | None) -> None:
         """Takes note of what an update of the global costmap showed around the robot at ``pose``."""
-        self._strangers = _NOBODY if pose is None else self._global.strangers(pose, MEETING_DISTANCE)
+        self._unmapped = _NOBODY if pose is None else self._global.unmapped(pose, MEETING_DISTANCE)
 
     def begin(self, goal: Pose, pose: Pose | None, now: float) -> Cycle:
         """Starts on a new goal, in the global costmap's frame, from ``pose``."""
@@ -145,7 +145,7 @@ class Navigator:
         if self._state.phase is Phase.IDLE:
             return result
         current = sight.current and sight.pose is not None and sight.local_pose is not None
-        inputs = Inputs(pose=sight.pose, current=current, meeting=len(self._strangers) > 0)
+        inputs = Inputs(pose=sight.pose, current=current, meeting=len(self._unmapped) > 0)
         if current:
             inputs = self._worked_out(inputs, sight, result)
         return self._advance(inputs, sight.pose, now, result)
@@ -186,8 +186,8 @@ class Navigator:
         """Asks the local planner; None where it finds nothing to drive."""
         if sight.local_pose is None or sight.local_from_global is None or sight.velocity is None:
             return None
-        strangers = _moved(self._strangers, sight.local_from_global)
-        situation = Situation(self._local, sight.local_pose, sight.velocity, sight.local_from_global, strangers)
+        unmapped = _moved(self._unmapped, sight.local_from_global)
+        situation = Situation(self._local, sight.local_pose, sight.velocity, sight.local_from_global, unmapped)
         try:
             return self._controller.decide(situation)
         except LocalPlannerError as error:

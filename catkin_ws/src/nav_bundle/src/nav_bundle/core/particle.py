@@ -99,20 +99,20 @@ class ParticleFilter:
         self.replace(np.zeros((config.max_particles, 3)))
 
     def configure(self, config: AmclConfig) -> None:
-        """Goes on with other parameters; the particles stay."""
+        """Continues with other parameters; the particles stay."""
         self._config = config
         most = max(config.max_particles, len(self.poses))
         self._table = np.empty(1 << (2 * most).bit_length(), np.int64)
         self._labels = np.empty_like(self._table)
 
     def replace(self, poses: NDArray[np.float64]) -> None:
-        """Starts anew from ``poses``, shape (n, 3), all of equal weight."""
+        """Restarts from ``poses``, shape (n, 3), all of equal weight."""
         self.poses = np.ascontiguousarray(poses, np.float64)
         self.weights = np.full(len(poses), 1.0 / len(poses))
         self._slow = self._fast = 0.0
 
     def gather(self, pose: Pose, covariance: NDArray[np.float64]) -> None:
-        """Starts anew from a normal distribution about ``pose``; ``covariance`` over x, y, yaw, shape (3, 3)."""
+        """Restarts from a normal distribution about ``pose``; ``covariance`` over x, y, yaw, shape (3, 3)."""
         values, axes = np.linalg.eigh(covariance)
         spread = axes * np.sqrt(np.maximum(values, 0.0))
         normal = self._generator.standard_normal((self._config.max_particles, 3))
@@ -134,7 +134,7 @@ class ParticleFilter:
         return value if mean == 0.0 else mean + rate * (value - mean)
 
     def resample(self, random_poses: PoseSource) -> None:
-        """Draws the particles anew by their weights, as many as their spread needs.
+        """Resamples the particles by their weights, as many as their spread needs.
 
         Draws lie evenly over the weights (low variance): drawn independently, the few particles of the right place
         among many can vanish by chance. Where scans have lately become less likely than in the long run, some, at most

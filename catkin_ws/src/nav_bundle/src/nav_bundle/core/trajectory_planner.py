@@ -91,7 +91,7 @@ class TrajectoryPlanner:
         self._dead_end: Pose | None = None
 
     def set_plan(self, plan: Path) -> None:
-        """Takes a new plan; a goal approach begins anew only if the plan leads to another goal."""
+        """Takes a new plan; a goal approach restarts only if the plan leads to another goal."""
         route = Route(plan)
         if self._route is None or self._route.goal != route.goal:
             self._approach.reset()

@@ -251,7 +251,7 @@ class AmclNode:
     # What commands do.
 
     def _configure(self, config: AmclConfig) -> None:
-        """Goes on with other parameters, from where the particles are."""
+        """Continues with other parameters, from where the particles are."""
         before, self._config = self._config, config
         self._localisation.configure(config)
         if config.save_pose_rate != before.save_pose_rate:
@@ -285,7 +285,7 @@ class AmclNode:
         """Starts where odometry says the robot is by now, once: it was somewhere when another amcl ended."""
         self._remembered = None
         self._localisation.set_pose(pose, REMEMBERED_COVARIANCE)
-        rospy.loginfo("going on at %.3f %.3f m, heading %.3f rad, as remembered", pose.x, pose.y, pose.yaw)
+        rospy.loginfo("resuming at %.3f %.3f m, heading %.3f rad, as remembered", pose.x, pose.y, pose.yaw)
 
     def _scatter(self) -> None:
         self._localisation.scatter()

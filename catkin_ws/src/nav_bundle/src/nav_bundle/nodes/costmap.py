@@ -81,7 +81,7 @@ class CostmapNode:
         self._values = occupancy_by_cost()
 
     def configure(self, config: CostmapConfig) -> None:
-        """Goes on with another configuration; its frames and topics are those of before."""
+        """Continues with another configuration; its frames and topics are those of before."""
         if config == self._config:
             return
         self._config = config

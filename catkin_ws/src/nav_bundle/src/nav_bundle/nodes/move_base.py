@@ -59,8 +59,8 @@ class MoveBaseNode:
     Threads: rospy's threads store messages; one loop at ``controller_frequency`` of ROS time does all the
         work on them; services take turns with it.
 
-    On error: without recent scans, odometry or transforms the robot is told to stand still in every cycle,
-        and the node says what it misses.
+    On error: without recent scans, odometry or transforms a zero velocity is published in every cycle,
+        and the node logs what is missing.
     """
 
     def __init__(self) -> None:

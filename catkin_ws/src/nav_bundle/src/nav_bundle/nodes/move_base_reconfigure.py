@@ -17,7 +17,7 @@ from pioneer_node.nodes.reconfigure import ReconfigureServer
 class Reconfiguration:
     """Serves ``set_parameters`` for the node, its planners, costmaps and layers.
 
-    A change makes the whole set-up anew from all parameters, by the same checks as at the start.
+    A change sets everything up again from all parameters, by the same checks as at the start.
 
     Publishes, Services: those of ``ReconfigureServer`` under ``~``, ``~<local planner>``, ``~GlobalPlanner`` where that
         plans, ``~<costmap>`` and ``~<costmap>/<layer>``.

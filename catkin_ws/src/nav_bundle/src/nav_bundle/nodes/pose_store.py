@@ -1,4 +1,4 @@
-"""The last pose on the parameter server, from which a restarted amcl goes on."""
+"""The last pose on the parameter server, from which a restarted amcl resumes."""
 
 from nav_bundle.core.particle import Estimate
 from pioneer_node.nodes.parameter_server import set_parameters

@@ -1,8 +1,9 @@
 """Right of way for one robot: which places it may go to, agreed with the other robots by reports alone.
 
 The robot with the lowest name among those that hear one another makes the plans. A plan counts once every robot in it
-is ready for it: having said so, a robot takes no further place by an older plan. Within a plan a robot takes the next
-places of its path when those before it have left them. So no two robots hold one place, however late reports are.
+is ready for it: once it has reported this, a robot takes no further place by an older plan. Within a plan a robot
+takes the next places of its path when those before it have left them. So no two robots hold one place, however late
+reports are.
 No ROS, no clock: the owner passes the time [s] and the robot's pose.
 """
 

@@ -176,7 +176,7 @@ class _Step:
         other = self._occupant.get(ahead)
         if other is not None and self._next[other] is None and self._must_swap(robot, other, here, ahead):
             return other if self._can_swap(ahead, here) else None
-        # Another one has to come by, and this one makes room by going on.
+        # Another robot has to pass, and this one makes room by moving ahead.
         for place in self._graph[here]:
             other = self._occupant.get(place)
             if other is None or other == robot or place == ahead or self._next[other] is not None:

@@ -57,7 +57,7 @@ class CoordinatorNode:
 
     Threads: callbacks store; ``spin`` does all the work.
 
-    On error: a goal that is in another frame or far from any place is aborted with a text that says so. What move_base
+    On error: a goal that is in another frame or far from any place is aborted with the reason. What move_base
     gives up is sent again. Without a transform the robot is where it was last, and takes nothing more.
     """
 

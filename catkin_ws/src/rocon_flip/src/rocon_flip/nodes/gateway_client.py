@@ -82,7 +82,7 @@ class GatewayClient:
         return new
 
     def _say_exists(self, action: Action, wish: Wish) -> None:
-        rospy.loginfo("%s: [%s] exists already and goes on", action.capitalize(), wish)
+        rospy.loginfo("%s: [%s] already exists and stays active", action.capitalize(), wish)
 
     def _known(self, action: Action) -> set[Wish]:
         if self._info is None:

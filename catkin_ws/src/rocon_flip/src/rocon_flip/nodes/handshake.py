@@ -38,7 +38,7 @@ class SenderSetting:
     timeout: float = 30.0
 
     def __post_init__(self) -> None:
-        """Raises PlanError for values that cannot be meant."""
+        """Raises PlanError for invalid parameter values."""
         if not self.gateway or self.count < 1 or self.timeout <= 0:
             raise PlanError("test_sender: ~gateway must be named, ~count at least 1, ~timeout greater than 0")
 

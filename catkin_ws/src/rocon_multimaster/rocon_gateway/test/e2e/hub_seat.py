@@ -1,4 +1,4 @@
-"""A hub's Redis, and gateways' places on it without gateways around them: what is told is what a test says."""
+"""A hub's Redis, and clients of it without gateways around them: a test decides what they report."""
 
 import logging
 from collections.abc import Callable
@@ -92,7 +92,7 @@ class Seat:
         self.connected()
 
     def leave(self) -> None:
-        """Takes its leave."""
+        """Deregisters from the hub."""
         self._hub.stop()
         self._hub.join()
 

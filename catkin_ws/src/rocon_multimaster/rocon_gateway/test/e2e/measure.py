@@ -1,4 +1,4 @@
-"""What can be told of processes and streams from outside."""
+"""What can be measured of processes and streams from outside."""
 
 import itertools
 import os

@@ -57,7 +57,7 @@ def test_what_the_fleets_blacklist_bars_is_refused_and_the_answer_names_the_rule
     refused = robot.advertise("/rosout_of_mine")
     assert refused.result == msg.ErrorCodes.UNKNOWN_ADVERTISEMENT_ERROR
     assert "blacklisted by publisher /rosout.*" in refused.error_message
-    # Whoever asks from outside is told by the rule's state.
+    # A remote gateway that asks for it learns this from the rule's state.
     assert base.flip("robot", "subscriber", "/rosout_of_mine") == 0
     wait_until(lambda: base.states()["flip /rosout_of_mine"].startswith("blacklisted"), "the rule's answer", 10)
     assert "/rosout.*" in base.states()["flip /rosout_of_mine"]
@@ -136,7 +136,7 @@ def test_a_hub_that_goes_and_comes_is_one_line_each_in_every_gateway(pair: Any, 
     os.kill(fleet.hub_pid, signal.SIGINT)
     wait_until(lambda: not any(site.info().connected for site in pair), "gateways without a hub", 10)
     gone = time.monotonic()
-    # They look for it all the while, without a word.
+    # Meanwhile they keep trying, and log nothing.
     wait_until(lambda: time.monotonic() - gone > 5.0, "attempts of some seconds", 10)
     fleet.start_hub()
     for site in pair:
@@ -148,7 +148,7 @@ def test_a_hub_that_goes_and_comes_is_one_line_each_in_every_gateway(pair: Any, 
         assert "lost" in later[0]
         assert "on hub" in later[1]
     gaps = [late - early for early, late in itertools.pairwise(ear.times())]
-    assert max(gaps) < 2.0, "data goes on without the hub"
+    assert max(gaps) < 2.0, "data continues without the hub"
 
 
 @pytest.mark.parametrize("order", ["hub base robot", "robot hub base", "base robot hub"])

@@ -71,7 +71,7 @@ def test_a_frozen_gateway_is_noticed_and_welcomed_back(standing_fleet, standing,
     try:
         wait_until(lambda: base.publishers("/flow") == [], "the far side is unregistered", 12)
         took = time.monotonic() - began
-        wait_until(lambda: base.states()["flip /flow"] != "active", "the rule says so", 2)
+        wait_until(lambda: base.states()["flip /flow"] != "active", "the rule's state to change", 2)
     finally:
         for pid in frozen:
             os.kill(pid, signal.SIGCONT)

@@ -1,4 +1,4 @@
-"""What strangers and excess do to a gateway: nothing, or as much as is bounded."""
+"""Unauthenticated clients and excessive load do a gateway no harm, or no more than its bounds allow."""
 
 import itertools
 import json
@@ -38,7 +38,7 @@ def flow(standing, standing_fleet, request):
 def assert_unbroken(log: Path) -> None:
     """Every message came once, in order, whole, and the last one just now."""
     asked = time.monotonic()
-    wait_until(lambda: checked(log)[-1][0] > asked, "the flow goes on", 5)
+    wait_until(lambda: checked(log)[-1][0] > asked, "the flow continues", 5)
     rows = checked(log)
     numbers = [number for _, number, _ in rows]
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
@@ -52,9 +52,9 @@ def sent_since(log: Path, moment: float) -> int:
 
 
 def assert_none_doubled(log: Path) -> None:
-    """Messages come, whole and in order; but whoever overwrites the requests on the hub may have made them pause."""
+    """Messages arrive whole and in order; a client that overwrites requests on the hub may have made them pause."""
     began = time.monotonic()
-    wait_until(lambda: checked(log)[-1][0] > began, "the flow goes on", 5)
+    wait_until(lambda: checked(log)[-1][0] > began, "the flow continues", 5)
     rows = checked(log)
     assert all(good for *_, good in rows)
     assert all(late[1] > early[1] and late[0] - early[0] < 2.0 for early, late in itertools.pairwise(rows))
@@ -142,15 +142,15 @@ def test_half_handshakes_and_garbage_on_the_relay_port_harm_nobody(standing_flee
     _base, robot = standing
     port = robot.relay_port()
     before = open_files(robot.pid)
-    strangers = []
+    clients = []
     for head in (b"\xff\xff\xff\xff", *drawn(nonsense.heads, 80)):
-        stranger = socket.create_connection(("127.0.0.1", port), 5)
-        stranger.sendall(head)
-        strangers.append(stranger)
+        client = socket.create_connection(("127.0.0.1", port), 5)
+        client.sendall(head)
+        clients.append(client)
     assert_unbroken(flow)
-    wait_until(lambda: open_files(robot.pid) <= before, "the strangers are closed, those that said nothing too", 10)
-    for stranger in strangers:
-        stranger.close()
+    wait_until(lambda: open_files(robot.pid) <= before, "the clients are disconnected, silent ones too", 10)
+    for client in clients:
+        client.close()
     assert robot.log.read_text().count("Traceback") == 0
     assert_unbroken(flow)
 

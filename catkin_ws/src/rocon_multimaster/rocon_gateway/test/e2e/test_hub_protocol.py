@@ -80,7 +80,7 @@ def test_on_a_hub_that_was_emptied_requests_hold_until_their_senders_have_had_ti
 
 
 def test_a_thousand_who_join_at_once_are_read_together_and_cost_no_sign_of_life(bench: Bench) -> None:
-    """Each had cost a question to the hub, with no sign of life in between: whoever was slow was declared lost."""
+    """Each had cost a request to the hub, with no heartbeat in between: a slow gateway was declared lost."""
     proxy = TcpProxy("127.0.0.1", bench.port)
     proxy.delay = 0.005
     base = bench.seat("base", "1", proxy.port)

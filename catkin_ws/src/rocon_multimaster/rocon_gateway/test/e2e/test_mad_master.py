@@ -1,4 +1,4 @@
-"""A ROS master that answers nonsense for a while, or late: what runs goes on, and what ends ends."""
+"""A ROS master that answers nonsense for a while, or late: running links continue, and those that end are closed."""
 
 import http.client
 import os
@@ -103,7 +103,7 @@ def test_a_master_that_answers_nonsense_stops_no_data_and_is_one_line(standing_f
 def test_what_a_service_has_changed_shows_when_it_has_answered_also_where_the_master_is_slow(
     standing_fleet, mad
 ) -> None:
-    """A script that flips and then looks was told of the rules as they were before."""
+    """A script that flips and then looks had received the rules as they were before."""
     site = standing_fleet.site("hospital", mad).start().connected()
     slow = threading.Event()
     mad.front.before["getSystemState"] = lambda: slow.wait(0.2)

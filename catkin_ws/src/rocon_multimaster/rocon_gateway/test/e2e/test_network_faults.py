@@ -87,7 +87,7 @@ def test_a_machine_that_is_gone_without_a_packet_is_noticed_within_10_s_and_welc
     wait_until(lambda: base.publishers("/small") == [], "the far side is unregistered", 15)
     noticed = time.monotonic() - cut
     report("link cut without a packet, noticed", noticed)
-    wait_until(lambda: base.states()["flip /small"] != "active", "the rule says so", 2)
+    wait_until(lambda: base.states()["flip /small"] != "active", "the rule's state to change", 2)
     machine.plug()
     back = time.monotonic()
     wait_until(lambda: since(log, back), "messages again", 20)
@@ -113,7 +113,7 @@ def test_a_link_that_a_middlebox_drops_while_both_are_on_the_hub_is_noticed_with
             done.append(rule)
         wait_until(lambda: base.publishers("/small") == [], "the far side is unregistered", 15)
         noticed = time.monotonic() - cut
-        wait_until(lambda: base.states()["flip /small"].startswith("unreachable"), "the rule says so", 5)
+        wait_until(lambda: base.states()["flip /small"].startswith("unreachable"), "the rule's state to change", 5)
         assert (base.info().connected, robot.info().connected) == (True, True)
     finally:
         for rule in done:
@@ -152,7 +152,7 @@ def test_rules_work_over_a_hub_that_is_200_ms_away(behind_proxy, report) -> None
 
 
 def test_a_peer_from_which_nothing_comes_any_more_is_noticed_within_10_s(fleet, behind_proxy, report) -> None:
-    """What a cut cable does, for machines without network namespaces: the kernels go on acknowledging."""
+    """What a cut cable does, for machines without network namespaces: the kernels keep acknowledging."""
     base, robot, proxy = behind_proxy
     ear = base.hear("/a")
     assert base.flip("robot", "subscriber", "/a") == 0

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:py
 MULTIMASTER = Path(__file__).parents[3]
 
 FAULTS = {
-    "a bad pattern or unknown type kills the loop, and services go on answering 0": [
+    "a bad pattern or unknown type kills the loop, and services keep answering 0": [
         "test_bad_requests_are_refused_and_everything_goes_on",
         "test_a_bad_default_rule_is_named_and_the_others_are_taken",
     ],
@@ -42,7 +42,7 @@ FAULTS = {
     "flipping a roscpp subscriber cuts it off from its local publishers": [
         "test_a_flipped_roscpp_subscriber_keeps_its_local_publishers"
     ],
-    "an unflipped topic goes on into rospy subscribers": [
+    "rospy subscribers still receive an unflipped topic": [
         "test_flips_and_pulls_bring_messages_at_once_and_cancelling_ends_them"
     ],
     "a new publisher is seen after up to 10 s": ["test_a_new_publisher_of_a_running_rule_is_heard_within_a_second"],
@@ -59,8 +59,8 @@ FAULTS = {
         "test_a_busy_port_is_one_clear_line_and_the_first_hub_goes_on",
         "test_no_redis_outlives_its_hub",
     ],
-    "what strangers write on the hub is unpickled": ["test_garbage_in_redis_values_does_no_harm"],
-    "whoever reaches the hub may use it": [
+    "values that any client writes on the hub are unpickled": ["test_garbage_in_redis_values_does_no_harm"],
+    "any client that can reach the hub may use it": [
         "test_a_password_is_asked_for_and_kept_out_of_the_log",
         "test_without_a_password_only_this_machine_may_connect",
     ],
@@ -161,7 +161,7 @@ def test_a_refused_or_untimely_request_answers_its_code_and_changes_nothing(flee
     assert lone.call("advertise", srv.Advertise, rules=bad).result == codes.UNKNOWN_ADVERTISEMENT_ERROR
     period = lone.call("set_watcher_period", srv.SetWatcherPeriod, period=3.0).last_period
     assert lone.call("set_watcher_period", srv.SetWatcherPeriod, period=period).last_period == pytest.approx(3.0)
-    # The gateway tells of what was asked for a moment after it has answered.
+    # The gateway publishes the new state a moment after it has answered.
     wait_until(lambda: not watchlists(lone), "nothing is asked for", 5)
     assert lone.master.system_state()[1]["/gateway/force_update"] == ["/gateway"]
 

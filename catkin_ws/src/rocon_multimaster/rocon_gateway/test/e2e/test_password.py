@@ -70,7 +70,7 @@ def test_a_password_that_does_not_fit_is_one_line(fleet, tmp_path, hubs, ours, s
     fleet.start_hub(variables(tmp_path, hubs) if hubs else None)
     site = fleet.site("base").start(variables(tmp_path, ours) if ours else None)
     wait_until(lambda: said in site.log.read_text(), said, START)
-    # It goes on trying, twice a second.
+    # It keeps trying, twice a second.
     told = time.monotonic()
     wait_until(lambda: time.monotonic() - told > 2.5, "some more tries", 5)
     lines = [line for line in site.log.read_text().splitlines() if f":{fleet.hub_port}" in line]
@@ -121,7 +121,7 @@ class Rogue:
 
 
 def as_redis(_data: bytes) -> bytes:
-    """What a Redis with a password says to whoever has not said it."""
+    """What a Redis with a password answers to an unauthenticated client."""
     return b"-NOAUTH Authentication required.\r\n"
 
 
@@ -158,7 +158,7 @@ def test_a_host_that_is_taken_for_a_hub_learns_nothing_of_the_password(fleet, tm
     if has_hub:
         site.connected()
     wait_until(lambda: rogue.heard and re.search("clear|know|no hub of ours", site.log.read_text()), "its refusal", 60)
-    # Nothing but shares and tags, which are random to whoever does not know the password.
+    # Nothing but shares and tags, which are random to any client that does not know the password.
     word = rb"ROCON-PROVE 1 [0-9a-f]{32}\r\n|[0-9a-f]{64} [0-9a-f]{128}\r\n"
     assert [data for data in rogue.heard if not re.fullmatch(word, data)] == []
     assert site.info().hub_names == ([fleet.hub_name] if has_hub else [])

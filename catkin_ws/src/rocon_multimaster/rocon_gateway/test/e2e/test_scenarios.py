@@ -1,4 +1,4 @@
-"""What rocon's own tests check, written anew: one of each kind on one gateway, every way to ask, and whether it works.
+"""What rocon's own tests check: one of each kind on one gateway, every way to ask, and whether it works.
 
 One hub, two gateways and five nodes serve all tests of this file.
 """

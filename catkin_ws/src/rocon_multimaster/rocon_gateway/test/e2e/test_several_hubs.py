@@ -25,7 +25,7 @@ def test_connect_hub_adds_a_hub_and_losing_one_changes_nothing_for_who_is_on_the
     both = sorted([fleet.hub_uri, uri])
     for site in pair:
         assert wait_until(lambda s=site: s.call("connect_hub", srv.ConnectHub, uri=uri).result == 0, "joined", 10)
-        wait_until(lambda s=site: hubs_of(s) == both, "gateway_info says so", 2)
+        wait_until(lambda s=site: hubs_of(s) == both, "both in gateway_info", 2)
     again = base.call("connect_hub", srv.ConnectHub, uri=uri.replace("127.0.0.1", "localhost"))
     assert (again.result, "already" in again.error_message) == (11, True)
     (described,) = base.call("remote_gateway_info", srv.RemoteGatewayInfo).gateways

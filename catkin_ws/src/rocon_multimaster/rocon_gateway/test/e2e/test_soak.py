@@ -138,8 +138,8 @@ class Soak:
     def garbage(self) -> None:
         robot = self.random.choice(self.robots)
         for _ in range(50):
-            with socket.create_connection(("127.0.0.1", robot.relay_port()), 5) as stranger:
-                stranger.sendall(self.random.randbytes(self.random.randrange(200)))
+            with socket.create_connection(("127.0.0.1", robot.relay_port()), 5) as client:
+                client.sendall(self.random.randbytes(self.random.randrange(200)))
 
     def subscriber_that_never_reads(self) -> None:
         robot = self.random.choice(self.robots)
@@ -213,9 +213,9 @@ def verdict(soak, samples, recoveries, record_property) -> None:
         rows = checked(log)
         assert all(good for *_, good in rows), f"a message at {key} came damaged"
         for (early, before, _), (late, after, _) in itertools.pairwise(rows):
-            # A publisher that is started anew counts from 0.
-            anew = any(early < restart < late for restart in soak.restarts)
-            assert after > before or anew, f"{key}: {after} after {before}"
+            # A restarted publisher counts from 0.
+            restarted = any(early < restart < late for restart in soak.restarts)
+            assert after > before or restarted, f"{key}: {after} after {before}"
         say(f"{key}: {len(rows)} messages, none twice")
     for name in samples[0]:
         early, late = samples[: max(1, len(samples) // 4)], samples[-max(1, len(samples) // 4) :]

@@ -1,4 +1,4 @@
-"""A fleet with TLS: who has a certificate works as ever, who has none is told once."""
+"""A fleet with TLS: gateways with a certificate work as before; one without gets one clear error."""
 
 import subprocess
 import sys
@@ -66,7 +66,7 @@ def test_a_gateway_without_a_certificate_is_told_once_and_by_the_doctor(fleet, a
     fleet.start_hub(at_hub)
     site = fleet.site("base").start()
     wait_until(lambda: said in site.log.read_text(), said, START)
-    assert said in examine(site, "--hub", fleet.hub_uri, environment={})  # meanwhile it goes on trying, twice a second
+    assert said in examine(site, "--hub", fleet.hub_uri, environment={})  # meanwhile it keeps trying, twice a second
     lines = [line for line in site.log.read_text().splitlines() if f":{fleet.hub_port}" in line]
     # The gateway may have been there first.
     lines = [line for line in lines if "refused" not in line]

@@ -13,7 +13,7 @@ STEP = 0.02
 
 
 class Server:
-    """Counts up to the goal, unless it is told to stop."""
+    """Counts up to the goal, unless it is preempted."""
 
     def __init__(self, name: str) -> None:
         self._server = actionlib.SimpleActionServer(name, TestAction, self._count, auto_start=False)

@@ -59,7 +59,7 @@ class FakeGateway:
 
 
 class Fleet:
-    """Gateways on one hub whose links always work; `settle` goes on until nothing changes."""
+    """Gateways on one hub whose links always work; `settle` repeats until nothing changes."""
 
     def __init__(self, *gateways: FakeGateway) -> None:
         self.gateways = {gateway.name: gateway for gateway in gateways}

@@ -25,11 +25,11 @@ def test_a_gateway_on_two_hubs_is_one_remote_and_keeps_its_way() -> None:
     assert both.take("b", view("by b", "robot")).remotes["robot"].record.host == "by b"
 
 
-def test_what_the_only_hub_tells_is_handed_on_as_it_is() -> None:
-    told = view("by a", "robot", "other")
-    seen = Memberships().take("a", told)
-    assert seen.names is told.names
-    assert seen.remotes is told.remotes
+def test_what_the_only_hub_reports_is_handed_on_as_it_is() -> None:
+    reported = view("by a", "robot", "other")
+    seen = Memberships().take("a", reported)
+    assert seen.names is reported.names
+    assert seen.remotes is reported.remotes
 
 
 def test_losing_one_hub_changes_nothing_for_who_is_on_another() -> None:
@@ -65,7 +65,7 @@ def test_a_hub_that_is_given_up_takes_along_what_only_it_knew() -> None:
 
 
 def test_we_are_on_a_hub_once_the_overview_has_it_and_until_it_is_lost_or_given_up() -> None:
-    """`connect_hub` had answered that a hub is joined before `gateway_info` said so."""
+    """`connect_hub` had answered that a hub is joined before `gateway_info` showed it."""
     both = Memberships()
     assert not both.is_on("a")
     assert both.take("a", view("by a")).connected

@@ -1,4 +1,4 @@
-"""Whatever a stranger writes or says is understood or refused with an error of ours, and never raises anything else."""
+"""Any input from outside is understood or refused with a typed error; nothing else is ever raised."""
 
 import pytest
 from gateway_model import gateway, publisher

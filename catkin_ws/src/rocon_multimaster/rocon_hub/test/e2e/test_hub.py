@@ -125,7 +125,7 @@ def test_a_password_file_that_changes_holds_for_new_connections_and_leaves_the_o
     wait_until(lambda: bench.name("open sesame"), "the hub's name", START)
     with bench.client("open sesame") as standing:
         assert standing.ping()
-        secret.write_text("\n")  # cannot be meant: the old one stays in use
+        secret.write_text("\n")  # invalid: the old one stays in use
         assert bench.name("open sesame") == "Test Hub"
         secret.write_text("open barley\n")
         assert bench.name("open barley") == "Test Hub"
@@ -221,7 +221,7 @@ def test_a_hub_whose_redis_is_full_says_so_once_and_lets_gateways_in_when_there_
         client.sadd("rocon:gateways", "ghost")
         client.set("rocon:alive:ghost", "instance", px=1500)
         fill(client)
-        # Each is told once, and not both at the same moment.
+        # Each is reported once, and not both at the same moment.
         wait_until(events.get_message, "the event of the ghost's expiry", 10)
         wait_until(lambda: "ghost" in log.read_text(), "the line of it", 10)
         wait_until(lambda: "is full (8mb)" in log.read_text(), "the hub says that it is full", 15)

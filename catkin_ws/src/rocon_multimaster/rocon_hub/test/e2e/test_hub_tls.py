@@ -1,4 +1,4 @@
-"""A hub's Redis with TLS: it takes who has a certificate of its fleet, and who has not is told why."""
+"""A hub's Redis with TLS: it accepts certificates of its fleet, and refuses other clients with the reason."""
 
 import contextlib
 from collections.abc import Iterator

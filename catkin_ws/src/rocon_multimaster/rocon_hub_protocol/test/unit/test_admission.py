@@ -1,4 +1,4 @@
-"""A gateway and a hub prove to each other that they know the password; whoever does not learns nothing."""
+"""A gateway and a hub prove to each other that they know the password; a peer that does not know it learns nothing."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What gateways write on the hub comes back as it went, and what strangers write does no harm."""
+"""Records that gateways write on the hub are read back unchanged; invalid records do no harm."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""What strangers might write and say: strategies for what is nearly right, and for what is nothing at all."""
+"""Hypothesis strategies for bad input: nearly right, and plain garbage."""
 
 import json
 import struct
@@ -100,7 +100,7 @@ heads = (
 
 
 def drawn(strategy: st.SearchStrategy[Drawn], count: int) -> list[Drawn]:
-    """Returns so many examples, the same in every run, for a test whose subject is not started anew for each."""
+    """Returns so many examples, the same in every run, for a test whose subject is not restarted for each."""
     found: list[Drawn] = []
 
     @settings(

@@ -11,7 +11,7 @@ from tcpros.core.frame import FrameSplitter
 
 
 class FakeReceiver:
-    """Takes as many bytes at each attempt as it is told."""
+    """Takes a set number of bytes at each attempt."""
 
     def __init__(self, appetite, max_messages=5, max_bytes=10_000):
         self.backlog = Backlog(max_messages, max_bytes)

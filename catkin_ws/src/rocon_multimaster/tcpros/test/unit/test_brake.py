@@ -6,7 +6,7 @@ from tcpros.adapters.brake import Brake
 
 
 class Clock:
-    """A reactor that calls later what is due when it is told to."""
+    """A reactor whose timers fire when the test moves its clock."""
 
     def __init__(self) -> None:
         self._due = None

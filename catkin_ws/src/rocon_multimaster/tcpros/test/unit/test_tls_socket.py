@@ -150,7 +150,7 @@ def test_bytes_changed_on_the_way_are_an_error(identities, pair):
 )
 @pytest.mark.parametrize("dials", [True, False])
 def test_both_sides_name_what_is_wrong_with_a_certificate(identities, pair, theirs, said, dials):
-    good, bad = Tls(identities()), Tls(identities("stranger", **theirs))
+    good, bad = Tls(identities()), Tls(identities("other", **theirs))
     ours, other = (good.accepted, bad.dialled) if dials else (good.dialled, bad.accepted)
     ends = ours(pair[0]), other(pair[1])
     reasons = ["", ""]

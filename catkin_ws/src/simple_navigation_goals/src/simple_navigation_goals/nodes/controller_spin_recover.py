@@ -38,8 +38,8 @@ class SpinRecoverNode:
 
     Threads: both callbacks take one lock; nothing polls. All times are ROS times.
 
-    On error: a max_vel_theta that is no positive number ends the node with one line at its start; later it is told,
-    and the last good one stays.
+    On error: a max_vel_theta that is no positive number ends the node with one line at its start; later it is
+    logged, and the last valid one stays.
     """
 
     def __init__(self) -> None:

@@ -16,7 +16,7 @@ DATA_TYPES = ("LaserScan", "PointCloud2")
 class SourceConfig:
     """One observation source: a laser, or points in space.
 
-    ``observation_persistence`` [s] is how long what was seen goes on marking and clearing, 0 for the newest alone.
+    ``observation_persistence`` [s] is how long what was seen keeps marking and clearing, 0 for the newest alone.
     ``expected_update_rate`` [s] is the longest silence that still counts as current, 0 for any.
     Ranges [m] hold for this source; heights [m] are in the costmap's frame.
     """

@@ -84,7 +84,7 @@ class Costmap:
         self._make_layers()
 
     def _make_layers(self) -> None:
-        """Makes the layers anew; each obstacle layer keeps what the one in its place knew."""
+        """Makes new layers; each obstacle layer keeps what the one in its place knew."""
         self._default = UNKNOWN if self.config.track_unknown_space else FREE
         self._layers = []
         known, self._obstacle_at = self._obstacle_at, {}
@@ -208,11 +208,11 @@ class Costmap:
             f"The goal ({goal.x:.2f}, {goal.y:.2f}) is in an obstacle of the map, or less than {radius:.2f} m from one."
         )
 
-    def strangers(self, pose: Pose, reach: float) -> NDArray[np.float64]:
+    def unmapped(self, pose: Pose, reach: float) -> NDArray[np.float64]:
         """Returns what sensors marked that the map does not know: points (n, 2) [m] within ``reach`` [m] of ``pose``.
 
         Cells nearer than 0.3 m to one that is lethal in the map count as known, and what looks narrower than a robot
-        is none: it need not be given way. Without a map there are no strangers.
+        is left out: it need not be given way. Without a map there are none.
         """
         if not self._static or self._static[0].cells is None:
             return np.empty((0, 2))

@@ -102,7 +102,7 @@ def _descendants(pid: int) -> list[psutil.Process]:
 
 
 def _environment(launch: Launch) -> dict[str, str]:
-    """Our environment, pointed at the launch's master; the namespace of whoever called us does not count."""
+    """Our environment, pointed at the launch's master; the caller's own namespace is ignored."""
     environment = {name: value for name, value in os.environ.items() if name != "ROS_NAMESPACE"}
     uri = environment.get("ROS_MASTER_URI") or "http://localhost:11311"
     host = re.sub(r"^[a-z]+://|[:/].*$", "", re.sub(r"^([a-z]+://)", "", uri)) or "localhost"

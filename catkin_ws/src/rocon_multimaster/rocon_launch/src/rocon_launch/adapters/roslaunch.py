@@ -34,7 +34,7 @@ class RoslaunchProcess:
         self.launch = launch
         self._started, self._ended = time.monotonic(), 0.0
         self._process = subprocess.Popen(
-            # The kernel tells roslaunch when we die without a word, and roslaunch ends its nodes.
+            # The kernel signals roslaunch when this process is killed, and roslaunch ends its nodes.
             ["setpriv", "--pdeathsig", "TERM", "--", *command],
             env=dict(environment),
             stdin=subprocess.DEVNULL,

@@ -2,4 +2,4 @@
 
 
 class ConcertError(Exception):
-    """A .concert file, or a command line, that cannot be meant; the text says where and why."""
+    """An invalid .concert file or command line; the text says where and why."""

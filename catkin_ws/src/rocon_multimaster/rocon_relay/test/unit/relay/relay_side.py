@@ -58,7 +58,7 @@ class Side:
 
 
 class Subscriber:
-    """A TCPROS subscriber of one publisher, written anew so that no ROS code hides a fault."""
+    """A TCPROS subscriber of one publisher, written here so that no ROS code hides a fault."""
 
     def __init__(self, side, node, topic, name="/tester", type_=ANY, md5sum=ANY, receive_buffer=None):
         self.uri = side.master.proxy().lookupNode(node)

@@ -1,4 +1,4 @@
-"""What strangers and peers may take of a relay, and what it measures of them."""
+"""What peers and unauthenticated clients may take of a relay, and what it measures of them."""
 
 import contextlib
 import socket

@@ -1,4 +1,4 @@
-"""No descriptors are left, and then there are some again: whatever was tried meanwhile is told once, and works."""
+"""File descriptors run out and become free again: what failed meanwhile is logged once, and then works."""
 
 import errno
 import logging

@@ -1,4 +1,4 @@
-"""XML-RPC at a proxy's port: whoever asks gets answers, as many as it takes and as long as it asks."""
+"""XML-RPC at a proxy's port: any client gets answers for as long as it asks."""
 
 import contextlib
 import itertools

@@ -31,7 +31,7 @@ class ServiceFailedError(Exception):
 
 
 class Client:
-    """A ROSRPC client that is not ROS's: one connection to whoever the master says serves it."""
+    """A ROSRPC client that is not ROS's: one connection to the server that the master names."""
 
     def __init__(self, side, service="/echo", md5sum=ConnectHub._md5sum, **fields):
         address = urlsplit(side.master.proxy().lookupService(service))
@@ -177,14 +177,14 @@ def test_one_client_too_many_is_refused_and_told(sink, monkeypatch):
         assert first.call("first") == "first"
         with Client(sink) as second:
             assert "takes no more" in second.header["error"]
-        assert first.call("goes on") == "goes on"
+        assert first.call("continues") == "continues"
 
 
 def test_an_error_of_the_server_is_an_error_to_the_client(sink):
     with Client(sink, persistent="1") as client:
         with pytest.raises(ServiceFailedError, match="as you wish"):
             client.call("fail")
-        assert client.call("goes on") == "goes on"
+        assert client.call("continues") == "continues"
 
 
 def test_another_definition_is_refused_as_the_server_refuses_it(sink):
@@ -238,11 +238,11 @@ def test_garbage_and_half_handshakes_end_their_own_connection_only(sink, caplog)
     ]
     with Client(sink, persistent="1") as client:
         for head in bad:
-            with socket.create_connection((address.hostname, address.port), 5) as stranger:
-                stranger.sendall(head)
-                stranger.shutdown(socket.SHUT_WR)
+            with socket.create_connection((address.hostname, address.port), 5) as client:
+                client.sendall(head)
+                client.shutdown(socket.SHUT_WR)
                 with contextlib.suppress(ConnectionError):
-                    while stranger.recv(65536):
+                    while client.recv(65536):
                         pass
         assert client.call("still there") == "still there"
     assert all(record.levelname == "WARNING" for record in caplog.records)

@@ -1,4 +1,4 @@
-"""Credentials, loops and whoever does not speak the protocol."""
+"""Credentials, loops, and clients that do not speak the protocol."""
 
 import contextlib
 import dataclasses
@@ -71,7 +71,7 @@ def test_a_password_that_changes_leaves_links_up_and_holds_for_new_ones(relays, 
     wait_for(sink, LinkState.ACTIVE)
 
 
-class Stranger:
+class Outsider:
     """A program that speaks the link protocol and knows no password."""
 
     def __init__(self, source, **changes):
@@ -95,10 +95,10 @@ def test_whoever_dials_proves_itself_first_and_learns_nothing_to_guess_the_passw
     """The source once gave an HMAC of the password to anybody: 100,000 passwords could be tried on it in 10 s."""
     source = relays("source", password="secret")
     source.relay.apply({export()}, set())
-    stranger = Stranger(source)
-    assert set(stranger.answer()) == {"relay", "challenge", "key"}
-    stranger.socket.sendall(header_bytes({"relay": "2", "proof": "00" * 32}))
-    assert stranger.answer() == {"relay": "2", "error": "its password differs from ours", "state": "refused"}
+    outsider = Outsider(source)
+    assert set(outsider.answer()) == {"relay", "challenge", "key"}
+    outsider.socket.sendall(header_bytes({"relay": "2", "proof": "00" * 32}))
+    assert outsider.answer() == {"relay": "2", "error": "its password differs from ours", "state": "refused"}
     wait_for(source, LinkState.PENDING)
 
 
@@ -125,17 +125,17 @@ def test_a_link_that_stands_is_not_evicted_by_who_proves_nothing(relays, talkers
     source.relay.apply({export(), service[0]}, set())
     sink.relay.apply(set(), {imported(source), service[1]})
     wait_for(sink, LinkState.ACTIVE)
-    stranger = Stranger(source, **changes)
-    assert stranger.answer()["state"] == "refused"
+    outsider = Outsider(source, **changes)
+    assert outsider.answer()["state"] == "refused"
     assert sink.state() == [LinkState.ACTIVE, LinkState.ACTIVE]
 
 
 @pytest.mark.parametrize("changes", [{}, {"source_gateway": "robot"}, {"source_node": "/talker2"}, {"topic": "/other"}])
 def test_a_refusal_tells_who_guesses_nothing_about_names(relays, talkers, changes):
     source = relays("source", patience=0.3)
-    asked, stranger = time.monotonic(), Stranger(source, sink_gateway="guess", **changes)
-    answer, took = stranger.answer(), time.monotonic() - asked
-    asked_for = stranger.hello
+    asked, outsider = time.monotonic(), Outsider(source, sink_gateway="guess", **changes)
+    answer, took = outsider.answer(), time.monotonic() - asked
+    asked_for = outsider.hello
     expected = f"{asked_for.source_gateway} exports no publisher {asked_for.source_node} of {asked_for.topic} to guess"
     assert answer == {"relay": "2", "error": expected, "state": "refused"}
     assert took > 0.25
@@ -157,11 +157,11 @@ def test_garbage_ends_its_own_connection_only(sides, caplog):
         heads = [b"\xff\xff\xff\xff", b"POST / HTTP/1.1\r\nContent-Length: 5\r\n\r\n<boo>", b"GET / HTTP/1.0\r\n\r\n"]
         heads += [header_bytes({"topic": "/chatter"}) * 2, *drawn(nonsense.heads, 60)]
         for port, head in itertools.product((source.relay.port, proxy), heads):
-            with socket.create_connection(("127.0.0.1", port), 5) as stranger, contextlib.suppress(ConnectionError):
-                stranger.sendall(head)
-                stranger.shutdown(socket.SHUT_WR)
-                stranger.settimeout(5)
-                while stranger.recv(65536):
+            with socket.create_connection(("127.0.0.1", port), 5) as outsider, contextlib.suppress(ConnectionError):
+                outsider.sendall(head)
+                outsider.shutdown(socket.SHUT_WR)
+                outsider.settimeout(5)
+                while outsider.recv(65536):
                     pass
         numbers = [int(subscriber.text_of_message()[:8]) for _ in range(20)]
     assert numbers == list(range(numbers[0], numbers[0] + 20))

@@ -84,9 +84,9 @@ def test_a_credential_holds_inside(relays, talkers, identities):
 )
 def test_a_stranger_is_one_line(guarded, caplog, said):
     source, _ = guarded
-    with socket.create_connection(source.address, 5) as stranger:
-        stranger.sendall(said)
-        while stranger.recv(65536):
+    with socket.create_connection(source.address, 5) as client:
+        client.sendall(said)
+        while client.recv(65536):
             pass
     wait_until(lambda: warnings(caplog), "the line", 5)
     assert len(warnings(caplog)) == 1
@@ -108,9 +108,9 @@ def test_half_a_handshake_ends_in_time_and_holds_up_nobody(relays, talkers, iden
     ):
         slow.sendall(b"\x16\x03\x01\x02\x00\x01")
         connect(source, sink)
-        for stranger in (silent, slow):
-            stranger.settimeout(5)
-            assert stranger.recv(1) == b""
+        for client in (silent, slow):
+            client.settimeout(5)
+            assert client.recv(1) == b""
     wait_until(lambda: len(warnings(caplog)) > 1, "a line for each", 5)
     assert ["did not introduce itself in time" in line for line in warnings(caplog)] == [True, True]
     assert sink.state() == [LinkState.ACTIVE]
