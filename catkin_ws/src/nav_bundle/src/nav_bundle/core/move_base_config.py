@@ -49,9 +49,9 @@ class MoveBaseConfig:
     """The parameters in move_base's own namespace.
 
     Ours are ``odom_timeout`` [s], the longest silence of the odometry that the robot may still drive on, 0 for any, and
-    ``transform_future_limit`` [s], how far ahead of the clock a transform may be stamped. ``base_global_planner`` may
-    also be ``global_planner/GlobalPlanner``, ``base_local_planner`` ``dwa_local_planner/DWAPlannerROS``. The packages'
-    names may be left out.
+    ``transform_future_limit`` [s], how far ahead of the clock a transform or a cancel may be stamped.
+    ``base_global_planner`` may also be ``global_planner/GlobalPlanner``, ``base_local_planner``
+    ``dwa_local_planner/DWAPlannerROS``. The packages' names may be left out.
     """
 
     base_global_planner: Annotated[str, Live()] = "navfn/NavfnROS"

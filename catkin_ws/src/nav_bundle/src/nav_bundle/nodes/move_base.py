@@ -107,7 +107,8 @@ class MoveBaseNode:
         """Waits for what navigation needs, then runs the loop until shutdown."""
         if not self._wait():
             return
-        self._goals = GoalServer("move_base", self._global.frame, self._listener, self._goal_fault)
+        limit = self._setup.base.transform_future_limit
+        self._goals = GoalServer("move_base", self._global.frame, self._listener, limit, self._goal_fault)
         self._odometry = newest_odometry("odom")
         self._services = [
             rospy.Service("~make_plan", GetPlanArray, self._make_plan),

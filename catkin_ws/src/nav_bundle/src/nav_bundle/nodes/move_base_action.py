@@ -5,6 +5,7 @@ from typing import Any
 
 import actionlib
 import rospy
+from actionlib_msgs.msg import GoalID, GoalStatus
 from geometry_msgs.msg import PoseStamped, Quaternion
 from move_base_msgs.msg import MoveBaseAction, MoveBaseActionGoal, MoveBaseFeedback, MoveBaseResult
 
@@ -19,13 +20,41 @@ from nav_bundle.nodes.transform import TransformListener
 from pioneer_node.core.frame import stripped
 
 _INVALID = "Aborting on goal because it was sent with an invalid quaternion"
+_WARNING_PERIOD = 5.0
 
 
 class _ActionServer(actionlib.SimpleActionServer):
     """actionlib's, which a clock that jumps back leaves without a status and refusing every goal for the time it left.
 
     Its timer ends at the jump; and it takes a goal whose stamp is before that of the last goal for an old one.
+
+    Invalid messages cost only themselves: a goal with a ``fault`` is aborted without preempting the one
+    under way, and a cancel that is stamped more than ``future_limit`` [s] ahead, which would bar all goals until then,
+    is dropped.
     """
+
+    def __init__(self, name: str, fault: Callable[[PoseStamped], str], future_limit: float) -> None:
+        super().__init__(name, MoveBaseAction, auto_start=False)
+        self._goal_fault, self._future_limit = fault, future_limit
+        server = self.action_server
+        self._pass_goal, self._pass_cancel = server.internal_goal_callback, server.internal_cancel_callback
+        server.internal_goal_callback, server.internal_cancel_callback = self._on_goal, self._on_cancel
+
+    def _on_goal(self, goal: MoveBaseActionGoal) -> None:
+        if fault := self._goal_fault(goal.goal.target_pose):
+            status = GoalStatus(goal.goal_id, GoalStatus.ABORTED, fault)
+            self.action_server.publish_result(status, MoveBaseResult())
+        else:
+            self._pass_goal(goal)
+
+    def _on_cancel(self, cancel: GoalID) -> None:
+        ahead = (cancel.stamp - rospy.Time.now()).to_sec()
+        if ahead <= self._future_limit:
+            self._pass_cancel(cancel)
+        else:
+            rospy.logwarn_throttle(
+                _WARNING_PERIOD, f"a cancel was dropped: it is stamped {ahead:.1f} s ahead of the clock"
+            )
 
     def start(self) -> None:
         """Starts, with a timer that outlives the jump."""
@@ -65,17 +94,27 @@ class GoalServer:
 
     Threads: actionlib's callbacks store; ``take`` and the rest are called by the owner's loop. No execute thread.
 
-    On error: a goal that is no pose, that no transform leads to, or that the map rules out is aborted with the reason.
+    On error: a goal that is no pose or that no transform leads to is aborted with the reason, and the goal under way
+        stays; so is one that the map rules out, in the place of the goal under way.
     """
 
     def __init__(
-        self, name: str, global_frame: str, listener: TransformListener, fault: Callable[[Pose], str] = lambda _: ""
-    ) -> None:
-        """``fault`` returns why a goal in the global frame can never be reached; empty where it may be."""
+        self, name: str, global_frame: str, listener: TransformListener, future_limit: float,
+        fault: Callable[[Pose], str] = lambda _: "",
+    ) -> None:  # fmt: skip
+        """Starts the server.
+
+        Args:
+            name: of the action.
+            global_frame: what goals are turned into.
+            listener: for that.
+            future_limit: how far ahead of the clock a cancel may be stamped [s].
+            fault: returns why a goal in the global frame can never be reached; empty where it may be.
+        """
         self._frame, self._listener, self._fault = global_frame, listener, fault
         self._goal_publisher = rospy.Publisher("~current_goal", PoseStamped, queue_size=1)
         self._action_goal_publisher = rospy.Publisher(f"{name}/goal", MoveBaseActionGoal, queue_size=1)
-        self._server = _ActionServer(name, MoveBaseAction, auto_start=False)
+        self._server = _ActionServer(name, self._message_fault, future_limit)
         self._server.start()
         self._simple = rospy.Subscriber("move_base_simple/goal", PoseStamped, self._on_simple_goal, queue_size=1)
 
@@ -100,12 +139,10 @@ class GoalServer:
             return None
         target = self._server.accept_new_goal().target_pose
         try:
-            goal = self._global_goal(target)
-        except NavigationError as error:
+            goal = self.in_global_frame(target)
+        except TransformError as error:  # it led there when the goal came
             rospy.logerr("%s", error)
-            self._server.set_aborted(
-                MoveBaseResult(), str(error) if isinstance(error, TransformError | MessageError) else _INVALID
-            )
+            self._server.set_aborted(MoveBaseResult(), str(error))
             return None
         self._goal_publisher.publish(stamped_from_pose(goal, self._frame, rospy.Time.now()))
         if fault := self._fault(goal):
@@ -114,10 +151,16 @@ class GoalServer:
             return None
         return goal
 
-    def _global_goal(self, target: PoseStamped) -> Pose:
+    def _message_fault(self, target: PoseStamped) -> str:
+        """Returns why a goal is invalid, empty where it is not; logs the reason."""
         position, rotation = target.pose.position, target.pose.orientation
-        check_goal((position.x, position.y, position.z), _components(rotation))
-        return self.in_global_frame(target)
+        try:
+            check_goal((position.x, position.y, position.z), _components(rotation))
+            self.in_global_frame(target)
+        except NavigationError as error:
+            rospy.logerr("%s", error)
+            return str(error) if isinstance(error, TransformError | MessageError) else _INVALID
+        return ""
 
     def in_global_frame(self, pose: PoseStamped) -> Pose:
         """Returns a pose in the global frame, by the newest transform; an empty frame means the global one.

@@ -1,63 +1,50 @@
 """What subscriptions leave behind: the newest messages, unpacked when somebody looks."""
 
+import contextlib
 from collections import deque
 from typing import Any, Generic, Self, TypeVar
 
+import genpy
 import rospy
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import PointCloud2
 
 from nav_bundle.conversions import ScanMessage
 
+_WARNING_PERIOD = 5.0
+
 Message = TypeVar("Message")
 
 
-class _PackedOdometry(Odometry):  # type: ignore[misc]
-    """An Odometry that keeps its bytes: most of those that arrive are never looked at."""
+def _packed(kind: type[Any]) -> type[Any]:
+    """Returns a message class that keeps its bytes until ``Newest.messages``: most that arrive are never looked at."""
 
-    packed: bytes | None = None
+    class Packed(kind):  # type: ignore[misc]
+        packed: bytes | None = None
 
-    def deserialize(self, data: bytes) -> Self:
-        """Keeps the message's bytes."""
-        self.packed = bytes(data)
-        return self
+        def deserialize(self, data: bytes) -> Self:
+            """Keeps the message's bytes."""
+            self.packed = bytes(data)
+            return self
 
-
-class _PackedScan(ScanMessage):
-    """A LaserScan that keeps its bytes until ``unpacked``."""
-
-    packed: bytes | None = None
-
-    def deserialize(self, data: bytes) -> Self:
-        """Keeps the message's bytes."""
-        self.packed = bytes(data)
-        return self
-
-
-class _PackedCloud(PointCloud2):  # type: ignore[misc]
-    """A PointCloud2 that keeps its bytes until ``unpacked``."""
-
-    packed: bytes | None = None
-
-    def deserialize(self, data: bytes) -> Self:
-        """Keeps the message's bytes."""
-        self.packed = bytes(data)
-        return self
+    return Packed
 
 
 class Newest(Generic[Message]):
     """The newest few messages of a topic and when the last one came.
 
     Threads: rospy's subscriber thread appends; anyone may read.
+
+    On error: a message that does not parse is dropped with a warning.
     """
 
-    def __init__(self, topic: str, packed: type[Any], kind: type[Message], depth: int) -> None:
+    def __init__(self, topic: str, kind: type[Message], depth: int) -> None:
         self.topic = topic
         self._kind = kind
         self._kept: deque[Any] = deque(maxlen=depth)
         self.received: float | None = None
         """ROS time [s] of the last arrival, None before the first."""
-        self._subscriber = rospy.Subscriber(topic, packed, self._store, queue_size=1, tcp_nodelay=True)
+        self._subscriber = rospy.Subscriber(topic, _packed(kind), self._store, queue_size=1, tcp_nodelay=True)
 
     def _store(self, message: Any) -> None:
         self._kept.append(message)
@@ -78,25 +65,32 @@ class Newest(Generic[Message]):
 
     def messages(self) -> list[Message]:
         """Returns the kept messages, the newest first."""
-        unpacked = []
-        for message in reversed(self._kept.copy()):
-            if message.packed is not None:
-                self._kind.deserialize(message, message.packed)  # type: ignore[attr-defined]
-                message.packed = None
-            unpacked.append(message)
-        return unpacked
+        return [each for each in reversed(self._kept.copy()) if each.packed is None or self._unpack(each)]
+
+    def _unpack(self, message: Any) -> bool:
+        try:
+            self._kind.deserialize(message, message.packed)  # type: ignore[attr-defined]
+        except (genpy.DeserializationError, ValueError) as error:  # the latter from numpy
+            rospy.logwarn_throttle(
+                _WARNING_PERIOD, f"a message on {self.topic} was dropped, it does not parse: {error}"
+            )
+            with contextlib.suppress(ValueError):
+                self._kept.remove(message)
+            return False
+        message.packed = None
+        return True
 
 
 def newest_odometry(topic: str) -> Newest[Odometry]:
     """Subscribes to odometry."""
-    return Newest(topic, _PackedOdometry, Odometry, 1)
+    return Newest(topic, Odometry, 1)
 
 
 def newest_scans(topic: str) -> Newest[ScanMessage]:
     """Subscribes to a laser; keeps a few scans, because the newest may be ahead of its transform."""
-    return Newest(topic, _PackedScan, ScanMessage, 4)
+    return Newest(topic, ScanMessage, 4)
 
 
 def newest_clouds(topic: str) -> Newest[PointCloud2]:
     """Subscribes to a sensor of points in space; keeps a few clouds."""
-    return Newest(topic, _PackedCloud, PointCloud2, 4)
+    return Newest(topic, PointCloud2, 4)

@@ -10,6 +10,8 @@ from typing import Any
 Value = bool | int | float | str
 
 _KINDS = {bool: "bool", int: "int", float: "double", str: "str", Any: "str"}
+_LONGEST_NAME = 60
+"""Longer names are cut in complaints."""
 _UNBOUNDED: dict[str, tuple[Value, Value]] = {
     "bool": (False, True),
     "int": (-(2**31), 2**31 - 1),
@@ -108,7 +110,7 @@ def accepted(parameters: tuple[LiveParameter, ...], wanted: Mapping[str, Value])
     for name, value in wanted.items():
         kind = _KINDS[type(value)]
         if name not in known:
-            complaints.append(f"no parameter {name} can be changed here")
+            complaints.append(f"no parameter {name[:_LONGEST_NAME]} can be changed here")
         elif kind != known[name].kind:
             complaints.append(f"{name} is of kind {known[name].kind}, not {kind}")
         elif isinstance(value, float) and not math.isfinite(value):

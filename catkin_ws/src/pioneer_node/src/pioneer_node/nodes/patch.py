@@ -6,6 +6,7 @@ rospy is imported within the functions: `import_without_numpy` has to come first
 import errno
 import importlib
 import sys
+import threading
 from collections.abc import Callable
 from types import ModuleType
 from typing import Any
@@ -37,6 +38,21 @@ def allow_publishing_at_shutdown() -> None:
     import rospy
 
     rospy.topics.is_shutdown = rospy.core.is_shutdown_requested
+
+
+def log_broken_requests() -> None:
+    """Makes a request that does not parse one line; rospy's thread for that connection would end with a traceback."""
+    import rospy
+
+    others = threading.excepthook
+
+    def note(failure: threading.ExceptHookArgs) -> None:
+        if isinstance(failure.exc_value, rospy.exceptions.TransportException):
+            rospy.logwarn_throttle(5.0, f"a connection was closed: {failure.exc_value}")
+        else:
+            others(failure)
+
+    threading.excepthook = note
 
 
 def keep_accepting(is_ending: Callable[[], bool], wait: Callable[[float], object]) -> None:
