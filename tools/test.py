@@ -34,6 +34,11 @@ TYPED = {
 """Packages whose types are checked whole, not only their cores."""
 LONGEST = "scenario"
 """Of the rostests."""
+LONG = {
+    "soak": "what takes long: tests of minutes, a fault every 20 s for --minutes",
+    "fuzz": "hostile input for --minutes at a fleet that drives",
+}
+"""Options that run instead of the stages."""
 CONTAINERS_ENDING_SECONDS = 60.0
 """For ./pioneer down, which gives containers 20 s."""
 
@@ -121,13 +126,14 @@ def end_to_end() -> Iterator[Check]:
         yield pytest_check(f"{package}/{path.stem.removeprefix('test_')}", [path], timeout=1200.0)
 
 
-def soak(minutes: float, seed: int) -> Iterator[Check]:
-    """Tests that take long, and a fault every 20 s for so many minutes."""
-    variables = {"PIONEER_SOAK_MINUTES": str(minutes), "PIONEER_SOAK_SEED": str(seed)}
-    for package, path in end_to_end_files(soak=True):
+def long(name: str, minutes: float, seed: int) -> Iterator[Check]:
+    """Tests that take long, with a fault every 20 s for so many minutes; or hostile input at a fleet for as long."""
+    variables = {f"PIONEER_{name.upper()}_MINUTES": str(minutes), f"PIONEER_{name.upper()}_SEED": str(seed)}
+    for package, path in end_to_end_files(soak=name == "soak"):
         check = pytest_check(f"{package}/{path.stem.removeprefix('test_')}", [path], timeout=60 * minutes + 1800)
-        command = [*check.command, "-m", "soak", "-s"]
-        yield replace(check, command=command, environment=variables, shown=True)
+        if name in ("soak", path.stem.removeprefix("test_")):
+            command = [*check.command, "-s", *(["-m", "soak"] if name == "soak" else [])]
+            yield replace(check, command=command, environment=variables, shown=True)
 
 
 class StageSkipped(Exception):  # noqa: N818 - no error: what the stage needs is not on this machine
@@ -236,7 +242,7 @@ def the_only_run() -> Iterator[None]:
 
 
 def arguments_from(words: Sequence[str] | None) -> argparse.Namespace:
-    """Returns the command line as checked; with --soak there is a stage of that name."""
+    """Returns the command line as checked; with --soak or --fuzz there is a stage of that name."""
     parser = argparse.ArgumentParser(
         prog="./pioneer test",
         description=(__doc__ or "").splitlines()[0],
@@ -246,22 +252,24 @@ def arguments_from(words: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--only", default="", metavar="TEXT", help="only the checks whose name contains TEXT")
     parser.add_argument("--jobs", type=int, default=min(int(processors()) + 1, MOST_AT_ONCE), metavar="N",
         help="checks side by side (default here: %(default)s)")  # fmt: skip
-    parser.add_argument(
-        "--soak", action="store_true", help="only what takes long: tests of minutes, faults for --minutes"
-    )
-    parser.add_argument("--minutes", type=float, default=180.0, metavar="N", help="of faults with --soak (%(default)g)")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="which faults with --soak (%(default)s)")
+    alone = parser.add_mutually_exclusive_group()
+    for name, what in LONG.items():
+        alone.add_argument(f"--{name}", dest="long", action="store_const", const=name, help=f"only {what}")
+    parser.add_argument("--minutes", type=float, metavar="N", help="of --soak (180) or --fuzz (30)")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of --soak or --fuzz (%(default)s)")
     arguments = parser.parse_args(words)
     unknown = set(arguments.stages) - set(STAGES)
     if unknown:
         parser.error(f"no stage {', '.join(sorted(unknown))}; there are {', '.join(STAGES)}")
-    if arguments.soak and arguments.stages:
-        parser.error(f"--soak runs only what takes long: it takes no stage, not {', '.join(arguments.stages)}")
+    name = arguments.long
+    if name and arguments.stages:
+        parser.error(f"--{name} runs only what takes long: it takes no stage, not {', '.join(arguments.stages)}")
     if arguments.jobs < 1:
         parser.error(f"--jobs must be 1 or more, not {arguments.jobs}")
-    if arguments.soak:
-        STAGES["soak"] = Stage(lambda: soak(arguments.minutes, arguments.seed))
-        arguments.stages = ["soak"]
+    if name:
+        minutes = arguments.minutes or (180.0 if name == "soak" else 30.0)
+        STAGES[name] = Stage(lambda: long(name, minutes, arguments.seed))
+        arguments.stages = [name]
     return arguments
 
 

@@ -62,11 +62,12 @@ def test_a_stage_that_cannot_run_here_is_told_as_skipped(
     assert "containers skipped  no engine" in capsys.readouterr().out
 
 
-def test_soak_takes_no_stage(runner: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("name", ["soak", "fuzz"])
+def test_what_takes_long_takes_no_stage(runner: ModuleType, capsys: pytest.CaptureFixture[str], name: str) -> None:
     with pytest.raises(SystemExit) as ended:
-        runner.main(["--soak", "unit"])
+        runner.main([f"--{name}", "unit"])
     assert ended.value.code == 2
-    assert capsys.readouterr().err.endswith("--soak runs only what takes long: it takes no stage, not unit\n")
+    assert capsys.readouterr().err.endswith(f"--{name} runs only what takes long: it takes no stage, not unit\n")
 
 
 def test_two_runs_in_one_checkout_do_not_meet(runner: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,206 @@
+"""Hostile input at every door of a fleet that drives: no process ends, no robot stops, no memory grows.
+
+`PIONEER_FUZZ_MINUTES` and `PIONEER_FUZZ_SEED` say how long and which; `./pioneer test --fuzz` sets them.
+"""
+
+import json
+import os
+import statistics
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import psutil
+import pytest
+from std_srvs.srv import Trigger
+
+from pioneer_fleet.adapters.registry import running_fleets
+from pioneer_harness.proc import process_states
+from pioneer_harness.process import ProcessGroup, last_lines
+from pioneer_harness.wait import wait_until
+from tcpros.adapters.client import Client
+
+MB = 1_000_000
+FUZZERS = Path(__file__).parent.parent / "fuzz"
+START_UP = 120.0
+LEG = 90.0
+"""Within which each robot must reach its next waypoint, 4 m away [s of simulated time]."""
+CLOCK_STANDS_STILL = 20.0
+"""[s of wall time]"""
+GROWTH, GROWTH_AT_FIRST = 12 * MB, 40 * MB
+"""What a process may have more at the end than it had after its first quarter; in a short run caches still fill."""
+LONG = 10.0
+"""[min]"""
+REPORT = 30.0
+PATROLS = {
+    "pioneer1": [(2.4, -10.0), (-2.1, -7.3), (-2.1, -11.9)],
+    "pioneer2": [(-2.7, 20.6), (1.6, 17.0), (-3.7, 15.2)],
+}
+"""Places in ``closed_maze`` near where the robots start, x and y [m]."""
+# Debian's C++ nodes and ROS master are not of this project, and the fleet's command is no node.
+FOREIGN = ("rosout", "robot_state_publisher", "rosmaster", "roslaunch", "fleet_observer")
+
+
+class Fleet:
+    """Two robots on endless patrols, as ``./pioneer fleet`` starts them, watched from outside."""
+
+    def __init__(self, running, folder: Path) -> None:
+        self.running = running
+        running.await_words("2 robots are ready", START_UP)
+        self.first = self.status()
+        self.masters = {robot["robot"]: robot["master"] for robot in self.first["robots"]}
+        # Scripts that set rules up end by themselves.
+        self.processes = {pid: line for pid, line in running.processes().items() if "/rocon_flip/" not in line}
+        self.memory = {pid: [] for pid in self.processes}
+        self.reached = dict.fromkeys(self.masters, 0)
+        self.due = dict.fromkeys(self.masters, LEG + self.first["simulated_seconds"])
+        self.clock, self.clock_seen = 0.0, time.monotonic()
+        for robot, places in PATROLS.items():
+            self._patrol(robot, places, folder / f"{robot}.yaml")
+
+    def status(self) -> dict:
+        return next(one for one in running_fleets() if one["pid"] == self.running.process.pid)
+
+    def _patrol(self, robot: str, places, path: Path) -> None:
+        waypoints = ", ".join(f"{{x: {x}, y: {y}}}" for x, y in places)
+        path.write_text(f"loop: true\nwaypoints: [{waypoints}]\n")
+        client = f"/{robot}/map_goal_client"
+        master = Client(self.masters[robot], "/fuzz")
+        master.ask_master("setParam", f"{client}/patrol", str(path))
+        answer = master.call(f"{client}/patrol", Trigger)
+        assert answer.success, answer.message
+
+    def addresses(self) -> list[str]:
+        """What there is to connect to, as ``wire.py`` takes it."""
+        hub = urlsplit(self.first["hub"]).netloc
+        slaves = set().union(*map(_slave_apis, [self.first["master"], *self.masters.values()]))
+        found = [f"hub={hub}", f"member={hub}", *(f"slave={one}" for one in sorted(slaves))]
+        for pid, line in self.processes.items():
+            kind = "relay" if "__name:=gateway" in line else "tcpros"
+            if "__name:=" in line and not any(word in line for word in FOREIGN):
+                others = {f"127.0.0.1:{port}" for port in _ports(pid)} - slaves
+                found += [f"{kind}={one}" for one in sorted(others - {hub})]
+        return found
+
+    def look(self) -> None:
+        """Fails where a process has ended or a robot makes no progress."""
+        assert self.running.process.poll() is None, self.running.text()
+        status, moment = self.status(), time.monotonic()
+        if status["simulated_seconds"] > self.clock:
+            self.clock, self.clock_seen = status["simulated_seconds"], moment
+        assert moment - self.clock_seen < CLOCK_STANDS_STILL, f"simulated time stands still at {self.clock} s"
+        for robot in status["robots"]:
+            name = robot["robot"]
+            if robot["reached"] > self.reached[name]:
+                self.reached[name], self.due[name] = robot["reached"], self.clock + LEG
+            assert self.clock < self.due[name], f"{name} makes no progress: {robot}"
+
+    def sample(self) -> None:
+        """Notes the memory of every process."""
+        states = process_states()
+        gone = [line for pid, line in self.processes.items() if pid not in states or not states[pid].alive]
+        assert not gone, f"ended: {gone}"
+        for pid, taken in self.memory.items():
+            taken.append(states[pid].rss)
+
+
+def _slave_apis(uri: str) -> set[str]:
+    """Returns host and port of the XML-RPC server of each of this project's nodes on a master."""
+    master = Client(uri, "/fuzz")
+    nodes = {node for kind in master.ask_master("getSystemState") for _, found in kind for node in found}
+    ours = [node for node in nodes if not any(word in node for word in FOREIGN)]
+    addresses = [urlsplit(master.ask_master("lookupNode", node)) for node in ours]
+    return {f"127.0.0.1:{address.port}" for address in addresses}
+
+
+def _ports(pid: int) -> set[int]:
+    """Returns the TCP ports that a process listens on."""
+    connections = psutil.Process(pid).connections("tcp")
+    return {one.laddr.port for one in connections if one.status == psutil.CONN_LISTEN}
+
+
+def say(text: str) -> None:
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()
+
+
+def start_fuzzers(group: ProcessGroup, fleet: Fleet, folder: Path, seed: int) -> list[Path]:
+    """Starts one fuzzer a master and one for ports; returns where they write their counts."""
+    logs = []
+
+    def start(name: str, program: str, *words: str, **environment: str) -> None:
+        logs.append(folder / f"{name}.log")
+        argv = [sys.executable, str(FUZZERS / program), str(seed + len(logs)), *words]
+        path = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        group.start(name, argv, {**os.environ, **path, **environment}, logs[-1])
+
+    robots = list(fleet.masters)
+    for name, uri in {"base": fleet.first["master"], **fleet.masters}.items():
+        rate, known = ("3", robots) if name == "base" else ("1", [name])
+        start(name, "ros.py", rate, *known, ROS_MASTER_URI=uri, ROS_IP="127.0.0.1")
+    start("ports", "wire.py", "60", *fleet.addresses())
+    return logs
+
+
+def counts(logs: list[Path]) -> Counter[str]:
+    """How often each target has been met so far."""
+    total = Counter[str]()
+    for log in logs:
+        lines = [line for line in (log.read_text().splitlines() if log.exists() else []) if line.startswith("{")]
+        total.update(json.loads(lines[-1]) if lines else {})
+    return total
+
+
+def test_a_fleet_keeps_reaching_waypoints_under_hostile_input(start, tmp_path, monkeypatch, record_property):
+    minutes = float(os.environ.get("PIONEER_FUZZ_MINUTES", "1"))
+    seed = int(os.environ.get("PIONEER_FUZZ_SEED", "1"))
+    monkeypatch.setenv("ROCON_HUB_PASSWORD", "fuzz")
+    fleet = Fleet(start("--robots", 2, command="fleet"), tmp_path)
+    say(f"the fleet drives; {minutes:g} minutes of hostile input, seed {seed}")
+    with ProcessGroup() as group:
+        logs = start_fuzzers(group, fleet, tmp_path, seed)
+        watch(fleet, group, logs, 60 * minutes)
+    met = counts(logs)
+    before = dict(fleet.reached)
+    wait_until(lambda: fleet.look() or all(fleet.reached[one] > before[one] for one in before), "one more waypoint", 90)
+    verdict(fleet, met, GROWTH if minutes >= LONG else GROWTH_AT_FIRST, record_property)
+
+
+def watch(fleet: Fleet, group: ProcessGroup, logs: list[Path], seconds: float) -> None:
+    began = told = time.monotonic()
+    end = began + seconds
+
+    def turn() -> bool:
+        nonlocal told
+        for log, death in zip(logs, group.deaths, strict=False):
+            pytest.fail(f"a fuzzer ended: {death}\n{last_lines(log)}")
+        fleet.look()
+        if time.monotonic() - told > min(REPORT, seconds / 12):
+            told = time.monotonic()
+            fleet.sample()
+            say(f"{told - began:.0f} s: {sum(counts(logs).values())} inputs, waypoints {fleet.reached}")
+        return time.monotonic() >= end
+
+    wait_until(turn, "the end of the time", seconds + 60)
+
+
+def verdict(fleet: Fleet, met: Counter[str], most: float, record_property) -> None:
+    """Shows and checks what was seen."""
+    for target, count in sorted(met.items()):
+        record_property(target, count)
+        say(f"{target}: {count} inputs")
+    for robot, count in fleet.reached.items():
+        record_property(f"waypoints of {robot}", count)
+    seconds = fleet.clock - fleet.first["simulated_seconds"]
+    say(f"waypoints reached: {fleet.reached} in {seconds:.0f} s of simulated time, each within {LEG:g} s")
+    grown = {}
+    for pid, taken in fleet.memory.items():
+        quarter = max(1, len(taken) // 4)
+        early, late = statistics.median(taken[quarter : 2 * quarter]), statistics.median(taken[-quarter:])
+        grown[pid] = late - early
+    worst = max(grown, key=grown.__getitem__)
+    say(f"memory: largest growth {grown[worst] / MB:.1f} MB, of {fleet.processes[worst][-150:]}")
+    for pid, growth in grown.items():
+        assert growth <= most, f"{fleet.processes[pid]} grew by {growth / MB:.1f} MB: {fleet.memory[pid]}"

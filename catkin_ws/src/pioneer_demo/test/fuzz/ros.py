@@ -1,0 +1,168 @@
+"""Sends hostile messages, requests and parameters to the nodes of one ROS master until it is interrupted.
+
+Run as ``ros.py SEED RATE ROBOT…``; each second it writes a line of JSON: how many were sent to each target.
+"""
+
+import contextlib
+import io
+import json
+import random
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
+
+import hostile
+import roslib.message
+import rospy
+import rosservice
+from dynamic_reconfigure.srv import Reconfigure
+
+NODES = ("amcl", "move_base", "map_goal_client", "pioneer_ros", "controller_spin_recover", "gazebo")
+"""Whose topics are used."""
+OBEYED = ("/clock", "/status")
+"""Ends of topics that nobody can tell from the true ones: ROS 1 has no senders."""
+ORDERS = ("pause_physics", "unpause_physics", "reset_world", "reset_simulation", "step", "global_localization", "clear")
+ORDERS += ("patrol", "set_logger_level", "clear_costmaps", "set_watcher_period")
+"""Services that do what they are asked to whatever the request holds."""
+ROBOT_LINKS = ("", "::base_link", "::left_wheel", "::ghost")
+BODIES = (
+    "<box><size>1 1 {}</size></box>",
+    "<sphere><radius>{}</radius></sphere>",
+    "<cylinder><radius>1</radius><length>{}</length></cylinder>",
+    "<mesh><uri>file:///dev/zero</uri><scale>{} 1 1</scale></mesh>",
+)
+MODEL = (
+    "<sdf version='1.6'><model name='m'><link name='l'><inertial><mass>{}</mass></inertial>"
+    "<collision name='c'><geometry>{}</geometry></collision></link></model></sdf>"
+)
+
+
+class Fuzzer:
+    """What there is to send to on this master, and how often it was."""
+
+    def __init__(self, seed: int, robots: list[str]) -> None:
+        self.rng, self.counts = random.Random(seed), Counter[str]()
+        links = tuple(f"{robot}{link}" for robot in robots for link in ROBOT_LINKS)
+        frames = tuple(f"{robot}/{frame}" for robot in robots for frame in ("odom", "base_link", "laser"))
+        self.poison = hostile.Poison(self.rng, (*links, *frames, "map", "world", "fuzz0"))
+        self.drive_poison = hostile.Poison(self.rng, ("ghost",), huge=False)
+        master = rospy.get_master()
+        _, subscriptions, services = master.getSystemState()[2]
+        types = dict(master.getTopicTypes()[2])
+        self.actions: list[Callable[[], None]] = []
+        for topic, nodes in subscriptions:
+            if not topic.endswith(OBEYED) and any(node.endswith(NODES) for node in nodes):
+                self._add_topic(topic, types[topic])
+        for name, (node, *_) in services:
+            if node.endswith(NODES) and name.rpartition("/")[2] not in ORDERS and "logger" not in name:
+                self._add_service(name)
+
+    def turn(self) -> None:
+        """Sends one hostile thing to each target."""
+        for action in self.rng.sample(self.actions, len(self.actions)):
+            action()
+
+    def _add_topic(self, topic: str, type_: str) -> None:
+        kind = roslib.message.get_message_class(type_)
+        raw = hostile.raw_class(kind)
+        publisher = rospy.Publisher(topic, raw, queue_size=1)
+        self.actions.append(partial(self._publish, topic, publisher, kind, raw))
+
+    def _publish(self, topic: str, publisher: rospy.Publisher, kind: Any, raw: Any) -> None:
+        target = "simulator topics" if "gazebo" in topic or "pioneer/cmd_vel" in topic else "navigation topics"
+        publisher.publish(raw(self._bytes(self._message(kind))))
+        self.counts[target] += 1
+
+    def _message(self, kind: Any) -> Any:
+        framed = kind._type.endswith(("LaserScan", "Stamped", "TFMessage", "ActionGoal"))
+        if framed and self.rng.random() < 0.3:
+            return hostile.foreign(self.rng, kind())
+        # Finite commands are obeyed as far as the robot can, and finite speeds in odometry are what it drives at.
+        poison = self.drive_poison if kind._type.endswith("Twist") else self.poison
+        message = poison.fill(kind())
+        if kind._type.endswith("GoalID"):
+            message.id = "ghost"
+            message.stamp.secs = self.rng.choice(hostile.FAR_AHEAD)
+        return message
+
+    def _bytes(self, message: Any) -> bytes:
+        if self.rng.random() < 0.2:
+            return hostile.spoilt(self.rng, message)
+        buffer = io.BytesIO()
+        message.serialize(buffer)
+        return buffer.getvalue()
+
+    def _add_service(self, name: str) -> None:
+        kind = rosservice.get_service_class_by_name(name)
+        raw = SimpleNamespace(
+            _type=kind._type,
+            _md5sum=kind._md5sum,
+            _request_class=hostile.raw_class(kind._request_class),
+            _response_class=hostile.raw_class(kind._response_class),
+        )
+        proxy = rospy.ServiceProxy(name, raw)
+        make, target = partial(self._request, name, kind), "navigation services"
+        if name.startswith("/gazebo/"):
+            target = "simulator services"
+        elif kind._type == Reconfigure._type:
+            make, target = partial(self._parameters, name), "dynamic_reconfigure"
+        self.actions.append(partial(self._call, target, proxy, make))
+
+    def _call(self, target: str, proxy: rospy.ServiceProxy, make: Callable[[], Any]) -> None:
+        # Refused, or the connection was closed: both are answers. No answer would be seen as a count that stands.
+        with contextlib.suppress(rospy.ServiceException, rospy.ROSException):
+            proxy.call(self._bytes(make()))
+        self.counts[target] += 1
+
+    def _request(self, name: str, kind: Any) -> Any:
+        message = self.poison.fill(kind._request_class())
+        if name.endswith("delete_model"):
+            message.model_name = self.rng.choice((*hostile.ODD, "fuzz0", "fuzz1"))
+        if name.endswith("_model") and "spawn" in name:
+            number = self.rng.choice(("nan", "-1", "1e308", "0", "", "x", "1e-300", "1"))
+            body = self.rng.choice(BODIES).format(self.rng.choice(("nan", "1", number)))
+            text = MODEL.format(number, body)
+            message.model_xml = text[: self.rng.choice((len(text), len(text), self.rng.randrange(len(text))))]
+            message.model_name = self.rng.choice(("fuzz0", "fuzz1", *hostile.ODD))
+            if self.rng.random() < 0.5:
+                message.initial_pose = type(message.initial_pose)()
+                message.initial_pose.position.x = self.rng.uniform(500.0, 600.0)
+                message.initial_pose.orientation.w = 1.0
+                message.reference_frame = ""
+        return message
+
+    def _parameters(self, name: str) -> Any:
+        """Numbers that are none under names that exist, of the right kind or not; anything under names that do not."""
+        request = Reconfigure._request_class()
+        own = rospy.get_param(name.rpartition("/")[0], {})
+        names = [key for key, value in own.items() if isinstance(value, float)] or ["ghost"]
+        self.poison.fill(request.config)
+        for entry in (*request.config.bools, *request.config.ints, *request.config.strs):
+            entry.name = self.rng.choice(("ghost", *hostile.ODD))
+        for entry in request.config.doubles:
+            entry.name, entry.value = self.rng.choice(names), float("nan")
+        for entry in request.config.strs[:1]:
+            entry.name = self.rng.choice(names)
+        return request
+
+
+def main() -> None:
+    """Runs until SIGINT."""
+    seed, rate, *robots = sys.argv[1:]
+    rospy.init_node("fuzz", disable_rostime=True)
+    fuzzer, told = Fuzzer(int(seed), robots), 0.0
+    pace = rospy.Rate(float(rate))
+    while not rospy.is_shutdown():
+        fuzzer.turn()
+        if time.monotonic() - told > 1.0:
+            told = time.monotonic()
+            print(json.dumps(fuzzer.counts), flush=True)
+        with contextlib.suppress(rospy.ROSInterruptException):
+            pace.sleep()
+
+
+main()
