@@ -43,7 +43,7 @@ def test_an_image_that_a_registry_gives_is_pulled_and_not_made(tmp_path: Path) -
     assert "debootstrap" not in (tmp_path / "calls").read_text()
 
 
-def test_a_pull_that_the_network_makes_long_goes_on_as_long_as_the_registry_has_answered(tmp_path: Path) -> None:
+def test_a_slow_pull_continues_once_the_registry_has_answered(tmp_path: Path) -> None:
     slow = (
         "echo bookworm-slim: Pulling from library/debian; sleep 4; echo 5a4f: Pull complete; echo Status: done; exit 0"
     )

@@ -84,7 +84,7 @@ def interrupted(running: Iterator[tuple[Check, Count]]) -> None:
         running.throw(KeyboardInterrupt)  # type: ignore[attr-defined]
 
 
-def test_a_check_that_does_not_end_is_ended_with_nodes_in_their_own_sessions_and_says_so(tmp_path: Path) -> None:
+def test_a_check_that_does_not_end_is_stopped_with_all_its_sessions(tmp_path: Path) -> None:
     pid = tmp_path / "pid"
     check = Check("endless", ["bash", "-c", f"trap : INT; {node(pid, ':')} & wait; wait"], timeout=2.0, patience=0.5)
     assert [count for _, count in run([check], 1, quiet)] == [Count(failed=1)]

@@ -151,7 +151,7 @@ def test_a_fleet_that_runs_as_it_is_asked_for_is_left_alone(
     assert "7 robots, which ran already and are sent nowhere, are ready after" in capsys.readouterr().out
 
 
-def test_a_computer_that_was_stopped_is_started_and_sent_but_its_robot_does_not_join_twice(
+def test_a_stopped_computer_restarts_and_its_robot_does_not_join_twice(
     engine: FakeEngine, capsys: pytest.CaptureFixture[str]
 ) -> None:
     engine.up()

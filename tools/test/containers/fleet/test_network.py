@@ -20,7 +20,7 @@ def test_five_robots_drive_a_minute_after_up(driving: Fleet) -> None:
     assert driving.cpu_seconds() < 120.0
 
 
-def test_status_has_a_row_a_computer_that_says_of_its_robot_that_it_drives_or_has_arrived(driving: Fleet) -> None:
+def test_status_has_a_row_for_each_computer_with_its_robots_state(driving: Fleet) -> None:
     rows: list[list[str]] = []
 
     def drive_or_have_arrived() -> bool:

@@ -18,7 +18,7 @@ def test_before_any_jump_every_stamp_is_of_now(clock: ClockJump) -> None:
     assert not clock.is_of_before(99.0)
 
 
-def test_a_transform_that_comes_after_the_jump_is_told_from_one_that_is_stamped_ahead(clock: ClockJump) -> None:
+def test_a_transform_after_the_jump_differs_from_one_stamped_ahead(clock: ClockJump) -> None:
     assert clock.jumped(0.01)
     assert clock.is_of_before(46.5)
     assert not clock.is_of_before(0.02)

@@ -87,9 +87,7 @@ def test_weights_that_vanish_leave_the_particles_equal() -> None:
 
 
 @pytest.mark.parametrize(("likelihood", "expected"), [(10.0, 0.0), (9.4, 0.03), (1.0, 0.1)])
-def test_a_fall_in_likelihood_brings_as_large_a_share_of_random_particles_but_at_most_a_tenth(
-    likelihood: float, expected: float
-) -> None:
+def test_a_fall_in_likelihood_adds_random_particles_up_to_a_tenth(likelihood: float, expected: float) -> None:
     config = AmclConfig(min_particles=4000, max_particles=4000, recovery_alpha_slow=0.001, recovery_alpha_fast=0.5)
     particles = a_filter(config)
     particles.replace(np.zeros((400, 3)))

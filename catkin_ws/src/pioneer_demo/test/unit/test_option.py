@@ -36,7 +36,7 @@ def test_a_fleet_drives_as_fast_as_the_processors_carry_and_no_faster_than_real_
     assert parsed("--robots", str(robots), processors=processors).real_time_factor == factor
 
 
-def test_a_factor_that_was_chosen_is_told_in_one_line_and_one_that_was_asked_for_is_kept():
+def test_a_chosen_factor_is_logged_and_a_requested_one_is_kept():
     chosen, asked = parsed("--robots", "10"), parsed("--robots", "10", "--rtf", "1")
     assert chosen.choice == "Real-time factor 0.5: 2 processors carry no more with 10 robots (--rtf R sets another)"
     assert (asked.real_time_factor, asked.choice) == (1.0, "")

@@ -45,7 +45,7 @@ def test_a_ready_robot_moves_when_it_turns_or_drives() -> None:
     assert report.stage is Stage.MOVING
 
 
-def test_a_robot_that_stands_where_it_was_sent_has_moved_and_one_that_only_waits_or_failed_has_not() -> None:
+def test_a_robot_at_its_goal_has_moved_and_one_that_waits_or_failed_has_not() -> None:
     ready = {
         "gateway": "g",
         "hub": "h",

@@ -50,7 +50,7 @@ raise SystemExit(entry.run("node", Node))
 
 
 @pytest.mark.parametrize(("asked", "status"), [("asked", 0), ("", 1)])
-def test_who_is_asked_to_end_and_has_lost_its_master_by_then_ends_without_a_traceback(asked: str, status: int) -> None:
+def test_a_node_that_lost_its_master_shuts_down_without_a_traceback(asked: str, status: int) -> None:
     """A waypoint client that reconnected in that moment printed one. Where nobody has asked, it is a fault."""
     command = [sys.executable, "-c", LOSES_ITS_MASTER, asked]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)

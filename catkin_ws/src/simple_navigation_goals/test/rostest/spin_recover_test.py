@@ -84,7 +84,7 @@ class SpinRecoverTest(unittest.TestCase):
 
         wait_until(quiet, "the end of the turn", TIMEOUT)
 
-    def test_a_robot_that_stands_with_a_goal_turns_after_five_seconds_to_the_side_last_commanded(self) -> None:
+    def test_a_robot_stuck_with_a_goal_turns_after_five_seconds(self) -> None:
         self.say(active=True)
         self.command(-0.3)
         assert self.stand_until_it_turns() > 4.0

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeVar
 
 from nav_bundle.core.costmap.config import CostmapConfig, costmap_config_from_parameters
-from nav_bundle.core.dwa_config import DwaConfig, dwa_config_from_parameters
+from nav_bundle.core.dwa_config import dwa_config_from_parameters
 from nav_bundle.core.dwa_planner import DwaPlanner
 from nav_bundle.core.global_planner import (
     GlobalPlanner,
@@ -16,32 +16,31 @@ from nav_bundle.core.local_planner import LocalPlanner
 from nav_bundle.core.move_base import Limits
 from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
 from nav_bundle.core.recovery import Recovery, recoveries_from_parameters
-from nav_bundle.core.trajectory_config import TrajectoryConfig, trajectory_config_from_parameters
+from nav_bundle.core.trajectory_config import trajectory_config_from_parameters
 from nav_bundle.core.trajectory_planner import TrajectoryPlanner
 from pioneer_node.core.live import Live, live_values
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 
-Reader = TypeVar("Reader")
-
-LocalReader = Callable[[Mapping[str, Any], str, float], TrajectoryConfig | DwaConfig]
-"""Makes a local planner's configuration of its parameters, its namespace and the control frequency [Hz]."""
-
-_LOCAL_PLANNERS: dict[str, LocalReader] = {
-    "base_local_planner/TrajectoryPlannerROS": trajectory_config_from_parameters,
-    "dwa_local_planner/DWAPlannerROS": dwa_config_from_parameters,
-}
-GlobalReader = Callable[[Mapping[str, Any], str], NavfnConfig | GlobalPlannerConfig]
-"""Makes a global planner's configuration of its parameters and its namespace."""
+Kind = TypeVar("Kind")
 
 
 def _navfn_config(parameters: Mapping[str, Any], owner: str) -> NavfnConfig:
     return config_from_mapping(NavfnConfig, parameters, owner)
 
 
-_GLOBAL_PLANNERS: dict[str, GlobalReader] = {
-    "navfn/NavfnROS": _navfn_config,
-    "global_planner/GlobalPlanner": global_planner_config_from_parameters,
+LocalKind = tuple[Callable[[Mapping[str, Any], str, float], Any], Callable[[Any, float], LocalPlanner]]
+_LOCAL_PLANNERS: dict[str, LocalKind] = {
+    "base_local_planner/TrajectoryPlannerROS": (trajectory_config_from_parameters, TrajectoryPlanner),
+    "dwa_local_planner/DWAPlannerROS": (dwa_config_from_parameters, DwaPlanner),
 }
+"""What reads a planner's configuration from its parameters, namespace and the control frequency [Hz], and what makes
+the planner from that and the local costmap's resolution [m]."""
+GlobalKind = tuple[Callable[[Mapping[str, Any], str], Any], Callable[[Any], NavfnPlanner]]
+_GLOBAL_PLANNERS: dict[str, GlobalKind] = {
+    "navfn/NavfnROS": (_navfn_config, NavfnPlanner),
+    "global_planner/GlobalPlanner": (global_planner_config_from_parameters, GlobalPlanner),
+}
+"""What reads a planner's configuration from its parameters and namespace, and what makes the planner from that."""
 
 
 @dataclass(frozen=True)
@@ -77,22 +76,24 @@ class MoveBaseConfig:
 
 @dataclass(frozen=True)
 class Setup:
-    """Everything move_base is made from; planners' names are the namespaces of their parameters and topics."""
+    """Everything move_base is made from; planners' names are the namespaces of their parameters and topics,
+    ``global_planner`` and ``local_planner`` their configurations.
+    """
 
     base: MoveBaseConfig
     global_costmap: CostmapConfig
     local_costmap: CostmapConfig
     global_planner_name: str
-    global_planner: NavfnConfig | GlobalPlannerConfig
+    global_planner: Any
     local_planner_name: str
-    local_planner: TrajectoryConfig | DwaConfig
+    local_planner: Any
     recoveries: tuple[Recovery, ...]
     limits: Limits = field(default_factory=Limits)
 
     def live_configs(self) -> dict[str, Any]:
         """Returns the configurations that may change while the node runs, by their namespace below the node's."""
         configs: dict[str, Any] = {"": self.base, self.local_planner_name: self.local_planner}
-        if isinstance(self.global_planner, GlobalPlannerConfig):
+        if live_values(self.global_planner):
             configs[self.global_planner_name] = self.global_planner
         for name, costmap in (("global_costmap", self.global_costmap), ("local_costmap", self.local_costmap)):
             configs[name] = costmap
@@ -108,9 +109,8 @@ class Setup:
 
     def make_global_planner(self) -> NavfnPlanner:
         """Returns the global planner that was asked for."""
-        if isinstance(self.global_planner, GlobalPlannerConfig):
-            return GlobalPlanner(self.global_planner)
-        return NavfnPlanner(self.global_planner)
+        _, (_, make) = _planner(_GLOBAL_PLANNERS, self.global_planner_name, "global planner")
+        return make(self.global_planner)
 
     def drives_as(self, other: "Setup") -> bool:
         """Tells whether the local planner of both is the same."""
@@ -121,10 +121,8 @@ class Setup:
 
     def make_local_planner(self) -> LocalPlanner:
         """Returns the local planner that was asked for, on the local costmap's cells."""
-        resolution = self.local_costmap.resolution
-        if isinstance(self.local_planner, DwaConfig):
-            return DwaPlanner(self.local_planner, resolution)
-        return TrajectoryPlanner(self.local_planner, resolution)
+        _, (_, make) = _planner(_LOCAL_PLANNERS, self.local_planner_name, "local planner")
+        return make(self.local_planner, self.local_costmap.resolution)
 
 
 def changed_parameters(
@@ -159,10 +157,8 @@ def setup_from_parameters(parameters: Mapping[str, Any], owner: str) -> Setup:
     local_costmap = costmap_config_from_parameters(parameters.get("local_costmap", {}), f"{owner}/local_costmap")
     radius = local_costmap.outline().circumscribed_radius
     recoveries = tuple(recoveries_from_parameters(parameters, radius)) if base.recovery_behavior_enabled else ()
-    name, local_planner_from_parameters = _planner(
-        _LOCAL_PLANNERS, base.base_local_planner, f"{owner}: ~base_local_planner"
-    )
-    global_name, global_planner_from_parameters = _planner(
+    name, (read_local, _) = _planner(_LOCAL_PLANNERS, base.base_local_planner, f"{owner}: ~base_local_planner")
+    global_name, (read_global, _) = _planner(
         _GLOBAL_PLANNERS, base.base_global_planner, f"{owner}: ~base_global_planner"
     )
     return Setup(
@@ -170,9 +166,9 @@ def setup_from_parameters(parameters: Mapping[str, Any], owner: str) -> Setup:
         costmap_config_from_parameters(parameters.get("global_costmap", {}), f"{owner}/global_costmap"),
         local_costmap,
         global_name,
-        global_planner_from_parameters(parameters.get(global_name, {}), f"{owner}/{global_name}"),
+        read_global(parameters.get(global_name, {}), f"{owner}/{global_name}"),
         name,
-        local_planner_from_parameters(parameters.get(name, {}), f"{owner}/{name}", base.controller_frequency),
+        read_local(parameters.get(name, {}), f"{owner}/{name}", base.controller_frequency),
         recoveries,
         _limits(base, len(recoveries)),
     )
@@ -183,13 +179,13 @@ def _check(base: MoveBaseConfig, owner: str) -> None:
         raise ParameterError(f"{owner}: ~controller_frequency must be positive, not {base.controller_frequency}")
 
 
-def _planner(readers: dict[str, Reader], wanted: str, what: str) -> tuple[str, Reader]:
-    """Returns the name of the planner ``wanted`` without its package, and what reads its parameters."""
-    for full, reader in readers.items():
+def _planner(kinds: dict[str, Kind], wanted: str, what: str) -> tuple[str, Kind]:
+    """Returns the name of the planner ``wanted`` without its package, and how it is made."""
+    for full, kind in kinds.items():
         name = full.split("/")[-1]
         if wanted in (full, name):
-            return name, reader
-    raise ParameterError(f"{what} {wanted!r} is not available; there are {', '.join(readers)}")
+            return name, kind
+    raise ParameterError(f"{what} {wanted!r} is not available; there are {', '.join(kinds)}")
 
 
 def _limits(base: MoveBaseConfig, recoveries: int) -> Limits:

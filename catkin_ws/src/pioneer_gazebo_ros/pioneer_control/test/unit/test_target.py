@@ -22,7 +22,7 @@ def targets() -> Targets:
     return targets_from_graph(PUBLISHERS, SUBSCRIBERS, SERVICES, own="/estop")
 
 
-def test_velocity_topics_are_found_by_publisher_and_by_subscriber_with_and_without_namespace() -> None:
+def test_velocity_topics_are_found_with_and_without_namespace() -> None:
     assert targets().commands == {"/pioneer1/pioneer/cmd_vel", "/pioneer2/pioneer/cmd_vel", "/pioneer/cmd_vel"}
 
 

@@ -158,7 +158,7 @@ def test_in_a_ring_of_three_that_flips_everything_each_message_comes_once(standi
         assert max(numbers.count(one) for one in set(numbers)) <= 3
 
 
-def test_a_publisher_that_was_killed_and_comes_back_with_another_type_is_told_by_both_types(standing, report) -> None:
+def test_a_publisher_that_returns_with_another_type_is_reported_with_both(standing, report) -> None:
     """Who publishes has not changed then, so nobody read the type again."""
     base, robot = standing
     first = robot.talk("/fickle")

@@ -30,7 +30,7 @@ def told(bench: Bench) -> tuple[Seat, Seat]:
     return base, robot
 
 
-def test_what_is_cancelled_while_its_gateway_is_off_the_hub_is_withdrawn_when_it_returns(bench: Bench) -> None:
+def test_a_rule_cancelled_while_off_the_hub_is_withdrawn_on_reconnection(bench: Bench) -> None:
     base, robot = told(bench)
     robot.lose()
     robot.tell()
@@ -57,7 +57,7 @@ def test_a_gateway_that_lost_its_name_writes_nothing_over_its_successor(bench: B
     assert base.hears("robot") == REQUEST
 
 
-def test_what_was_withdrawn_while_the_receiver_was_off_the_hub_is_forgotten_when_it_returns(bench: Bench) -> None:
+def test_a_request_withdrawn_while_the_receiver_was_away_is_dropped(bench: Bench) -> None:
     base, robot = told(bench)
     base.lose()
     robot.tell()
@@ -66,7 +66,7 @@ def test_what_was_withdrawn_while_the_receiver_was_off_the_hub_is_forgotten_when
     assert base.hears("robot") == NO_REQUEST
 
 
-def test_on_a_hub_that_was_emptied_requests_hold_until_their_senders_have_had_time_to_write(bench: Bench) -> None:
+def test_requests_survive_an_emptied_hub_until_their_senders_can_write(bench: Bench) -> None:
     base, robot = told(bench)
     base.lose()
     robot.lose()
@@ -128,7 +128,7 @@ def test_who_is_gone_is_struck_from_each_receivers_requests_by_one_command(bench
     assert questions(bench, "hdel") == len(gone) + len(left)
 
 
-def test_a_hub_that_has_started_and_has_no_name_yet_is_no_stranger_unless_it_stays_so(bench: Bench) -> None:
+def test_a_starting_hub_without_a_name_is_accepted_unless_it_stays_so(bench: Bench) -> None:
     """Its Redis answers a moment before the hub has written its name there; that was a line in gateways' logs."""
     base = bench.seat("base")
 
@@ -159,7 +159,7 @@ def test_requests_to_who_takes_its_leave_go_with_it(bench: Bench) -> None:
     assert not bench.client.exists(requests_key("base"))
 
 
-def test_what_a_stranger_wrote_in_the_place_of_anothers_requests_keeps_nobody_off_the_hub(bench: Bench) -> None:
+def test_forged_requests_keep_no_gateway_off_the_hub(bench: Bench) -> None:
     bench.client.sadd(GATEWAYS_KEY, "ghost")
     bench.client.set(requests_key("ghost"), "not a hash")
     bench.seat("robot")

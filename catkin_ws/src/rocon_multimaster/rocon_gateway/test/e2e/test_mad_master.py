@@ -100,9 +100,7 @@ def test_a_master_that_answers_nonsense_stops_no_data_and_is_one_line(standing_f
     assert (said.count(lost), said.count(back), said.count("registered again")) == (1, 1, 0)
 
 
-def test_what_a_service_has_changed_shows_when_it_has_answered_also_where_the_master_is_slow(
-    standing_fleet, mad
-) -> None:
+def test_a_change_by_service_shows_once_it_has_answered_on_a_slow_master(standing_fleet, mad) -> None:
     """A script that flips and then looks had received the rules as they were before."""
     site = standing_fleet.site("hospital", mad).start().connected()
     slow = threading.Event()
@@ -116,9 +114,7 @@ def test_what_a_service_has_changed_shows_when_it_has_answered_also_where_the_ma
     slow.set()
 
 
-def test_a_gateway_that_sees_itself_unregistered_while_it_ends_does_not_register_anew(
-    standing_fleet, standing, mad
-) -> None:
+def test_a_gateway_unregistered_during_shutdown_does_not_re_register(standing_fleet, standing, mad) -> None:
     """A look at the master in the midst of the shutdown took it for a restarted one, and left a dead node there."""
     site = standing_fleet.site("asylum", mad).start().connected()
     asked, looked, registered = threading.Event(), threading.Event(), threading.Event()

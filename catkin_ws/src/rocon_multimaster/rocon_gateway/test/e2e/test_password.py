@@ -37,7 +37,7 @@ def test_gateways_with_the_hubs_password_connect_and_keep_it_to_themselves(fleet
     assert not [log for log in tmp_path.glob("*.log") if SECRET in log.read_text()]
 
 
-def test_a_password_file_that_changes_holds_from_then_on_and_leaves_links_and_hub_alone(fleet, tmp_path) -> None:
+def test_a_changed_password_file_applies_at_once_and_keeps_links(fleet, tmp_path) -> None:
     right = variables(tmp_path, SECRET)
     fleet.start_hub(right)
     base, robot = (fleet.site(name).start(right).connected() for name in ("base", "robot"))

@@ -76,7 +76,7 @@ def test_rules_may_come_before_gateways_topics_and_hub(fleet, report) -> None:
     wait_until(lambda: base.states() == {"flip /late": "active"}, "active", 5)
 
 
-def test_a_pattern_brings_nothing_of_another_robot_whatever_it_is_called_before_or_after_its_gateway_comes(
+def test_a_pattern_never_brings_another_robots_topics_whoever_joins_first(
     fleet,
 ) -> None:
     fleet.start_hub()

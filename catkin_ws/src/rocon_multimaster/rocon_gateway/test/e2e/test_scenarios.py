@@ -171,7 +171,7 @@ def test_what_was_flipped_here_is_not_advertised_here(sites) -> None:
     assert flip_all(base, True) == 0
 
 
-def test_a_service_name_that_is_taken_is_blocked_not_accepted_and_free_again_when_its_server_goes(sites) -> None:
+def test_a_taken_service_name_is_blocked_until_its_server_is_gone(sites) -> None:
     base, robot = sites
     local = robot.master.proxy("/local")
     local.registerService("/add_two_ints", "rosrpc://127.0.0.1:1", "http://127.0.0.1:1/")

@@ -27,7 +27,7 @@ def begin_call(site) -> subprocess.Popen:
     )
 
 
-def test_a_frozen_or_killed_gateway_is_an_error_to_who_has_called_and_its_return_serves_again(fleet, pair, report):
+def test_callers_get_an_error_from_a_frozen_gateway_and_service_resumes(fleet, pair, report):
     base, robot = pair
     log = fleet.folder / "server.log"
     fleet.group.start("server", [sys.executable, str(SERVER)], base.master.environment, log)

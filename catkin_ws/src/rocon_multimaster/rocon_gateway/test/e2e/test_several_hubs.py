@@ -18,7 +18,7 @@ def hubs_of(site) -> list[str]:
     return sorted(site.info().hub_uris)
 
 
-def test_connect_hub_adds_a_hub_and_losing_one_changes_nothing_for_who_is_on_the_other(fleet, pair) -> None:
+def test_connect_hub_adds_a_hub_and_losing_one_leaves_the_other_alone(fleet, pair) -> None:
     base, robot = pair
     second, uri = fleet.start_second_hub()
     wait_until(lambda: is_running(uri), "the second hub's port", START)

@@ -84,7 +84,7 @@ def test_the_tools_say_what_is_missing(fleet) -> None:
     assert os.path.exists(site.log) is False
 
 
-def test_a_subscriber_that_a_flip_does_not_cover_is_named_by_rules_doctor_and_once_by_the_log(pair) -> None:
+def test_a_subscriber_not_covered_by_a_flip_is_named_by_rules_and_doctor(pair) -> None:
     base, robot = pair
     robot.talk("/tf_of_p1")
     base.hear("/tf_of_p1", "rviz")
@@ -100,7 +100,7 @@ def test_a_subscriber_that_a_flip_does_not_cover_is_named_by_rules_doctor_and_on
     wait_until(lambda: cure not in str(base.states()), "every node to be covered", 10)
 
 
-def test_the_hubs_own_master_is_refused_for_the_simulation_and_warned_of_for_a_gateway(fleet) -> None:
+def test_the_hubs_own_master_is_refused_for_simulation_and_warned_about(fleet) -> None:
     fleet.start_hub()
     nodes = fleet.hub_master.system_state
     wait_until(lambda: "/hub/get_loggers" in nodes()[2], "the hub's node", 30)

@@ -21,7 +21,7 @@ def run(site, *argv: str) -> tuple[int, str]:
     return int(result), message
 
 
-def test_the_tutorials_listings_connect_hub_and_robot_and_a_second_time_say_that_the_rule_exists(fleet) -> None:
+def test_the_tutorials_listings_connect_and_report_existing_rules(fleet) -> None:
     fleet.start_hub()
     base, robot = fleet.site("Hub_Gateway").start().connected(), fleet.site("aadi1_gateway").start().connected()
     base.talk("/clock2")

@@ -36,7 +36,7 @@ def test_a_hub_elsewhere_is_not_told_the_loopback_that_nodes_keep_to(
 
 
 @pytest.mark.parametrize("towards", ["127.0.0.1", "localhost", "", "192.168.9.9"])
-def test_a_loopback_that_was_set_stays_with_a_hub_here_none_or_one_that_no_way_leads_to(
+def test_a_configured_loopback_stays_with_a_local_absent_or_unreachable_hub(
     monkeypatch: pytest.MonkeyPatch, towards: str
 ) -> None:
     assert own(monkeypatch, towards, ROS_IP="127.0.0.1") == "127.0.0.1"

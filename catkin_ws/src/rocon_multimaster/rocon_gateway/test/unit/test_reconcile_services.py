@@ -138,7 +138,7 @@ def test_one_rule_brings_all_five_topics_of_an_action_and_the_client_sees_its_se
     assert set({**server.states(), **client.states()}.values()) == {State.ACTIVE}
 
 
-def test_an_action_server_without_clients_is_active_and_a_client_without_server_is_told() -> None:
+def test_an_action_server_alone_is_active_and_a_client_alone_is_reported() -> None:
     server, nobody = gateway("server", *parts(SERVER)), gateway("nobody")
     flip_server(server, nobody)
     fleet_of(server, nobody)

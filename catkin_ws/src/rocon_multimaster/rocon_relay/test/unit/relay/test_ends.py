@@ -63,7 +63,7 @@ def connection():
         yield dialled, accepted
 
 
-def test_a_link_that_ends_while_it_is_told_of_its_publisher_leaves_no_subscription_behind(exporter):
+def test_a_link_that_ends_while_connecting_leaves_no_subscription_behind(exporter):
     with connection() as (sink, accepted):
         end = ExportEnd(exporter.context, exporter, accepted, "sink")
         end.hello = Hello("/chatter", "*", "*", "/talker", "source", "sink", ("sink",), "00", Subject.TOPIC)

@@ -94,7 +94,7 @@ def test_a_queue_drops_the_oldest_at_the_source_where_the_link_is_slow(sides):
     assert late[-1] - late[0] > 60
 
 
-def test_a_pattern_from_the_other_side_that_cannot_be_matched_in_linear_time_is_refused(sides):
+def test_a_remote_pattern_not_matched_in_linear_time_is_refused(sides):
     source, sink = sides
     options = LinkOptions(tf_frames=(r"(a+)\1b",))
     wanted = {"type_": TF, "options": options}

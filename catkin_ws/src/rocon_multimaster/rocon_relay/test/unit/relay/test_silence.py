@@ -24,9 +24,7 @@ def middlebox(relays, talkers):
 
 
 @pytest.mark.parametrize("flowing", [True, False], ids=["messages flow", "idle"])
-def test_a_link_that_is_swallowed_on_the_way_is_noticed_within_10_s_and_dialled_again(
-    middlebox, flowing, record_property
-):
+def test_a_black_holed_link_is_noticed_within_10_s_and_reconnects(middlebox, flowing, record_property):
     source, sink, proxy = middlebox
     wanted = dataclasses.replace(imported(source), address=Address("127.0.0.1", proxy.port))
     source.relay.apply({export()}, set())

@@ -91,7 +91,7 @@ def source_keys(source):
     return source.keyring.names() if hasattr(source, "keyring") else ()
 
 
-def test_whoever_dials_proves_itself_first_and_learns_nothing_to_guess_the_password_by(relays, talkers):
+def test_the_connecting_side_proves_itself_first_and_learns_no_secret(relays, talkers):
     """The source once gave an HMAC of the password to anybody: 100,000 passwords could be tried on it in 10 s."""
     source = relays("source", password="secret")
     source.relay.apply({export()}, set())
