@@ -11,7 +11,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIST = Path(__file__).with_suffix(".tsv")
-MOST = 34
+MOST = 3
 _SHOWN = 20
 
 

@@ -2,9 +2,11 @@
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from pioneer_bench.adapters.description import pioneer_urdf
+from pioneer_bench.adapters.description import meshed_pioneer, pioneer_urdf
 from pioneer_bench.adapters.world import Worlds
 from pioneer_bench.core.accuracy import accuracy_rows
 from pioneer_bench.core.row import table
@@ -18,8 +20,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Runs all trials; returns 0 where every bound holds, else 1."""
-    with Worlds() as worlds:
+    with Worlds() as worlds, TemporaryDirectory() as folder:
         rows = list(accuracy_rows(worlds.make, robot_from_urdf(pioneer_urdf())))
+        meshed = accuracy_rows(worlds.make, meshed_pioneer(Path(folder)))
+        rows += [replace(row, what=f"mesh wheels: {row.what}") for row in meshed]
     text = table(rows)
     print(text)
     options.output.mkdir(parents=True, exist_ok=True)

@@ -16,6 +16,7 @@ TEST_WORLDS = "test/world"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds this bench's options."""
     parser.add_argument("--output", type=Path, default=Path("bench-report"), metavar="DIR", help="default: %(default)s")
+    parser.add_argument("--robots", type=int, default=10, metavar="N", help="in each world (default: %(default)s)")
     parser.add_argument(
         "--world", nargs="*", default=[], metavar="FILE", help="only these (default: all of the package)"
     )
@@ -30,8 +31,8 @@ def run(options: argparse.Namespace) -> int:
     figures = []
     print("| world | robots | load [s] | RSS [MB] | factor | beams | true | largest error [mm] |")
     print("|---|---|---|---|---|---|---|---|", flush=True)
-    for file in [*files, *([] if options.world else [Path("285 loose boxes")])]:
-        command = [sys.executable, "-m", "pioneer_bench.nodes.world", str(file)]
+    for file in [*files, *([] if options.world else map(Path, ("285 loose boxes", "97 mesh models")))]:
+        command = [sys.executable, "-m", "pioneer_bench.nodes.world", str(file), str(options.robots)]
         done = subprocess.run(command, input=urdf, capture_output=True, text=True, check=False)
         if done.returncode:
             print(f"| {file.stem} | failed: {done.stderr.strip().splitlines()[-1]} | | | | | | |")

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from pioneer_bench.adapters.description import pioneer_urdf
+from pioneer_bench.adapters.description import meshed_pioneer, pioneer_urdf
 from pioneer_bench.adapters.world import Worlds
 from pioneer_bench.core import accuracy
 from pioneer_bench.core.row import Row
@@ -14,8 +14,10 @@ from pioneer_gazebo.adapters.urdf import robot_from_urdf
 from pioneer_gazebo.core.robot import Robot
 
 
-@pytest.fixture(scope="module")
-def robot() -> Robot:
+@pytest.fixture(scope="module", params=["shapes", "meshes"])
+def robot(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    if request.param == "meshes":
+        return meshed_pioneer(tmp_path_factory.mktemp("meshes"))
     return robot_from_urdf(pioneer_urdf())
 
 

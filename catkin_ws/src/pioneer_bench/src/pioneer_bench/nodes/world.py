@@ -2,15 +2,18 @@
 
 import json
 import math
+import os
 import resource
 import sys
+import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pioneer_bench.core.caster import distances, triangles_of
+from pioneer_bench.adapters.caster import distances, mesh_at
+from pioneer_bench.adapters.shop import shop
 from pioneer_bench.core.maze import loose_maze
 from pioneer_gazebo.adapters.bullet import BulletEngine
 from pioneer_gazebo.adapters.mesh import triangles_of_mesh
@@ -26,7 +29,6 @@ from pioneer_gazebo.core.schedule import TICK_RATE
 from pioneer_gazebo.core.simulation import Simulation
 from pioneer_gazebo.core.world import Shape, World
 
-ROBOTS = 10
 SECONDS = 5
 SCANS = 10
 LONGEST_LOAD = 10.0
@@ -39,20 +41,31 @@ MOST_WRONG = 0.01
 
 def main() -> int:
     """Loads, runs and checks the world that the command line names."""
-    [name] = sys.argv[1:]
+    name, robots = sys.argv[1], int(sys.argv[2])
     robot = robot_from_urdf(sys.stdin.read())
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["XDG_CACHE_HOME"] = folder  # meshes are reduced again in every run
+        print(json.dumps(_figures(name, robots, robot, Path(folder))))
+    return 0
+
+
+MADE = {"285 loose boxes": lambda folder: loose_maze(), "97 mesh models": shop}
+
+
+def _figures(name: str, robots: int, robot: Robot, folder: Path) -> dict[str, object]:
+    made = MADE[name](folder) if name in MADE else None
     began = time.process_time()
-    world = world_from_sdf(name, model_path()) if name.endswith(".world") else loose_maze()
+    world = made or world_from_sdf(name, model_path())
     engine = BulletEngine()
     simulation = Simulation(engine, triangles_of_mesh, Physics(gravity=world.gravity))
     simulation.load(world)
     loaded = time.process_time() - began
-    entities = _spawned(simulation, robot)
+    entities = _spawned(simulation, robot, robots)
     simulation.advance(2 * TICK_RATE)
     checked = [_errors(simulation, entity, world) for entity in entities]
     errors = np.concatenate([np.empty(0), *checked])
     factor = _factor(simulation, entities)
-    figures = {
+    return {
         "world": Path(name).stem,
         "robots": len(entities),
         "load": loaded,
@@ -63,17 +76,15 @@ def main() -> int:
         "worst": float(errors.max(initial=0.0)),
         "holds": loaded <= LONGEST_LOAD and factor >= 1.0 and int((errors > CLOSE).sum()) <= MOST_WRONG * len(errors),
     }
-    print(json.dumps(figures))
-    return 0
 
 
-def _spawned(simulation: Simulation, robot: Robot) -> list[Entity]:
+def _spawned(simulation: Simulation, robot: Robot, robots: int) -> list[Entity]:
     """Spawns robots at free places of a grid, from the middle outwards."""
     places = sorted(((x * 1.5, y * 1.5) for x in range(-8, 9) for y in range(-8, 9)), key=lambda p: math.hypot(*p))
     simulation.spawn_search = 0.0
     entities: list[Entity] = []
     for x, y in places:
-        if len(entities) == ROBOTS:
+        if len(entities) == robots:
             break
         try:
             entities.append(simulation.add_robot(f"r{len(entities)}", f"r{len(entities)}", robot, Pose((x, y, 0.0))))
@@ -92,7 +103,7 @@ def _errors(simulation: Simulation, entity: Entity, world: World) -> NDArray[np.
     beams = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))])
     standing = [(one.collision.shape, one.pose) for one in world.collisions(static_only=True)]
     moving = [shape for other in simulation.entities() if other is not entity for shape in _shapes(simulation, other)]
-    truth = distances(triangles_of(standing + moving, triangles_of_mesh), np.array(sensor.position), beams)
+    truth = distances(mesh_at(sensor.position[2], standing + moving), np.array(sensor.position), beams)
     met = np.isfinite(ranges) & (truth < config.max_range - 0.1) & (truth > config.min_range + 0.1)
     return np.maximum(np.abs(ranges - truth)[met] - 4 * config.noise_stddev, 0.0)
 

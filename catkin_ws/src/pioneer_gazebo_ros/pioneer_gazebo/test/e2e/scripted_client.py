@@ -2,7 +2,7 @@
 
 Usage: scripted_client.py ROBOTS SECONDS RATES OUTPUT, with RATES [Hz] as a JSON object by topic. The simulator is
 paused at the start. Commands are sent while time stands and counted as sent when the simulator has read them; then time
-goes on by single steps, later at its own pace. It ends when every topic has come up to SECONDS.
+continues by single steps, later at its own pace. It ends when every topic has come up to SECONDS.
 """
 
 import json
@@ -27,7 +27,7 @@ PLACES = {"a": (-1.0, -2.0, 0.0), "b": (0.6, -2.1, 3.1), "c": (-4.5, 3.5, 0.0)}
 """a and b meet; c is far from both."""
 
 SCRIPT = {0: (0.6, 0.3), 31: (0.9, -0.4), 60: (0.0, 1.5)}
-"""What every robot is told, by step; b turns the other way."""
+"""The commands of every robot, by step; b turns the other way."""
 
 LAST = (0.5, 0.2)
 TOPICS = ("base_scan", "odom", "base_pose_ground_truth", "joint_states")

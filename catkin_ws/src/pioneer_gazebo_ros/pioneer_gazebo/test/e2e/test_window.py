@@ -1,4 +1,4 @@
-"""``gui:=true``: pybullet's viewer on a screen, and the simulator that goes on behind it."""
+"""``gui:=true``: pybullet's viewer on a screen, and the simulator that keeps running behind it."""
 
 from pathlib import Path
 

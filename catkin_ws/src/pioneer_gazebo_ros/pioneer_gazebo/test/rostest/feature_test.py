@@ -16,6 +16,7 @@ from nav_msgs.msg import Odometry
 from pioneer_msgs.msg import BumperState
 from sensor_msgs.msg import BatteryState, CameraInfo, Image, Imu, JointState, NavSatFix, PointCloud, PointCloud2, Range
 from std_msgs.msg import Bool, Float32, Float64, Int8, UInt32
+from tf2_msgs.msg import TFMessage
 
 PATIENCE = 60.0
 START = Pose(Point(-3.5, 0.0, 0.0), Quaternion(0.0, 0.0, -0.7071, 0.7071))
@@ -151,6 +152,23 @@ class FeatureTest(unittest.TestCase):
         pose = first("/pioneer3/odom", Odometry).pose.pose.position
         assert abs(pose.x + 2.0) < 0.01
         assert abs(pose.y + 1.5) < 0.01
+
+    def test_a_drive_publishes_its_wheels_transforms_and_joints_where_asked_to(self) -> None:
+        asked = "<publishWheelTF>true</publishWheelTF><publishWheelJointState>true</publishWheelJointState>"
+        description = rospy.get_param("/robot_description").replace("<odometrySource>", f"{asked}<odometrySource>")
+        assert asked in description
+        spawn = rospy.ServiceProxy("/gazebo/spawn_urdf_model", srv.SpawnModel)
+        answer = spawn("wheels", description, "wheels", Pose(Point(3.5, 0.0, 0), Quaternion(0, 0, 0, 1)), "")
+        assert answer.success, answer.status_message
+        both = ["base_left_wheel_joint", "base_right_wheel_joint"]
+        first("/wheels/joint_states", JointState, lambda message: message.name == both)
+        found: set[str] = set()
+
+        def complete(message: TFMessage) -> bool:
+            found.update(one.child_frame_id for one in message.transforms)
+            return {"left_wheel", "right_wheel"} <= found
+
+        first("/tf", TFMessage, complete)
 
     def test_physics_are_set_and_senseless_ones_refused(self) -> None:
         ask = rospy.ServiceProxy("/gazebo/get_physics_properties", srv.GetPhysicsProperties)

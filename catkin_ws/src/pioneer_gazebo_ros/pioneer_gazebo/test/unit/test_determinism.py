@@ -19,7 +19,7 @@ from pioneer_gazebo.nodes.pace import Pacer
 MakeSimulation = Callable[..., Simulation]
 
 COMMANDS = {300: (0.6, 0.4), 900: (0.0, -1.5), 1512: (0.9, 0.0), 2400: (-0.3, 0.7)}
-"""What both robots are told, by tick; they come to the walls and to one another."""
+"""The commands of both robots, by tick; they come to the walls and to one another."""
 
 END = 6 * TICK_RATE
 

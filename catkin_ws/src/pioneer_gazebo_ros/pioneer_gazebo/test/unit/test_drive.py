@@ -51,7 +51,7 @@ def test_without_a_command_for_the_timeout_the_wheels_stop_until_the_next() -> N
         drive.command(0.5, 0.0)
         assert rim_after(0.5) == pytest.approx(0.5)
         drive.command(0.5, 0.0)
-        assert math.isnan(rim_after(0.56))  # nothing new to tell: they go on
+        assert math.isnan(rim_after(0.56))  # nothing new to send: they keep turning
         assert rim_after(0.5) == pytest.approx(0.0)
 
 

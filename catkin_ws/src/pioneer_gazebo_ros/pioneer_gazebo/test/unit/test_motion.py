@@ -1,6 +1,6 @@
 """Robots on the real engine among walls, boxes and each other.
 
-How exactly they go where they are told and stand still is held by ``pioneer_bench``'s test_accuracy.
+How exactly they follow commands and stand still is held by ``pioneer_bench``'s test_accuracy.
 """
 
 import math

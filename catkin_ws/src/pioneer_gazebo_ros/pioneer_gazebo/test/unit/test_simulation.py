@@ -5,12 +5,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from fake_engine import FakeEngine
 
 from pioneer_gazebo.core.body import body_from_robot, lowest_points
 from pioneer_gazebo.core.drive import CommandError
 from pioneer_gazebo.core.engine import Engine, EngineError, Physics, Velocity
 from pioneer_gazebo.core.error import BoundError, ModelError
-from pioneer_gazebo.core.fake_engine import FakeEngine
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.schedule import TICK_RATE, RateError

@@ -53,7 +53,7 @@ class BulletEngine:
             numSubSteps=1,
             deterministicOverlappingPairs=1,
             # A pyramid in the cone's place costs a fifth less and, at as many iterations, a tenth of the error of a
-            # spin: the cone's direction is worked out anew in each of them and has not settled by the last.
+            # spin: the cone's direction is recomputed in each of them and has not settled by the last.
             enableConeFriction=0,
             collisionFilterMode=_BOTH_WANT,
             physicsClientId=self._client,

@@ -14,7 +14,7 @@ from pioneer_gazebo.core.wheel import Touch
 from pioneer_gazebo.core.world import Box, Collision, Cylinder, Mesh, PlacedCollision, Plane, Sphere
 
 SHAPES_AT_MOST = 16
-"""pybullet makes compounds of up to so many shapes; more are dropped without a word."""
+"""pybullet makes compounds of up to so many shapes; more are dropped silently."""
 
 FRICTION_AT_MOST = 1.0
 """ODE takes the smaller coefficient of the two that touch, Bullet the product: no coefficient may be above 1."""

@@ -47,5 +47,5 @@ class Frames:
         if base in seen:
             raise element.error(f"poses refer to each other in a circle: {' → '.join((*seen, base))}")
         if base not in self._named:
-            raise element.error(f"the pose is relative to {base!r}, which is not there")
+            raise element.error(f"the pose is relative to unknown frame {base!r}")
         return self._pose(self._named[base], (*seen, base)).compose(own)

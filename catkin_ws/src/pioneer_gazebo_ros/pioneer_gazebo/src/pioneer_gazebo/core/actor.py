@@ -42,7 +42,7 @@ class Actors:
             entity.after, entity.seen = _pose(entity, tick), tick
 
     def restart(self, tick: int) -> None:
-        """Begins every script anew at ``tick``."""
+        """Restarts every script at ``tick``."""
         for entity in self._entities:
             entity.began, entity.seen, entity.motion = tick, tick, STILL
             entity.before = entity.after = _pose(entity, tick)

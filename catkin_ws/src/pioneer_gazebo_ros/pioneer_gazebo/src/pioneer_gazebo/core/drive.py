@@ -16,7 +16,7 @@ TRIM_REACH = 0.05
 """A wheel that is held up, by a wall say, is taken to be at most this far behind [rad]: it does not catch up later."""
 
 SAME_SPEED = 1e-5
-"""Speeds that differ by less [rad/s] are not told to the engine anew."""
+"""Speeds that differ by less [rad/s] are not sent to the engine again."""
 
 FASTEST = 100.0
 """No command may be faster [m/s and rad/s]."""
@@ -86,7 +86,7 @@ class Drive:
         """Takes a motion [m/s, rad/s] to hold from the next step on.
 
         Raises:
-            CommandError: a value that is not finite; the command before goes on.
+            CommandError: a value that is not finite; the previous command holds.
         """
         check_motion(speed, turn)
         self._silence = 0.0

@@ -43,7 +43,7 @@ class Driven:
         Any thread may call this.
 
         Raises:
-            CommandError: a value that is not finite; the command before goes on.
+            CommandError: a value that is not finite; the previous command holds.
         """
         check_motion(speed, turn)
         self.commands.append((tick, speed, turn))

@@ -136,7 +136,7 @@ class Laser:
         return self.measured(out)
 
     def reseed(self, generator: np.random.Generator) -> None:
-        """Starts the noise anew."""
+        """Restarts the noise."""
         self._generator = generator
 
     def measured(self, out: NDArray[np.float64]) -> NDArray[np.float64]:

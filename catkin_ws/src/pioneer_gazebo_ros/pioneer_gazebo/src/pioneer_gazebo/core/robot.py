@@ -220,7 +220,7 @@ class Bumper:
 
     Attributes:
         name: the sensor's.
-        link: the link whose contacts are told.
+        link: the link whose contacts are published.
         collision: SDF's name of the collision; empty for all of the link and of what is fixed to it,
             as Gazebo lumps them.
         bumperTopicName: relative to the robot's namespace.
@@ -254,7 +254,7 @@ class JointStatePublisher:
 
 @dataclass(frozen=True, slots=True)
 class BaseDriver:
-    """``libpioneer_base_driver.so``, ours: what the maker's driver (rosaria) tells of the robot's base.
+    """``libpioneer_base_driver.so``, ours: what the maker's driver (rosaria) publishes about the robot's base.
 
     Attributes:
         updateRate: of the topics [Hz].

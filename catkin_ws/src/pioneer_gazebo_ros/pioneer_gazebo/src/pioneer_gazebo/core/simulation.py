@@ -365,7 +365,7 @@ class Simulation:
         self._wrenches.clear(entity, part)
 
     def reset_poses(self) -> None:
-        """Puts every model back to where it began, at rest, with odometry at the origin. Time goes on."""
+        """Puts every model back to where it began, at rest, with odometry at the origin. Time continues."""
         self._standing.reset()
         self._wrenches.clear()
         self._actors.restart(self._stepped)

@@ -16,7 +16,7 @@ GROUND_TOP = 0.03
 
 
 class Standing:
-    """Static models by name; engine and scene are told of every change, which rebuilds them."""
+    """Static models by name; every change is passed to engine and scene, which rebuild what it affects."""
 
     def __init__(self, engine: Engine, scene: Scene, triangles: Triangles) -> None:
         self._engine, self._scene, self._triangles = engine, scene, triangles

@@ -1,9 +1,12 @@
 """How much of the wall time pictures may take, so that physics keeps its pace."""
 
+import math
 import time
 from collections.abc import Callable
 
 import rospy
+
+from pioneer_gazebo.nodes.pace import Pacer
 
 SHARE = 0.4
 """Of the wall time."""
@@ -18,24 +21,28 @@ REPORT_PERIOD = 30.0
 class Budget:
     """Wall time for pictures; without limit where simulated time runs as fast as possible."""
 
-    def __init__(self, factor: Callable[[], float]) -> None:
-        """Takes what returns the real-time factor asked for; 0: as fast as possible."""
-        self._factor = factor
+    def __init__(self, pacer: Pacer) -> None:
+        """Takes what paces simulated time, which may catch up with what pictures took."""
+        self._pacer = pacer
         self._left = SAVED
         self._then = time.monotonic()
+        self._reported = -math.inf
 
     def draw(self, name: str, picture: Callable[[], None]) -> bool:
         """Has a picture drawn if there is time for it; returns whether it was."""
         now = time.monotonic()
         self._left = min(SAVED, self._left + SHARE * (now - self._then))
         self._then = now
-        if self._factor() > 0 and self._left <= 0.0:
-            rospy.logwarn_throttle(
-                REPORT_PERIOD,
-                f"{name}: pictures take more than {SHARE:.0%} of the time: some are left out so that physics keeps its"
-                " pace; reduce the camera's size or rate",
-            )
+        if self._pacer.factor > 0 and self._left <= 0.0:
+            if now - self._reported >= REPORT_PERIOD:
+                self._reported = now
+                rospy.logwarn(
+                    f"{name}: pictures take more than {SHARE:.0%} of the time: some are left out so that physics keeps"
+                    " its pace; reduce the camera's size or rate"
+                )
             return False
         picture()
-        self._left -= time.monotonic() - now
+        took = time.monotonic() - now
+        self._left -= took
+        self._pacer.excuse(took)
         return True

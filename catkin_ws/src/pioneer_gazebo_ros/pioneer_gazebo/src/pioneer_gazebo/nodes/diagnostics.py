@@ -16,7 +16,7 @@ class Diagnostics:
         self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=1)
 
     def publish(self, simulated: float, measured: float, asked: float, paused: bool, models: int, robots: int) -> None:
-        """Publishes one status; costs nothing while nobody listens.
+        """Publishes one status; costs nothing without subscribers.
 
         Args:
             simulated: simulated time [s].

@@ -86,7 +86,7 @@ class Mailbox:
             letter = self._letters.popleft()
             try:
                 letter.result = letter.work()
-            except Exception as error:  # noqa: BLE001 - handed on to whoever asked for the work
+            except Exception as error:  # noqa: BLE001 - handed to the caller that waits for the result
                 letter.error = error
             letter.done.set()
 

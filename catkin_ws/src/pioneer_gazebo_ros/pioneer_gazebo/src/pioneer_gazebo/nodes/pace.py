@@ -4,7 +4,7 @@ import math
 import time
 
 MOST_BEHIND = 0.2
-"""A simulator that is further behind [s] gives up catching up and goes on from there."""
+"""A simulator that is further behind [s] gives up catching up and continues from there."""
 
 
 class Pacer:
@@ -14,10 +14,11 @@ class Pacer:
         """Takes the real-time factor; 0 is as fast as possible."""
         self.factor = factor
         self._anchor: tuple[float, float] | None = None
+        self._excused = 0.0
         self._measured = (0.0, time.monotonic())
 
     def restart(self) -> None:
-        """Anchors anew at the next moment: after a pause, or when the factor changed."""
+        """Anchors again at the next moment: after a pause, or when the factor changed."""
         self._anchor = None
 
     def wait_for(self, simulated: float) -> float:
@@ -28,10 +29,16 @@ class Pacer:
         if self._anchor is None:
             self._anchor = simulated, now
         wait = self._anchor[1] + (simulated - self._anchor[0]) / self.factor - now
-        if wait < -MOST_BEHIND:
+        if wait >= 0.0:
+            self._excused = 0.0
+        elif wait < -MOST_BEHIND - self._excused:
             self._anchor = simulated, now
             return 0.0
         return wait
+
+    def excuse(self, seconds: float) -> None:
+        """Lets the simulator be behind by so much more [s] until it has caught up."""
+        self._excused += seconds
 
     def reached(self) -> float:
         """Returns the simulated time [s] that is due by now; infinity where none is kept to. Any thread may ask."""

@@ -47,7 +47,7 @@ class Robots:
         self._simulation = simulation
         self._topics: dict[str, RobotTopics] = {}
         self._drawing: TinyRenderer | None = None
-        budget = Budget(lambda: timeline.pacer.factor)
+        budget = Budget(timeline.pacer)
         self._context = Context(simulation, timeline.schedule, transforms, timeline.present, self._renderer, budget)
 
     def __len__(self) -> int:

@@ -30,7 +30,7 @@ POLL = 0.1
 RUN_ID_PATIENCE = 5.0
 """How long a master may go without a run id [s]."""
 PATIENCE = 1.0
-"""A wait is told once it has taken so long [s]."""
+"""A wait is reported once it has taken so long [s]."""
 
 LaunchFile = tuple[str, str, dict[str, str]]
 """Package, file in its ``launch`` folder, arguments."""

@@ -1,4 +1,4 @@
-"""What a program asks of a running simulator: is it ready, put a robot there, go on."""
+"""What a program asks of a running simulator: is it ready, spawn a robot, unpause."""
 
 import threading
 
@@ -68,7 +68,7 @@ class SimulatorClient:
             raise SpawnError(f"spawning {robot} failed: {answer.status_message}")
 
     def unpause(self) -> None:
-        """Lets time go on.
+        """Unpauses simulated time.
 
         Raises:
             SpawnError: the simulator did not answer.

@@ -107,7 +107,7 @@ def request_of(options: argparse.Namespace) -> SpawnModelRequest:
 
 
 def wait_for_service(name: str, timeout: float) -> None:
-    """Waits for a service and says so.
+    """Waits for a service; reports that it waits.
 
     Raises:
         SpawnError: it did not come within ``timeout`` [s].
