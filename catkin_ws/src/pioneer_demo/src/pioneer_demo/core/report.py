@@ -9,6 +9,7 @@ from pioneer_demo.core.cost import Cost
 from pioneer_demo.core.fleet import Fleet
 from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.view import number
+from pioneer_node.core.count import counted
 
 FORMAT = 1
 
@@ -146,11 +147,6 @@ def verdict_line(numbers: Mapping[str, Any]) -> str:
         return "Failed: " + "; ".join(numbers["faults"])
     robots, count = len(numbers["robots"]), sum(robot["waypoints"] for robot in numbers["robots"].values())
     return f"Success: {counted(robots, 'robot')}, {counted(count, 'waypoint')} reached, no collision"
-
-
-def counted(count: int, noun: str) -> str:
-    """Returns a number and its noun: 1 robot, 2 robots."""
-    return f"{count} {noun}" + ("s" if count != 1 else "")
 
 
 def _number(value: float | None, digits: int) -> str:

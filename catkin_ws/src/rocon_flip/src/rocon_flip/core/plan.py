@@ -20,7 +20,7 @@ VIEWED_TOPICS = (
     "move_base/TrajectoryPlannerROS/local_plan",
 )
 ANY_NODE = ""
-TOOLS_NODE = "/rviz"
+TOOLS_NODE = "/rviz.*"
 TOOL_TOPICS = ("map_goal_pose", "initialpose")
 REPORT_TOPIC, ROBOT_GATEWAYS = "/traffic/reports", "aadi.*_gateway"
 PING, PONG = "/handshake/ping", "/handshake/pong"

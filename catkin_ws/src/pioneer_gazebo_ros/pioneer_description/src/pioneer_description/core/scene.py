@@ -22,7 +22,9 @@ TOLERANCE = 6
 FREE = (253, 253, 253)
 """What RViz makes of free cells of a map."""
 TOP_PLATE = (13, 13, 15)
-"""The robot seen from above."""
+"""A Pioneer seen from above."""
+NAME_COLOUR = (60, 40, 90)
+"""Of each robot's name."""
 
 
 class SceneError(ValueError):
@@ -96,10 +98,12 @@ def marks_of(config: Mapping[str, Any]) -> list[Mark]:
     """
     displays = [one for one in config.get("Visualization Manager", {}).get("Displays", ()) if one.get("Enabled", True)]
     marks = [Mark("", "map", FREE, least=1000) for one in displays if one.get("Class") == "rviz/Map"]
+    named = any(one.get("Class") == "rviz/MarkerArray" for one in displays)
     for group in displays:
         if group.get("Class") == "rviz/Group":
             marks += _marks_of_robot(group)
-    colours = [mark.colour for mark in marks if mark.colour not in (None, TOP_PLATE)]
+            marks += [Mark(str(group.get("Name", "")), "name", NAME_COLOUR, 2.0)] if named else []
+    colours = [mark.colour for mark in marks if mark.colour not in (None, TOP_PLATE, NAME_COLOUR)]
     if len(marks) < 2 or len(set(colours)) != len(colours):
         raise SceneError("each robot needs a group of displays, and each scan and plan a colour of its own")
     return marks
@@ -113,7 +117,8 @@ def _marks_of_robot(group: Mapping[str, Any]) -> Iterator[Mark]:
         name = str(display.get("Name", "")).lower()
         match display.get("Class"):
             case "rviz/RobotModel":
-                yield Mark(robot, name, TOP_PLATE, 0.6)
+                if display.get("Robot Description", "robot_description") == "robot_description":
+                    yield Mark(robot, name, TOP_PLATE, 0.6)
             case "rviz/Map":
                 yield Mark(robot, name, None, 1.6, 40)
             case "rviz/LaserScan" | "rviz/Path":

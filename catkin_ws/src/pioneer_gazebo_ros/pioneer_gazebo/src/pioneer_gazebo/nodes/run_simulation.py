@@ -20,6 +20,7 @@ from pioneer_gazebo.core.fleet import InitialPose, pose_of_entry, robot_names
 from pioneer_gazebo.core.placement import PlacementError, check_place
 from pioneer_gazebo.nodes.session import LaunchFile, Session, SessionError, run_session
 from pioneer_gazebo.nodes.simulator_client import SimulatorClient
+from pioneer_node.core.count import counted
 from pioneer_node.core.fleet_file import RobotEntry
 
 NAME = "run-multi-pioneer-gazebo-master"
@@ -184,8 +185,10 @@ def simulate(session: Session, options: SimulationOptions) -> None:
     if options.gateway:
         _check_master(session)
     # Robots' computers read it through the gateways, and choose their initial poses by it.
-    rosgraph.Master(f"/{NAME}").setParam("/world_name", world)
-    session.say(f"starting {world} with {len(poses)} robots")
+    master = rosgraph.Master(f"/{NAME}")
+    master.setParam("/world_name", world)
+    master.setParam("/robot_names", list(poses))
+    session.say(f"starting {world} with {counted(len(poses), 'robot')}")
     session.launch(launch_files(options, path, grid, robots))
     rospy.init_node(NAME.replace("-", "_"), anonymous=True, disable_signals=True)
     try:
@@ -202,7 +205,7 @@ def simulate(session: Session, options: SimulationOptions) -> None:
         if not options.paused:
             client.unpause()
             session.wait_for(client.ready, "the simulator's first steps")
-        session.say(f"{len(poses)} robots stand in {world}")
+        session.say(f"{counted(len(poses), 'robot')} {'stands' if len(poses) == 1 else 'stand'} in {world}")
         if options.gateway:
             _connect(session, list(poses))
         session.spin()

@@ -1,0 +1,136 @@
+"""``fleet_rviz``: RViz of the robots that there are, in a window of its own (Debian's Python bindings of RViz)."""
+# ruff: noqa: T201 - a command talks to people on standard output
+
+import argparse
+import contextlib
+import math
+import os
+import signal
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import rospy
+import yaml
+
+from pioneer_description.core.fleet_view import Bounds, fitted_scale, fleet_config, tool_name
+from pioneer_description.core.scene import SceneError
+from pioneer_description.nodes.fleet_watch import FleetWatch
+from pioneer_description.nodes.rviz_snapshot import TEMPLATE, names_of, read_config
+from pioneer_harness.process import ProcessGroup
+
+_POLL = 100
+"""How often the window looks whether its end was asked for [ms]."""
+
+
+class FleetRviz:
+    """RViz's window on a fleet; ``/rviz_…`` is its node."""
+
+    def __init__(self, title: str) -> None:
+        from python_qt_binding.QtCore import QTimer
+        from python_qt_binding.QtWidgets import QApplication
+        from rviz import bindings
+
+        self._bindings = bindings
+        self._application = QApplication(["rviz"])
+        self._frame = bindings.VisualizationFrame()
+        self._frame.setSplashPath("")
+        with _without(b"media_export", b"[librospack]: error while executing command"):
+            self._frame.initialize()
+        self._frame.setWindowTitle(f"{title}[*]")
+        # RViz has taken them; the timer lets Python see them.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: self._application.quit())
+        self._timer = QTimer()
+        self._timer.timeout.connect(self._look)
+        self._timer.start(_POLL)
+
+    def show(self, config: Mapping[str, Any]) -> None:
+        """Shows a configuration, with each robot's tools under its name."""
+        with tempfile.NamedTemporaryFile("w", suffix=".rviz") as file:
+            yaml.safe_dump(dict(config), file, allow_unicode=True)
+            file.flush()
+            reader, read = self._bindings.YamlConfigReader(), self._bindings.Config()
+            reader.readFile(read, file.name)
+            self._frame.load(read)
+        tools = self._frame.getManager().getToolManager()
+        for index, tool in enumerate(config["Visualization Manager"]["Tools"]):
+            if name := tool_name(tool):
+                tools.getTool(index).setName(name)
+        # Without a window manager nobody else maximises it.
+        self._frame.setGeometry(self._application.primaryScreen().availableGeometry())
+        self._frame.showMaximized()
+
+    def fit(self, bounds: Bounds) -> float:
+        """Fits the view to a rectangle of the map and returns its scale [pixels/m]."""
+        self._application.processEvents()
+        scene = self._frame.centralWidget()
+        scale = fitted_scale(bounds, (scene.width(), scene.height()))
+        self._frame.getManager().getViewManager().getCurrent().subProp("Scale").setValue(scale)
+        return scale
+
+    def run(self) -> int:
+        """Returns RViz's exit status once its window is closed or the end was asked for."""
+        return int(self._application.exec_())
+
+    def _look(self) -> None:
+        if rospy.is_shutdown():
+            self._application.quit()
+
+
+@contextlib.contextmanager
+def _without(*noise: bytes) -> Iterator[None]:
+    """Leaves lines with ``noise`` out of what is written to standard error meanwhile: RViz asks for a package of icons
+    that Debian does not have.
+    """
+    sys.stderr.flush()
+    error = os.dup(2)
+    with tempfile.TemporaryFile() as file:
+        os.dup2(file.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(error, 2)
+            os.close(error)
+            file.seek(0)
+            for line in file:
+                if not any(one in line for one in noise):
+                    os.write(2, line)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Waits for the fleet, shows it, and returns the exit status."""
+    options = _options(rospy.myargv(sys.argv)[1:] if argv is None else argv)
+    rospy.init_node("fleet_rviz", anonymous=True)
+    watch = FleetWatch()
+    try:
+        template = read_config(options.config)
+        wanted = names_of(options.robots)
+        if watch.wait(wanted, math.inf, lambda text: print(f"fleet_rviz: {text}", flush=True)):
+            return 130
+        robots, bounds = watch.robots(wanted), watch.bounds
+        window = FleetRviz(f"{', '.join(robot.name for robot in robots)} - RViz")
+        window.show(fleet_config(template, robots, bounds, (1500, 1000)))
+        watch.name_robots(robots, window.fit(bounds))
+        with ProcessGroup() as group:
+            if options.tools == "true":
+                flips = ["rosrun", "rocon_flip", "flip-tools-from-hub", *(robot.name for robot in robots)]
+                group.start("flip-tools-from-hub", flips)
+            return window.run()
+    except (SceneError, OSError) as error:
+        print(f"fleet_rviz: {error}", file=sys.stderr)
+        return 1
+    finally:
+        rospy.signal_shutdown("done")
+
+
+def _options(words: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser("fleet_rviz", description="Opens RViz on the robots of this master.")
+    parser.add_argument("--config", type=Path, default=TEMPLATE, help="RViz configuration whose groups are the robots'")
+    parser.add_argument("--robots", default="", metavar="N|NAMES",
+        help="wait for pioneer1 … N, or these names with blanks between (default: the fleet's)")  # fmt: skip
+    parser.add_argument("--tools", choices=["true", "false"], default="true",
+        help="whether goals and poses set in RViz go to the robots, through this master's gateway")  # fmt: skip
+    return parser.parse_args(words)
