@@ -11,8 +11,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn
 
 import containers
-from containers.engine import ContainerError
-from containers.table import aligned
+from containers.engine import Computer, ContainerError
+from containers.report import follow
+from containers.state import project
+from containers.subcommand import Subcommands
+from containers.table import aligned, status_table
 from pioneer_fleet.adapters.registry import running_fleets
 
 HEADINGS = ("ROBOT", "STATE", "ROBOT MOVES", "ODOM", "POSITION", "ERROR", "WAYPOINTS", "LAST WORD")
@@ -21,51 +24,31 @@ Fleet = Mapping[str, Any]
 
 def main(words: Sequence[str]) -> int:
     """Runs one of the commands; returns the exit status."""
-    options = _parser().parse_args(words)
-    try:
-        return int(options.run(options))
-    except ContainerError as error:
-        print(f"pioneer: {error}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        return 130
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser("./pioneer")
-    parser.set_defaults(project=os.environ.get("PIONEER_PROJECT", "pioneer"))
-    commands = parser.add_subparsers(required=True)
-
-    def command(name: str, run: Any, description: str, example: str) -> argparse.ArgumentParser:
-        one = commands.add_parser(name, description=description, epilog=f"example: {example}")
-        one.set_defaults(run=run)
-        return one
-
+    commands = Subcommands()
     text = "Shows the fleets that run on this machine, as processes or as containers: a line a robot or computer."
-    status = command("status", _status, text, "./pioneer status --json")
+    status = commands.add("status", _status, text, "status --json")
     status.add_argument("--json", action="store_true", help="as JSON, for programs")
-    command("rviz", _rviz, "Opens RViz on the fleet that runs on this machine as processes.", "./pioneer rviz")
+    commands.add("rviz", _rviz, "Opens RViz on the fleet that runs on this machine as processes.", "rviz")
     text = "Drives a robot by keyboard; the fleet runs on this machine, as processes or as containers."
-    teleop = command("teleop", _teleop, text, "./pioneer teleop pioneer1")
+    teleop = commands.add("teleop", _teleop, text, "teleop pioneer1")
     teleop.add_argument("robot", help="its name, such as pioneer1")
-    return parser
+    return commands.run(words)
 
 
 def _status(options: argparse.Namespace) -> int:
-    fleets, computers = running_fleets(), _has_containers(options.project)
+    fleets, computers = running_fleets(), list[Computer]()
+    latest: dict[str, dict[str, Any]] = {}
+    if _has_containers(options.project):
+        computers = project(options.project).computers()
+        asked = [(one, ("--settled", "--timeout", "4")) for one in computers if one.running]
+        follow(asked, lambda computer, line: latest.__setitem__(computer.name, line))
     if not fleets and not computers:
         raise ContainerError("no fleet runs: ./pioneer fleet starts one as processes, ./pioneer up as containers")
-    if options.json and fleets:
-        print(json.dumps({"fleets": fleets}))
-        return 0
-    print("\n\n".join(map(fleet_table, fleets)), end="\n" if fleets else "")
-    if not computers:
-        return 0
-    from containers.__main__ import main as containers_main
-
-    if fleets:
-        print()
-    return containers_main(["status", *(["--json"] if options.json else [])])
+    if options.json:
+        print(json.dumps({"fleets": fleets, "computers": latest}))
+    else:
+        print("\n\n".join([*map(fleet_table, fleets), *([status_table(computers, latest)] if computers else [])]))
+    return 0 if all(one.running for one in computers) else 1
 
 
 def fleet_table(fleet: Fleet) -> str:
@@ -100,17 +83,17 @@ def _rviz(options: argparse.Namespace) -> NoReturn:
     fleets = running_fleets()
     if not fleets and _has_containers(options.project):
         raise ContainerError("the fleet runs in containers: ./pioneer up --desktop has its RViz in the browser")
-    fleet = _newest(fleets)
-    launch = ["roslaunch", "pioneer_description", "multi_pioneer_rviz.launch", "description:=false"]
-    _become(fleet["master"], [*launch, f"robots:={' '.join(robot['robot'] for robot in fleet['robots'])}"])
+    launch = ["roslaunch", "--no-summary", "pioneer_description", "multi_pioneer_rviz.launch", "description:=false"]
+    _become(_newest(fleets)["master"], launch)
 
 
 def _teleop(options: argparse.Namespace) -> int:
     command, fleets = ["rosrun", "pioneer_fleet", "teleop", options.robot], running_fleets()
     if not fleets and _has_containers(options.project):
-        from containers.__main__ import main as containers_main
+        from containers.__main__ import execute_on
 
-        return containers_main(["exec", options.robot.replace("pioneer", "aadi"), *command])
+        options.computer, options.command = options.robot.replace("pioneer", "aadi"), command
+        return execute_on(options)
     masters = {robot["robot"]: robot["master"] for robot in _newest(fleets)["robots"]}
     if options.robot not in masters:
         raise ContainerError(f"no robot '{options.robot}' in the fleet; there are {', '.join(masters)}")

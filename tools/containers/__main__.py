@@ -1,62 +1,40 @@
-"""``./pioneer up``, ``down``, ``status``, ``logs``, ``exec``, ``image``: the tutorial's computers as containers."""
+"""``./pioneer up``, ``down``, ``logs``, ``exec``, ``image``: the tutorial's computers as containers."""
 
 import argparse
 import functools
-import json
-import os
 import subprocess
 import sys
 from collections.abc import Sequence
-from typing import Any
 
 from containers.engine import DESKTOP, ContainerError
 from containers.image import ensure_images
 from containers.plan import ROBOTS, WORLD, limits
-from containers.report import follow
 from containers.state import project
-from containers.table import status_table
+from containers.subcommand import Subcommands
 from containers.up import up
 
 
 def main(words: Sequence[str]) -> int:
     """Runs one of the commands; returns the exit status."""
-    options = _parser().parse_args(words)
-    try:
-        return int(options.run(options))
-    except ContainerError as error:
-        print(f"pioneer: {error}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print("\ninterrupted; running containers continue: ./pioneer status, ./pioneer down")
-        return 130
+    interrupted = "\ninterrupted; running containers continue: ./pioneer status, ./pioneer down\n"
+    return _commands().run(words, interrupted)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser("./pioneer", description=__doc__)
-    parser.set_defaults(project=os.environ.get("PIONEER_PROJECT", "pioneer"))
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-
-    def command(name: str, run: Any, description: str, example: str) -> argparse.ArgumentParser:
-        epilog = f"example: ./pioneer {example}"
-        one = commands.add_parser(name, help=description, description=description, epilog=epilog)
-        one.set_defaults(run=run)
-        return one
-
+def _commands() -> Subcommands:
+    commands = Subcommands()
     text = "Starts the tutorial's computers as containers, after building the image; ends once all robots drive."
-    _add_up(command("up", up, text, "up --robots 3 --world closed_maze"))
-    command("down", _down, "Ends the fleet of containers and removes its containers and network.", "down")
-    text = "Prints one line a computer: container, gateway, rules, robot, localisation."
-    status = command("status", _status, text, "status --json")
-    status.add_argument("--json", action="store_true", help="as JSON, for programs")
-    logs = command("logs", _logs, "Prints what the computers log.", "logs -f aadi1")
+    _add_up(commands.add("up", up, text, "up --robots 3 --world closed_maze"))
+    commands.add("down", _down, "Ends the fleet of containers and removes its containers and network.", "down")
+    logs = commands.add("logs", _logs, "Prints what the computers log.", "logs -f aadi1")
     logs.add_argument("-f", "--follow", action="store_true", help="continue until Ctrl-C")
     logs.add_argument("computers", nargs="*", metavar="COMPUTER", help="such as aadi1; all by default")
-    execute = command("exec", _exec, "Runs a command on a computer of the fleet.", "exec aadi1 rostopic list")
+    execute = commands.add("exec", execute_on, "Runs a command on a computer of the fleet.", "exec aadi1 rostopic list")
     execute.add_argument("computer", metavar="COMPUTER", help="such as aadi1 or aadiworkstation")
     execute.add_argument("command", nargs=argparse.REMAINDER, metavar="COMMAND", help="with arguments; bash by default")
-    image = command("image", _image, "Builds the image that up starts, and starts nothing.", "image --desktop")
+    text = "Builds the image that up starts, and starts nothing."
+    image = commands.add("image", _image, text, "image --desktop")
     image.add_argument("--desktop", action="store_true", help="the desktop's image too")
-    return parser
+    return commands
 
 
 def _add_up(parser: argparse.ArgumentParser) -> None:
@@ -75,24 +53,14 @@ def _down(options: argparse.Namespace) -> int:
     return 0
 
 
-def _status(options: argparse.Namespace) -> int:
-    computers = project(options.project).computers()
-    if not computers:
-        raise ContainerError("no fleet runs: ./pioneer up")
-    latest: dict[str, dict[str, Any]] = {}
-    asked = [(one, ("--settled", "--timeout", "4")) for one in computers if one.running]
-    follow(asked, lambda computer, line: latest.__setitem__(computer.name, line))
-    print(json.dumps({"computers": latest}) if options.json else status_table(computers, latest))
-    return 0 if all(one.running for one in computers) else 1
-
-
 def _logs(options: argparse.Namespace) -> int:
     words = ["-f"] if options.follow else []
     project(options.project, COMPOSE_PROFILES=DESKTOP).run("logs", *words, *options.computers)
     return 0
 
 
-def _exec(options: argparse.Namespace) -> int:
+def execute_on(options: argparse.Namespace) -> int:
+    """Runs ``options.command`` on ``options.computer``; returns its exit status."""
     computers = {one.name: one for one in project(options.project).computers() if one.running}
     if options.computer not in computers:
         raise ContainerError(f"no computer {options.computer} runs; there are {', '.join(computers) or 'none'}")
