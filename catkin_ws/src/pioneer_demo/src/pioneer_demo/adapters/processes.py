@@ -49,8 +49,10 @@ class FleetProcesses:
         """
         self._log.mkdir(exist_ok=True)
         shutil.rmtree(self._log / "ros", ignore_errors=True)  # the last run's
+        # Absolute: some nodes run in another directory.
+        ros = self._log.resolve() / "ros"
+        home = {"ROS_HOME": str(ros), "ROS_LOG_DIR": str(ros / "log")}
         for command in commands(self._config, self.ports):
-            home = {"ROS_HOME": str(self._log / "ros"), "ROS_LOG_DIR": str(self._log / "ros" / "log")}
             log = self._log / f"{re.sub(r'[^A-Za-z0-9_]+', '-', command.name)}.log"
             log.write_bytes(b"")
             self._read[log] = 0

@@ -91,7 +91,7 @@ def master_uri(port: int) -> str:
 
 
 def _launch(name: str, port: int, words: tuple[str, ...], environment: Mapping[str, str]) -> Command:
-    argv = ("roslaunch", "-p", str(port), "pioneer_networking", *words)
+    argv = ("roslaunch", "--no-summary", "-p", str(port), "pioneer_networking", *words)
     return Command(name, argv, {**environment, "ROS_MASTER_URI": master_uri(port)})
 
 

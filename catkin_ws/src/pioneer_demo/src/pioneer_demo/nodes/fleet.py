@@ -151,7 +151,7 @@ class FleetRun:
             self._step = 0
 
     def _join_ros(self, uri: str, topics: Sequence[str], recording: Recording | None) -> None:
-        os.environ.update(ROS_MASTER_URI=uri, ROS_IP="127.0.0.1", ROS_LOG_DIR=str(self._config.log / "ros"))
+        os.environ.update(ROS_MASTER_URI=uri, ROS_IP="127.0.0.1", ROS_LOG_DIR=str(self._config.log.resolve() / "ros"))
         rospy.init_node(NAME, disable_signals=True)
         self.observer = ObserverNode(self.fleet, self.lock, recording)
         self._flips = FlipRequest(NAME, self._config.names, topics)

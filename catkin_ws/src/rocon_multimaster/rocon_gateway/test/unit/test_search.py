@@ -41,4 +41,4 @@ def test_a_gateway_that_has_no_descriptor_for_a_hub_joins_it_once_there_is_one(
         assert joined.wait(10)
     finally:
         made.shutdown()
-    assert caplog.text.count("cannot join a hub that was found: [Errno 24] Too many open files; trying on") == 1
+    assert caplog.text.count("cannot join a hub that was found: [Errno 24] Too many open files; retrying") == 1

@@ -3,12 +3,11 @@
 from collections.abc import Sequence
 from typing import Any
 
-import pybullet
-
 from pioneer_gazebo.adapters.bullet_body import ALL, GROUND, STANDING, Made, make_body
 from pioneer_gazebo.adapters.bullet_carrier import carriers
 from pioneer_gazebo.adapters.bullet_shape import batches, standing_body
 from pioneer_gazebo.adapters.bullet_window import client_with_window
+from pioneer_gazebo.adapters.quiet_pybullet import pybullet
 from pioneer_gazebo.core.body import Body
 from pioneer_gazebo.core.engine import Contact, EngineError, Physics, Velocity
 from pioneer_gazebo.core.pose import Pose, Vector, opposite, rotated

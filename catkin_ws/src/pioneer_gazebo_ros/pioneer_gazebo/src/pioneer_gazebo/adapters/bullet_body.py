@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import pybullet
-
 from pioneer_gazebo.adapters.bullet_shape import FRICTION_AT_MOST, compound, packs
+from pioneer_gazebo.adapters.quiet_pybullet import pybullet
 from pioneer_gazebo.core import joint as kinds
 from pioneer_gazebo.core.body import LEAST_MASS, Body, Part
 from pioneer_gazebo.core.engine import EngineError

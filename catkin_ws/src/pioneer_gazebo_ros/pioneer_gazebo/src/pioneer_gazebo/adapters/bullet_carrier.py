@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from pioneer_gazebo.adapters.bullet_body import GROUND, ROLLING
 from pioneer_gazebo.adapters.bullet_shape import FRICTION_AT_MOST, batches, standing_body, trimesh
 from pioneer_gazebo.adapters.mesh import solid_of_mesh
+from pioneer_gazebo.adapters.quiet_pybullet import pybullet
 from pioneer_gazebo.core.pose import Pose, conjugate, rotated
 from pioneer_gazebo.core.world import Box, Cylinder, Mesh, PlacedCollision
 

@@ -4,10 +4,10 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from pioneer_gazebo.adapters.mesh import hull_of_mesh, solid_of_mesh
+from pioneer_gazebo.adapters.quiet_pybullet import pybullet
 from pioneer_gazebo.core.engine import EngineError
 from pioneer_gazebo.core.pose import IDENTITY, Pose
 from pioneer_gazebo.core.wheel import Touch

@@ -3,8 +3,7 @@
 import os
 import socket
 
-import pybullet
-
+from pioneer_gazebo.adapters.quiet_pybullet import pybullet
 from pioneer_gazebo.core.engine import EngineError
 
 

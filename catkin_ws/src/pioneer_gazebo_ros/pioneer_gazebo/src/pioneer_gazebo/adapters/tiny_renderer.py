@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-import pybullet
 
+from pioneer_gazebo.adapters.quiet_pybullet import pybullet
 from pioneer_gazebo.core.camera import Depth, Picture, vertical_fov
 from pioneer_gazebo.core.entity import Entity
 from pioneer_gazebo.core.pose import Pose, rotated

@@ -228,7 +228,7 @@ class Hubs:
         with self._changed:
             known, self._complaints[about] = self._complaints.get(about), complaint
         if complaint != known:
-            self._logger.info("%s; trying on", complaint)
+            self._logger.info("%s; retrying", complaint)
 
     # Looking for hubs that announce themselves
 

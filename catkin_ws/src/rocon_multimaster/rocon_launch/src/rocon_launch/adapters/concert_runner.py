@@ -71,8 +71,9 @@ class ConcertRunner:
         return False
 
     def _start(self, launch: Launch) -> RoslaunchProcess:
-        command = ["roslaunch", *(["--screen"] if self._screen else []), *(["--wait"] if launch.waits else [])]
-        command += ["-p", str(launch.port), *([launch.package] if launch.package else []), launch.name]
+        flags = [*(["--screen"] if self._screen else []), *(["--wait"] if launch.waits else [])]
+        command = ["roslaunch", "--no-summary", *flags, "-p", str(launch.port)]
+        command += [*([launch.package] if launch.package else []), launch.name]
         command += [f"{name}:={value}" for name, value in launch.arguments.items()]
         return RoslaunchProcess(launch, command, _environment(launch), self._show)
 
