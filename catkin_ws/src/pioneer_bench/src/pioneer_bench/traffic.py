@@ -11,9 +11,9 @@ from pathlib import Path
 
 import rospkg
 
+from nav_bundle.adapters.map_file import read_map
 from pioneer_bench.core.row import Row, table
 from pioneer_bench.core.traffic import NARROW, narrow_space, random_tours, seconds_alone
-from pioneer_demo.adapters.map_file import floor_from_file
 from pioneer_traffic.core.roadmap import FreeSpace, Roadmap, roadmap_from_space
 from pioneer_traffic.core.simulation import Trial
 
@@ -87,8 +87,8 @@ def _world(name: str) -> tuple[FreeSpace, Roadmap]:
     if name in NARROW:
         space = narrow_space(name)
     else:
-        floor = floor_from_file(Path(rospkg.RosPack().get_path("pioneer_gazebo")) / "map" / f"{name}.yaml")
-        space = FreeSpace.of(floor.free, floor.resolution, (floor.x, floor.y))
+        grid = read_map(Path(rospkg.RosPack().get_path("pioneer_gazebo")) / "map" / f"{name}.yaml")
+        space = FreeSpace.of(grid.cells == 0, grid.resolution, (grid.origin.x, grid.origin.y))
     return space, roadmap_from_space(space)
 
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import Twist
 
-from pioneer_demo.core.geometry import Pose, yaw_from_quaternion
+from pioneer_demo.core.floor import Floor, floor_from_cells
+from pioneer_demo.core.geometry import Points, Pose, yaw_from_quaternion
 from pioneer_demo.core.recording import Hits
-from pioneer_demo.core.track import Points
 
 BEAMS_KEPT = 180
 """Of each scan for a film, about."""
@@ -30,6 +30,12 @@ def pose_from_transform(message: Any) -> Pose:
 def points_from_path(message: Any) -> Points:
     """Returns the positions of a ``nav_msgs/Path``."""
     return [(pose.pose.position.x, pose.pose.position.y) for pose in message.poses]
+
+
+def floor_from_grid(message: Any) -> Floor:
+    """Returns the floor of a ``nav_msgs/OccupancyGrid`` whose ``data`` is an array, of a map that is not turned."""
+    cells, corner = message.data.reshape(message.info.height, message.info.width), message.info.origin.position
+    return floor_from_cells(cells, message.info.resolution, corner.x, corner.y)
 
 
 def hits_from_scan(message: Any, mount: Pose) -> Hits:

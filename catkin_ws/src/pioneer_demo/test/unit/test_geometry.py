@@ -30,9 +30,3 @@ def test_the_length_of_a_line_is_the_sum_of_its_parts():
 def test_what_remains_of_a_line_counts_from_the_nearest_point():
     assert remaining_length([(0, 0), (1, 0), (2, 0), (3, 0)], (2.0, 0.5)) == pytest.approx(1.5)
     assert remaining_length([], (0.0, 0.0)) == 0.0
-
-
-@pytest.mark.parametrize("pose", [Pose(1.0, -2.0, 0.7), Pose(0.0, 3.0, -3.0)])
-def test_a_pose_composed_with_its_inverse_is_the_origin(pose):
-    origin = pose.compose(pose.inverse())
-    assert (origin.x, origin.y, origin.yaw) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)

@@ -2,15 +2,15 @@
 
 import json
 import math
+import types
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from pioneer_demo.adapters.map_file import floor_from_file
 from pioneer_demo.adapters.picture import draw_fleet
+from pioneer_demo.conversions import floor_from_grid
 from pioneer_demo.core.cost import Cost
-from pioneer_demo.core.error import MapFileError
 from pioneer_demo.core.fleet import Fleet
 from pioneer_demo.core.geometry import Pose
 from pioneer_demo.core.report import Outcome, columns, report, table, verdict_line
@@ -75,26 +75,18 @@ def test_columns_line_up():
     assert columns(("a", "bb"), [("xxx", "1")]) == "a    bb\nxxx   1"
 
 
-def test_a_map_is_read_by_its_thresholds_and_drawn_with_the_fleet(tmp_path, fleet):
-    pixels = np.full((40, 60), 254, np.uint8)
-    pixels[0, :] = 0
-    pixels[:, -10:] = 205
-    Image.fromarray(pixels).save(tmp_path / "hall.pgm")
-    fields = "image: hall.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196"
-    (tmp_path / "hall.yaml").write_text(fields)
-    floor = floor_from_file(tmp_path / "hall.yaml")
-    assert floor.occupied[-1, 5]  # the image's first line is the largest y
+def test_a_map_becomes_a_floor_and_is_drawn_with_the_fleet(tmp_path, fleet):
+    cells = np.zeros((40, 60), np.int8)
+    cells[-1, :], cells[:, -10:] = 100, -1
+    corner = types.SimpleNamespace(position=types.SimpleNamespace(x=0.0, y=-1.0))
+    info = types.SimpleNamespace(width=60, height=40, resolution=0.1, origin=corner)
+    floor = floor_from_grid(types.SimpleNamespace(data=cells.ravel(), info=info))
+    assert floor.occupied[-1, 5]
     assert floor.free[5, 5]
     assert not floor.free[5, -1]
+    assert not floor.occupied[5, -1]
+    assert floor.position(0, 0) == pytest.approx((0.05, -0.95))
     draw_fleet(floor, fleet, "one robot", tmp_path / "fleet.png")
     with Image.open(tmp_path / "fleet.png") as picture:
         assert picture.width > 400
         assert picture.width < 1.2 * picture.height, "the legend stands below, not beside the map"
-
-
-def test_a_missing_or_broken_map_is_one_line(tmp_path):
-    with pytest.raises(MapFileError, match="cannot read the map"):
-        floor_from_file(tmp_path / "none.yaml")
-    (tmp_path / "bad.yaml").write_text("resolution: 0.05")
-    with pytest.raises(MapFileError, match="image"):
-        floor_from_file(tmp_path / "bad.yaml")

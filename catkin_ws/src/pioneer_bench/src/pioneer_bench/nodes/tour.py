@@ -23,9 +23,8 @@ from nav_bundle.conversions import GridMessage, grid_from_message
 from nav_bundle.core import map_quality
 from nav_bundle.core import pose as navigation
 from pioneer_bench.core.tour import CONDITIONS, Condition, Tour
-from pioneer_demo.adapters.map_file import floor_from_file
 from pioneer_demo.core.fleet import Fleet, stuck_report, time_limit
-from pioneer_demo.core.floor import Floor
+from pioneer_demo.core.floor import Floor, floor_from_cells
 from pioneer_demo.core.geometry import Pose
 from pioneer_demo.core.kind import COMMAND, kind
 from pioneer_demo.core.track import RobotTrack
@@ -100,7 +99,8 @@ class TourNode:
             HarnessError: a process has died, or the robot did not come up.
         """
         wait_until(self._ready, "the robot, localised, and its waypoint client", PATIENCE)
-        floor = floor_from_file(map_file)
+        grid = read_map(map_file)
+        floor = floor_from_cells(grid.cells, grid.resolution, grid.origin.x, grid.origin.y)
         assert self._robot.pose is not None
         choice = WaypointConfig(count=self._setting.waypoints, shortest=SHORTEST, longest=LONGEST)
         rng = np.random.default_rng(self._setting.seed)

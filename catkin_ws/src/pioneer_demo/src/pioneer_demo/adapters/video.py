@@ -1,25 +1,34 @@
 """A film of a run from above: each frame is drawn after the run and handed to ffmpeg at once."""
 
+import itertools
 import math
 import shutil
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
-from PIL import Image, ImageColor, ImageDraw
+from PIL import Image, ImageColor, ImageDraw, ImageFont
 
 from pioneer_demo.adapters import colour
 from pioneer_demo.core.error import VideoError
 from pioneer_demo.core.floor import Floor
-from pioneer_demo.core.geometry import Pose
+from pioneer_demo.core.geometry import Points, Pose
 from pioneer_demo.core.recording import Recording
+from pioneer_demo.core.track import RobotTrack, Visit
 
 RATE = 10
 """Frames a simulated second, and a second of film."""
 
 LONGER_SIDE = 960
 """[pixel]."""
+
+_INK = "#2f3640"
+_FONT, _LINE, _MARGIN = 14, 24, 10
+_GOAL = 9
+_DASH, _GAP = 7.0, 5.0
+"""All in pixels."""
 
 _NOSE, _TAIL, _HALF_WIDTH = 0.20, -0.30, 0.20
 """The robot's outline ahead, behind and to each side of base_link [m]."""
@@ -37,7 +46,7 @@ def encoder() -> str:
     return found
 
 
-def write_video(floor: Floor, recording: Recording, names: Sequence[str], path: Path) -> int:
+def write_video(floor: Floor, recording: Recording, robots: Sequence[RobotTrack], path: Path) -> int:
     """Writes a film of all that was recorded and returns its number of frames.
 
     Raises:
@@ -46,7 +55,7 @@ def write_video(floor: Floor, recording: Recording, names: Sequence[str], path: 
     times = recording.times(RATE)
     if not len(times):
         raise VideoError(f"{path}: no film, for no robot was seen")
-    stage = _Stage(floor.cropped(), recording, names)
+    stage = _Stage(floor.cropped(), recording, robots)
     command = [
         encoder(), "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24",
         "-s", f"{stage.width}x{stage.height}", "-r", str(RATE), "-i", "-",
@@ -68,43 +77,48 @@ def write_video(floor: Floor, recording: Recording, names: Sequence[str], path: 
 
 
 class _Stage:
-    """Draws frames in the order of time: trails grow on the floor's picture."""
+    """Draws frames in the order of time: trails grow on the floor's picture, above a legend."""
 
-    def __init__(self, floor: Floor, recording: Recording, names: Sequence[str]) -> None:
+    def __init__(self, floor: Floor, recording: Recording, robots: Sequence[RobotTrack]) -> None:
         rows, cols = floor.free.shape
         self._scale = LONGER_SIDE / (max(rows, cols) * floor.resolution)
         self._x, self._top = floor.x, floor.y + rows * floor.resolution
+        self._recording, self._robots = recording, robots
+        self._paint = {robot.name: colour.of_robot(index) for index, robot in enumerate(robots)}
+        self._font = ImageFont.truetype(str(Path(mpl.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), _FONT)
         # Encoders want even sides.
-        self.width, self.height = (2 * round(n * floor.resolution * self._scale / 2) for n in (cols, rows))
-        self._recording, self._names = recording, names
-        self._trails = _picture_of(floor).resize((self.width, self.height), Image.Resampling.BOX)
+        self.width, floor_height = (2 * round(n * floor.resolution * self._scale / 2) for n in (cols, rows))
+        self._legend = _Legend(self._font, self._paint, self.width)
+        self.height: int = floor_height + self._legend.height
+        self._trails = Image.new("RGB", (self.width, self.height), "white")
+        self._trails.paste(_picture_of(floor).resize((self.width, floor_height), Image.Resampling.BOX))
+        self._legend.draw(ImageDraw.Draw(self._trails), floor_height)
         self._last: dict[str, tuple[float, float]] = {}
 
     def frame(self, time: float) -> bytes:
         """Returns the picture at ``time`` as rows of red, green, blue."""
-        poses = {name: pose for name in self._names if (pose := self._recording.pose(name, time)) is not None}
+        poses = {name: pose for name in self._paint if (pose := self._recording.pose(name, time)) is not None}
         self._extend_trails(poses)
         image = self._trails.copy()
         pen = ImageDraw.Draw(image)
         for name in poses:
             self._draw_scan(pen, name, time)
+        for robot in self._robots:
+            self._draw_errand(pen, robot, time)
         for name, pose in poses.items():
             self._draw_robot(pen, pose, name)
-        _label(pen, 8, self.height - 18, f"{time:.1f} s")
+        pen.text((_MARGIN, self.height - _LINE / 2), f"{time:.1f} s", fill=_INK, font=self._font, anchor="lm")
         return image.tobytes()
 
     def _pixel(self, x: float, y: float) -> tuple[float, float]:
         return (x - self._x) * self._scale, (self._top - y) * self._scale
-
-    def _colour(self, name: str) -> str:
-        return colour.of_robot(self._names.index(name))
 
     def _extend_trails(self, poses: dict[str, Pose]) -> None:
         pen = ImageDraw.Draw(self._trails)
         for name, pose in poses.items():
             here = self._pixel(pose.x, pose.y)
             if name in self._last:
-                pen.line([self._last[name], here], fill=self._colour(name), width=2)
+                pen.line([self._last[name], here], fill=self._paint[name], width=2)
             self._last[name] = here
 
     def _draw_scan(self, pen: ImageDraw.ImageDraw, name: str, time: float) -> None:
@@ -117,21 +131,83 @@ class _Stage:
         x = pose.x + cos * hits[:, 0] - sin * hits[:, 1]
         y = pose.y + sin * hits[:, 0] + cos * hits[:, 1]
         spots = np.column_stack([(x - self._x) * self._scale, (self._top - y) * self._scale])
-        light = tuple((2 * part + 255) // 3 for part in ImageColor.getrgb(self._colour(name))[:3])
+        light = tuple((2 * part + 255) // 3 for part in ImageColor.getrgb(self._paint[name])[:3])
         for u, v in spots:
             pen.rectangle([u - 1, v - 1, u + 1, v + 1], fill=light)
+
+    def _draw_errand(self, pen: ImageDraw.ImageDraw, robot: RobotTrack, time: float) -> None:
+        """Draws a robot's plan, while it has a goal left, and its goals, those it has reached filled."""
+        paint, over = self._paint[robot.name], [_is_over(visit, time) for visit in robot.visits]
+        if not all(over):
+            _draw_dashes(pen, [self._pixel(*point) for point in self._recording.plan(robot.name, time)], paint)
+        for number, (visit, reached) in enumerate(zip(robot.visits, over, strict=True), 1):
+            where = self._pixel(visit.leg.goal.x, visit.leg.goal.y)
+            _draw_goal(pen, where, paint, reached and bool(visit.reached))
+            pen.text(where, str(number), fill="white" if reached else paint, font=self._font, anchor="mm")
 
     def _draw_robot(self, pen: ImageDraw.ImageDraw, pose: Pose, name: str) -> None:
         outline = [(_TAIL, -_HALF_WIDTH), (_TAIL, _HALF_WIDTH), (0.0, _HALF_WIDTH), (_NOSE, 0.0), (0.0, -_HALF_WIDTH)]
         corners = [pose.compose(Pose(x, y)) for x, y in outline]
-        pen.polygon([self._pixel(one.x, one.y) for one in corners], fill=self._colour(name), outline="#2f3640")
+        pen.polygon([self._pixel(one.x, one.y) for one in corners], fill=self._paint[name], outline=_INK)
         u, v = self._pixel(pose.x, pose.y)
-        _label(pen, u + 12, v - 16, name)
+        pen.text((u, v - _LINE), name, fill=_INK, font=self._font, anchor="mm", stroke_width=2, stroke_fill="white")
 
 
-def _label(pen: ImageDraw.ImageDraw, x: float, y: float, text: str) -> None:
-    pen.rectangle(pen.textbbox((x, y), text), fill="white")
-    pen.text((x, y), text, fill="#2f3640")
+class _Legend:
+    """What the colours and signs mean, in as many lines as it takes below the floor; the last begins with the time."""
+
+    def __init__(self, font: ImageFont.FreeTypeFont, paint: Mapping[str, str], width: int) -> None:
+        self._font = font
+        entries = [*paint.items(), *((text, "") for text in ("goal", "goal reached", "plan", "way driven", "scan"))]
+        self._entries = list[tuple[float, int, str, str]]()
+        x, line = float(_MARGIN), 0
+        for text, colour_ in entries:
+            size = 3 * _GOAL + font.getlength(text) + 2 * _MARGIN
+            if x + size > width:
+                x, line = float(_MARGIN), line + 1
+            self._entries.append((x, line, text, colour_))
+            x += size
+        self.height = _LINE * (line + 2)
+
+    def draw(self, pen: ImageDraw.ImageDraw, top: int) -> None:
+        """Draws it from row ``top`` on."""
+        for left, line, text, paint in self._entries:
+            x, y = left + _GOAL, top + _LINE * (line + 0.5)
+            self._draw_sign(pen, x, y, text, paint)
+            pen.text((x + 2 * _GOAL, y), text, fill=_INK, font=self._font, anchor="lm")
+
+    def _draw_sign(self, pen: ImageDraw.ImageDraw, x: float, y: float, text: str, paint: str) -> None:
+        ends = (x - _GOAL, y), (x + _GOAL, y)
+        if paint:
+            pen.rectangle([x - _GOAL, y - _GOAL / 2, x + _GOAL, y + _GOAL / 2], fill=paint)
+        elif text.startswith("goal"):
+            _draw_goal(pen, (x, y), _INK, text != "goal")
+        elif text == "plan":
+            _draw_dashes(pen, [(x + step, y) for step in range(-_GOAL, _GOAL)], _INK)
+        elif text == "scan":
+            pen.point([(x + step, y + side) for step in range(-_GOAL, _GOAL, 4) for side in (0, 1)], fill=_INK)
+        else:
+            pen.line(ends, fill=_INK, width=2)
+
+
+def _is_over(visit: Visit, time: float) -> bool:
+    return visit.reached is not None and visit.time <= time
+
+
+def _draw_goal(pen: ImageDraw.ImageDraw, where: tuple[float, float], paint: str, reached: bool) -> None:
+    x, y = where
+    pen.ellipse(
+        [x - _GOAL, y - _GOAL, x + _GOAL, y + _GOAL], fill=paint if reached else "white", outline=paint, width=2
+    )
+
+
+def _draw_dashes(pen: ImageDraw.ImageDraw, points: Points, paint: str) -> None:
+    travelled = 0.0
+    for start, end in itertools.pairwise(points):
+        step = math.dist(start, end)
+        if travelled % (_DASH + _GAP) < _DASH:
+            pen.line([start, end], fill=paint, width=1)
+        travelled += step
 
 
 def _picture_of(floor: Floor) -> Image.Image:

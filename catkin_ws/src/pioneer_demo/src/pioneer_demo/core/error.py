@@ -13,10 +13,6 @@ class VideoError(DemoError):
     """A film that cannot be made."""
 
 
-class MapFileError(DemoError):
-    """A map that is missing or cannot be read."""
-
-
 class NoWaypointError(DemoError):
     """The map has no room for the waypoints that were asked for."""
 

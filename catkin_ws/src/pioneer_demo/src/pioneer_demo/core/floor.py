@@ -8,6 +8,8 @@ from scipy import ndimage
 
 _CROSS = ndimage.generate_binary_structure(2, 1)
 _SQUARE = ndimage.generate_binary_structure(2, 2)
+_OCCUPIED = 50
+"""Per cent."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,6 +55,12 @@ class Floor:
         part = np.s_[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
         x, y = self.x + cols[0] * self.resolution, self.y + rows[0] * self.resolution
         return Floor(self.resolution, float(x), float(y), self.free[part], self.occupied[part])
+
+
+def floor_from_cells(cells: NDArray[np.int8], resolution: float, x: float, y: float) -> Floor:
+    """Returns the floor of a map that is not turned; its cells as ``nav_msgs/OccupancyGrid`` has them, [row, col]."""
+    occupied = cells >= _OCCUPIED
+    return Floor(resolution, x, y, (cells >= 0) & ~occupied, occupied)
 
 
 def drivable(floor: Floor, clearance: float, cell: float) -> Floor:

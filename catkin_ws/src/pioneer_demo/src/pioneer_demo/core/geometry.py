@@ -4,6 +4,9 @@ import dataclasses
 import itertools
 import math
 
+Points = list[tuple[float, float]]
+"""Positions along a line [m]."""
+
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Pose:
@@ -21,11 +24,6 @@ class Pose:
             self.y + sin * inner.x + cos * inner.y,
             normalised(self.yaw + inner.yaw),
         )
-
-    def inverse(self) -> "Pose":
-        """Returns the parent frame in this pose's frame."""
-        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
-        return Pose(-cos * self.x - sin * self.y, sin * self.x - cos * self.y, normalised(-self.yaw))
 
     def distance(self, other: "Pose") -> float:
         """Returns the straight distance [m] between the two positions."""
@@ -49,12 +47,12 @@ def yaw_from_quaternion(x: float, y: float, z: float, w: float) -> float:
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
-def length(points: list[tuple[float, float]]) -> float:
+def length(points: Points) -> float:
     """Returns the length [m] of a line through ``points``."""
     return sum(math.dist(start, end) for start, end in itertools.pairwise(points))
 
 
-def remaining_length(points: list[tuple[float, float]], position: tuple[float, float]) -> float:
+def remaining_length(points: Points, position: tuple[float, float]) -> float:
     """Returns the length [m] of the line through ``points`` from the point nearest to ``position`` to its end."""
     if not points:
         return 0.0

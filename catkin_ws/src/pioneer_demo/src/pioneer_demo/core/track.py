@@ -7,11 +7,9 @@ import math
 
 import numpy as np
 
-from pioneer_demo.core.geometry import Pose, remaining_length
+from pioneer_demo.core.geometry import Points, Pose, remaining_length
 from pioneer_demo.core.waypoint import Leg
 from pioneer_fleet.core.monitor import ClientState, Queue, RobotMonitor
-
-Points = list[tuple[float, float]]
 
 _MOVED = 0.05
 _PATH_STEP = 0.05

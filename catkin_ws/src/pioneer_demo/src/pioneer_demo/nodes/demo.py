@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 
 from pioneer_demo.adapters.interrupt import Interrupt, Interrupted
-from pioneer_demo.adapters.map_file import floor_from_file
 from pioneer_demo.adapters.processes import FleetProcesses
 from pioneer_demo.adapters.stopwatch import Stopwatch
 from pioneer_demo.core.error import DemoError, StuckError, VideoError
 from pioneer_demo.core.fleet import faults, stuck_report, time_limit
-from pioneer_demo.core.floor import Floor
 from pioneer_demo.core.option import DemoConfig
 from pioneer_demo.core.recording import Recording
 from pioneer_demo.core.report import Outcome, report, table, verdict_line
@@ -31,14 +29,11 @@ _CLOCK_STANDS_STILL = 30.0
 class Demo:
     """One demo, from its started processes to its report."""
 
-    def __init__(
-        self, config: DemoConfig, map_file: Path, watch: Stopwatch, interrupt: Interrupt, processes: FleetProcesses
-    ) -> None:
+    def __init__(self, config: DemoConfig, watch: Stopwatch, interrupt: Interrupt, processes: FleetProcesses) -> None:
         """``processes`` have been started; they are ended by ``run``."""
-        self._config, self._map_file = config, map_file
+        self._config = config
         self._run = FleetRun(config, watch, interrupt, processes)
         self._fleet = self._run.fleet
-        self._floor: Floor | None = None
         self._recording = Recording() if config.video else None
         self._sent_at = self._ended_at = math.nan
         self._cpu_at_start = self._cpu_at_end = math.nan
@@ -52,7 +47,6 @@ class Demo:
         """
         failure: Exception | None = None
         try:
-            self._floor = floor_from_file(self._map_file)  # while the processes start
             self._run.start(COURSE, self._recording, self._choose_waypoints)
             self._drive()
         except (DemoError, HarnessError) as error:
@@ -101,10 +95,13 @@ class Demo:
         self._run.wait_for(arrived, "the waypoints' arrival at the robots", "waypoints received", _DELIVERY)
 
     def _choose_waypoints(self) -> None:
-        assert self._floor is not None, "read at the start"
+        self._run.seen.read_map()
+        self._run.wait_for(lambda: self._run.seen.floor is not None, "the map", "map read", _DELIVERY)
+        floor = self._run.seen.floor
+        assert floor is not None, "just waited for"
         starts = [robot.pose for robot in self._fleet.robots if robot.pose]
         rng = np.random.default_rng(self._config.seed)
-        legs = fleet_waypoints(self._floor, starts, WaypointConfig(count=self._config.waypoints), rng)
+        legs = fleet_waypoints(floor, starts, WaypointConfig(count=self._config.waypoints), rng)
         with self._run.lock:
             for robot, own in zip(self._fleet.robots, legs, strict=True):
                 robot.assign(own)
@@ -123,18 +120,18 @@ class Demo:
 
     def _draw(self) -> list[Path]:
         """Draws picture and film; returns their paths."""
-        if self._floor is None:
+        floor = self._run.observer.floor if self._run.observer else None
+        if floor is None:
             return []
         from pioneer_demo.adapters.picture import draw_fleet
 
         written = [self._config.report / "fleet.png"]
-        draw_fleet(self._floor, self._fleet, self._title(), written[0])
+        draw_fleet(floor, self._fleet, self._title(), written[0])
         if self._recording is not None and self._config.video is not None:
             from pioneer_demo.adapters.video import write_video
 
-            names = [robot.name for robot in self._fleet.robots]
             try:
-                write_video(self._floor, self._recording, names, self._config.video)
+                write_video(floor, self._recording, self._fleet.robots, self._config.video)
                 written.append(self._config.video)
             except VideoError as error:
                 print(error)

@@ -40,10 +40,10 @@ def main(words: Sequence[str], interrupt: Interrupt) -> int:
     for name in _FOREIGN:
         os.environ.pop(name, None)
     try:
-        config, map_file = _configured(command, arguments)
+        config = _configured(command, arguments)
         make_outputs(config)
         interrupt.check()
-        return _run(config, map_file, watch, interrupt)
+        return _run(config, watch, interrupt)
     except Interrupted as error:
         print(f"{error}: every process of this {command} has ended.")
         return error.status
@@ -64,7 +64,7 @@ def main(words: Sequence[str], interrupt: Interrupt) -> int:
         return _FAILED
 
 
-def _run(config: FleetConfig, map_file: Path, watch: Stopwatch, interrupt: Interrupt) -> int:
+def _run(config: FleetConfig, watch: Stopwatch, interrupt: Interrupt) -> int:
     with FleetProcesses(config) as processes:
         ports = processes.ports
         print(f"Ports: {ports}" + ("" if ports.are_the_tutorials else " (some of the tutorial's are busy)"), flush=True)
@@ -76,7 +76,7 @@ def _run(config: FleetConfig, map_file: Path, watch: Stopwatch, interrupt: Inter
         if isinstance(config, DemoConfig):
             from pioneer_demo.nodes.demo import Demo
 
-            return Demo(config, map_file, watch, interrupt, processes).run()
+            return Demo(config, watch, interrupt, processes).run()
         from pioneer_demo.nodes.fleet import FleetRun
 
         fleet = FleetRun(config, watch, interrupt, processes)
@@ -88,8 +88,8 @@ def _run(config: FleetConfig, map_file: Path, watch: Stopwatch, interrupt: Inter
             fleet.stop(in_order=False)
 
 
-def _configured(command: str, arguments: Sequence[str]) -> tuple[FleetConfig, Path]:
-    """Returns the configuration and the map's YAML file."""
+def _configured(command: str, arguments: Sequence[str]) -> FleetConfig:
+    """Returns the configuration, checked against this machine."""
     packages = rospkg.RosPack()
     try:
         simulator = Path(packages.get_path("pioneer_gazebo"))
@@ -99,9 +99,10 @@ def _configured(command: str, arguments: Sequence[str]) -> tuple[FleetConfig, Pa
         raise DemoError(f"the workspace is not built or not sourced: {error}") from error
     config = demo_config(arguments, machine) if command == "demo" else fleet_config(arguments, machine)
     if not config.is_own_world:
-        return config, simulator / "map" / f"{config.map_name}.yaml"
+        return config
     world = Path(config.world).expanduser().resolve()
-    return dataclasses.replace(config, world=str(world)), _map_of_file(world, simulator)
+    _check_map(world, simulator)
+    return dataclasses.replace(config, world=str(world))
 
 
 def _names_of(fleet: Path) -> list[str]:
@@ -111,8 +112,8 @@ def _names_of(fleet: Path) -> list[str]:
         raise OptionError(f"--fleet: {error}") from None
 
 
-def _map_of_file(world: Path, simulator: Path) -> Path:
-    """Returns the map of a world's file, which is where ``run-multi-pioneer-gazebo-master`` finds it.
+def _check_map(world: Path, simulator: Path) -> None:
+    """Checks that a world's file has its map where ``run-multi-pioneer-gazebo-master`` finds it.
 
     Args:
         world: the file, resolved.
@@ -125,4 +126,3 @@ def _map_of_file(world: Path, simulator: Path) -> Path:
     if not path.is_file():
         draw = f"./pioneer run rosrun pioneer_gazebo world_to_map {shlex.quote(str(world))}"
         raise OptionError(f"--world: it has no map {path}; draw it: {draw}")
-    return path

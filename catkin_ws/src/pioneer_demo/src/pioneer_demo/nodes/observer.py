@@ -9,8 +9,9 @@ import rospy
 from actionlib_msgs.msg import GoalStatusArray
 from gateway_msgs.msg import GatewayInfo, RemoteRule, RemoteRuleWithStatus
 from geometry_msgs.msg import Twist
-from nav_msgs.msg import Odometry, Path
+from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rosgraph_msgs.msg import Clock
+from rospy.numpy_msg import numpy_msg
 from sensor_msgs.msg import LaserScan
 from simple_navigation_goals.msg import WaypointQueue
 from std_msgs.msg import Bool, Float64, UInt32
@@ -18,6 +19,7 @@ from tf2_msgs.msg import TFMessage
 
 from pioneer_demo import conversions
 from pioneer_demo.core.fleet import Fleet
+from pioneer_demo.core.floor import Floor
 from pioneer_demo.core.geometry import Pose
 from pioneer_demo.core.recording import Recording
 from pioneer_demo.core.track import RobotTrack
@@ -32,7 +34,7 @@ class ObserverNode:
     """Stores the newest of what the fleet publishes in a ``Fleet``, and sends waypoints.
 
     Subscribes:
-        /clock, /gazebo/ready, /gazebo/real_time_factor, /tf, /gateway/gateway_info,
+        /clock, /gazebo/ready, /gazebo/real_time_factor, /tf, /gateway/gateway_info, once /map,
         and under each robot's name base_pose_ground_truth, collisions, map_goal_client/queue, move_base/status,
         move_base/NavfnROS/plan (the last three come through the gateway), and for a film base_scan.
     Publishes:
@@ -47,6 +49,7 @@ class ObserverNode:
         self._mounts: dict[str, Pose] = {}
         self.moving_since: dict[str, float] = {}
         self.flips: dict[str, str] = {}
+        self.floor: Floor | None = None
         self._frames = {f"{robot.name}/{_ODOM}": robot for robot in fleet.robots}
         self._bases = {f"{robot.name}/{_BASE}": robot for robot in fleet.robots}
         self._goals = {
@@ -59,6 +62,10 @@ class ObserverNode:
         self._subscribe("/tf", TFMessage, self._on_tf)
         for robot in fleet.robots:
             self._subscribe_robot(robot)
+
+    def read_map(self) -> None:
+        """Reads the map once; ``floor`` is it then."""
+        self._map = rospy.Subscriber("/map", numpy_msg(OccupancyGrid), self._on_map, queue_size=1)
 
     def can_be_sent(self, robot: RobotTrack) -> bool:
         """Returns whether the robot's waypoint client is connected, through the gateways."""
@@ -93,6 +100,10 @@ class ObserverNode:
     def _locked(self, message: Any, callback: Any) -> None:
         with self._lock:
             callback(message)
+
+    def _on_map(self, message: OccupancyGrid) -> None:
+        self.floor = conversions.floor_from_grid(message)
+        self._map.unregister()
 
     def _on_clock(self, message: Clock) -> None:
         self._fleet.simulator.time = message.clock.to_sec()
@@ -147,7 +158,10 @@ class ObserverNode:
         robot.status = conversions.status_from_message(message)
 
     def _on_plan(self, robot: RobotTrack, message: Path) -> None:
-        robot.add_plan(conversions.points_from_path(message))
+        points = conversions.points_from_path(message)
+        robot.add_plan(points)
+        if self._recording is not None:
+            self._recording.add_plan(robot.name, self._fleet.simulator.time, points)
 
 
 def _is_ours(remote: RemoteRule) -> bool:
