@@ -1,8 +1,10 @@
 """A fleet that stays up: found by ``./pioneer status``, driven by goals and by keyboard, ended by Ctrl-C."""
 
 import json
+import math
 import os
 import pty
+import signal
 import subprocess
 from pathlib import Path
 
@@ -12,6 +14,8 @@ from pioneer_harness.wait import wait_until
 
 PIONEER = Path(__file__).resolve().parents[5] / "pioneer"
 START_UP, DRIVE, COMMAND = 120.0, 60.0, 30.0
+GOAL = 0.5
+"""How far from a goal a robot may stop, and from where it is it may believe to be [m]."""
 
 
 def status(fleet):
@@ -20,6 +24,18 @@ def status(fleet):
     done = subprocess.run(command, capture_output=True, text=True, timeout=COMMAND, check=False)
     fleets = json.loads(done.stdout)["fleets"] if done.returncode == 0 else []
     return next((one for one in fleets if one["pid"] == fleet.process.pid), None)
+
+
+def send(environment, x, y):
+    goal = ["geometry_msgs/Twist", f"[{x}, {y}, 0.0]", "[0.0, 0.0, 0.0]"]
+    command = ["rostopic", "pub", "-1", "/pioneer1/map_goal", *goal]
+    subprocess.run(command, env=environment, check=True, timeout=COMMAND, capture_output=True)
+
+
+def kill_while_driving(fleet, node):
+    wait_until(lambda: abs(status(fleet)["robots"][0]["speed"]) > 0.2, "the robot under way", DRIVE)
+    (victim,) = [pid for pid, line in fleet.processes().items() if f"__name:={node} " in line]
+    os.kill(victim, signal.SIGKILL)
 
 
 @pytest.fixture
@@ -31,7 +47,7 @@ def keyboard():
     os.close(theirs)
 
 
-def test_a_fleet_stays_up_for_status_goals_and_teleop_until_ctrl_c(start, keyboard):
+def test_a_fleet_stays_up_for_status_goals_killed_nodes_and_teleop_until_ctrl_c(start, keyboard):
     fleet = start("--robots", 1, "--world", "small_world", command="fleet")
     fleet.await_words("1 robot is ready in small_world", START_UP)
     (robot,) = status(fleet)["robots"]
@@ -43,12 +59,16 @@ def test_a_fleet_stays_up_for_status_goals_and_teleop_until_ctrl_c(start, keyboa
     assert world.stdout == b"small_world\n", "step 3's, through the gateways"
 
     x, y, _ = robot["pose"]
-    goal = ["geometry_msgs/Twist", f"[{x}, {y}, 0.0]", "[0.0, 0.0, 0.0]"]
-    subprocess.run(
-        ["rostopic", "pub", "-1", "/pioneer1/map_goal", *goal], env=environment, check=True, timeout=COMMAND,
-        capture_output=True,
-    )  # fmt: skip
+    send(environment, x, y)
     wait_until(lambda: status(fleet)["robots"][0]["reached"] == 1, "the goal, which is where it stands", DRIVE)
+    for count, (node, goal) in enumerate((("amcl", (3.5, -3.0)), ("move_base", (-2.5, -0.5))), 2):
+        send(environment, *goal)
+        kill_while_driving(fleet, node)
+        wait_until(lambda n=count: status(fleet)["robots"][0]["reached"] == n, f"the goal without {node}", DRIVE)
+        (robot,) = status(fleet)["robots"]
+        assert math.dist(goal, robot["pose"][:2]) < GOAL
+        assert robot["localisation_error"] < GOAL
+        assert f"pioneer1/{node} has died and is started again" in fleet.text()
 
     ours, theirs = keyboard
     teleop = subprocess.Popen(

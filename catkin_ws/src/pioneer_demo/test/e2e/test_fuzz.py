@@ -61,7 +61,9 @@ class Fleet:
             self._patrol(robot, places, folder / f"{robot}.yaml")
 
     def status(self) -> dict:
-        return next(one for one in running_fleets() if one["pid"] == self.running.process.pid)
+        found = next((one for one in running_fleets() if one["pid"] == self.running.process.pid), None)
+        assert found, f"the fleet ends:\n{self.running.text()}"
+        return found
 
     def _patrol(self, robot: str, places, path: Path) -> None:
         waypoints = ", ".join(f"{{x: {x}, y: {y}}}" for x, y in places)

@@ -1,6 +1,6 @@
 """Deaths of nodes are read from roslaunch's own words."""
 
-from pioneer_demo.core.launch_log import NodeDeath, node_deaths
+from pioneer_demo.core.launch_log import NodeDeath, node_deaths, restarted_nodes
 
 KILLED = (
     "\x1b[31m[pioneer1/move_base-4] process has died [pid 4242, exit code -9, cmd /ws/devel/lib/nav_bundle/move_base "
@@ -29,3 +29,9 @@ def test_several_deaths_come_in_order():
         "pioneer1/move_base",
         "pioneer1/amcl",
     ]
+
+
+def test_a_node_that_is_started_again_is_found():
+    text = KILLED + "[pioneer1/move_base-4] restarting process\nprocess[pioneer1/move_base-4]: started with pid [7]\n"
+    assert restarted_nodes(text) == ["pioneer1/move_base"]
+    assert restarted_nodes(KILLED) == []

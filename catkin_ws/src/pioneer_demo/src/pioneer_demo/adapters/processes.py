@@ -4,6 +4,7 @@ import glob
 import os
 import re
 import shutil
+import time
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
@@ -18,7 +19,7 @@ from pioneer_demo.core.command import (
 )
 from pioneer_demo.core.cost import Cost
 from pioneer_demo.core.kind import COMMAND, kind
-from pioneer_demo.core.launch_log import NodeDeath, node_deaths
+from pioneer_demo.core.launch_log import NodeDeath, node_deaths, restarted_nodes
 from pioneer_demo.core.option import FleetConfig
 from pioneer_harness.accounting import Account
 from pioneer_harness.error import ProcessDiedError
@@ -28,6 +29,8 @@ from pioneer_harness.process import ProcessGroup, last_lines
 # A Python process of a fleet does one thing at a time; threads of its matrix library would only get in others' way.
 _SINGLE = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 _LAST_GRACE = 3.0
+_RESTART = 10.0
+"""Within which roslaunch starts a node again [s]: launch files have it wait 2 s."""
 
 
 class FleetProcesses:
@@ -40,6 +43,7 @@ class FleetProcesses:
         self.group = ProcessGroup()
         self._account = Account(kind, short=COMMAND)
         self._read: dict[Path, int] = {}
+        self._dead: dict[str, tuple[float, str]] = {}
 
     def start(self) -> None:
         """Starts everything at once; the parts wait for each other.
@@ -59,12 +63,26 @@ class FleetProcesses:
             environment = {**_SINGLE, **os.environ, **home, **command.environment}
             self.group.start(command.name, command.argv, environment, log)
 
-    def check(self) -> None:
-        """Raises ``ProcessDiedError`` if a process has ended that was to live, a node under roslaunch included."""
+    def check(self) -> list[str]:
+        """Returns a line for each node that has died and is started again, where nodes may.
+
+        Raises:
+            ProcessDiedError: another process has ended that was to live, a node under roslaunch included.
+        """
         self.group.check()
+        lines = []
         for log in self._read:
-            for death in node_deaths(self._news(log)):
-                raise ProcessDiedError(_told(death, log))
+            news = self._news(log)
+            for death in node_deaths(news):
+                self._dead[death.name] = time.monotonic(), _told(death, log)
+            lines += [f"{name} has died and is started again" for name in restarted_nodes(news)]
+            for name in restarted_nodes(news):
+                self._dead.pop(name, None)
+        patience = _RESTART if self._config.restarts_nodes else 0.0
+        for died, text in self._dead.values():
+            if time.monotonic() - died >= patience:
+                raise ProcessDiedError(text)
+        return lines
 
     def sample(self) -> None:
         """Takes in what the processes have used so far."""

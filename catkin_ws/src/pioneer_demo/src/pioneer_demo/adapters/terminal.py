@@ -41,6 +41,11 @@ class Display:
         else:
             print(*lines, sep="\n", file=self._output, flush=True)
 
+    def say(self, line: str) -> None:
+        """Prints a line that stays, above the block."""
+        self.clear()
+        print(line, file=self._output, flush=True)
+
     def clear(self) -> None:
         """Removes the block."""
         self._draw([])

@@ -9,6 +9,7 @@ _DIED = re.compile(
     r"(?:, exit code (?P<status>-?\d+))?.*$",
     re.MULTILINE,
 )
+_RESTART = re.compile(r"^\[(?P<name>\S+?)(-\d+)?\] restarting process", re.MULTILINE)
 _LOG = re.compile(r"\A\s*log file: (?P<path>.+)$", re.MULTILINE)
 
 
@@ -38,3 +39,8 @@ def node_deaths(text: str) -> list[NodeDeath]:
         status = int(match["status"]) if match["status"] else None
         deaths.append(NodeDeath(match["name"], int(match["pid"]), status, log["path"].strip() if log else ""))
     return deaths
+
+
+def restarted_nodes(text: str) -> list[str]:
+    """Returns the names of the nodes that a piece of roslaunch's output reports as being started again."""
+    return [match["name"] for match in _RESTART.finditer(_COLOUR.sub("", text))]

@@ -45,6 +45,11 @@ class FleetConfig:
         )
 
     @property
+    def restarts_nodes(self) -> bool:
+        """Whether a node may die that its launch file starts again; a demo reports that as a fault."""
+        return True
+
+    @property
     def is_own_world(self) -> bool:
         """Whether the world is given by the path of a file."""
         return _is_path(self.world)
@@ -76,6 +81,11 @@ class DemoConfig(FleetConfig):
     log: Path = Path("demo-report/log")
     limit: float = 0.0
     video: Path | None = None
+
+    @property
+    def restarts_nodes(self) -> bool:
+        """Whether a node may die that its launch file starts again."""
+        return False
 
     @property
     def outputs(self) -> tuple[tuple[str, Path], ...]:

@@ -115,7 +115,8 @@ class FleetRun:
     def look(self, lines: Callable[[Fleet], list[str]] | None, phase: str) -> None:
         """One turn of every loop: check whether to end, show and publish the state, account, then rest a moment."""
         self._interrupt.check()
-        self.processes.check()
+        for line in self.processes.check():
+            self.display.say(line)
         with self.lock:
             text = lines(self.fleet) if lines else []
         if lines:

@@ -2,6 +2,7 @@
 
 import os
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,8 @@ from pioneer_gazebo.nodes.session import LaunchFile, Session, SessionError, host
 from pioneer_node.core.fleet_file import RobotEntry
 
 NAME = "run-pioneer-nav-local"
+CORRECTION = "AMCL_CORRECTION_FILE"
+"""Variable with the file in which amcl keeps where the robot's odometry begins in the map."""
 WORLD = "/world_name"
 """Parameter with the name of the world that the base station simulates."""
 
@@ -162,4 +165,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ArgumentError as error:
         sys.stderr.write(f"{NAME}: {error}\n")
         return 2
-    return run_session(NAME, lambda session: navigate(session, options))
+    with tempfile.TemporaryDirectory(prefix=f"{NAME}-") as folder:
+        # An amcl that dies is started again: it goes on where the robot is by then.
+        os.environ.setdefault(CORRECTION, f"{folder}/correction.json")
+        return run_session(NAME, lambda session: navigate(session, options))
