@@ -10,7 +10,7 @@ from gateway_msgs.msg import Rule as RuleMessage
 
 from rocon_gateway.core.matching import rule_from_text
 from rocon_gateway.core.network import Member
-from rocon_gateway.core.rulebook import remote_rule
+from rocon_gateway.core.rulebook import check_gateway
 from rocon_gateway.core.situation import WORKING, Flipped, RuleState, State
 from rocon_hub_protocol.core.code import Code
 from rocon_hub_protocol.core.record import Record
@@ -28,12 +28,11 @@ def rules_from_messages(messages: Iterable[RuleMessage], code: Code) -> list[Rul
 
 def remote_rules_from_messages(messages: Iterable[RemoteRuleMessage], code: Code) -> list[RemoteRule]:
     """Returns checked remote rules. Raises RequestError with `code`."""
-    return [
-        remote_rule(
-            message.gateway, rule_from_text(message.rule.type, message.rule.name, message.rule.node, code), code
-        )
-        for message in messages
-    ]
+    found = []
+    for message in messages:
+        check_gateway(message.gateway, code)
+        found += [RemoteRule(message.gateway, rule) for rule in rules_from_messages([message.rule], code)]
+    return found
 
 
 def message_from_rule(rule: Rule) -> RuleMessage:

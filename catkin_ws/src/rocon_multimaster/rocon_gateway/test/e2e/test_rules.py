@@ -103,6 +103,10 @@ def test_bad_requests_are_refused_and_everything_goes_on(pair) -> None:
     bad = base.remote("flip", "robot", "publisher", "/a(")
     assert (bad.result, "not a regular expression" in bad.error_message) == (codes.HUB_UNKNOWN_ERROR, True)
     assert base.flip("robot", "topic", "/a") == codes.HUB_UNKNOWN_ERROR
+    for gateway in (" ", "ro\nbot", "robot\0", "robot("):
+        refused = base.call("flip_all", srv.RemoteAll, gateway=gateway)
+        assert (refused.result, "gateway" in refused.error_message) == (codes.HUB_UNKNOWN_ERROR, True)
+        assert refused.error_message.isprintable()
     assert base.flip("base", "publisher", "/a") == codes.REMOTE_GATEWAY_SELF_IS_NOT
     assert base.pull("base", "publisher", "/a") == codes.REMOTE_GATEWAY_SELF_IS_NOT
     assert base.advertise("/a", "/b", "/c").result == 0

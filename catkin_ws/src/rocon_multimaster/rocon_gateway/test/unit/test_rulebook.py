@@ -4,7 +4,7 @@ import pytest
 
 from rocon_gateway.core.error import RequestError
 from rocon_gateway.core.matching import ALL
-from rocon_gateway.core.rulebook import RuleBook
+from rocon_gateway.core.rulebook import RuleBook, check_gateway
 from rocon_hub_protocol.core.code import Code
 from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule
 
@@ -60,6 +60,13 @@ def test_a_flip_or_pull_with_ourselves_is_refused(name: str) -> None:
         assert refusal(book.pulled, [remote(A, target)]) == Code.REMOTE_GATEWAY_SELF_IS_NOT
         assert refusal(book.flipping_all, target, []) == Code.REMOTE_GATEWAY_SELF_IS_NOT
         assert refusal(book.pulling_all, target, []) == Code.REMOTE_GATEWAY_SELF_IS_NOT
+
+
+@pytest.mark.parametrize("name", ["", " ", "ro\nbot", "robot\0", "robot("])
+def test_a_text_that_no_gateway_can_be_called_is_refused_in_one_line(name: str) -> None:
+    with pytest.raises(RequestError, match="gateway") as caught:
+        check_gateway(name, Code.HUB_UNKNOWN_ERROR)
+    assert str(caught.value).isprintable()
 
 
 def test_cancelling_takes_the_rule_of_that_gateway_only_and_nothing_is_no_error() -> None:

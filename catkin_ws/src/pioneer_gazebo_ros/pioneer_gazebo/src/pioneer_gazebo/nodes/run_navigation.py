@@ -166,6 +166,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stderr.write(f"{NAME}: {error}\n")
         return 2
     with tempfile.TemporaryDirectory(prefix=f"{NAME}-") as folder:
-        # An amcl that dies is started again: it goes on where the robot is by then.
+        # An amcl that dies is started again: it resumes where the robot is by then.
         os.environ.setdefault(CORRECTION, f"{folder}/correction.json")
         return run_session(NAME, lambda session: navigate(session, options))

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from rocon_gateway.core.error import ConfigError, GatewayError
-from rocon_gateway.core.matching import ALL, rule_from_text
+from rocon_gateway.core.matching import rule_from_text
 from rocon_gateway.core.option_rule import OptionRule, option_rule
-from rocon_gateway.core.rulebook import RuleBook, remote_rule
+from rocon_gateway.core.rulebook import RuleBook, check_gateway
 from rocon_hub_protocol.core.code import Code
-from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule, is_namespace
+from rocon_hub_protocol.core.rule import RemoteRule, Rule, is_namespace
 from rocon_relay.core.option import OptionError
 
 APPENDED = ("default_flips", "default_advertisements", "default_pulls", "rule_options")
@@ -190,10 +190,9 @@ def _remote(row: object) -> RemoteRule | str:
     """Returns the rule of a row, or only the gateway where the row has no rule."""
     if not isinstance(row, Mapping) or not isinstance(row.get("gateway"), str):
         raise ConfigError(f"{row!r} names no gateway")
-    gateway = row["gateway"]
-    rule = _rule(row["rule"]) if row.get("rule") else Rule(Kind.PUBLISHER, ALL)
-    checked = remote_rule(gateway, rule, Code.HUB_UNKNOWN_ERROR)
-    return checked if row.get("rule") else gateway
+    gateway: str = row["gateway"]
+    check_gateway(gateway, Code.HUB_UNKNOWN_ERROR)
+    return RemoteRule(gateway, _rule(row["rule"])) if row.get("rule") else gateway
 
 
 def _rule(row: object) -> Rule:

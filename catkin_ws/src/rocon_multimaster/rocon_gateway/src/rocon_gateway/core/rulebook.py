@@ -167,12 +167,13 @@ class RuleBook:
         )
 
 
-def remote_rule(gateway: str, rule: Rule, code: Code) -> RemoteRule:
-    """Returns a checked remote rule. Raises RequestError with `code` for a gateway that is empty or no pattern."""
-    if not gateway:
-        raise RequestError(code, f"the rule '{rule}' names no gateway")
+def check_gateway(gateway: str, code: Code) -> None:
+    """Raises RequestError with `code` for a text that is neither a gateway's name nor a pattern for some."""
+    if not gateway.strip():
+        raise RequestError(code, "the request names no gateway")
+    if not gateway.isprintable():
+        raise RequestError(code, f"{gateway!r} is no gateway's name: it has characters that cannot be printed")
     check_pattern("gateway", gateway, code)
-    return RemoteRule(gateway, rule)
 
 
 def _check_parameter(rule: Rule, code: Code) -> None:

@@ -9,8 +9,7 @@ from gateway_msgs import srv
 from rocon_gateway import conversions
 from rocon_gateway.adapters.hubs import Hubs
 from rocon_gateway.core.error import GatewayError, RequestError
-from rocon_gateway.core.matching import check_pattern
-from rocon_gateway.core.rulebook import RuleBook
+from rocon_gateway.core.rulebook import RuleBook, check_gateway
 from rocon_hub_protocol.core.code import Code, HubError
 from rocon_relay.core.connection import Relay
 
@@ -127,9 +126,7 @@ class ServiceHandlers:
             if request.cancel:
                 return end(book, request.gateway)
             self._need_hub()
-            if not request.gateway:
-                raise RequestError(Code.HUB_UNKNOWN_ERROR, "the request names no gateway")
-            check_pattern("gateway", request.gateway, Code.HUB_UNKNOWN_ERROR)
+            check_gateway(request.gateway, Code.HUB_UNKNOWN_ERROR)
             rules = conversions.rules_from_messages(request.blacklist, Code.HUB_UNKNOWN_ERROR)
             return begin(book, request.gateway, rules)
 
