@@ -50,6 +50,14 @@ class Flood(rospy.SubscribeListener):
             number += 1
 
 
+class Burst(rospy.SubscribeListener):
+    """Publishes three transforms without a stamp to each new subscriber, and then nothing."""
+
+    def peer_subscribe(self, _topic, _publish, peer_publish) -> None:
+        for name in ("first", "middle", "last"):
+            peer_publish(TFMessage([TransformStamped(child_frame_id=name)]))
+
+
 def main() -> None:
     rospy.init_node("talker")
     Flood()
@@ -60,6 +68,7 @@ def main() -> None:
     latched.publish(" ".join(rospy.myargv()[1:]))
     frames = rospy.Publisher("/tf_static", TFMessage, queue_size=5, latch=True)
     frames.publish([TransformStamped(child_frame_id=f"pioneer{number}/laser") for number in (1, 2)])
+    bursts = rospy.Publisher("/tf_burst", TFMessage, Burst(), queue_size=5)  # noqa: F841 # published while it is kept
     number = 0
     while not rospy.is_shutdown():
         chatter.publish(text(number, 80))

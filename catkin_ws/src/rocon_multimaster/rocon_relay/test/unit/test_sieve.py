@@ -2,12 +2,15 @@ import zlib
 from io import BytesIO
 
 import pytest
+import rospy
 from geometry_msgs.msg import TransformStamped
 from hypothesis import given
 from hypothesis import strategies as st
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
 from tf2_msgs.msg import TFMessage
 
-from rocon_relay.core.sieve import DeflatedError, Pace, deflated, inflated, matching_transforms
+from rocon_relay.core.sieve import DeflatedError, Pace, StampPace, deflated, inflated, matching_transforms
 
 
 def serialised(*frames):
@@ -59,3 +62,26 @@ def test_a_pace_spaces_messages_by_its_period():
     assert pace.wait(5.04) == pytest.approx(0.06)
     assert pace.wait(5.1) == pytest.approx(0.0)
     assert pace.wait(9.0) == 0.0
+
+
+def _stamped(type_, seconds):
+    stamp, buffer = rospy.Time(0, round(seconds * 1e9)), BytesIO()
+    message = Clock(stamp) if type_ == "rosgraph_msgs/Clock" else Odometry()
+    if type_ == "tf2_msgs/TFMessage":
+        message = TFMessage([TransformStamped()])
+        message.transforms[0].header.stamp = stamp
+    elif type_ == "nav_msgs/Odometry":
+        message.header.stamp = stamp
+    message.serialize(buffer)
+    return memoryview(buffer.getvalue())
+
+
+@pytest.mark.parametrize("type_", ["rosgraph_msgs/Clock", "tf2_msgs/TFMessage", "nav_msgs/Odometry"])
+def test_of_each_period_of_stamps_the_first_message_goes(type_):
+    pace = StampPace(20.0, type_)
+    times = [1.0, 1.01, 1.04, 1.05, 1.06, 1.09, 1.2, 1.24, 0.0, 0.01, 0.05]
+    assert [one for one in times if pace.picks(_stamped(type_, one))] == [1.0, 1.05, 1.2, 0.0, 0.05]
+
+
+def test_a_message_too_short_for_a_stamp_goes():
+    assert StampPace(20.0, "std_msgs/Empty").picks(memoryview(b""))

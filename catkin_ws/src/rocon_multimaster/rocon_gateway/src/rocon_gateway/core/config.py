@@ -39,8 +39,8 @@ class GatewayConfig:
         default_advertisements: `{name, node, type}`.
         default_flips: `{gateway, rule: {name, node, type}}`; without `rule`, everything is flipped there.
         default_pulls: likewise.
-        rule_options: `{name, node, gateway, rate, queue_size, compress, tf_frames}`: what is asked of the links that
-            rules bring for a topic (name), publishing node and other gateway, patterns as in rules, all by default;
+        rule_options: `{name, node, gateway, rate, queue_size, compress, tf_frames, stamp_rate}`: what is asked of the
+            links that rules bring for a topic (name), publishing node and other gateway, patterns as in rules, all by default;
             the first row that matches counts. See `core.option.LinkOptions`.
         advertise_all: start with everything advertised.
         custom_rules_file: YAML with more of these; empty for none.

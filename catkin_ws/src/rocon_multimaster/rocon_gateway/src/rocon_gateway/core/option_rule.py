@@ -33,7 +33,7 @@ def options_for(rules: Iterable[OptionRule], topic: str, node: str, gateway: str
 
 
 def option_rule(row: object) -> OptionRule:
-    """Returns one row of `~rule_options`, `{name, node, gateway, rate, queue_size, compress, tf_frames}`.
+    """Returns one row of `~rule_options`, `{name, node, gateway, rate, queue_size, compress, tf_frames, stamp_rate}`.
 
     Raises:
         OptionError: an unknown key, an invalid value, or no option at all.
@@ -54,6 +54,7 @@ def option_rule(row: object) -> OptionRule:
         _value(row, "queue_size", (int,), 0),
         row.get("compress", False),
         (row["tf_frames"],) if row.get("tf_frames") else (),
+        _value(row, "stamp_rate", (int, float), 0.0),
     )
     if not isinstance(options.compress, bool):
         raise OptionError(f"compress is true or false, not {options.compress!r}")

@@ -4,11 +4,14 @@ import time
 from collections.abc import Iterator
 
 from rocon_relay.core.option import LinkOptions
-from rocon_relay.core.sieve import TF_TYPES, Pace, deflated, inflated, matching_transforms, whole_frame
+from rocon_relay.core.sieve import TF_TYPES, Pace, StampPace, deflated, inflated, matching_transforms, whole_frame
 from tcpros.adapters.reactor import Reactor, Timer
 from tcpros.core.backlog import UNBOUNDED, Backlog
 from tcpros.core.fanout import Fanout, Outlet
 from tcpros.core.frame import LENGTH_SIZE, Chunk
+
+QUIET = 0.5
+"""After so long without a message [s], twice that at most, the last one crosses whatever its stamp."""
 
 
 class Sieve:
@@ -31,9 +34,13 @@ class Sieve:
         self._link = link
         self._keeps = options.keeps_frame() if options.tf_frames and type_ in TF_TYPES else None
         self._pace = Pace(options.rate) if options.rate else None
+        self._stamps = StampPace(options.stamp_rate, type_) if options.stamp_rate else None
         self._compress = options.compress
         self._newest: bytes | memoryview | None = None
         self._timer: Timer | None = None
+        self._held: memoryview | None = None
+        self._seen: memoryview | None = None
+        self._watch: Timer | None = None
 
     def push(self, chunk: Chunk) -> None:
         """Takes a chunk; handles each message that is whole."""
@@ -52,15 +59,35 @@ class Sieve:
 
     def end(self) -> None:
         """Sends nothing any more."""
-        self._newest = None
-        if self._timer is not None:
-            self._timer.cancel()
+        self._newest = self._held = None
+        for timer in (self._timer, self._watch):
+            if timer is not None:
+                timer.cancel()
 
     def close(self, reason: str) -> None:
         """Closes the link."""
         self._link.close(reason)
 
     def _take(self, message: memoryview) -> None:
+        if self._stamps is not None:
+            self.left_out += self._held is not None
+            self._held = None
+            if not self._stamps.picks(message):
+                self._held = message
+                if self._watch is None:
+                    self._watch = self._reactor.call_later(QUIET, self._look_whether_quiet)
+                return
+        self._pass_on(message)
+
+    def _look_whether_quiet(self) -> None:
+        if self._held is not None and self._held is self._seen:
+            self._pass_on(self._held)
+            self._held = None
+        self._seen, self._watch = self._held, None
+        if self._held is not None:
+            self._watch = self._reactor.call_later(QUIET, self._look_whether_quiet)
+
+    def _pass_on(self, message: memoryview) -> None:
         chosen: bytes | memoryview | None = message
         if self._keeps is not None:
             chosen = matching_transforms(message, self._keeps)

@@ -22,17 +22,20 @@ class LinkOptions:
             publisher, which is slowed instead.
         compress: messages cross deflated (zlib, level 1).
         tf_frames: regular expressions: of a tf message only transforms cross whose child frame matches each of them.
+        stamp_rate: at most so many messages a second of their own stamps cross, whatever the real-time factor, each the
+            first of its period; 0 is any number [Hz]. For clocks, tf, and types that begin with a header.
     """
 
     rate: float = 0.0
     queue_size: int = 0
     compress: bool = False
     tf_frames: tuple[str, ...] = ()
+    stamp_rate: float = 0.0
 
     @property
     def needs_messages(self) -> bool:
         """Whether the source has to look at whole messages."""
-        return bool(self.rate or self.compress or self.tf_frames)
+        return bool(self.rate or self.compress or self.tf_frames or self.stamp_rate)
 
     @property
     def limit(self) -> str:
@@ -42,10 +45,11 @@ class LinkOptions:
     def joined(self, other: "LinkOptions") -> "LinkOptions":
         """Returns what satisfies both."""
         return LinkOptions(
-            min((rate for rate in (self.rate, other.rate) if rate), default=0.0),
-            min((size for size in (self.queue_size, other.queue_size) if size), default=0),
+            _least(self.rate, other.rate),
+            int(_least(self.queue_size, other.queue_size)),
             self.compress or other.compress,
             tuple(dict.fromkeys((*self.tf_frames, *other.tf_frames))),
+            _least(self.stamp_rate, other.stamp_rate),
         )
 
     def fields(self) -> dict[str, str]:
@@ -55,6 +59,7 @@ class LinkOptions:
             "queue_size": str(self.queue_size or ""),
             "compress": "zlib" if self.compress else "",
             "tf_frames": "".join(self.tf_frames[:1]),
+            "stamp_rate": f"{self.stamp_rate!r}" if self.stamp_rate else "",
         }
         return {key: value for key, value in fields.items() if value}
 
@@ -65,6 +70,10 @@ class LinkOptions:
 
 NO_OPTIONS = LinkOptions()
 """Everything crosses as it is."""
+
+
+def _least(*limits: float) -> float:
+    return min((limit for limit in limits if limit), default=0)
 
 
 def check_frames(pattern: str) -> None:
@@ -85,11 +94,12 @@ def options_from_fields(fields: Mapping[str, str]) -> LinkOptions:
     if compress not in ("", "zlib"):
         raise OptionError(f"it asks for compression '{compress}'")
     try:
-        rate, queue_size = float(fields.get("rate") or 0), int(fields.get("queue_size") or 0)
+        rate, stamp_rate = (float(fields.get(name) or 0) for name in ("rate", "stamp_rate"))
+        queue_size = int(fields.get("queue_size") or 0)
     except ValueError as error:
-        raise OptionError(f"rate or queue_size: {error}") from None
-    if not (math.isfinite(rate) and rate >= 0 and queue_size >= 0):
-        raise OptionError(f"rate {rate} or queue_size {queue_size} is out of bounds")
+        raise OptionError(f"rate, stamp_rate or queue_size: {error}") from None
+    if not (0 <= rate < math.inf and 0 <= stamp_rate < math.inf and queue_size >= 0):
+        raise OptionError(f"rate {rate}, stamp_rate {stamp_rate} or queue_size {queue_size} is out of bounds")
     pattern = fields.get("tf_frames", "")
     check_frames(pattern)
-    return LinkOptions(rate, queue_size, bool(compress), (pattern,) if pattern else ())
+    return LinkOptions(rate, queue_size, bool(compress), (pattern,) if pattern else (), stamp_rate)

@@ -13,7 +13,9 @@ TF_TYPES = frozenset({"tf2_msgs/TFMessage", "tf/tfMessage"})
 LEVEL = 1
 """Of zlib: the quickest."""
 
-_LENGTH = struct.Struct("<I")
+_LENGTH, _TIME = struct.Struct("<I"), struct.Struct("<II")
+_STAMPS = {"rosgraph_msgs/Clock": 0, **dict.fromkeys(TF_TYPES, 8)}
+_HEADER_STAMP = 4
 _STAMP = 12  # seq and stamp, before a transform's frame_id
 _POSE = 56  # translation and rotation, after its child_frame_id
 
@@ -86,6 +88,29 @@ class Pace:
     def went(self, now: float) -> None:
         """Takes note that a message went."""
         self._due = now + self._period
+
+
+class StampPace:
+    """Picks messages by the time that they carry: the first of each period.
+
+    Args:
+        rate: periods a second [Hz].
+        type_: the messages' type: a clock, one of `TF_TYPES`, or one that begins with a header.
+    """
+
+    def __init__(self, rate: float, type_: str) -> None:
+        self._period = max(1, round(1e9 / rate))
+        self._position = _STAMPS.get(type_, _HEADER_STAMP)
+        self._last = -1
+
+    def picks(self, message: memoryview) -> bool:
+        """Returns whether a message is to go; one too short for a stamp is."""
+        if len(message) < self._position + _TIME.size:
+            return True
+        seconds, nanoseconds = _TIME.unpack_from(message, self._position)
+        period = (seconds * 10**9 + nanoseconds) // self._period
+        picked, self._last = period != self._last, period
+        return bool(picked)
 
 
 def _after_text(message: memoryview, position: int) -> int:

@@ -40,6 +40,17 @@ def test_the_strictest_of_both_ends_counts(sides):
     assert sink.link().reason == "at most 5 messages a second"
 
 
+def test_the_last_message_of_a_stream_that_pauses_crosses_whatever_its_stamp(sides):
+    """All of this stream's messages carry the stamp 0: only the first is in time."""
+    source, sink = sides
+    wanted = {"type_": TF, "options": LinkOptions(stamp_rate=20.0)}
+    connect(source, sink, ("/tf_burst",), at_source={"type_": TF}, **wanted)
+    with Subscriber(sink, "/source/talker1", "/tf_burst") as subscriber:
+        frames = [TFMessage().deserialize(subscriber.bytes()).transforms[0].child_frame_id for _ in range(2)]
+    assert frames == ["first", "last"]
+    assert source.link().left_out == 1
+
+
 @pytest.mark.parametrize("topic", ["/chatter", "/big", "/mixed"])
 def test_compressed_messages_arrive_as_they_were_sent(sides, topic):
     source, sink = sides

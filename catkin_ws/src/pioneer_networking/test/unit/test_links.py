@@ -1,0 +1,36 @@
+"""What a robot's gateway asks of its links when it is started as the tutorial says."""
+
+import roslaunch.config
+import roslaunch.xmlloader
+import roslib.packages
+
+from rocon_gateway.core.config import GatewayConfig
+from rocon_gateway.core.option_rule import options_for
+
+
+def _options(monkeypatch, robot, *arguments):
+    monkeypatch.setenv("ROBOT_NAME", robot)
+    config = roslaunch.config.ROSLaunchConfig()
+    path = f"{roslib.packages.get_pkg_dir('pioneer_networking')}/launch/pioneer_gateway.launch"
+    roslaunch.xmlloader.XmlLoader(resolve_anon=False).load(path, config, argv=list(arguments), verbose=False)
+    rows = config.params["/gateway/rule_options"].value if "/gateway/rule_options" in config.params else ()
+    rules = GatewayConfig(rule_options=rows).options()
+    return lambda topic: options_for(rules, topic, "/gazebo", "Hub_Gateway", "aadi1_gateway")
+
+
+def test_time_odometry_and_tf_come_at_20_hz_of_simulated_time_and_scans_as_they_are(monkeypatch):
+    options = _options(monkeypatch, "pioneer1")
+    topics = ("/clock", "/tf", "/pioneer1/odom", "/tf_static", "/map", "/pioneer1/base_scan", "/pioneer1/cmd_vel")
+    assert [options(topic).stamp_rate for topic in topics] == [20, 20, 20, 0, 0, 0, 0]
+    assert not any(options(topic).rate for topic in topics)
+
+
+def test_of_other_robots_only_poses_come(monkeypatch):
+    keeps = _options(monkeypatch, "pioneer1")("/tf").keeps_frame()
+    frames = ["pioneer1/odom", "pioneer1/left_wheel", "pioneer2/odom", "/pioneer2/base_link", "map", "pioneer2/left_hub"]
+    assert [keeps(frame) for frame in frames] == [True] * 5 + [False]
+
+
+def test_every_message_crosses_for_a_computer_of_no_robot_or_if_so_wanted(monkeypatch):
+    assert not _options(monkeypatch, "")("/clock").stamp_rate
+    assert not _options(monkeypatch, "pioneer1", "gateway_full_rate:=true")("/clock").stamp_rate
