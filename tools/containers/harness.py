@@ -18,6 +18,9 @@ ROOT = Path(__file__).parents[2]
 PATIENCE = 240.0
 """Longest wait for anything [s]: the machine may be busy with more than this."""
 
+CPU_SCRIPT = "cat /sys/fs/cgroup/cpu.stat /sys/fs/cgroup/cpuacct/cpuacct.usage 2>/dev/null; true"
+"""For a container's shell: how much CPU time the container has used."""
+
 
 class Fleet:
     """A project that ``./pioneer`` manages; its containers are gone at the end, whatever happens."""
@@ -132,11 +135,11 @@ class Fleet:
 
     def cpu_seconds(self) -> float:
         """Returns the CPU time that all containers have used."""
-        script = "cat /sys/fs/cgroup/cpu.stat /sys/fs/cgroup/cpuacct/cpuacct.usage 2>/dev/null; true"
-        return sum(_cpu(self.execute(name, "sh", "-c", script)) for name in self.computers())
+        return sum(cpu_of(self.execute(name, "sh", "-c", CPU_SCRIPT)) for name in self.computers())
 
 
-def _cpu(text: str) -> float:
+def cpu_of(text: str) -> float:
+    """Returns the CPU time [s] in what `CPU_SCRIPT` printed last."""
     for line in text.splitlines():
         if line.startswith("usage_usec"):
             return int(line.split()[1]) / 1e6

@@ -27,7 +27,7 @@ def test_time_odometry_and_tf_come_at_20_hz_of_simulated_time_and_scans_as_they_
 
 def test_of_other_robots_only_poses_come(monkeypatch):
     keeps = _options(monkeypatch, "pioneer1")("/tf").keeps_frame()
-    frames = ["pioneer1/odom", "pioneer1/left_wheel", "pioneer2/odom", "/pioneer2/base_link", "map", "pioneer2/left_hub"]
+    frames = ["pioneer1/odom", "pioneer1/left_wheel", "pioneer2/odom", "/pioneer2/base_link", "map", "pioneer2/swivel"]
     assert [keeps(frame) for frame in frames] == [True] * 5 + [False]
 
 

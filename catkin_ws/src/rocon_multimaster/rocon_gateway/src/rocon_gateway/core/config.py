@@ -40,8 +40,8 @@ class GatewayConfig:
         default_flips: `{gateway, rule: {name, node, type}}`; without `rule`, everything is flipped there.
         default_pulls: likewise.
         rule_options: `{name, node, gateway, rate, queue_size, compress, tf_frames, stamp_rate}`: what is asked of the
-            links that rules bring for a topic (name), publishing node and other gateway, patterns as in rules, all by default;
-            the first row that matches counts. See `core.option.LinkOptions`.
+            links that rules bring for a topic (name), publishing node and other gateway, patterns as in rules, all by
+            default; the first row that matches counts. See `core.option.LinkOptions`.
         advertise_all: start with everything advertised.
         custom_rules_file: YAML with more of these; empty for none.
         network_interface: the interface whose address is announced to other gateways; empty: the one towards the hub.

@@ -1,0 +1,49 @@
+"""The figures of ``./pioneer bench containers``."""
+
+import pytest
+
+from containers import scale
+
+ROW = {"robots": 5.0, "factor": 1.0, "cpu_s_a_sim_s": 1.0, "robot_cpu": 0.13}
+
+
+def test_each_figure_stands_beside_its_goal():
+    lines = scale.table([ROW, {**ROW, "robots": 15.0, "cpu_s_a_sim_s": 6.0, "factor": 0.89}]).splitlines()[2:]
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    found = {(robots, what): (value, goal, holds) for robots, what, value, _, goal, holds in cells}
+    assert found["5", "real-time factor"] == ("1", "", "")
+    assert found["15", "real-time factor"] == ("0.89", "≥ 0.9", "no")
+    assert found["5", "a robot's computer, mean"] == ("0.13", "≤ 0.12", "no")
+    growth = "CPU of the largest fleet / of as many robots at the smallest's cost"
+    assert found["15", growth] == ("2", "≤ 1.05", "no")
+
+
+class Computers:
+    """Computers that are asked late, each later than the other, while simulated time passes at half speed."""
+
+    def __init__(self, robots):
+        self.robots, self.wall = robots, 100.0
+
+    def pioneer(self, *_words):
+        return f"{self.robots} robots drive after 12 s"
+
+    def memory(self, _computer):
+        return 2e8
+
+    def execute(self, computer, *command):
+        self.wall += 1.7
+        if command[0] == "python3":
+            return f"{self.wall / 2} {self.wall}\n"
+        rate = 0.3 if computer == scale.BASE else 0.1
+        eth = f"eth0: {int(self.wall * 1000)} 0 0 0 0 0 0 0 {int(self.wall * 500)} 0"
+        return f"{self.wall} 1.0\n{eth}\nusage_usec {int(self.wall * rate * 1e6)}\n"
+
+
+def test_figures_do_not_depend_on_how_long_the_questions_take(monkeypatch):
+    computers = Computers(3)
+    monkeypatch.setattr(scale.time, "sleep", lambda seconds: setattr(computers, "wall", computers.wall + seconds))
+    row = scale.measure(computers, 3, lambda _text: None)
+    assert row["factor"] == pytest.approx(0.5)
+    assert row["cpu_s_a_sim_s"] == pytest.approx(2 * (0.3 + 3 * 0.1), rel=1e-3)
+    assert row["robot_cpu"] == pytest.approx(0.2, rel=1e-3)
+    assert (row["robot_in_kb"], row["robot_out_kb"]) == pytest.approx((2.0, 1.0), rel=1e-3)
