@@ -40,6 +40,16 @@ def test_two_robots_reach_their_waypoints_through_the_gateways_and_are_filmed(st
     assert 0.0 <= seconds_of(film) - numbers["drive"]["simulated_seconds"] < 120.0, (
         "from the robots' first sight to the end"
     )
+    assert_quiet(demo)
+
+
+def assert_quiet(demo):
+    """Nothing that means nothing: neither on the screen nor in what the fleet's processes print."""
+    printed = {path.name: path.read_text() for path in (demo.report / "log").glob("*.log")}
+    assert {"hub.log", "simulator.log", "navigation-of-pioneer1.log"} <= set(printed)
+    for name, text in {**printed, "the screen": demo.text()}.items():
+        for noise in ("SUMMARY", "build time", "trying on", "media_export", "cannot create a symlink", "1 robots"):
+            assert noise not in text, f"'{noise}' in {name}"
 
 
 def seconds_of(film):

@@ -1,0 +1,62 @@
+"""``./pioneer status`` shows every fleet of the machine, as processes and as containers."""
+
+import json
+from typing import Any
+
+import pytest
+
+import native
+from containers.engine import Computer
+
+FLEET = {
+    "world": "utm_0", "phase": "up", "started": 0.0, "real_time_factor": 1.0, "master": "http://localhost:11312",
+    "pid": 7,
+    "robots": [
+        {
+            "robot": "rover", "state": "waiting", "pose": [1.0, 2.0, 0.0], "localisation_error": 0.01, "aborted": 0,
+            "moving": False, "speed": 0.0, "odom_age": 0.1, "reached": 1, "received": 2, "waypoint": "", "master": "",
+        }
+    ],
+}  # fmt: skip
+
+
+class FakeProject:
+    def computers(self) -> list[Computer]:
+        return [Computer("aadi1", "c1", "running", "", {}, "pioneer")]
+
+
+@pytest.fixture
+def both(monkeypatch: pytest.MonkeyPatch) -> None:
+    def follow(asked: Any, heard: Any) -> None:
+        for computer, _ in asked:
+            heard(computer, {"computer": computer.name, "stage": "moving", "lacks": ""})
+
+    monkeypatch.setattr(native, "running_fleets", lambda: [FLEET])
+    monkeypatch.setattr(native, "_has_containers", lambda _: True)
+    monkeypatch.setattr(native, "project", lambda _: FakeProject())
+    monkeypatch.setattr(native, "follow", follow)
+
+
+@pytest.mark.usefixtures("both")
+def test_json_has_the_fleets_of_processes_and_the_computers_in_one_document(capsys: pytest.CaptureFixture[str]) -> None:
+    assert native.main(["status", "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert [robot["robot"] for fleet in shown["fleets"] for robot in fleet["robots"]] == ["rover"]
+    assert shown["computers"]["aadi1"]["stage"] == "moving"
+
+
+@pytest.mark.usefixtures("both")
+def test_the_table_has_both(capsys: pytest.CaptureFixture[str]) -> None:
+    assert native.main(["status"]) == 0
+    text = capsys.readouterr().out
+    assert "rover" in text
+    assert "aadi1" in text
+
+
+def test_without_a_fleet_one_line_says_how_to_start_one(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(native, "running_fleets", list)
+    monkeypatch.setattr(native, "_has_containers", lambda _: False)
+    assert native.main(["status", "--json"]) == 1
+    assert capsys.readouterr().err.startswith("pioneer: no fleet runs: ./pioneer fleet starts one")
