@@ -36,11 +36,23 @@ class AmclCheck(RoomTest):
         cls.robot = RoomRobot(0.02)
         cls.map = rospy.Publisher("/map", GridMessage, queue_size=1, latch=True)
         cls.map.publish(message_from_grid(cls.robot.grid, "/map", rospy.Time(1)))
+        cls.initial_pose = rospy.Publisher("/pioneer3/initialpose", PoseWithCovarianceStamped, queue_size=1)
 
     def setUp(self) -> None:
         super().setUp()
         self.listen("/pioneer3/amcl_pose", PoseWithCovarianceStamped, "estimate")
         self.listen("/pioneer3/particlecloud", PoseArray, "cloud")
+        self.robot.pose = START
+        self.say_pose(START)
+        self.drive_until(self.is_localised, "localisation at the start")
+
+    def say_pose(self, pose: Pose) -> None:
+        message = PoseWithCovarianceStamped()
+        message.header.frame_id = "/map"
+        message.pose.pose = message_from_pose(pose)
+        message.pose.covariance[0] = message.pose.covariance[7] = message.pose.covariance[35] = 0.05
+        wait_until(self.initial_pose.get_num_connections, "a subscriber of initialpose", 30.0)
+        self.initial_pose.publish(message)
 
     def error(self) -> float:
         assert self.map_from_odom is not None
@@ -62,7 +74,7 @@ class AmclCheck(RoomTest):
         poses = [pose_from_message(pose) for pose in self.cloud.poses] if self.cloud else [Pose()]
         return np.ptp([pose.x for pose in poses]) > 3.0 and np.ptp([pose.yaw for pose in poses]) > 4.0
 
-    def test_1_a_driving_robot_is_followed(self) -> None:
+    def test_a_driving_robot_is_followed(self) -> None:
         self.drive_until(self.answered, "tf map to odom of the last scan, stamped ahead by transform_tolerance")
         errors = []
         for turn in [0.0] * 60 + [math.pi / 20] * 10 + [0.0] * 30:
@@ -78,24 +90,18 @@ class AmclCheck(RoomTest):
         assert abs(saved - self.robot.pose.x) < 1.0
         assert saved != 1.4
 
-    def test_2_a_robot_at_rest_is_updated_on_request(self) -> None:
+    def test_a_robot_at_rest_is_updated_on_request(self) -> None:
         self.drive_until(self.answered, "tf of the last scan")
         before = rospy.wait_for_message("/pioneer3/amcl_pose", PoseWithCovarianceStamped, timeout=5).header.stamp
         rospy.ServiceProxy("/pioneer3/request_nomotion_update", Empty)()
         self.drive_until(lambda: self.estimate is not None and self.estimate.header.stamp > before, "a forced update")
 
-    def test_3_an_initial_pose_is_taken(self) -> None:
+    def test_an_initial_pose_is_taken(self) -> None:
         self.robot.pose = Pose(5.0, 1.4, 0.3)
-        message = PoseWithCovarianceStamped()
-        message.header.frame_id = "/map"
-        message.pose.pose = message_from_pose(self.robot.pose.compose(Pose(0.2, 0.1, 0.1)))
-        message.pose.covariance[0] = message.pose.covariance[7] = message.pose.covariance[35] = 0.05
-        publisher = rospy.Publisher("/pioneer3/initialpose", PoseWithCovarianceStamped, queue_size=1, latch=True)
-        publisher.publish(message)
+        self.say_pose(self.robot.pose.compose(Pose(0.2, 0.1, 0.1)))
         self.drive_until(self.is_localised, "localisation at the initial pose")
-        publisher.unregister()
 
-    def test_4_a_map_is_set_by_service(self) -> None:
+    def test_a_map_is_set_by_service(self) -> None:
         self.robot.pose = START
         request = SetMapRequest(map=message_from_grid(self.robot.grid, "map", rospy.Time(1)))
         request.map.data = request.map.data.tolist()
@@ -105,17 +111,18 @@ class AmclCheck(RoomTest):
         assert rospy.ServiceProxy("/pioneer3/set_map", SetMap)(request).success
         self.drive_until(self.is_localised, "localisation in the map that was set")
 
-    def test_5_a_lost_robot_spreads_its_particles(self) -> None:
+    def test_a_lost_robot_spreads_its_particles(self) -> None:
         rospy.ServiceProxy("/pioneer3/global_localization", Empty)()
         self.drive_until(self.is_spread, "particles all over the room, in all headings")
 
-    def test_6_time_that_jumps_back_starts_anew(self) -> None:
+    def test_time_that_jumps_back_restarts_it(self) -> None:
         self.drive_until(self.answered, "tf of the last scan")
         self.robot.pose, self.robot.time = START, 3.0
         self.drive_until(self.is_localised, "localisation after time jumped back")
 
-    def test_7_parameters_change_under_way(self) -> None:
+    def test_parameters_change_under_way(self) -> None:
         client = Client("/pioneer3/amcl", timeout=10)
+        self.addCleanup(client.update_configuration, {"restore_defaults": True})
         held = client.update_configuration({"min_particles": 700, "laser_z_hit": 0.6, "max_particles": 99999})
         assert (held["min_particles"], held["laser_z_hit"], held["max_particles"]) == (700, 0.6, 10000)
         self.drive_until(lambda: self.answered() and self.particles() >= 700, "a larger cloud", 0.02)
@@ -131,7 +138,7 @@ class AmclCheck(RoomTest):
             "likelihood_field",
         )
 
-    def test_8_messages_that_cannot_be_used_cost_only_themselves(self) -> None:
+    def test_messages_that_cannot_be_used_cost_only_themselves(self) -> None:
         nowhere, future = TransformStamped(), TransformStamped()
         nowhere.transform.rotation.w = future.transform.rotation.w = 1.0
         future.header.frame_id, future.child_frame_id = "pioneer3/odom", "pioneer3/base_link"

@@ -1,0 +1,170 @@
+"""Which rules each script asks its gateway for, and what it does with a wrong command line."""
+
+import sys
+from collections.abc import Callable, Sequence
+
+import pytest
+
+from rocon_flip.core.plan import Action, Wish
+from rocon_flip.nodes import command
+
+Asked = tuple[Action, list[Wish], bool]
+
+
+class FakeGateway:
+    """Keeps what is asked; refuses it if told to."""
+
+    asked: list[Asked]
+    accepts = True
+
+    def wait(self) -> None:
+        """Is there at once."""
+
+    def ask(self, action: Action, wishes: Sequence[Wish], cancel: bool) -> bool:
+        self.asked.append((action, list(wishes), cancel))
+        return self.accepts
+
+
+@pytest.fixture
+def gateway(monkeypatch: pytest.MonkeyPatch) -> type[FakeGateway]:
+    kind = type("Gateway", (FakeGateway,), {"asked": []})
+    monkeypatch.setattr(command, "GatewayClient", kind)
+    monkeypatch.setattr(command.rospy, "init_node", lambda *_, **__: None)
+    for name in ("ROBOTS", "ROBOT_NAME", "HOSTNAME"):
+        monkeypatch.delenv(name, raising=False)
+    return kind
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
+    def script(entry: Callable[[], int], *arguments: str) -> int:
+        monkeypatch.setattr(sys, "argv", ["script", *arguments, "__name:=ignored"])
+        return entry()
+
+    return script
+
+
+HUB = "Hub_Gateway"
+
+
+@pytest.mark.parametrize(
+    ("entry", "arguments", "action", "wishes"),
+    [
+        (command.advertise_hub_publisher, ["map"], Action.ADVERTISE, [Wish("publisher", "/map")]),
+        (command.pull_hub_publisher, ["/map"], Action.PULL, [Wish("publisher", "/map", "", HUB)]),
+        (
+            command.flip_hub_subscriber,
+            ["pioneer1", "odom", "rviz", "aadi1"],
+            Action.FLIP,
+            [Wish("subscriber", "/pioneer1/odom", "/rviz", "aadi1_gateway")],
+        ),
+        (
+            command.flip_hub_publisher,
+            ["pioneer1", "map_goal", "", "aadi1"],
+            Action.FLIP,
+            [Wish("publisher", "/pioneer1/map_goal", "", "aadi1_gateway")],
+        ),
+        (command.flip_hub_publisher, ["goal", "aadi2"], Action.FLIP, [Wish("publisher", "/goal", "", "aadi2_gateway")]),
+        (
+            command.flip_remote_subscriber,
+            ["pioneer1", "odom", "/amcl"],
+            Action.FLIP,
+            [Wish("subscriber", "/pioneer1/odom", "/amcl", HUB)],
+        ),
+        (
+            command.flip_remote_publisher,
+            ["pioneer1", "/tf", ""],
+            Action.FLIP,
+            [Wish("publisher", "/tf", "", HUB)],
+        ),
+        (command.flip_traffic, [], Action.FLIP, [Wish("publisher", "/traffic/reports", "", "aadi.*_gateway")]),
+        (
+            command.generic_advertiser,
+            ["-t", "odom", "-l", "pioneer1", "-n", "gazebo"],
+            Action.ADVERTISE,
+            [Wish("publisher", "/pioneer1/odom", "/gazebo")],
+        ),
+        (
+            command.generic_puller,
+            ["-g", HUB, "-t", "/map", "-r", "pioneer1"],
+            Action.PULL,
+            [Wish("publisher", "/map", "", HUB)],
+        ),
+        (
+            command.generic_flip_publisher,
+            ["-g", HUB, "-t", "cmd_vel", "-l", "/pioneer1/", "-r", "pioneer1"],
+            Action.FLIP,
+            [Wish("publisher", "/pioneer1/cmd_vel", "", HUB)],
+        ),
+        (
+            command.generic_flip_subscriber,
+            ["-g", HUB, "-t", "odom", "-r", "pioneer1"],
+            Action.FLIP,
+            [Wish("subscriber", "/pioneer1/odom", "", HUB)],
+        ),
+    ],
+    ids=lambda value: value.__name__ if callable(value) else "",
+)
+@pytest.mark.parametrize("cancel", [False, True])
+def test_a_script_asks_for_its_rule_or_takes_it_back(run, gateway, entry, arguments, action, wishes, cancel) -> None:
+    assert run(entry, *arguments, *["--cancel"] * cancel) == 0
+    assert gateway.asked == [(action, wishes, cancel)]
+
+
+def test_the_hub_flips_for_the_robots_and_the_node_of_its_command_line(run, gateway) -> None:
+    assert run(command.flip_from_hub, "2", "/rviz") == 0
+    ((action, wishes, cancel),) = gateway.asked
+    assert (action, len(wishes), cancel) == (Action.FLIP, 12, False)
+    assert {(one.node, one.gateway) for one in wishes} == {("/rviz", "aadi1_gateway"), ("/rviz", "aadi2_gateway")}
+
+
+def test_rvizs_tools_are_flipped_for_as_many_robots_as_the_environment_says(run, gateway, monkeypatch) -> None:
+    monkeypatch.setenv("ROBOTS", "3")
+    assert run(command.flip_tools_from_hub) == 0
+    assert {one.gateway for one in gateway.asked[0][1]} == {f"aadi{number}_gateway" for number in (1, 2, 3)}
+
+
+def test_a_robot_flips_for_its_own_name_and_laser(run, gateway, monkeypatch) -> None:
+    monkeypatch.setenv("HOSTNAME", "aadi4")
+    assert run(command.flip_from_remote) == run(command.flip_from_remote, "rover", "scan") == 0
+    names = [[one.name for one in wishes] for _, wishes, _ in gateway.asked]
+    assert names == [
+        ["/pioneer4/base_scan", "/pioneer4/odom", "/pioneer4/pioneer/cmd_vel"],
+        ["/rover/scan", "/rover/odom", "/rover/pioneer/cmd_vel"],
+    ]
+
+
+def test_a_refusal_is_the_scripts_status(run, gateway) -> None:
+    gateway.accepts = False
+    assert run(command.advertise_from_hub) == 1
+    assert run(command.pull_from_hub) == 1
+
+
+@pytest.mark.parametrize(
+    ("entry", "arguments", "words"),
+    [
+        (command.advertise_from_hub, ["more"], "Usage: advertise-from-hub [--cancel]"),
+        (command.pull_hub_publisher, [], "Usage: pull_hub_publisher.py topic"),
+        (command.flip_remote_publisher, ["pioneer1", "odom"], "Usage: flip_remote_publisher.py namespace topic node"),
+        (command.flip_hub_publisher, ["pioneer1", "odom", "rviz"], "3 arguments are ambiguous"),
+        (command.flip_from_hub, ["0"], "'0' is not a number of robots"),
+        (command.flip_from_hub, ["--robots"], "Usage: flip-from-hub"),
+    ],
+)
+def test_a_wrong_command_line_is_one_line_and_asks_nothing(run, gateway, capsys, entry, arguments, words) -> None:
+    assert run(entry, *arguments) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count("\n") == 1
+    assert gateway.asked == []
+
+
+def test_help_is_no_error(run, gateway, capsys) -> None:
+    assert run(command.flip_from_hub, "--help") == 0
+    assert capsys.readouterr().err.startswith("Usage: flip-from-hub")
+
+
+def test_a_topic_cannot_have_two_namespaces(run, gateway, capsys) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        run(command.generic_flip_publisher, "-g", HUB, "-t", "odom", "-l", "pioneer1", "-r", "pioneer2")
+    assert "give one namespace" in capsys.readouterr().err
