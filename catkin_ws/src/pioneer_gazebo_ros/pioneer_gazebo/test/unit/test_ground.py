@@ -97,6 +97,24 @@ def test_a_robot_stands_and_drives_on_a_mesh(simulate: MakeSimulation, robot: Ro
     assert simulation.pose(entity).position[0] < 2.0
 
 
+def test_two_places_of_one_mesh_carry_robots_also_after_other_models_came_and_went(
+    simulate: MakeSimulation, robot: Robot, box: MakeBox, tmp_path: Path
+) -> None:
+    path = tmp_path / "table.obj"
+    path.write_text("v -2 -2 0\nv 2 -2 0\nv 2 2 0\nv -2 2 0\nf 1 2 3 4\n")
+    link = Link("l", collisions=(Collision("c", Pose(), Mesh(str(path))),))
+    places = [Pose.from_rpy(0.0, 0.0, 0.3), Pose.from_rpy(10.0, 0.0, 0.6, yaw=0.7)]
+    simulation = simulate(*(Model(f"table_{k}", at, True, (link,)) for k, at in enumerate(places)))
+    for name in ("a", "b"):
+        simulation.add_model(box(name, Pose((5.0, 0.0, 0.5)), (1.0, 1.0, 1.0)))
+        simulation.remove(name)
+    simulation.remove("table_0")
+    entities = [simulation.add_robot(f"r{k}", f"r{k}", robot, at) for k, at in enumerate(places)]
+    run(simulation, 1.0)
+    heights = [simulation.pose(entity).position[2] for entity in entities]
+    assert heights == pytest.approx([0.0, 0.6], abs=0.003)
+
+
 def test_a_robot_set_above_a_floor_falls_on_it(simulate: MakeSimulation, robot: Robot, box: MakeBox) -> None:
     simulation = simulate(floor_box(box, 0.2))
     entity = simulation.add_robot("r", "r", robot, Pose((0.0, 0.0, 0.3)))

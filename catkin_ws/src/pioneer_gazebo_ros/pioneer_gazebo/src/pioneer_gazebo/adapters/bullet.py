@@ -5,7 +5,7 @@ from typing import Any
 
 from pioneer_gazebo.adapters.bullet_body import ALL, GROUND, STANDING, Made, make_body
 from pioneer_gazebo.adapters.bullet_carrier import carriers
-from pioneer_gazebo.adapters.bullet_shape import batches, standing_body
+from pioneer_gazebo.adapters.bullet_shape import MeshShapes, batches, standing_body
 from pioneer_gazebo.adapters.bullet_window import client_with_window
 from pioneer_gazebo.adapters.quiet_pybullet import pybullet
 from pioneer_gazebo.core.body import Body
@@ -33,6 +33,7 @@ class BulletEngine:
             EngineError: there is no display for a window.
         """
         self._client = client_with_window() if window else pybullet.connect(pybullet.DIRECT)
+        self._meshes = MeshShapes(self._client)
         self._made: dict[int, Made] = {}
         self._resting: set[int] = set()
         self._ground: list[int] = []
@@ -62,10 +63,10 @@ class BulletEngine:
         """See `Engine`."""
         made: list[int] = []
         try:
-            made += [standing_body(batch, self._client) for batch in batches(ground)]
+            made += [standing_body(batch, self._meshes) for batch in batches(ground)]
             count = len(made)
-            made += [standing_body(batch, self._client) for batch in batches(obstacles)]
-            made += carriers(obstacles, self._client)
+            made += [standing_body(batch, self._meshes) for batch in batches(obstacles)]
+            made += carriers(obstacles, self._meshes)
         except EngineError:
             self._remove(made)
             raise

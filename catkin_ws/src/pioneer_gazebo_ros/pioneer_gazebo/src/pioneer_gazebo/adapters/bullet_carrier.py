@@ -7,12 +7,8 @@ or as the triangles that face up, meet wheels only.
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pioneer_gazebo.adapters.bullet_body import GROUND, ROLLING
-from pioneer_gazebo.adapters.bullet_shape import FRICTION_AT_MOST, batches, standing_body, trimesh
-from pioneer_gazebo.adapters.mesh import solid_of_mesh
+from pioneer_gazebo.adapters.bullet_shape import MeshShapes, batches, fixed_body, standing_body
 from pioneer_gazebo.adapters.quiet_pybullet import pybullet
 from pioneer_gazebo.core.pose import Pose, conjugate, rotated
 from pioneer_gazebo.core.world import Box, Cylinder, Mesh, PlacedCollision
@@ -24,21 +20,19 @@ NARROWEST = 0.2
 """A top that is narrower [m] carries nothing."""
 
 UPRIGHT = 0.9
-STEEPEST = 0.5
-"""A triangle whose normal rises by less than this is a wall."""
 
 
-def carriers(placed: Sequence[PlacedCollision], client: int) -> list[int]:
+def carriers(placed: Sequence[PlacedCollision], meshes: MeshShapes) -> list[int]:
     """Makes fixed bodies of all tops and returns pybullet's numbers for them."""
     slabs = [slab for one in placed if (slab := _slab(one)) is not None]
-    made = [standing_body(batch, client) for batch in batches(slabs)]
+    made = [standing_body(batch, meshes) for batch in batches(slabs)]
     for one in placed:
         if isinstance(one.collision.shape, Mesh):
-            facing_up = _facing_up(solid_of_mesh(one.collision.shape), one.pose)
-            if len(facing_up):
-                made.append(_mesh_top(one, facing_up, client))
+            shape = meshes.of(one.collision.shape, one.pose.matrix()[2, :3])
+            if shape >= 0:
+                made.append(fixed_body(shape, one.pose, one.collision, meshes.client))
     for body in made:
-        pybullet.setCollisionFilterGroupMask(body, -1, GROUND, ROLLING, physicsClientId=client)
+        pybullet.setCollisionFilterGroupMask(body, -1, GROUND, ROLLING, physicsClientId=meshes.client)
     return made
 
 
@@ -66,24 +60,3 @@ def _top(one: PlacedCollision, shape: Box | Cylinder, axis: int, up: float, heig
     offset[axis] = (height - thickness) / 2 * (1.0 if up > 0 else -1.0)
     pose = one.pose.compose(Pose((offset[0], offset[1], offset[2])))
     return replace(one, collision=replace(one.collision, shape=shape), pose=pose)
-
-
-def _facing_up(corners: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
-    """Returns the triangles of a mesh at ``pose`` that are not steep, whichever way round they are."""
-    up = pose.matrix()[2, :3]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(normals, axis=1)
-    return corners[np.abs(normals @ up) > STEEPEST * np.maximum(lengths, 1e-12)]
-
-
-def _mesh_top(one: PlacedCollision, corners: NDArray[np.float64], client: int) -> int:
-    shape = trimesh(corners, client)
-    body = pybullet.createMultiBody(
-        baseMass=0.0, baseCollisionShapeIndex=shape, basePosition=one.pose.position,
-        baseOrientation=one.pose.rotation, physicsClientId=client,
-    )  # fmt: skip
-    friction = min(one.collision.friction, FRICTION_AT_MOST)
-    pybullet.changeDynamics(
-        body, -1, lateralFriction=friction, restitution=one.collision.restitution, physicsClientId=client
-    )
-    return body

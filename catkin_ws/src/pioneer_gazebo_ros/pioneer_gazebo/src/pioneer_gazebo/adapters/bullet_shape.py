@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pioneer_gazebo.adapters.mesh import hull_of_mesh, solid_of_mesh
+from pioneer_gazebo.adapters.mesh import hull_of_mesh, solid_of_mesh, version
 from pioneer_gazebo.adapters.quiet_pybullet import pybullet
 from pioneer_gazebo.core.engine import EngineError
 from pioneer_gazebo.core.pose import IDENTITY, Pose
@@ -18,6 +18,9 @@ SHAPES_AT_MOST = 16
 
 FRICTION_AT_MOST = 1.0
 """ODE takes the smaller coefficient of the two that touch, Bullet the product: no coefficient may be above 1."""
+
+STEEPEST = 0.5
+"""A triangle whose normal rises by less than this is a wall."""
 
 _REGION = 4.0
 """Side [m] of the squares that shapes are sorted by, so that a batch holds neighbours."""
@@ -84,21 +87,45 @@ def _lone(shapes: Sequence[tuple[Collision, Pose]], moving: bool, client: int) -
             pybullet.GEOM_PLANE, planeNormal=collision.shape.normal, physicsClientId=client, **options
         )
     assert isinstance(collision.shape, Mesh)
-    if not moving:
-        return trimesh(solid_of_mesh(collision.shape), client, **options)
+    assert moving, "standing meshes are MeshShapes"
     corners = hull_of_mesh(collision.shape)
     return pybullet.createCollisionShape(
         pybullet.GEOM_MESH, vertices=corners.tolist(), physicsClientId=client, **options
     )
 
 
-def trimesh(triangles: NDArray[np.float64], client: int, **options: Any) -> int:
-    """Returns a pybullet collision shape of triangles (n, 3, 3) that keeps its hollows."""
-    corners, index = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
-    return pybullet.createCollisionShape(
-        pybullet.GEOM_MESH, vertices=corners.tolist(), indices=index.ravel().tolist(),
-        flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH, physicsClientId=client, **options,
-    )  # fmt: skip
+class MeshShapes:
+    """Shapes of standing meshes, which keep their hollows; bodies with the same mesh share one."""
+
+    def __init__(self, client: int) -> None:
+        self.client = client
+        self._made: dict[tuple[Any, ...], int] = {}
+
+    def of(self, mesh: Mesh, up: NDArray[np.float64] | None = None) -> int:
+        """Returns pybullet's number of a mesh's shape, or of that of its triangles that face ``up``; -1 for none.
+
+        Raises:
+            EngineError: pybullet refuses it.
+        """
+        key = mesh, version(mesh.path), None if up is None else tuple(np.round(up, 3))
+        if key not in self._made:
+            triangles = solid_of_mesh(mesh)
+            if up is not None:
+                normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+                lengths = np.maximum(np.linalg.norm(normals, axis=1), 1e-12)
+                triangles = triangles[np.abs(normals @ up) > STEEPEST * lengths]
+            self._made[key] = self._shape(mesh.path, triangles) if len(triangles) else -1
+        return self._made[key]
+
+    def _shape(self, path: str, triangles: NDArray[np.float64]) -> int:
+        corners, index = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+        try:
+            return pybullet.createCollisionShape(
+                pybullet.GEOM_MESH, vertices=corners.tolist(), indices=index.ravel().tolist(),
+                flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH, physicsClientId=self.client,
+            )  # fmt: skip
+        except pybullet.error as error:
+            raise EngineError(f"the physics engine refuses mesh {path}: {error}") from error
 
 
 def _array(shapes: Sequence[tuple[Collision, Pose]], client: int) -> int:
@@ -133,22 +160,26 @@ def _primitive(collision: Collision) -> tuple[int, float, list[float], float]:
             raise EngineError(f"collision {collision.name}: {type(shape).__name__} cannot be one of several shapes")
 
 
-def standing_body(batch: Sequence[PlacedCollision], client: int) -> int:
+def standing_body(batch: Sequence[PlacedCollision], meshes: MeshShapes) -> int:
     """Makes one fixed body of a batch and returns pybullet's number for it.
 
     Raises:
         EngineError: as `compound`.
     """
     alone = len(batch) == 1
-    base = batch[0].pose if alone else IDENTITY
-    shape = compound([(one.collision, IDENTITY if alone else one.pose) for one in batch], False, client)
+    base, mesh = batch[0].pose if alone else IDENTITY, batch[0].collision.shape
+    if isinstance(mesh, Mesh):
+        return fixed_body(meshes.of(mesh), base, batch[0].collision, meshes.client)
+    shape = compound([(one.collision, IDENTITY if alone else one.pose) for one in batch], False, meshes.client)
+    return fixed_body(shape, base, batch[0].collision, meshes.client)
+
+
+def fixed_body(shape: int, base: Pose, surface: Collision, client: int) -> int:
+    """Makes a fixed body of a shape, with the friction and restitution of ``surface``; returns pybullet's number."""
     body = pybullet.createMultiBody(
         baseMass=0.0, baseCollisionShapeIndex=shape, basePosition=base.position, baseOrientation=base.rotation,
         physicsClientId=client,
     )  # fmt: skip
-    first = batch[0].collision
-    pybullet.changeDynamics(
-        body, -1, lateralFriction=min(first.friction, FRICTION_AT_MOST), restitution=first.restitution,
-        physicsClientId=client,
-    )  # fmt: skip
+    friction = min(surface.friction, FRICTION_AT_MOST)
+    pybullet.changeDynamics(body, -1, lateralFriction=friction, restitution=surface.restitution, physicsClientId=client)
     return body

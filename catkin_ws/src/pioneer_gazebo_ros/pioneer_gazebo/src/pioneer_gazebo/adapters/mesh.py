@@ -33,7 +33,7 @@ def triangles_of_mesh(mesh: Mesh) -> Triangles:
     Raises:
         DescriptionError: the file cannot be read, is too large, of another format, or broken.
     """
-    return _read(mesh.path, _version(mesh.path)) * np.asarray(mesh.scale)
+    return _read(mesh.path, version(mesh.path)) * np.asarray(mesh.scale)
 
 
 def solid_of_mesh(mesh: Mesh) -> Triangles:
@@ -42,7 +42,7 @@ def solid_of_mesh(mesh: Mesh) -> Triangles:
     Raises:
         DescriptionError: as `triangles_of_mesh`.
     """
-    return _reduced(mesh.path, _version(mesh.path)) * np.asarray(mesh.scale)
+    return _reduced(mesh.path, version(mesh.path)) * np.asarray(mesh.scale)
 
 
 def hull_of_mesh(mesh: Mesh) -> Points:
@@ -51,7 +51,7 @@ def hull_of_mesh(mesh: Mesh) -> Points:
     Raises:
         DescriptionError: as `triangles_of_mesh`.
     """
-    return _hull(mesh.path, _version(mesh.path)) * np.asarray(mesh.scale)
+    return _hull(mesh.path, version(mesh.path)) * np.asarray(mesh.scale)
 
 
 def prepare(links: Iterable[Link], static: bool, report: Callable[[str], None]) -> None:
@@ -68,7 +68,7 @@ def prepare(links: Iterable[Link], static: bool, report: Callable[[str], None]) 
         DescriptionError: as `triangles_of_mesh`.
     """
     for shape in {one.shape for link in links for one in link.collisions if isinstance(one.shape, Mesh)}:
-        size = _version(shape.path)[1]
+        size = version(shape.path)[1]
         if size > LARGE:
             report(f"reading mesh {shape.path} ({size >> 20} MiB) …")
         (solid_of_mesh if static else hull_of_mesh)(shape)
@@ -84,8 +84,12 @@ def _hull(path: str, version: tuple[int, int]) -> Points:
     return hull_points(_read(path, version))
 
 
-def _version(path: str) -> tuple[int, int]:
-    """Returns what changes when a file does: a part of the key of everything that is kept of it."""
+def version(path: str) -> tuple[int, int]:
+    """Returns what changes when a file does: a part of the key of everything that is kept of it.
+
+    Raises:
+        DescriptionError: the file cannot be read.
+    """
     try:
         status = os.stat(path)
     except OSError as error:
