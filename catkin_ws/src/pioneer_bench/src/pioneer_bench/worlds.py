@@ -27,7 +27,7 @@ def run(options: argparse.Namespace) -> int:
     package = Path(rospkg.RosPack().get_path("pioneer_gazebo"))
     files = [Path(name) for name in options.world]
     files = files or sorted([*(package / "worlds").glob("*.world"), *(package / TEST_WORLDS).glob("*.world")])
-    urdf = pioneer_urdf()
+    urdf = pioneer_urdf(laser_noise=0)
     figures = []
     print("| world | robots | load [s] | RSS [MB] | factor | beams | true | largest error [mm] |")
     print("|---|---|---|---|---|---|---|---|", flush=True)

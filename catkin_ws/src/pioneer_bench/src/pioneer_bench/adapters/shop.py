@@ -13,6 +13,9 @@ MODELS, COLLISIONS, FILES = 97, 254, 12
 PITCH, COLUMNS = 2.2, 10
 """[m]; a third of the models is not static."""
 
+FOOT = 0.3
+"""How far [m] below its middle a mesh is cut flat, so that it stands upright: lasers see what moves as if it did."""
+
 
 def shop(folder: Path) -> World:
     """Returns the shop, always the same; its meshes are written to ``folder``."""
@@ -23,7 +26,7 @@ def shop(folder: Path) -> World:
         row, column = divmod(number, COLUMNS)
         count = COLLISIONS // MODELS + (number < COLLISIONS % MODELS)
         shapes = tuple(
-            Collision(f"c{k}", Pose((0.0, 0.0, 0.5 + 0.6 * k)), Mesh(chance.choice(files))) for k in range(count)
+            Collision(f"c{k}", Pose((0.0, 0.0, FOOT + 0.6 * k)), Mesh(chance.choice(files))) for k in range(count)
         )
         pose = Pose(((column - COLUMNS / 2) * PITCH, (row - COLUMNS / 2) * PITCH, 0.0))
         link = Link("link", IDENTITY, 20.0, Inertia(), shapes)
@@ -36,7 +39,7 @@ def _lump(path: Path, seed: int) -> str:
     ball = trimesh.creation.icosphere(subdivisions=5, radius=0.5)
     waves = np.random.default_rng(seed).uniform(2.0, 6.0, 3)
     points = ball.vertices * (0.8 + 0.2 * np.sin(ball.vertices @ np.diag(waves) * 3.0).mean(axis=1, keepdims=True))
-    points[:, 2] = np.maximum(points[:, 2] * 1.25, -0.5)
+    points[:, 2] = np.maximum(points[:, 2], -FOOT)
     ball.vertices = points
     ball.export(path)
     return str(path)

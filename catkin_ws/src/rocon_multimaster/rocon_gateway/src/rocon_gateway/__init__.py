@@ -1,7 +1,7 @@
 """The gateway: rules as desired state, and a relay that carries the topics.
 
-``GatewayError``, ``GatewaySampleRuntimeError`` and ``samples`` are what the tests of rocon's gateway import from here;
-they are loaded when they are asked for, since they need rospy and most of this package does not.
+``GatewayError``, ``GatewaySampleRuntimeError``, ``Graph`` and ``samples`` are what the tests of rocon's gateway import
+from here; they are loaded when they are asked for, since they need rospy and most of this package does not.
 """
 
 import importlib
@@ -9,6 +9,7 @@ import importlib
 _PLACES = {
     "GatewayError": ("core.error", "GatewayError"),
     "GatewaySampleRuntimeError": ("nodes.samples", "GatewaySampleRuntimeError"),
+    "Graph": ("nodes.graph", "Graph"),
     "samples": ("nodes.samples", ""),
 }
 

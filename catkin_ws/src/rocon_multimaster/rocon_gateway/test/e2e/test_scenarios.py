@@ -213,13 +213,18 @@ def test_a_flipped_service_is_known_to_the_tools_and_answers(sites) -> None:
 
 SAMPLES = """
 import sys, rospy
-from rocon_gateway import GatewayError, GatewaySampleRuntimeError, samples
+from rocon_gateway import GatewayError, GatewaySampleRuntimeError, Graph, samples
 assert issubclass(GatewaySampleRuntimeError, GatewayError)
 rospy.init_node("samples_test")
 assert "already" in samples.connect_hub_by_service(raise_exception=False, uri=sys.argv[1])[1]
 samples.advertise_tutorials()
 samples.advertise_tutorials(cancel=True)
 samples.flip_tutorials("robot", regex_patterns=True)
+graph = Graph()
+assert not graph._local_gateway.flip_watchlist
+graph.update()
+assert len(graph._local_gateway.flip_watchlist) == 5, graph._local_gateway
+assert [one.name for one in graph._remote_gateways] == ["robot"]
 samples.flip_tutorials("robot", regex_patterns=True, cancel=True)
 samples.pull_all()
 samples.pull_all(cancel=True)

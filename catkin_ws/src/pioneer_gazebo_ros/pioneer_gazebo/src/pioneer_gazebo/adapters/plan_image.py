@@ -111,7 +111,8 @@ class PlanImage:
             self._draw.polygon([placed(x, y) for x, y in corners], fill=(*colour, 150))
         for ax, ay, ex, ey in one.outline:
             self._draw.line([placed(ax, ay), placed(ax + ex, ay + ey)], fill=colour, width=2 * _FINER)
-        self._draw.line([placed(0.0, 0.0), placed(0.4, 0.0)], fill=INK, width=2 * _FINER)
+        if len(one.hits):
+            self._draw.line([placed(0.0, 0.0), placed(0.4, 0.0)], fill=INK, width=2 * _FINER)
         px, py = self._at(one.x, one.y)
         self._text((px, py - 0.4 * self._scale - 2 * _FINER), one.name, "ms")
 
@@ -139,11 +140,13 @@ def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 
 def _bounds(walls: Section, shown: Sequence[Shown]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the least and greatest x, y [m] to be seen, with a margin."""
+    """Returns the least and greatest x, y [m] to be seen, with margins."""
     parts = [walls.segments[:, :2], walls.segments[:, :2] + walls.segments[:, 2:]]
     parts += [walls.circles[:, :2] - walls.circles[:, 2:], walls.circles[:, :2] + walls.circles[:, 2:]]
     parts += [np.array([[one.x - 1.0, one.y - 1.0], [one.x + 1.0, one.y + 1.0]]) for one in shown]
     points = np.concatenate(parts)
     if not len(points):
         points = np.array([[-5.0, -5.0], [5.0, 5.0]])
-    return points.min(axis=0) - 0.5, points.max(axis=0) + 0.5
+    low, high = points.min(axis=0), points.max(axis=0)
+    # Room for the scale bar, also below a world that is large.
+    return low - (0.5, max(0.5, 0.04 * (high - low).max())), high + 0.5

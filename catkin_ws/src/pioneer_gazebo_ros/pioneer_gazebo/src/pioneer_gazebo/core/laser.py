@@ -91,19 +91,10 @@ def generator_for(seed: int, *names: str) -> np.random.Generator:
 def laser_of_sonar(config: SonarSensor) -> LaserSensor:
     """Returns the fan of beams that stands for a sonar's cone: its reading is that of the nearest thing met."""
     return LaserSensor(
-        config.name,
-        config.link,
-        config.pose,
-        max(2, config.samples),
-        -config.fov / 2,
-        config.fov / 2,
-        config.min_range,
-        config.max_range,
-        update_rate=config.update_rate,
-        noise_stddev=config.gaussianNoise,
-        topic=config.topic,
-        frame=config.frame,
-    )
+        config.name, config.link, config.pose, config.update_rate, config.frame,
+        samples=max(2, config.samples), min_angle=-config.fov / 2, max_angle=config.fov / 2,
+        min_range=config.min_range, max_range=config.max_range, noise_stddev=config.gaussianNoise, topic=config.topic,
+    )  # fmt: skip
 
 
 class Laser:

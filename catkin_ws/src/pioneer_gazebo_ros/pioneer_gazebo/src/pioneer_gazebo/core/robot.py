@@ -82,110 +82,98 @@ class DiffDrive:
 
 
 @dataclass(frozen=True, slots=True)
-class LaserSensor:
-    """A planar laser: ``<sensor type="ray">`` with ``libgazebo_ros_laser.so`` (or the gpu one).
+class LinkSensor:
+    """What all sensors of a link have.
 
     Attributes:
         name: the sensor's.
         link: the link that carries it.
-        pose: of the sensor in that link; the beams lie in its x-y plane, angle 0 along x.
-        samples: beams a scan, the first at ``min_angle``, the last at ``max_angle``.
-        min_range: nearest distance that is reported [m].
-        max_range: farthest distance that is reported [m].
-        resolution: step of a range [m]; 0 for none.
-        update_rate: scans a second; 0 for every step.
-        noise_mean: of the gaussian noise [m].
-        noise_stddev: of the gaussian noise [m].
-        topic: relative to the robot's namespace.
-        frame: ``frame_id`` of the scan, before the prefix.
+        pose: of the sensor in that link; it looks along x, and its beams lie in the x-y plane.
+        update_rate: measurements a second; 0 for every step.
+        frame: ``frame_id``, before the prefix.
     """
 
     name: str
     link: str
     pose: Pose = IDENTITY
+    update_rate: float = 10.0
+    frame: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class LaserSensor(LinkSensor):
+    """A planar laser: ``<sensor type="ray">`` with ``libgazebo_ros_laser.so`` (or the gpu one).
+
+    Attributes:
+        samples: beams a scan, the first at ``min_angle``, the last at ``max_angle``.
+        min_range: nearest distance that is reported [m].
+        max_range: farthest distance that is reported [m].
+        resolution: step of a range [m]; 0 for none.
+        noise_mean: of the gaussian noise [m].
+        noise_stddev: of the gaussian noise [m].
+        topic: relative to the robot's namespace.
+    """
+
     samples: int = 180
     min_angle: float = -1.5707963267948966
     max_angle: float = 1.5707963267948966
     min_range: float = 0.1
     max_range: float = 30.0
     resolution: float = 0.0
-    update_rate: float = 10.0
     noise_mean: float = 0.0
     noise_stddev: float = 0.0
     topic: str = "base_scan"
-    frame: str = "laser"
 
 
 @dataclass(frozen=True, slots=True)
-class SonarSensor:
-    """A range finder with a cone: ``<sensor type="ray">`` with ``libgazebo_ros_range.so``.
+class SonarSensor(LinkSensor):
+    """A range finder with a cone about x: ``<sensor type="ray">`` with ``libgazebo_ros_range.so``.
 
     Attributes:
-        name: the sensor's.
-        link: the link that carries it.
-        pose: of the sensor in that link; the cone opens along x.
         samples: rays across the cone (horizontal) that find the nearest thing.
         fov: full opening angle [rad].
         min_range: [m].
         max_range: [m]; also what is published when nothing is met.
         radiation: ``ultrasound`` or ``infrared``.
         gaussianNoise: standard deviation [m].
-        update_rate: [Hz].
         topic: relative to the robot's namespace.
-        frame: ``frame_id``, before the prefix.
     """
 
-    name: str
-    link: str
-    pose: Pose = IDENTITY
     samples: int = 5
     fov: float = 0.3490658503988659
     min_range: float = 0.1
     max_range: float = 5.0
     radiation: str = "ultrasound"
     gaussianNoise: float = 0.0
-    update_rate: float = 10.0
     topic: str = "sonar"
-    frame: str = "sonar"
 
 
 @dataclass(frozen=True, slots=True)
-class Camera:
-    """``<sensor type="camera">`` with ``libgazebo_ros_camera.so``.
+class Camera(LinkSensor):
+    """``<sensor type="camera">`` with ``libgazebo_ros_camera.so``; its name, ``cameraName``, is its topics' namespace.
 
     Attributes:
-        name: the sensor's, and the plugin's ``cameraName`` where that is given: the topics' namespace.
-        link: the link that carries it.
-        pose: of the sensor in that link; it looks along x.
         horizontal_fov: [rad].
         width: [pixel].
         height: [pixel].
         near: nearest depth that is drawn [m].
         far: farthest [m].
         format: SDF's name of the pixel format, ``R8G8B8`` or ``L8``.
-        update_rate: [Hz].
         noise_stddev: gaussian, of a pixel's value in 0 … 1.
-        image_topic: relative to ``name``.
-        info_topic: relative to ``name``.
-        frame: ``frame_id``, before the prefix.
-        depth_topic: of the picture's distances [m], relative to ``name``; empty for none.
-        cloud_topic: of the same as points, relative to ``name``; empty for none.
+        image_topic: relative to ``name``; so the other topics.
+        depth_topic: of the picture's distances [m]; empty for none.
+        cloud_topic: of the same as points; empty for none.
     """
 
-    name: str
-    link: str
-    pose: Pose = IDENTITY
     horizontal_fov: float = 1.3962634
     width: int = 320
     height: int = 240
     near: float = 0.02
     far: float = 300.0
     format: str = "R8G8B8"
-    update_rate: float = 10.0
     noise_stddev: float = 0.0
     image_topic: str = "image_raw"
     info_topic: str = "camera_info"
-    frame: str = "camera_link"
     depth_topic: str = ""
     cloud_topic: str = ""
 

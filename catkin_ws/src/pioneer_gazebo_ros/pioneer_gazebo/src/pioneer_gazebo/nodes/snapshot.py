@@ -19,7 +19,7 @@ from pioneer_gazebo.adapters.plan_image import PlanImage, Shown
 from pioneer_gazebo.adapters.resource import model_path, world_path
 from pioneer_gazebo.adapters.sdf import world_from_sdf
 from pioneer_gazebo.adapters.urdf import robot_from_urdf
-from pioneer_gazebo.core.body import body_from_robot
+from pioneer_gazebo.core.body import body_from_model, body_from_robot
 from pioneer_gazebo.core.error import SimulatorError
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.scene import outline_of
@@ -44,7 +44,7 @@ class Snapshot:
     Services called: ``/gazebo/get_world_properties``, ``get_model_properties``, ``get_model_state`` and
         ``get_link_state``.
     Parameters: ``/gazebo/world_name``, ``/robot_description``.
-    On error: `SnapshotError`; a scan that does not come is named and left out.
+    On error: `SnapshotError`, `DescriptionError`; a scan that does not come is named and left out.
     """
 
     def __init__(self) -> None:
@@ -53,6 +53,7 @@ class Snapshot:
         self._model = self._service("get_model_state", srv.GetModelState)
         self._link = self._service("get_link_state", srv.GetLinkState)
         self._silent = False
+        self._file = world_from_sdf(world_path(rospy.get_param("/gazebo/world_name", "utm_0")), model_path())
         self._scans = [topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/LaserScan"]
 
     @staticmethod
@@ -64,35 +65,30 @@ class Snapshot:
         return rospy.ServiceProxy(f"/gazebo/{name}", kind)
 
     def solids(self) -> list[Section]:
-        """Returns the section of each solid in the world's file at the height of the laser.
-
-        Raises:
-            DescriptionError: the file cannot be read.
-        """
-        world = world_from_sdf(world_path(rospy.get_param("/gazebo/world_name", "utm_0")), model_path())
+        """Returns the section of each solid in the world's file at the height of the laser."""
         return [
             section_of(one.collision.shape, one.pose, LASER_HEIGHT, triangles_of_mesh)
-            for one in world.collisions(static_only=True)
+            for one in self._file.collisions(static_only=True)
         ]
 
     def shown(self) -> list[Shown]:
         """Returns all that moves, in the order of spawning."""
         names = self._world().model_names
         moving = [name for name in names if not self._properties(name).is_static]
-        outline = self._outline()
-        return [self._shown(name, outline) for name in moving]
-
-    @staticmethod
-    def _outline() -> NDArray[np.float64]:
-        """Returns the robots' outline, empty where there is no ``/robot_description``."""
         text = rospy.get_param("/robot_description", "")
-        if not text:
-            return NO_OUTLINE
-        return outline_of(body_from_robot(robot_from_urdf(text), triangles_of_mesh), LASER_HEIGHT, triangles_of_mesh)
+        self._robot = body_from_robot(robot_from_urdf(text), triangles_of_mesh) if text else None
+        self._bodies = {model.name: body_from_model(model, triangles_of_mesh) for model in self._file.models}
+        return [self._shown(name) for name in moving]
 
-    def _shown(self, name: str, outline: NDArray[np.float64]) -> Shown:
+    def _outline(self, name: str, z: float) -> NDArray[np.float64]:
+        """Returns a model's outline at the height of the laser, a robot's at that of its own; empty if unknown."""
+        if name in self._bodies:
+            return outline_of(self._bodies[name], LASER_HEIGHT - z, triangles_of_mesh)
+        return NO_OUTLINE if self._robot is None else outline_of(self._robot, LASER_HEIGHT, triangles_of_mesh)
+
+    def _shown(self, name: str) -> Shown:
         pose = conversions.pose_from_message(self._model(name, "").pose)
-        x, y, _ = pose.position
+        x, y, z = pose.position
         hits, eye = BLIND, (x, y)
         topic = next((topic for topic in self._scans if topic.startswith(f"/{name}/")), None)
         if topic is not None and not self._silent:
@@ -103,7 +99,7 @@ class Snapshot:
             except rospy.ROSException:
                 print(f"snapshot: {topic} brings no scan (is time paused?): drawn without scans", file=sys.stderr)
                 self._silent = True
-        return Shown(name, x, y, pose.yaw, outline if topic else NO_OUTLINE, hits, eye)
+        return Shown(name, x, y, pose.yaw, self._outline(name, z), hits, eye)
 
     def _sensor(self, name: str, frame: str, base: Pose) -> Pose:
         """Returns the pose of a scan's frame, the base's where no link has that name."""

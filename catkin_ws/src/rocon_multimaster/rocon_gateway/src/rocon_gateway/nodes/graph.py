@@ -1,0 +1,38 @@
+"""What rocon's own tests ask of the network: this master's gateway and the others, read again at each update."""
+
+from gateway_msgs import msg, srv
+
+from rocon_gateway.adapters.client import GatewayClient, NoGatewayError
+
+
+class Graph:
+    """The network as this master's gateway knows it; rocon's names, of which its tests read the private ones.
+
+    Attributes:
+        local_gateway: this master's gateway, with its rules and connections; empty until one runs.
+        remote_gateways: the others on its hubs.
+    """
+
+    def __init__(self) -> None:
+        self._local_gateway = msg.GatewayInfo()
+        self._remote_gateways: list[msg.RemoteGateway] = []
+
+    @property
+    def local_gateway(self) -> msg.GatewayInfo:
+        """See the class."""
+        return self._local_gateway
+
+    @property
+    def remote_gateways(self) -> list[msg.RemoteGateway]:
+        """See the class."""
+        return self._remote_gateways
+
+    def update(self) -> None:
+        """Asks the gateway again; while none runs, everything stays as it was."""
+        try:
+            client = GatewayClient()
+            local = client.latched("gateway_info", msg.GatewayInfo)
+            remote = client.call("remote_gateway_info", srv.RemoteGatewayInfo, gateways=[]).gateways
+        except NoGatewayError:
+            return
+        self._local_gateway, self._remote_gateways = local, list(remote)
