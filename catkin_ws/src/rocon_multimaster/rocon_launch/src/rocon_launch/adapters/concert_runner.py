@@ -46,9 +46,11 @@ class ConcertRunner:
             for launch in self._launches:
                 if not self._stop.is_set():
                     self._processes.append(self._start(launch))
-            while not self._stop.wait(0.2) and any(process.status is None for process in self._processes):
+            while not self._stop.wait(0.2):
                 if self._look():
                     return next((p.status for p in self._processes if p.status), 1)
+                if all(process in self._told for process in self._processes):
+                    break
             return 0 if self._stop.is_set() else next((p.status or 0 for p in self._processes if p.status), 0)
         finally:
             self._end()
@@ -93,6 +95,7 @@ class ConcertRunner:
             left = [child.pid for child in descendants[process.pid] if child.is_running()]
             if process.status is None or left:
                 process.kill(left)
+            process.close()
 
 
 def _descendants(pid: int) -> list[psutil.Process]:

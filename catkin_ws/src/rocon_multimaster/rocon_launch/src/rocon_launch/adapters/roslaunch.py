@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 from rocon_launch.core.concert import Launch
 
+_REST = 1.0
+"""How long the rest of its output may take [s]."""
 # roslaunch names the terminal's window, which is not its own here.
 _WINDOW_TITLE = re.compile(r"\x1b\]2;[^\x07]*\x07")
 
@@ -42,14 +44,16 @@ class RoslaunchProcess:
             stderr=subprocess.STDOUT,
             start_new_session=True,
         )
-        threading.Thread(target=self._read, args=(show,), daemon=True).start()
+        self._reader = threading.Thread(target=self._read, args=(show,), daemon=True)
+        self._reader.start()
 
     def _read(self, show: Callable[[str, str], None]) -> None:
         assert self._process.stdout is not None
-        for line in self._process.stdout:
-            text = _WINDOW_TITLE.sub("", line.decode(errors="replace")).strip("\r\n")
-            if text:
-                show(self.launch.title, text)
+        with self._process.stdout as output:
+            for line in output:
+                text = _WINDOW_TITLE.sub("", line.decode(errors="replace")).strip("\r\n")
+                if text:
+                    show(self.launch.title, text)
 
     @property
     def status(self) -> int | None:
@@ -75,6 +79,10 @@ class RoslaunchProcess:
         except subprocess.TimeoutExpired:
             return False
         return True
+
+    def close(self) -> None:
+        """Shows the rest of the output of a process that has ended."""
+        self._reader.join(_REST)
 
     def kill(self, others: Sequence[int]) -> None:
         """Ends it and `others`, its descendants, without asking."""
