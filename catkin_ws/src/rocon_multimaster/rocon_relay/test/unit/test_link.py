@@ -4,6 +4,7 @@ import pytest
 
 from rocon_relay.core.connection import ANY, LinkState, is_proxy_uri, proxy_name, proxy_uri
 from rocon_relay.core.link import Hello, LinkError, Refusal, is_proof, mismatch, proof, state_from_field
+from rocon_relay.core.option import LinkOptions
 from tcpros.core.header import header_bytes, header_fields
 
 HELLO = Hello("/scan", "sensor_msgs/LaserScan", ANY, "/laser", "robot", "base", ("base",), "00ff", keys=("k1", "k2"))
@@ -11,6 +12,12 @@ HELLO = Hello("/scan", "sensor_msgs/LaserScan", ANY, "/laser", "robot", "base", 
 
 def test_a_hello_is_read_as_it_was_written():
     assert Hello.from_fields(header_fields(header_bytes(HELLO.fields())[4:])) == HELLO
+
+
+def test_a_hello_with_whole_rates_is_written_alike_on_both_sides():
+    """Its bytes are under the proof: a rate of 20 that came back as 20.0 once made every password differ."""
+    hello = dataclasses.replace(HELLO, options=LinkOptions(rate=20, stamp_rate=20))
+    assert Hello.from_fields(hello.fields()).fields() == hello.fields()
 
 
 def test_another_version_or_a_missing_field_is_a_link_error():

@@ -55,11 +55,11 @@ class LinkOptions:
     def fields(self) -> dict[str, str]:
         """The fields of a link's hello and welcome; none for an option that is not asked for."""
         fields = {
-            "rate": f"{self.rate!r}" if self.rate else "",
+            "rate": str(float(self.rate)) if self.rate else "",
             "queue_size": str(self.queue_size or ""),
             "compress": "zlib" if self.compress else "",
             "tf_frames": "".join(self.tf_frames[:1]),
-            "stamp_rate": f"{self.stamp_rate!r}" if self.stamp_rate else "",
+            "stamp_rate": str(float(self.stamp_rate)) if self.stamp_rate else "",
         }
         return {key: value for key, value in fields.items() if value}
 
