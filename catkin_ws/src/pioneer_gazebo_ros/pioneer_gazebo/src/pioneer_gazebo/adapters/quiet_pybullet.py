@@ -1,21 +1,16 @@
-"""pybullet, without the line that its import prints."""
+"""pybullet, without the line that its import prints to standard error."""
 
-import ctypes
 import os
 import sys
 
-if "pybullet" in sys.modules:
+sys.stderr.flush()
+_error, _nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+os.dup2(_nowhere, 2)
+try:
     import pybullet
-else:
-    sys.stdout.flush()
-    _libc, _output, _nowhere = ctypes.CDLL(None), os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(_nowhere, 1)
-    try:
-        import pybullet
-    finally:
-        _libc.fflush(None)  # where the output is no terminal, the line is still in C's buffer
-        os.dup2(_output, 1)
-        os.close(_output)
-        os.close(_nowhere)
+finally:
+    os.dup2(_error, 2)
+    os.close(_error)
+    os.close(_nowhere)
 
 __all__ = ["pybullet"]
