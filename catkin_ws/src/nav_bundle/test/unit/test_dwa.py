@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from nav_bundle.core.clearance import Clearance
 from nav_bundle.core.costmap.config import costmap_config_from_parameters
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.dwa_config import dwa_config_from_parameters
@@ -39,7 +40,7 @@ def chosen(velocity=STANDSTILL, yaw=0.0, plan=AHEAD, **parameters):
 
 
 def costs_of(samples, scales, nose, yaw=0.0, aligned=True):
-    window = DynamicWindow(Velocity(9.0, 9.0, 9.0), Horizon(1.0, 0.025, 0.1), scales, nose, 0.3, False)
+    window = DynamicWindow(Velocity(9.0, 9.0, 9.0), Horizon(1.0, 0.025, 0.1), scales, Clearance(), nose, 0.3, False)
     assert window.begin_window(situation(yaw=yaw), AHEAD, aligned)
     return [scored.cost for scored in window.all_of(np.array(samples, np.float64))]
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
+from nav_bundle.core.clearance import Clearance
 from nav_bundle.core.costmap.config import costmap_config_from_parameters
 from nav_bundle.core.costmap.cost import LETHAL
 from nav_bundle.core.costmap.costmap import Costmap
@@ -17,6 +18,7 @@ from nav_bundle.core.dwa_planner import DwaPlanner
 from nav_bundle.core.dynamic_window import DynamicWindow, NoseScales
 from nav_bundle.core.grid import OCCUPIED, Grid, grid_from_text
 from nav_bundle.core.local_planner import STANDSTILL, Decision, LocalPlannerError, Situation, Velocity
+from nav_bundle.core.meeting import Care
 from nav_bundle.core.navfn import MEETING_DISTANCE, NavfnConfig, NavfnPlanner
 from nav_bundle.core.planner import path_between
 from nav_bundle.core.pose import Pose
@@ -128,7 +130,8 @@ class World:
             costmap.update(self.pose, [Observation(source, self.pose.x, self.pose.y, points)])
 
     def decide(self):
-        return self.planner.decide(Situation(self.local, self.pose, self.velocity, Pose(), self.unmapped))
+        fastest = Care().speed(self.unmapped, self.pose)
+        return self.planner.decide(Situation(self.local, self.pose, self.velocity, Pose(), fastest))
 
     def move(self, command):
         forward = np.clip(command.x - self.velocity.x, -2.5 * PERIOD, 2.5 * PERIOD)
@@ -314,15 +317,19 @@ def test_a_latched_place_needs_not_be_reached_again(configure, latch):
     assert (world.decide().velocity.x == 0.0) == latch
 
 
-ROLLOUT = Rollout(Velocity(2.5, 2.5, 3.2), Horizon(1.7, 0.025, 0.025), Scales(0.04, 0.05, 0.0005))
+ROLLOUT = Rollout(Velocity(2.5, 2.5, 3.2), Horizon(1.7, 0.025, 0.025), Scales(0.04, 0.05, 0.0005), Clearance(0.3, 5.0))
 HEADINGS = Rollout(
-    Velocity(2.5, 2.5, 3.2), Horizon(1.7, 0.025, 0.025, heading=0.5), Scales(0.04, 0.05, 0.0005, heading=0.3)
+    Velocity(2.5, 2.5, 3.2),
+    Horizon(1.7, 0.025, 0.025, heading=0.5),
+    Scales(0.04, 0.05, 0.0005, heading=0.3),
+    Clearance(),
 )
 WINDOWS = [
     DynamicWindow(
         Velocity(2.5, 2.5, 3.2),
         Horizon(1.7, 0.025, 0.1),
         Scales(0.04, 0.05, 0.01),
+        Clearance(0.3, 5.0),
         NoseScales(0.04, 0.05, 0.1),
         0.325,
         accelerating,
@@ -368,7 +375,10 @@ def test_with_heading_scoring_the_sample_that_turns_towards_the_plan_costs_less(
     world.look()
     plan = np.array([[4.0, 3.2 + 0.05 * step, 0.0] for step in range(25)])
     alone = Rollout(
-        Velocity(2.5, 2.5, 3.2), Horizon(1.7, 0.025, 0.025, heading=0.5), Scales(0.0, 0.0, 0.0, heading=0.3)
+        Velocity(2.5, 2.5, 3.2),
+        Horizon(1.7, 0.025, 0.025, heading=0.5),
+        Scales(0.0, 0.0, 0.0, heading=0.3),
+        Clearance(),
     )
     assert alone.begin(Situation(world.local, world.pose, STANDSTILL, Pose()), plan)
     turns = (-0.5, 0.0, 0.5)

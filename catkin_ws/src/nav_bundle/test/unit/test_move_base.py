@@ -77,6 +77,21 @@ def test_a_goal_starts_planning_and_a_plan_starts_driving():
     assert machine.command == GO
 
 
+def test_a_robot_that_pushes_recovers_and_gives_up_after_the_last_behaviour():
+    machine = Machine()
+    machine.drive()
+    for index in range(LIMITS.recoveries):
+        assert any(isinstance(event, Warn) for event in machine.cycle(control=GO, pushing=True, pose=Pose()))
+        assert (machine.state.phase, machine.command) == (Phase.CLEARING, STANDSTILL)
+        assert machine.cycle(pose=Pose()) == (StartRecovery(index, Trigger.PUSHING),)
+        machine.cycle(recovered=True, pose=Pose())
+        machine.until(lambda machine: StartPlanning() in machine.events, pose=Pose())
+        machine.cycle(plan=PlanOutcome.FOUND, pose=Pose())
+    machine.cycle(control=GO, pushing=True, pose=Pose())
+    machine.cycle(pose=Pose())
+    assert finish(machine) == Finish(Outcome.ABORTED, Trigger.PUSHING.value)
+
+
 def test_reaching_the_goal_ends_it_with_noetic_s_text():
     machine = Machine()
     machine.drive()

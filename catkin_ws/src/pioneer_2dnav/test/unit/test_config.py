@@ -30,7 +30,7 @@ def test_move_base_knows_every_parameter() -> None:
 
 def test_the_local_planner_is_the_pioneers() -> None:
     planner = configured().local_planner
-    assert (planner.max_vel_x, planner.min_vel_x, planner.escape_vel) == (1.0, 0.0, -0.2)
+    assert (planner.max_vel_x, planner.min_vel_x, planner.escape_vel) == (1.0, 0.1, -0.2)
     assert (planner.max_vel_theta, planner.min_vel_theta, planner.min_in_place_vel_theta) == (1.0, -1.0, 0.4)
     assert (planner.acc_lim_theta, planner.acc_lim_x, planner.acc_lim_y) == (3.2, 2.5, 2.5)
     assert (planner.xy_goal_tolerance, planner.yaw_goal_tolerance) == (0.25, 3.15)

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,16 +14,35 @@ from pioneer_bench.core.course import Course
 from pioneer_bench.core.ride import Ride, ride, with_changes
 from pioneer_bench.core.row import Row
 
-COURSES: dict[str, Callable[[int], Course]] = {
-    "clutter": course.clutter,
-    "doors": lambda _: course.doors(),
-    "slalom": lambda _: course.slalom(),
-    "corridor": lambda _: course.corridor(),
-    "maze": course.maze,
-    "maze, random parameters": course.maze,
-    "unreachable goal": lambda _: course.unreachable(),
+_DWA = {"base_local_planner": "dwa_local_planner/DWAPlannerROS"}
+_MOST = 1000
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A course, what is changed of the shipped parameters, and how many seeds it is driven with at most."""
+
+    make: Callable[[int], Course]
+    seeds: int = 1
+    changes: Callable[[int], Mapping[str, Any]] = lambda _: {}
+
+
+TRIALS = {
+    "clutter": Trial(course.clutter, _MOST),
+    "clutter, meeting_distance 0": Trial(course.clutter, 5, lambda _: {"meeting_distance": 0.0}),
+    "doors": Trial(lambda _: course.doors()),
+    "doors, DWAPlannerROS": Trial(lambda _: course.doors(), 1, lambda _: _DWA),
+    "slalom": Trial(lambda _: course.slalom()),
+    "slalom, clearance_scale 0": Trial(
+        lambda _: course.slalom(), 1, lambda _: {"TrajectoryPlannerROS/clearance_scale": 0.0}
+    ),
+    "slalom, DWAPlannerROS": Trial(lambda _: course.slalom(), 1, lambda _: _DWA),
+    "corridor": Trial(lambda _: course.corridor()),
+    "maze": Trial(course.maze, _MOST),
+    "maze, random parameters": Trial(course.maze, _MOST, lambda seed: random_changes(seed)),
+    "unreachable goal": Trial(lambda _: course.unreachable()),
+    "box below the laser": Trial(lambda _: course.doorstep()),
 }
-SEEDED = ("clutter", "maze", "maze, random parameters")
 CLEARANCE_GOAL, SPEED_GOAL, PATIENCE_GOAL, TIME_GOAL = 0.25, 0.38, 25.6, 118.0
 """The C++ stack's, measured side by side: gap to walls [m], speed in clutter [m/s], time until it gives up [s], time
 for eight goals among thirty cylinders [s]."""
@@ -58,15 +78,17 @@ def random_changes(seed: int) -> dict[str, Any]:
 
 def _driven(asked: tuple[str, int, Mapping[str, Any]]) -> tuple[str, Ride]:
     name, seed, parameters = asked
-    changes = random_changes(seed) if "random" in name else {}
-    return name, ride(COURSES[name](seed), with_changes(parameters, changes), seed)
+    trial = TRIALS[name]
+    return name, ride(trial.make(seed), with_changes(parameters, trial.changes(seed)), seed)
 
 
 def hard_rows(seeds: int, processes: int) -> list[Row]:
     """Drives all courses, the random ones with seeds 1 to ``seeds``; returns their rows."""
     parameters = shipped_parameters()
-    asked = [(name, seed, parameters) for name in COURSES for seed in range(1, (seeds if name in SEEDED else 1) + 1)]
-    rides: dict[str, list[Ride]] = {name: [] for name in COURSES}
+    asked = [
+        (name, seed, parameters) for name, trial in TRIALS.items() for seed in range(1, min(seeds, trial.seeds) + 1)
+    ]
+    rides: dict[str, list[Ride]] = {name: [] for name in TRIALS}
     with ProcessPoolExecutor(min(processes, os.cpu_count() or 1)) as pool:
         for (_, seed, _), (name, each) in zip(asked, pool.map(_driven, asked), strict=True):
             rides[name].append(each)
@@ -78,17 +100,19 @@ def _rows(name: str, rides: list[Ride]) -> Iterator[Row]:
     def samples(field: str) -> tuple[float, ...]:
         return tuple(float(getattr(each, field)) for each in rides)
 
-    if name == "unreachable goal":
-        given_up = tuple(seconds for each in rides for seconds in each.given_up)
-        yield Row(f"{name}: given up after", "s", given_up, PATIENCE_GOAL, remark="C++")
+    given_up = tuple(seconds for each in rides for seconds in each.given_up)
+    if given_up:
+        goal = PATIENCE_GOAL if name == "unreachable goal" else None
+        yield Row(f"{name}: given up after", "s", given_up, goal, remark="C++" if goal else "")
         return
     yield Row(f"{name}: goals reached", "", (sum(samples("reached")),), sum(samples("goals")), True)
     yield Row(f"{name}: contacts", "", samples("contacts"), 0.0, every=True)
     yield Row(f"{name}: stuck for good", "", samples("stuck"), 0.0, every=True)
-    clear = CLEARANCE_GOAL if name == "slalom" else None
+    clear = CLEARANCE_GOAL if name.startswith("slalom") and "scale" not in name else None
     yield Row(f"{name}: least gap to what stands", "m", samples("clearance"), clear, True, "C++" if clear else "")
     speeds = tuple(each.way / each.seconds for each in rides)
     clutter = name == "clutter"
     yield Row(f"{name}: speed", "m/s", speeds, SPEED_GOAL if clutter else None, True, "C++" if clutter else "")
+    yield Row(f"{name}: way", "m", samples("way"))
     yield Row(f"{name}: time", "s", samples("seconds"), TIME_GOAL if clutter else None, remark="C++" if clutter else "")
     yield Row(f"{name}: recoveries", "", samples("recoveries"))

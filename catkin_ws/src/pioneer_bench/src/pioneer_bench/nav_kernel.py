@@ -56,7 +56,7 @@ def kernel_rows(repetitions: int = 5) -> list[Row]:
     small.set_map(_grid(400))
     small.update(Pose(2.5, 2.5), ())
     rows = [
-        *_plan_rows(small, {12.0: (2.9, 1.6), 27.0: (8.9, 1.9)}, repetitions, "C++"),
+        *_plan_rows(small, {12.0: (2.9, 1.6, 1.0), 27.0: (8.9, 1.9, None)}, repetitions, "C++"),
         *_cycle_rows(small, repetitions),
         *_amcl_rows(repetitions),
         *_whole_map_rows(),
@@ -64,7 +64,10 @@ def kernel_rows(repetitions: int = 5) -> list[Row]:
     large = Costmap(_WHOLE)
     large.set_map(_grid(4000))
     large.update(Pose(2.5, 2.5), ())
-    return [*rows, *_plan_rows(large, {30.0: (234.0, 172.0), 150.0: (889.0, 229.0)}, repetitions, "C++'s least")]
+    return [
+        *rows,
+        *_plan_rows(large, {30.0: (234.0, 172.0, None), 150.0: (889.0, 229.0, None)}, repetitions, "C++'s least"),
+    ]
 
 
 def _grid(side: int) -> Grid:
@@ -107,12 +110,18 @@ def _centre(row: int, col: int) -> tuple[float, float]:
     return (float(col) + 0.5) * RESOLUTION, (float(row) + 0.5) * RESOLUTION
 
 
-def _plan_rows(costmap: Costmap, goals: dict[float, tuple[float, float]], repetitions: int, peer: str) -> Iterator[Row]:
+def _plan_rows(
+    costmap: Costmap, goals: dict[float, tuple[float | None, ...]], repetitions: int, peer: str
+) -> Iterator[Row]:
     side = costmap.geometry.rows
-    planners = NavfnPlanner(NavfnConfig()), GlobalPlanner(GlobalPlannerConfig(use_dijkstra=False))
+    planners = {
+        "NavfnROS": NavfnPlanner(NavfnConfig()),
+        "A*": GlobalPlanner(GlobalPlannerConfig(use_dijkstra=False)),
+        "A*, use_grid_path": GlobalPlanner(GlobalPlannerConfig(use_dijkstra=False, use_grid_path=True)),
+    }
     for length, of_length in goals.items():
         ways = list(_ways(costmap, length))
-        for name, planner, goal in zip(("NavfnROS", "A*"), planners, of_length, strict=True):
+        for (name, planner), goal in zip(planners.items(), of_length, strict=True):
             samples = [_cpu_ms(lambda p=planner, w=way: path_between(p, costmap, *w), repetitions) for way in ways]
             yield Row(f"plan {side}², {length:g} m, {name}", "CPU ms", tuple(samples), goal, remark=peer)
 

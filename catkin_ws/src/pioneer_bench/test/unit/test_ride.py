@@ -23,8 +23,15 @@ def driven(on: Course, parameters: dict[str, object], **changes: object) -> Ride
 def test_a_corner_is_not_cut(parameters: dict[str, object]) -> None:
     kept = driven(course.slalom(), parameters)
     assert (kept.reached, kept.contacts) == (2, 0)
-    assert kept.clearance > 0.1
+    assert kept.clearance > 0.2
     assert driven(course.slalom(), parameters, clearance_scale=0.0).clearance < 0.08
+
+
+def test_a_robot_that_pushes_what_the_laser_does_not_see_gives_up(parameters: dict[str, object]) -> None:
+    against = driven(course.doorstep(), parameters)
+    assert (against.reached, against.stuck) == (0, False)
+    assert "commanded to drive and does not move" in against.last
+    assert against.given_up[0] < 60.0
 
 
 def test_a_narrow_door_is_still_passed(parameters: dict[str, object]) -> None:

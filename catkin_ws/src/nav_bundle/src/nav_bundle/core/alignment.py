@@ -22,11 +22,14 @@ FARTHEST = 0.5
 """A fit that moves the estimate further [m], [rad] found another place."""
 
 
-def refined(estimate: Estimate, beams: Beams, field: DistanceField) -> Pose:
-    """Returns the pose near the estimate's at which the beams fit the map best; the estimate's own where none fits."""
+def refined(estimate: Estimate, beams: Beams, field: DistanceField) -> tuple[Pose, float]:
+    """Returns the pose near the estimate's at which the beams fit the map best, and the share of them that do.
+
+    The pose is the estimate's own where too few fit.
+    """
     points = np.ascontiguousarray(beams.end_points())
     if len(points) == 0:
-        return estimate.pose
+        return estimate.pose, 0.0
     prior = estimate.cluster_covariance + np.eye(3) * PRIOR_FLOOR**2
     information = np.ascontiguousarray(np.linalg.inv(prior) * SIGMA**2)
     start, found = np.array([estimate.pose.x, estimate.pose.y, estimate.pose.yaw]), np.empty(3)
@@ -34,4 +37,4 @@ def refined(estimate: Estimate, beams: Beams, field: DistanceField) -> Pose:
     pose = Pose(*found.tolist())
     near = pose.distance(estimate.pose) < FARTHEST
     near = near and abs(angle_difference(pose.yaw, estimate.pose.yaw)) < FARTHEST
-    return pose if near and agreement >= LEAST_AGREEMENT else estimate.pose
+    return pose if near and agreement >= LEAST_AGREEMENT else estimate.pose, agreement

@@ -27,7 +27,8 @@ class DwaConfig:
     Speeds in [m/s] and [rad/s], accelerations in [m/s**2] and [rad/s**2], distances in [m], angles in [rad], times
     in [s]. ``path_distance_bias`` and ``goal_distance_bias`` weigh metres. ``acc_lim_trans``, ``stop_time_buffer``,
     ``scaling_speed`` and ``max_scaling_factor`` are taken and change nothing, as in Noetic; the clouds that
-    ``publish_traj_pc`` and ``publish_cost_grid_pc`` ask for are not there, which is refused.
+    ``publish_traj_pc`` and ``publish_cost_grid_pc`` ask for are not there, which is refused. Ours are ``clearance`` and
+    ``clearance_scale``, see ``TrajectoryConfig``.
     """
 
     max_vel_trans: Annotated[float, Live(0.0)] = 0.55
@@ -55,6 +56,8 @@ class DwaConfig:
     goal_distance_bias: Annotated[float, Live(0.0)] = 0.8
     occdist_scale: Annotated[float, Live(0.0)] = 0.01
     twirling_scale: Annotated[float, Live(0.0)] = 0.0
+    clearance: Annotated[float, Live(0.0, 2.0)] = 0.4
+    clearance_scale: Annotated[float, Live(0.0)] = 10.0
     stop_time_buffer: Annotated[float, Live(0.0)] = 0.2
     oscillation_reset_dist: Annotated[float, Live(0.0)] = 0.05
     oscillation_reset_angle: Annotated[float, Live(0.0)] = 0.2

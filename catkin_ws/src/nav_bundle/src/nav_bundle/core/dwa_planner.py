@@ -5,11 +5,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from nav_bundle.core.clearance import Clearance
 from nav_bundle.core.dwa_config import DwaConfig
 from nav_bundle.core.dynamic_window import DynamicWindow, NoseScales
 from nav_bundle.core.goal_approach import GoalApproach
 from nav_bundle.core.local_planner import Decision, LocalPlannerError, Route, Situation, Velocity
-from nav_bundle.core.meeting import careful_speed
 from nav_bundle.core.oscillation import Oscillation
 from nav_bundle.core.planner import Path
 from nav_bundle.kernels.trajectory import Horizon, Scales
@@ -38,6 +38,7 @@ class DwaPlanner:
             Velocity(config.acc_lim_x, config.acc_lim_y, config.acc_lim_theta),
             Horizon(config.sim_time, config.sim_granularity, config.angular_sim_granularity),
             Scales(plan, goal, config.occdist_scale),
+            Clearance(config.clearance, config.clearance_scale),
             NoseScales(plan, goal, config.twirling_scale),
             config.forward_point_distance,
             not config.use_dwa,
@@ -80,7 +81,7 @@ class DwaPlanner:
         config = self.config
         time = 1.0 / config.controller_frequency if config.use_dwa else config.sim_time
         now = situation.velocity
-        fastest = min(config.max_vel_x, careful_speed(situation))
+        fastest = min(config.max_vel_x, situation.fastest)
         if not config.use_dwa:
             fastest = min(fastest, left / config.sim_time)
         change = config.acc_lim_x * time, config.acc_lim_y * time, config.acc_lim_theta * time

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from nav_bundle.core.clearance import Clearance
 from nav_bundle.core.local_planner import Situation, Velocity
 from nav_bundle.core.rollout import Rollout
 from nav_bundle.kernels.dynamic_window import Nose, score, trace
@@ -31,9 +32,16 @@ class DynamicWindow(Rollout):
     """
 
     def __init__(
-        self, acc: Velocity, horizon: Horizon, scales: Scales, nose_scales: NoseScales, nose: float, accelerating: bool
+        self,
+        acc: Velocity,
+        horizon: Horizon,
+        scales: Scales,
+        clearance: Clearance,
+        nose_scales: NoseScales,
+        nose: float,
+        accelerating: bool,
     ) -> None:
-        super().__init__(acc, horizon, scales)
+        super().__init__(acc, horizon, scales, clearance)
         self._nose = Nose(nose, self._to_plan, nose_scales.alignment, nose_scales.front, nose_scales.twirling)
         self._alignment, self._accelerating = nose_scales.alignment, accelerating
 

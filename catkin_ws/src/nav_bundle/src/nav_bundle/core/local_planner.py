@@ -41,14 +41,14 @@ class Situation:
         pose: the robot's, in the local costmap's frame.
         velocity: the robot's, measured.
         local_from_global: pose of the global plan's frame in the local costmap's frame.
-        unmapped: points (n, 2) [m] of what the map does not know, in the local costmap's frame.
+        fastest: how fast to go [m/s] at most, for care in front of what the map does not know.
     """
 
     costmap: Costmap
     pose: Pose
     velocity: Velocity
     local_from_global: Pose
-    unmapped: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    fastest: float = math.inf
 
 
 @dataclass(frozen=True, eq=False)

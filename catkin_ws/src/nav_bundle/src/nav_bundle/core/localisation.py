@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core.alignment import refined
+from nav_bundle.core.alignment import LEAST_AGREEMENT, refined
 from nav_bundle.core.amcl_config import AmclConfig
 from nav_bundle.core.error import NavigationError
 from nav_bundle.core.grid import Grid
@@ -21,6 +21,8 @@ RIVALS = 50
 DENSITY = 1000.0
 """Poses [1/m²] that a robot which may be anywhere is looked for at first, where the sensor model can judge as many:
 seven for each 0.5 m by 0.5 m by 10°."""
+DOUBTS = 4
+"""Estimates in a row that no scan fits: the robot is lost."""
 REFINING_BEAMS = 180
 """Beams that refine an estimate: more cost little there, since they meet one pose, not hundreds."""
 
@@ -48,6 +50,9 @@ class Localisation:
     Args:
         config: amcl's parameters.
         generator: source of all randomness; equal ones give equal results.
+
+    Attributes:
+        agreement: share of the last scan's beams that fitted the map; 1 without ``refine_estimate``.
     """
 
     def __init__(self, config: AmclConfig, generator: np.random.Generator) -> None:
@@ -59,7 +64,8 @@ class Localisation:
         self._free: FreeSpace | None = None
         self._odom: Pose | None = None
         self._forced = self._scattered = False
-        self._updates = 0
+        self._updates = self._doubts = 0
+        self.agreement = 1.0
 
     @property
     def particles(self) -> NDArray[np.float64]:
@@ -70,6 +76,11 @@ class Localisation:
     def has_map(self) -> bool:
         """Tells whether a map has been set."""
         return self._sensor is not None
+
+    @property
+    def lost(self) -> bool:
+        """Tells whether lately no scan fitted the map where the robot is thought to be."""
+        return self._doubts >= DOUBTS
 
     def set_map(self, grid: Grid) -> None:
         """Uses ``grid`` from now on; the particles stay where they are."""
@@ -92,6 +103,7 @@ class Localisation:
         """Restarts around ``pose`` (map frame); ``covariance`` over x, y, yaw, shape (3, 3)."""
         self._filter.gather(pose, covariance)
         self._odom, self._scattered = None, False
+        self._doubts = 0
 
     def scatter(self) -> None:
         """Restarts with particles all over the free space: the robot may be anywhere.
@@ -154,7 +166,9 @@ class Localisation:
         """Lays the scan onto the map near the estimate; the particles do not learn of it: it would narrow them."""
         if not (self._config.refine_estimate and isinstance(self._sensor, LikelihoodField)):
             return estimate
-        return replace(estimate, pose=refined(estimate, self._thinned(scan, REFINING_BEAMS), self._sensor.field))
+        pose, self.agreement = refined(estimate, self._thinned(scan, REFINING_BEAMS), self._sensor.field)
+        self._doubts = self._doubts + 1 if self.agreement < LEAST_AGREEMENT else 0
+        return replace(estimate, pose=pose)
 
     def _thinned(self, scan: Scan, beams: int) -> Beams:
         return scan.thinned(beams, self._config.laser_min_range, self._config.laser_max_range)

@@ -1,22 +1,34 @@
 """Care in front of what the map does not know: it may be another robot that comes to meet this one."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from nav_bundle.core.local_planner import Situation
+from nav_bundle.core.pose import Pose
 
-# With unmapped obstacles in front (within 60 degrees), the speed [m/s] is held to 0.4/s times the distance
-# beyond 0.5 m, so that two robots that meet have time to give way.
-_FRONT, _SPEED_BY_DISTANCE, _MARGIN, _SLOWEST = 0.5, 0.4, 0.5, 0.15
+_FRONT = 0.5
+"""Cosine of 60 degrees: what lies farther to the side is not in front."""
 
 
-def careful_speed(situation: Situation) -> float:
-    """Returns the highest speed [m/s] for the unmapped obstacles in front, infinity without any."""
-    ahead = situation.unmapped - (situation.pose.x, situation.pose.y)
-    along = ahead @ (math.cos(situation.pose.yaw), math.sin(situation.pose.yaw))
-    distance = np.hypot(ahead[:, 0], ahead[:, 1])
-    in_front = distance[along > _FRONT * distance]
-    if not len(in_front):
-        return math.inf
-    return max(_SLOWEST, _SPEED_BY_DISTANCE * (float(in_front.min()) - _MARGIN))
+@dataclass(frozen=True)
+class Care:
+    """How to meet: the speed is held to ``scale`` [1/s] times the distance beyond ``margin`` [m].
+
+    So two robots that meet have time to give way. It is never held below ``slowest`` [m/s].
+    """
+
+    margin: float = 0.5
+    scale: float = 0.4
+    slowest: float = 0.15
+
+    def speed(self, unmapped: NDArray[np.float64], pose: Pose) -> float:
+        """Returns how fast to go [m/s] for the unmapped obstacles (n, 2) [m] in front, infinity without any."""
+        ahead = unmapped - (pose.x, pose.y)
+        along = ahead @ (math.cos(pose.yaw), math.sin(pose.yaw))
+        distance = np.hypot(ahead[:, 0], ahead[:, 1])
+        in_front = distance[along > _FRONT * distance]
+        if not len(in_front):
+            return math.inf
+        return max(self.slowest, self.scale * (float(in_front.min()) - self.margin))

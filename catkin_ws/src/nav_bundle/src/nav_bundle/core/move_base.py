@@ -28,6 +28,7 @@ class Trigger(Enum):
     PLANNING = "Failed to find a valid plan. Even after executing recovery behaviors."
     CONTROLLING = "Failed to find a valid control. Even after executing recovery behaviors."
     OSCILLATION = "Robot is oscillating. Even after executing recovery behaviors."
+    PUSHING = "Robot is commanded to drive and does not move. Even after executing recovery behaviors."
 
 
 class PlanOutcome(Enum):
@@ -51,7 +52,8 @@ class Limits:
     """The parameters that decide: times [s], frequencies [Hz], distances [m].
 
     ``max_planning_retries`` below 0 and ``oscillation_timeout`` 0 mean without limit;
-    ``planner_frequency`` 0 means plan once a goal and whenever control fails.
+    ``planner_frequency`` 0 means plan once a goal and whenever control fails. ``meeting_period`` is how old a plan may
+    become while something that the map does not know is near.
     """
 
     planner_frequency: float = 0.0
@@ -60,6 +62,7 @@ class Limits:
     max_planning_retries: int = -1
     oscillation_timeout: float = 0.0
     oscillation_distance: float = 0.5
+    meeting_period: float = 0.5
     recoveries: int = 0
 
     @property
@@ -98,6 +101,7 @@ class Inputs:
         reached: the local planner says that the goal is reached.
         recovery: what the recovery under way wants to drive.
         recovered: the recovery under way has ended.
+        pushing: the robot is commanded to drive and does not move.
         meeting: something that the map does not know is near: plans age fast.
     """
 
@@ -111,6 +115,7 @@ class Inputs:
     recovery: Velocity | None = None
     recovered: bool = False
     meeting: bool = False
+    pushing: bool = False
 
 
 @dataclass(frozen=True)
@@ -154,10 +159,9 @@ class Warn:
 Event = StartPlanning | StopPlanning | FollowPlan | StartRecovery | Finish | Warn
 Step = tuple[State, Velocity | None, tuple[Event, ...]]
 
-MEETING_PERIOD = 0.5
-"""How old a plan may become while something that the map does not know is near [s]."""
 RETRY_PERIOD = 0.1
 """Longest wait between two searches while the robot stands without a plan [s]."""
+PUSHING_TEXT = "The robot is commanded to drive and does not move: it pushes against something, or its motors are off"
 STALE_TEXT = "Sensor data is out of date, we're not going to allow commanding of the base for safety"
 
 
@@ -177,7 +181,7 @@ def advance(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
         return state, planned, events
     state, command, more = _PHASES[state.phase](state, inputs, now, limits)
     if inputs.meeting and state.phase is Phase.CONTROLLING and math.isfinite(state.plan_due):
-        state = replace(state, plan_due=min(state.plan_due, state.last_valid_plan + MEETING_PERIOD))
+        state = replace(state, plan_due=min(state.plan_due, state.last_valid_plan + limits.meeting_period))
     state, request = _request_plan(state, now)
     return state, command, events + more + request
 
@@ -204,7 +208,7 @@ def _watch_oscillation(state: State, pose: Pose | None, now: float, limits: Limi
         return state
     if state.oscillation_pose is not None and pose.distance(state.oscillation_pose) < limits.oscillation_distance:
         return state
-    index = 0 if state.trigger is Trigger.OSCILLATION else state.recovery_index
+    index = 0 if state.trigger in (Trigger.OSCILLATION, Trigger.PUSHING) else state.recovery_index
     return replace(state, last_oscillation_reset=now, oscillation_pose=pose, recovery_index=index)
 
 
@@ -259,6 +263,9 @@ def _plan_phase(state: State, inputs: Inputs, now: float, limits: Limits) -> Ste
 def _control_phase(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
     if inputs.reached:
         return _finish(Outcome.SUCCEEDED, "Goal reached.")
+    if inputs.pushing:
+        state, command, events = _clear(state, Trigger.PUSHING)
+        return state, command, (Warn(PUSHING_TEXT), *events)
     waited = now - state.last_oscillation_reset
     if 0.0 < limits.oscillation_timeout < waited:
         return _clear(state, Trigger.OSCILLATION)

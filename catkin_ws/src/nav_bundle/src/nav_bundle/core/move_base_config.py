@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeVar
 
 from nav_bundle.core.costmap.config import CostmapConfig, costmap_config_from_parameters
+from nav_bundle.core.costmap.costmap import NARROWEST_ROBOT
 from nav_bundle.core.dwa_config import dwa_config_from_parameters
 from nav_bundle.core.dwa_planner import DwaPlanner
 from nav_bundle.core.global_planner import (
@@ -13,8 +14,9 @@ from nav_bundle.core.global_planner import (
     global_planner_config_from_parameters,
 )
 from nav_bundle.core.local_planner import LocalPlanner
+from nav_bundle.core.meeting import Care
 from nav_bundle.core.move_base import Limits
-from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
+from nav_bundle.core.navfn import MEETING_DISTANCE, NavfnConfig, NavfnPlanner
 from nav_bundle.core.recovery import Recovery, recoveries_from_parameters
 from nav_bundle.core.trajectory_config import trajectory_config_from_parameters
 from nav_bundle.core.trajectory_planner import TrajectoryPlanner
@@ -51,6 +53,12 @@ class MoveBaseConfig:
     ``transform_future_limit`` [s], how far ahead of the clock a transform or a cancel may be stamped.
     ``base_global_planner`` may also be ``global_planner/GlobalPlanner``, ``base_local_planner``
     ``dwa_local_planner/DWAPlannerROS``. The packages' names may be left out.
+
+    Ours too: an unmapped obstacle within ``meeting_distance`` [m] (0: none) and at least ``meeting_min_width`` [m] wide
+    may be a robot. In front of it the speed is at most ``meeting_vel_scale`` [1/s] times the distance beyond
+    ``meeting_margin`` [m], but not below ``meeting_min_vel`` [m/s], and plans are made at
+    ``meeting_planner_frequency`` [Hz]. A robot that stands against a command for ``pushing_timeout`` [s] (0: any time),
+    or whose wheels slip, backs up and recovers.
     """
 
     base_global_planner: Annotated[str, Live()] = "navfn/NavfnROS"
@@ -70,6 +78,13 @@ class MoveBaseConfig:
     make_plan_add_unreachable_goal: Annotated[bool, Live()] = True
     shutdown_costmaps: Annotated[bool, Live()] = False
     restore_defaults: Annotated[bool, Live()] = False
+    meeting_distance: Annotated[float, Live(0.0, 10.0)] = MEETING_DISTANCE
+    meeting_min_width: Annotated[float, Live(0.0, 0.6)] = NARROWEST_ROBOT
+    meeting_margin: Annotated[float, Live(0.0, 5.0)] = 0.5
+    meeting_vel_scale: Annotated[float, Live(0.0, 5.0)] = 0.4
+    meeting_min_vel: Annotated[float, Live(0.0, 5.0)] = 0.15
+    meeting_planner_frequency: Annotated[float, Live(0.01, 100.0)] = 2.0
+    pushing_timeout: Annotated[float, Live(0.0, 60.0)] = 3.0
     odom_timeout: float = 0.5
     transform_future_limit: float = 10.0
 
@@ -106,6 +121,16 @@ class Setup:
         """The highest value that a shown potential has; 0 where none is to be shown."""
         planner = self.global_planner
         return planner.publish_scale if isinstance(planner, GlobalPlannerConfig) and planner.publish_potential else 0
+
+    @property
+    def care(self) -> Care:
+        """How to meet what the map does not know."""
+        return Care(self.base.meeting_margin, self.base.meeting_vel_scale, self.base.meeting_min_vel)
+
+    @property
+    def unmapped(self) -> tuple[float, float]:
+        """How near [m] and how wide [m] what the map does not know must be to count."""
+        return self.base.meeting_distance, self.base.meeting_min_width
 
     def make_global_planner(self) -> NavfnPlanner:
         """Returns the global planner that was asked for."""
@@ -177,6 +202,10 @@ def setup_from_parameters(parameters: Mapping[str, Any], owner: str) -> Setup:
 def _check(base: MoveBaseConfig, owner: str) -> None:
     if base.controller_frequency <= 0.0:
         raise ParameterError(f"{owner}: ~controller_frequency must be positive, not {base.controller_frequency}")
+    if base.meeting_planner_frequency <= 0.0:
+        raise ParameterError(
+            f"{owner}: ~meeting_planner_frequency must be positive, not {base.meeting_planner_frequency}"
+        )
 
 
 def _planner(kinds: dict[str, Kind], wanted: str, what: str) -> tuple[str, Kind]:
@@ -196,5 +225,6 @@ def _limits(base: MoveBaseConfig, recoveries: int) -> Limits:
         max_planning_retries=base.max_planning_retries,
         oscillation_timeout=base.oscillation_timeout,
         oscillation_distance=base.oscillation_distance,
+        meeting_period=1.0 / base.meeting_planner_frequency,
         recoveries=recoveries,
     )

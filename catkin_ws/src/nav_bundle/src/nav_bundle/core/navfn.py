@@ -146,29 +146,12 @@ class NavfnSearch:
         """Returns the path from the robot to the goal, or to the nearest reached place within the tolerance."""
         exact = self.potential[self._goal_cell] < FAR
         end = self._goal_cell if exact else self._nearest()
-        steps = self._cells_down(end) if self.follow_cells else self._points_down(end)
+        steps = np.empty((4 * sum(self.potential.shape) + self.potential.size // 8, 2), np.float64)
+        descend = kernel.descend_cells if self.follow_cells else kernel.descend
+        steps = steps[: descend(self.potential, steps, end, self._start)]
         if len(steps) == 0 and end != self._start:
             raise NoPathError("Failed to get a plan from potential when a legal potential was found.")
         return self.finish(self._poses(steps[::-1], exact))
-
-    def _points_down(self, end: tuple[int, int]) -> NDArray[np.float64]:
-        """Returns points (row, col) down the gradient from ``end`` to the robot, none where that got stuck."""
-        steps = np.empty((4 * sum(self.potential.shape) + self.potential.size // 8, 2), np.float64)
-        return steps[: kernel.descend(self.potential, steps, end, self._start)]
-
-    def _cells_down(self, end: tuple[int, int]) -> NDArray[np.float64]:
-        """Returns cells (row, col) from ``end`` to the robot, each the lowest of the eight around the one before."""
-        row, col = end
-        cells = [end]
-        while (row, col) != self._start:
-            top, left = max(row - 1, 0), max(col - 1, 0)
-            around = self.potential[top : row + 2, left : col + 2]
-            down, right = divmod(int(around.argmin()), around.shape[1])
-            if around[down, right] >= self.potential[row, col]:
-                return np.empty((0, 2))
-            row, col = top + down, left + right
-            cells.append((row, col))
-        return np.array(cells, np.float64)
 
     def _nearest(self) -> tuple[int, int]:
         cell = kernel.nearest_reached(self.potential, self._goal_cell, self._tolerance / self.geometry.resolution)

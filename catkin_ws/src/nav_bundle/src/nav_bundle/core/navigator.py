@@ -4,7 +4,6 @@ The node reads topics and transforms into a ``Sight`` and publishes what a ``Cyc
 its own.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -24,14 +23,15 @@ from nav_bundle.core.move_base import (
     StartRecovery,
     State,
     StopPlanning,
+    Trigger,
     Warn,
     advance,
 )
 from nav_bundle.core.move_base_config import Setup
-from nav_bundle.core.navfn import MEETING_DISTANCE
 from nav_bundle.core.planner import Path, PlannerError, Search
 from nav_bundle.core.pose import Pose
-from nav_bundle.core.recovery import Recovery, Surroundings
+from nav_bundle.core.pushing import Picture, PushingWatch
+from nav_bundle.core.recovery import BackUp, Recovery, Surroundings
 
 # How many cells a search may look at in one cycle: about 60 ms while the robot stands, 8 ms while it drives.
 _CELLS_STANDING = 2_000_000
@@ -106,6 +106,8 @@ class Navigator:
         self._route: Path | None = None
         self._recovery: Recovery | None = None
         self._unmapped: NDArray[np.float64] = _NOBODY
+        self._pushing = PushingWatch(setup.base.pushing_timeout)
+        self._command: Velocity | None = None
 
     @property
     def phase(self) -> Phase:
@@ -117,6 +119,7 @@ class Navigator:
         before, self._setup = self._setup, setup
         if (setup.global_planner_name, setup.global_planner) != (before.global_planner_name, before.global_planner):
             self.planner = setup.make_global_planner()
+        self._pushing = PushingWatch(setup.base.pushing_timeout)
         if not setup.drives_as(before):
             self._controller = setup.make_local_planner()
             if self._route is not None:
@@ -124,7 +127,12 @@ class Navigator:
 
     def look_around(self, pose: Pose | None) -> None:
         """Takes note of what an update of the global costmap showed around the robot at ``pose``."""
-        self._unmapped = _NOBODY if pose is None else self._global.unmapped(pose, MEETING_DISTANCE)
+        self._unmapped = _NOBODY if pose is None else self._global.unmapped(pose, *self._setup.unmapped)
+
+    def look_at(self, picture: Picture) -> None:
+        """Takes note of what the laser saw, in the local costmap's frame."""
+        if self._state.phase is Phase.CONTROLLING:
+            self._pushing.note_picture(picture)
 
     def begin(self, goal: Pose, pose: Pose | None, now: float) -> Cycle:
         """Starts on a new goal, in the global costmap's frame, from ``pose``."""
@@ -147,13 +155,15 @@ class Navigator:
         current = sight.current and sight.pose is not None and sight.local_pose is not None
         inputs = Inputs(pose=sight.pose, current=current, meeting=len(self._unmapped) > 0)
         if current:
-            inputs = self._worked_out(inputs, sight, result)
+            inputs = self._worked_out(inputs, sight, now, result)
         return self._advance(inputs, sight.pose, now, result)
 
-    def _worked_out(self, inputs: Inputs, sight: Sight, result: Cycle) -> Inputs:
+    def _worked_out(self, inputs: Inputs, sight: Sight, now: float, result: Cycle) -> Inputs:
         """Returns the inputs with the outcome of search, local planner and recovery."""
         inputs = replace(inputs, plan=self._search_on(result))
         if self._state.phase is Phase.CONTROLLING:
+            self._pushing.note_motion(self._command, sight.velocity or Velocity(), now)
+            inputs = replace(inputs, pushing=self._pushing.pushes(now))
             result.decision = decision = self._decide(sight, result)
             return inputs if decision is None else replace(inputs, control=decision.velocity, reached=decision.reached)
         if self._recovery is not None:
@@ -184,10 +194,10 @@ class Navigator:
 
     def _decide(self, sight: Sight, result: Cycle) -> Decision | None:
         """Asks the local planner; None where it finds nothing to drive."""
-        if sight.local_pose is None or sight.local_from_global is None or sight.velocity is None:
+        if sight.pose is None or sight.local_pose is None or sight.local_from_global is None or sight.velocity is None:
             return None
-        unmapped = _moved(self._unmapped, sight.local_from_global)
-        situation = Situation(self._local, sight.local_pose, sight.velocity, sight.local_from_global, unmapped)
+        fastest = self._setup.care.speed(self._unmapped, sight.pose)
+        situation = Situation(self._local, sight.local_pose, sight.velocity, sight.local_from_global, fastest)
         try:
             return self._controller.decide(situation)
         except LocalPlannerError as error:
@@ -205,6 +215,9 @@ class Navigator:
         self._state, result.command, events = advance(self._state, inputs, now, self._setup.limits)
         for event in events:
             self._handle(event, pose, result)
+        self._command = result.command
+        if self._state.phase is not Phase.CONTROLLING:
+            self._pushing.reset()
         if self._state.phase is not Phase.CLEARING:
             self._recovery = None
         return result
@@ -219,9 +232,11 @@ class Navigator:
                 assert self._path is not None
                 self._route = result.plan = self._path
                 self._controller.set_plan(self._route)
-            case StartRecovery(index):
-                self._recovery = self._setup.recoveries[index]
-                self._recovery.start()
+            case StartRecovery(index, trigger):
+                chosen: Recovery = self._setup.recoveries[index]
+                chosen = BackUp(chosen) if trigger is Trigger.PUSHING else chosen
+                chosen.start()
+                self._recovery = chosen
                 result.recovery = event
             case Finish():
                 self._goal, self._route, self._recovery = None, None, None
@@ -238,12 +253,6 @@ class Navigator:
             self._search = self.planner.search(self._global, pose, self._goal)
         except PlannerError as error:
             self._search = _FailedSearch(error)
-
-
-def _moved(points: NDArray[np.float64], transform: Pose) -> NDArray[np.float64]:
-    """Returns points (n, 2) in the parent frame of ``transform``."""
-    cosine, sine = math.cos(transform.yaw), math.sin(transform.yaw)
-    return points @ np.array([[cosine, sine], [-sine, cosine]]) + (transform.x, transform.y)
 
 
 class _FailedSearch:

@@ -10,6 +10,9 @@ from nav_bundle.core.local_planner import Velocity
 from nav_bundle.core.pose import Pose, angle_difference
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 
+_BACK, _LOOK_BACK, _BACKWARDS = 0.3, 0.1, -0.15
+"""How far [m] a robot that pushes backs up, how far behind it is looked [m], and its speed [m/s]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
@@ -136,6 +139,33 @@ class RotateRecovery:
             if around.local_costmap.footprint_cost(turned) < 0:
                 return False
         return True
+
+
+class BackUp:
+    """Drives back from what the robot pushes against, and then does what ``following`` does."""
+
+    def __init__(self, following: Recovery) -> None:
+        self._following = following
+        self.name, self.complaint = following.name, ""
+        self._from: Pose | None = None
+        self._away = False
+
+    def start(self) -> None:
+        """Begins where the robot stands then."""
+        self._from, self._away = None, False
+        self._following.start()
+
+    def step(self, around: Surroundings) -> Velocity | None:
+        """Returns the way back, while it is free, and then what the recovery drives."""
+        pose = around.local_pose
+        self._from = self._from or pose
+        behind = Pose(*pose.apply(-_LOOK_BACK, 0.0), pose.yaw)
+        self._away = self._away or pose.distance(self._from) > _BACK or around.local_costmap.footprint_cost(behind) < 0
+        if not self._away:
+            return Velocity(_BACKWARDS)
+        velocity = self._following.step(around)
+        self.complaint = self._following.complaint
+        return velocity
 
 
 def recoveries_from_parameters(parameters: Mapping[str, Any], circumscribed_radius: float) -> list[Recovery]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core.costmap.cost import INSCRIBED
+from nav_bundle.core.clearance import Clearance
 from nav_bundle.core.local_planner import Situation, Velocity
 from nav_bundle.core.pose import Pose
 from nav_bundle.kernels import trajectory as kernel
@@ -14,8 +14,6 @@ from nav_bundle.kernels.plan_distance import Floor, distance_grids
 from nav_bundle.kernels.trajectory import Ground, Horizon, Motion, Scales
 
 _COST, _X, _Y, _YAW = 0, 1, 2, 3
-# The plan's own room is looked at from here to as far as the robot gets and a bit more [m].
-_PLAN_BEGIN, _PLAN_END = 0.3, 0.5
 _NO_PLAN = np.empty((0, 2))
 
 
@@ -31,7 +29,7 @@ class Scored:
 class Rollout:
     """Scores samples of one moment: the costmap, the distances to plan and goal, the robot's motion."""
 
-    def __init__(self, acc: Velocity, horizon: Horizon, scales: Scales, clearance: float = 0.0) -> None:
+    def __init__(self, acc: Velocity, horizon: Horizon, scales: Scales, clearance: Clearance) -> None:
         self._acc = np.array([acc.x, acc.y, acc.turn], np.float64)
         self.horizon, self._scales, self._clearance = horizon, scales, clearance
         self._headings = scales.heading > 0.0
@@ -52,27 +50,13 @@ class Rollout:
             np.array([velocity.x, velocity.y, velocity.turn], np.float64),
             self._acc,
         )
-        self._ground = Ground(costmap.cells, place, self._to_plan, self._to_goal, costmap.footprint.vertices)
+        steps = self._to_plan, self._to_goal
+        prices = self._clearance.prices(costmap), self._clearance.allowed(situation, plan)
+        self._ground = Ground(costmap.cells, place, *steps, costmap.footprint.vertices, *prices)
         self._floor = Floor(costmap.cells, place, costmap.footprint.outline(pose))
         points = np.ascontiguousarray(plan[:, :2])
-        if self._scales.near > 0.0:
-            self._scales = self._scales._replace(limit=self._limit(situation, plan))
         self._ahead = points if self._headings else _NO_PLAN
         return distance_grids(self._floor, points, self._to_plan, self._to_goal, self._queue) > 0
-
-    def _limit(self, situation: Situation, plan: NDArray[np.float64]) -> float:
-        """Returns the cost of a centre's cell above which a way is too near: at ``clearance``, or the plan's own."""
-        costmap, pose = situation.costmap, situation.pose
-        place = costmap.geometry
-        comfortable = costmap.cost_at(self._clearance + costmap.footprint.inscribed_radius)
-        distance = np.hypot(plan[:, 0] - pose.x, plan[:, 1] - pose.y)
-        reach = _PLAN_END + abs(situation.velocity.x) * self.horizon.time
-        ahead = plan[(distance > _PLAN_BEGIN) & (distance < reach)]
-        cols = ((ahead[:, 0] - place.origin_x) / place.resolution).astype(np.int64)
-        rows = ((ahead[:, 1] - place.origin_y) / place.resolution).astype(np.int64)
-        inside = (cols >= 0) & (cols < place.cols) & (rows >= 0) & (rows < place.rows)
-        costs = costmap.cells[rows[inside], cols[inside]]
-        return float(max(comfortable, costs[costs < INSCRIBED].max(initial=0)))
 
     def cheapest(self, samples: NDArray[np.float64]) -> Scored | None:
         """Returns the cheapest of ``samples`` (n, 3), the first of equals; None if none may be driven."""

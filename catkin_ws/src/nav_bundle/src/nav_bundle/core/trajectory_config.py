@@ -27,9 +27,10 @@ class TrajectoryConfig:
 
     Speeds in [m/s] and [rad/s], accelerations in [m/s**2] and [rad/s**2], distances in [m], times in
     [s]. With ``heading_scoring`` a sample is scored at ``heading_scoring_timestep``, and by its heading to the farthest
-    point of the plan in sight too. Ours are ``clearance`` [m], the room that is left to obstacles where the plan leaves
-    it, and ``clearance_scale``, the cost of a way without it; 0 for base_local_planner's scores. ``stop_time_buffer``,
-    ``simple_attractor`` and ``publish_cost_grid_pc`` are refused unless they ask for what is done anyway.
+    point of the plan in sight too. Ours are ``clearance`` [m], the room that is left to obstacles where there is that
+    much, and ``clearance_scale``, the cost of touching them all the way; 0 for base_local_planner's scores.
+    ``stop_time_buffer``, ``simple_attractor`` and ``publish_cost_grid_pc`` are refused unless they ask for what is done
+    anyway.
     """
 
     acc_lim_x: Annotated[float, Live(0.0, 20.0)] = 2.5
@@ -55,8 +56,8 @@ class TrajectoryConfig:
     path_distance_bias: Annotated[float, Live(0.0, 5.0)] = 0.6
     goal_distance_bias: Annotated[float, Live(0.0, 5.0)] = 0.8
     occdist_scale: Annotated[float, Live(0.0, 5.0)] = 0.01
-    clearance: Annotated[float, Live(0.0, 2.0)] = 0.3
-    clearance_scale: Annotated[float, Live(0.0, 10.0)] = 5.0
+    clearance: Annotated[float, Live(0.0, 2.0)] = 0.4
+    clearance_scale: Annotated[float, Live(0.0, 100.0)] = 10.0
     heading_lookahead: Annotated[float, Live(0.0, 5.0)] = 0.325
     dwa: Annotated[bool, Live()] = False
     prune_plan: Annotated[bool, Live()] = True

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from nav_bundle.core.clearance import Clearance
 from nav_bundle.core.goal_approach import GoalApproach
 from nav_bundle.core.local_planner import Decision, LocalPlannerError, Route, Situation, Velocity
-from nav_bundle.core.meeting import careful_speed
 from nav_bundle.core.planner import Path
 from nav_bundle.core.pose import Pose, angle_difference
 from nav_bundle.core.rollout import Rollout, Scored
@@ -21,8 +21,9 @@ _NO_COMMAND = (
 )
 
 _STANDING = 1.0e-3
-_CRAWL = 0.05
-"""Slower forward speeds [m/s] are not tried: they look ahead by a few centimetres only, and so end at the obstacle."""
+_CRAWL = 0.1
+"""Slower forward speeds [m/s] are not tried, nor slower than a quarter of the highest: they look ahead by a few
+centimetres only, and so end at the obstacle."""
 _DEAD_END_RADIUS = 0.2
 """A way that ends so near [m] to where the robot last could only back up leads there again."""
 _LONGEST_ESCAPE = 0.8
@@ -78,9 +79,8 @@ class TrajectoryPlanner:
                 config.goal_distance_bias * unit,
                 config.occdist_scale * unit,
                 _HEADING_SCALE if config.heading_scoring else 0.0,
-                config.clearance_scale,
             ),
-            config.clearance,
+            Clearance(config.clearance, config.clearance_scale),
         )
         self._period = 1.0 / config.controller_frequency
         self._approach = GoalApproach(config.approach())
@@ -119,7 +119,7 @@ class TrajectoryPlanner:
         """Returns what to drive and for how long [s] it is known to touch nothing, the whole horizon if infinite."""
         if not self._is_escaping(situation.pose):
             goal_distance = math.hypot(ahead[-1, 0] - situation.pose.x, ahead[-1, 1] - situation.pose.y)
-            fastest = min(goal_distance / self.config.sim_time, careful_speed(situation))
+            fastest = min(goal_distance / self.config.sim_time, situation.fastest)
             forward: Scored | None = self._rollout.cheapest(self._forward_samples(situation.velocity, fastest))
             if forward is not None and not self._leads_on(forward, situation.pose):
                 chosen: Scored | None = self._turn_in_place(situation.velocity, None) or forward
@@ -134,9 +134,10 @@ class TrajectoryPlanner:
         """Returns the lowest and highest forward speed and turning speed that can be reached."""
         config = self.config
         time = self._period if config.dwa else config.sim_time
+        slowest = max(config.min_vel_x, min(_CRAWL, 0.25 * config.max_vel_x))
         return (
-            max(config.min_vel_x, velocity.x - config.acc_lim_x * time),
-            max(min(config.max_vel_x, velocity.x + config.acc_lim_x * time), config.min_vel_x),
+            max(slowest, velocity.x - config.acc_lim_x * time),
+            max(min(config.max_vel_x, velocity.x + config.acc_lim_x * time), slowest),
             max(config.min_vel_theta, velocity.turn - config.acc_lim_theta * time),
             min(config.max_vel_theta, velocity.turn + config.acc_lim_theta * time),
         )
@@ -149,7 +150,7 @@ class TrajectoryPlanner:
         slowest, fastest, right, left = self._range(velocity)
         fastest = max(min(fastest, limit), slowest)
         speeds = np.linspace(slowest, fastest, self.config.vx_samples)
-        speeds = speeds[np.abs(speeds) > max(_STANDING, min(_CRAWL, 0.25 * self.config.max_vel_x))]
+        speeds = speeds[np.abs(speeds) > _STANDING]
         turns = np.concatenate([[0.0], np.linspace(right, left, self.config.vtheta_samples)])
         samples = np.zeros((len(speeds), len(turns), 3))
         samples[:, :, 0] = speeds[:, None]

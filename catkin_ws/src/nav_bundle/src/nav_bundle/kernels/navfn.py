@@ -309,6 +309,26 @@ def descend(potential: Array2[np.float32], path: Array2[np.float64], end: Cell, 
 
 
 @kernel
+def descend_cells(potential: Array2[np.float32], path: Array2[np.float64], end: Cell, source: Cell) -> int:
+    """Walks from ``end`` to ``source``, each time to the lowest of the eight cells around.
+
+    Writes (row, col) [cells] into ``path``; returns the number of cells, 0 if the walk got stuck.
+    """
+    row, col = end
+    source_row, source_col = source
+    for count in range(path.shape[0]):
+        path[count, 0] = row
+        path[count, 1] = col
+        if row == source_row and col == source_col:
+            return count + 1
+        next_row, next_col = _lowest_neighbour(potential, row, col)
+        if next_row == row and next_col == col:
+            return 0
+        row, col = next_row, next_col
+    return 0
+
+
+@kernel
 def nearest_reached(potential: Array2[np.float32], goal: Cell, tolerance: float) -> int:
     """Returns the flat index of the reached cell nearest to ``goal`` within ``tolerance`` [cells], else -1."""
     row, col = goal

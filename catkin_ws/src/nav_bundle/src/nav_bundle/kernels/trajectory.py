@@ -28,7 +28,9 @@ COST, X, Y, YAW, BOUND = 0, 1, 2, 3, 4
 class Ground(NamedTuple):
     """What trajectories are scored on: the local costmap, steps to the plan and to the local goal, and the footprint.
 
-    The footprint's vertices are relative to the robot.
+    The footprint's vertices are relative to the robot. ``prices`` of nearness to obstacles go by the cost of the cell
+    of the robot's centre, shape (256,); ``allowed`` is what of them is free, by distance from the robot in cells, all
+    where that is empty.
     """
 
     costs: Costs
@@ -36,6 +38,8 @@ class Ground(NamedTuple):
     to_plan: Steps
     to_goal: Steps
     footprint: Points
+    prices: Array1[np.float64]
+    allowed: Array1[np.float64]
 
 
 class Motion(NamedTuple):
@@ -59,18 +63,12 @@ class Horizon(NamedTuple):
 
 
 class Scales(NamedTuple):
-    """Cost of a cell's step to the plan and to the local goal, of a unit of costmap cost, of a radian of heading.
-
-    ``near`` is the cost of a way on which the robot's centre lies in cells above ``limit`` from beginning to end; a way
-    that does so in part costs the same part of it.
-    """
+    """Cost of a cell's step to the plan and to the local goal, of a unit of costmap cost, of a radian of heading."""
 
     plan: float
     goal: float
     obstacle: float
     heading: float = 0.0
-    near: float = 0.0
-    limit: float = float(LETHAL)
 
 
 @njit
@@ -157,7 +155,8 @@ def _check(ground, motion, start, sample, time, steps, scales, reach):
     vx, vy, turn = start[0], start[1], start[2]
     dt = time / steps
     highest = 0
-    near = 0
+    near = 0.0
+    bins = ground.allowed.shape[0]
     for _ in range(steps):
         row, col = cell_at(ground.place, x, y)
         if row < 0 or row >= rows or col < 0 or col >= cols:
@@ -165,12 +164,15 @@ def _check(ground, motion, start, sample, time, steps, scales, reach):
         cost = footprint_cost(ground.costs, ground.place, ground.footprint, x, y, yaw)
         if cost < 0:
             return HIT
-        near += ground.costs[row, col] > scales.limit
+        if bins > 0:
+            away = np.hypot(x - motion.pose[0], y - motion.pose[1]) / ground.place.resolution
+            price = ground.prices[ground.costs[row, col]] - ground.allowed[min(int(away), bins - 1)]
+            near += max(0.0, price)
         highest = max(highest, max(cost, np.int64(ground.costs[row, col])))
         if reach and not is_reached(ground, row, col):
             return UNREACHED
         x, y, yaw, vx, vy, turn = moved(x, y, yaw, vx, vy, turn, sample, motion.acc, dt)
-    return scales.obstacle * highest + scales.near * near / steps
+    return scales.obstacle * highest + near / steps
 
 
 @njit

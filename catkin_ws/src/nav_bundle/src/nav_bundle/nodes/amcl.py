@@ -93,6 +93,7 @@ class AmclNode:
         self._estimate: Estimate | None = None
         self._map_from_odom: Pose | None = None
         self._now = self._next_cloud = 0.0
+        self._lost = False
         self._start_at_initial_pose()
         self._listener = TransformListener(future_limit=config.transform_future_limit)
         self._name_frames()
@@ -227,10 +228,23 @@ class AmclNode:
             if update.estimate is not None:
                 self._estimate, self._map_from_odom = update.estimate, update.map_from_odom
                 self._publish_estimate(update.estimate, stamp)
+                self._tell_if_lost()
             self._publish_cloud(stamp)
         self._broadcast(stamp)
         if self._estimate is not None and self._store.save(self._estimate, self._now):
             self._write_correction()
+
+    def _tell_if_lost(self) -> None:
+        lost, before = self._localisation.lost, self._lost
+        if lost and not before:
+            rospy.logwarn(
+                "localisation is lost: only %.0f %% of the scan fits the map here; set the pose on initialpose, "
+                "or call global_localization",
+                100.0 * self._localisation.agreement,
+            )
+        elif before and not lost:
+            rospy.loginfo("localisation has found itself again: %.0f %% fits", 100.0 * self._localisation.agreement)
+        self._lost = lost
 
     def _laser(self, frame: str) -> Transform:
         """Returns base_from_laser; it is asked for once, lasers do not move."""

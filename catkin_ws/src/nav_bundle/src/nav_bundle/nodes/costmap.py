@@ -27,6 +27,7 @@ from nav_bundle.core.costmap.observation import ObservationBuffer
 from nav_bundle.core.error import NavigationError, ObservationError
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose
+from nav_bundle.core.pushing import Picture
 from nav_bundle.core.transform import ExtrapolationError, TransformError
 from nav_bundle.nodes.sensor import Newest, newest_clouds, newest_scans
 from nav_bundle.nodes.transform import TransformListener, robot_frame
@@ -184,6 +185,13 @@ class CostmapNode:
         self._publish(now, pose)
         return True
 
+    def picture(self) -> Picture | None:
+        """Returns what the first source saw last, None before the first scan."""
+        newest = next((buffer.last for _, _, buffer in self._sources), None)
+        if newest is None:
+            return None
+        return Picture(Pose(newest.sensor_x, newest.sensor_y, newest.sensor_yaw), newest.points)
+
     def forget(self) -> None:
         """Drops what sensors saw, for a clock that jumped back."""
         for _, scans, buffer in self._sources:
@@ -247,7 +255,7 @@ class CostmapNode:
         heights = points[:, 2]
         kept = (heights >= source.min_obstacle_height) & (heights <= source.max_obstacle_height)
         sensor_x, sensor_y, _ = place.translation
-        return Observation(source, sensor_x, sensor_y, np.ascontiguousarray(points[kept, :2]))
+        return Observation(source, sensor_x, sensor_y, np.ascontiguousarray(points[kept, :2]), place.planar().yaw)
 
     def _publish(self, now: float, pose: Pose) -> None:
         if self._footprint_publisher.get_num_connections():

@@ -156,7 +156,8 @@ class MoveBaseNode:
     def _cycle(self, now: float) -> None:
         if self._global.update(now):
             self._navigator.look_around(self._global.pose(now))
-        self._local.update(now)
+        if self._local.update(now) and (picture := self._local.picture()):
+            self._navigator.look_at(picture)
         goal = self._goals.take()
         if goal is not None:
             self._carry_out(self._navigator.begin(goal, self._global.pose(now), now), now)

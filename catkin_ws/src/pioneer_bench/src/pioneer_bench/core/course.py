@@ -29,6 +29,7 @@ class Course:
         name: for rows.
         walls: outlines of what the map shows, each that of one solid.
         hidden: what stands there and is not in the map.
+        low: what stands there and lies below the laser.
         start: of the robot.
         goals: driven to one after the other.
         limit: time for all goals [s].
@@ -40,12 +41,13 @@ class Course:
     start: Pose
     goals: tuple[Pose, ...]
     hidden: Section = EMPTY
+    low: Section = EMPTY
     limit: float = 120.0
     reachable: bool = True
 
     @property
     def standing(self) -> Section:
-        """Everything that stands."""
+        """Everything that the laser sees."""
         return Section.joined([*self.walls, self.hidden])
 
     def grid(self) -> Grid:
@@ -138,6 +140,18 @@ def unreachable() -> Course:
     walls = [*room(8.0, 6.0), wall(5.0, 2.0, 7.0, 2.0), wall(5.0, 4.0, 7.0, 4.0)]
     walls += [wall(5.0, 2.0, 5.0, 4.0), wall(7.0, 2.0, 7.0, 4.0)]
     return Course("unreachable goal", tuple(walls), Pose(1.5, 3.0), (Pose(6.0, 3.0),), reachable=False)
+
+
+def doorstep() -> Course:
+    """Returns a room with a box across it that the laser does not see: the goal cannot be reached."""
+    return Course(
+        "doorstep",
+        tuple(room(8.0, 5.0)),
+        Pose(1.5, 2.5),
+        (Pose(6.5, 2.5),),
+        low=box(4.0, 0.0, 4.2, 5.0),
+        reachable=False,
+    )
 
 
 def maze(seed: int, legs: int = 4, cells: int = 6) -> Course:

@@ -21,8 +21,10 @@ from nav_bundle.core.move_base import Outcome
 from nav_bundle.core.move_base_config import setup_from_parameters
 from nav_bundle.core.navigator import Cycle, Navigator, Sight
 from nav_bundle.core.pose import Pose
+from nav_bundle.core.pushing import Picture
 from pioneer_bench.core.course import Course
 from pioneer_gazebo.core.laser import WallIndex
+from pioneer_gazebo.core.section import Section
 from pioneer_gazebo.kernels.laser import Fan, Sensor
 
 _BEAMS, _REACH, _NOISE, _LASER_X = 180, 30.0, 0.01, 0.08
@@ -81,11 +83,12 @@ class Ride:
 
 
 class Body:
-    """Where the robot is, how fast, and how near to what stands."""
+    """Where the robot is, and by its wheels, how fast, and how near to what stands."""
 
     def __init__(self, course: Course) -> None:
-        standing = course.standing
-        self.pose, self.velocity, self.contacts = course.start, STANDSTILL, 0
+        standing = Section.joined([course.standing, course.low])
+        self.pose = self.odom = course.start
+        self.velocity, self.contacts = STANDSTILL, 0
         self._segments, self._circles = standing.segments, standing.circles
         self._touches = False
         self.gap = self._gap(self.pose)
@@ -112,8 +115,8 @@ class Body:
         way = 0.0
         for _ in range(round(time / _STEP)):
             self.velocity = _ramped(self.velocity, command)
-            x, y = self.pose.apply(self.velocity.x * _STEP, 0.0)
-            moved = Pose(x, y, self.pose.yaw + self.velocity.turn * _STEP)
+            step = Pose(self.velocity.x * _STEP, 0.0, self.velocity.turn * _STEP)
+            moved, self.odom = self.pose.compose(step), self.odom.compose(step)
             if self.gap < _CAREFUL:
                 gap = self._gap(moved)
                 touches = gap < _TOUCH and gap <= self.gap
@@ -168,7 +171,8 @@ class Rider:
         for costmap in (self._global, self._local):
             costmap.set_map(course.grid())
         self.navigator = Navigator(setup, self._global, self._local, self._refresh)
-        self._points, self._sensor = np.empty((0, 2)), (0.0, 0.0)
+        self._points = np.empty((0, 2))
+        self._scanned = self.body.pose, self.body.odom
         self._period = 1.0 / setup.base.controller_frequency
         self.now = 0.0
         self._due = dict.fromkeys(("scan", "global", "local"), 0.0)
@@ -192,7 +196,8 @@ class Rider:
         self._take(self.navigator.begin(goal, self.body.pose, self.now))
         while self.now < self._course.limit:
             self._look()
-            sight = Sight(self.body.pose, self.body.pose, Pose(), self.body.velocity, True)
+            pose, odom = self.body.pose, self.body.odom
+            sight = Sight(pose, odom, odom.compose(pose.inverse()), self.body.velocity, True)
             result = self.navigator.cycle(sight, self.now)
             self._take(result)
             if result.finish is not None:
@@ -230,19 +235,28 @@ class Rider:
         if self._is_due("scan", _SCAN_PERIOD):
             self._scan()
         if self._is_due("global", 1.0 / self._setup.global_costmap.update_frequency):
-            self._update(self._global)
+            self._update(self._global, self.body.pose)
             self.navigator.look_around(self.body.pose)
         if self._is_due("local", 1.0 / self._setup.local_costmap.update_frequency):
-            self._update(self._local)
+            self._update(self._local, self.body.odom)
+            self.navigator.look_at(Picture(*self._seen(self._scanned[1])))
 
     def _refresh(self) -> None:
-        self._update(self._global)
-        self._update(self._local)
+        self._update(self._global, self.body.pose)
+        self._update(self._local, self.body.odom)
 
-    def _update(self, costmap: Costmap) -> None:
+    def _seen(self, pose: Pose) -> tuple[Pose, NDArray[np.float64]]:
+        """Returns where the laser was when the last scan was taken, and its points, with the robot at ``pose``."""
+        cosine, sine = math.cos(pose.yaw), math.sin(pose.yaw)
+        x, y = pose.apply(_LASER_X, 0.0)
+        points = np.ascontiguousarray(self._points @ np.array([[cosine, sine], [-sine, cosine]]) + (x, y))
+        return Pose(x, y, pose.yaw), points
+
+    def _update(self, costmap: Costmap, pose: Pose) -> None:
+        sensor, points = self._seen(self._scanned[costmap is self._local])
         layers = [layer for layer in costmap.config.layers if isinstance(layer, ObstacleConfig)]
         sources = [source for layer in layers for source in layer.sources]
-        costmap.update(self.body.pose, [Observation(source, *self._sensor, self._points) for source in sources])
+        costmap.update(pose, [Observation(source, sensor.x, sensor.y, points, sensor.yaw) for source in sources])
 
     def _scan(self) -> None:
         pose = self.body.pose
@@ -251,10 +265,8 @@ class Rider:
         self._index.cast(Sensor(x, y, pose.yaw), Fan(-math.pi, step, _REACH), self._ranges)
         seen = self._ranges < _REACH
         noisy = np.where(seen, self._ranges + self._generator.normal(0.0, _NOISE, _BEAMS), np.inf).astype(np.float32)
-        points = points_from_ranges(noisy, -math.pi, step, 0.1, _REACH, False)[:, :2]
-        cosine, sine = math.cos(pose.yaw), math.sin(pose.yaw)
-        self._points = np.ascontiguousarray(points @ np.array([[cosine, sine], [-sine, cosine]]) + (x, y))
-        self._sensor = (x, y)
+        self._points = points_from_ranges(noisy, -math.pi, step, 0.1, _REACH, False)[:, :2]
+        self._scanned = pose, self.body.odom
 
 
 def ride(course: Course, parameters: Mapping[str, Any], seed: int = 0) -> Ride:

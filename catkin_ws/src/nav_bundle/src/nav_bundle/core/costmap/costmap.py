@@ -15,7 +15,7 @@ from nav_bundle.core.pose import Pose
 from nav_bundle.kernels.trajectory import footprint_cost
 
 _KNOWN = 0.3
-_NARROWEST, _WIDEST = 0.32, 0.6
+NARROWEST_ROBOT, _WIDEST = 0.32, 0.6
 """Points of the same robot are up to so far apart [m]: a Pioneer is 0.4 m wide and 0.5 m long."""
 
 
@@ -208,13 +208,13 @@ class Costmap:
             f"The goal ({goal.x:.2f}, {goal.y:.2f}) is in an obstacle of the map, or less than {radius:.2f} m from one."
         )
 
-    def unmapped(self, pose: Pose, reach: float) -> NDArray[np.float64]:
+    def unmapped(self, pose: Pose, reach: float, width: float = NARROWEST_ROBOT) -> NDArray[np.float64]:
         """Returns what sensors marked that the map does not know: points (n, 2) [m] within ``reach`` [m] of ``pose``.
 
-        Cells nearer than 0.3 m to one that is lethal in the map count as known, and what looks narrower than a robot
-        is left out: it need not be given way. Without a map there are none.
+        Cells nearer than 0.3 m to one that is lethal in the map count as known, and what looks narrower than ``width``
+        [m] is no robot: it need not be given way. Without a map, or reach, there is none.
         """
-        if not self._static or self._static[0].cells is None:
+        if not self._static or self._static[0].cells is None or reach <= 0.0:
             return np.empty((0, 2))
         place, margin = self.geometry, cells_of_distance(reach, self.geometry.resolution)
         row, col = place.row_of(pose.y), place.col_of(pose.x)
@@ -229,7 +229,7 @@ class Costmap:
         cells = np.argwhere(seen)[:, ::-1] + (part.col_0 + 0.5, part.row_0 + 0.5)
         points = cells * place.resolution + (place.origin_x, place.origin_y)
         apart = np.hypot(*(points[:, None, :] - points[None, :, :]).T)
-        wide = ((apart > _NARROWEST) & (apart < _WIDEST)).any(axis=0)
+        wide = ((apart > width) & (apart < _WIDEST)).any(axis=0)
         return np.ascontiguousarray(points[wide])
 
     def snapshot(self) -> Cells:

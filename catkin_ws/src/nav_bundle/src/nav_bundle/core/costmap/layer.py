@@ -26,12 +26,13 @@ from nav_bundle.kernels import costmap as kernel
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """What one laser saw: points (n, 2) [m] and the sensor's place [m], all in the costmap's frame."""
+    """What one laser saw: points (n, 2) [m] and the sensor's place [m] and yaw [rad], all in the costmap's frame."""
 
     source: SourceConfig
     sensor_x: float
     sensor_y: float
     points: NDArray[np.float64] = field(repr=False)
+    sensor_yaw: float = 0.0
 
 
 class StaticLayer:

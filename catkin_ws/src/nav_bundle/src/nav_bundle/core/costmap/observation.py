@@ -17,6 +17,11 @@ class ObservationBuffer:
         """Stamp [s] of the newest observation, minus infinity without one."""
         return self._kept[-1][0] if self._kept else float("-inf")
 
+    @property
+    def last(self) -> Observation | None:
+        """The newest observation, None without one."""
+        return self._kept[-1][1] if self._kept else None
+
     def add(self, stamp: float, observation: Observation) -> None:
         """Takes an observation newer than those before."""
         if self.persistence <= 0.0:

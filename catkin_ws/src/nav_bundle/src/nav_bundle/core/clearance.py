@@ -1,0 +1,63 @@
+"""Room left beside the robot: what it costs to come nearer to obstacles than the plan has to."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle.core.costmap.config import CostmapConfig
+from nav_bundle.core.costmap.cost import INSCRIBED
+from nav_bundle.core.costmap.costmap import Costmap
+from nav_bundle.core.local_planner import Situation
+
+_ASIDE = 0.25
+"""The plan comes nearer than it has to where there is more room so far [m] beside it."""
+_BLUR = 3
+"""Cells along the plan in which its narrowest place counts."""
+
+
+@dataclass
+class Clearance:
+    """Prices of driving nearer to obstacles than ``distance`` [m]; ``scale`` is that of touching them all the way."""
+
+    distance: float = 0.0
+    scale: float = 0.0
+    _costmap: CostmapConfig | None = None
+
+    def prices(self, costmap: Costmap) -> NDArray[np.float64]:
+        """Returns the price by the cost of the centre's cell, shape (256,): zero at ``distance``, rising towards it."""
+        if self._costmap is not costmap.config:
+            self._costmap = costmap.config
+            gaps = np.linspace(max(self.distance, 1e-6), 0.0, 50)
+            costs = [costmap.cost_at(gap + costmap.footprint.inscribed_radius) for gap in gaps]
+            self._prices = self.scale * np.interp(np.arange(256), costs, 1.0 - gaps / gaps[0])
+            self._prices[0] = 0.0
+        return self._prices
+
+    def allowed(self, situation: Situation, plan: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns the price that the plan itself cannot avoid, by distance from the robot in cells; shape (n,).
+
+        That is the least across the plan, from ``_ASIDE`` to its right to as far to its left: in a doorway there is no
+        other, beside a pillar there is. Empty where nearness costs nothing.
+        """
+        if self.scale <= 0.0 or self.distance <= 0.0:
+            return np.empty(0)
+        costmap, pose = situation.costmap, situation.pose
+        place, prices = costmap.geometry, self.prices(costmap)
+        allowed = np.zeros(max(place.rows, place.cols))
+        points = plan[::2, :2]
+        steps = np.arange(len(points))
+        along = points[np.minimum(steps + 2, steps[-1])] - points[np.maximum(steps - 2, 0)]
+        along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
+        aside = np.linspace(-_ASIDE, _ASIDE, 7)
+        across = points[:, None, :] + aside[None, :, None] * np.stack([-along[:, 1], along[:, 0]], axis=1)[:, None, :]
+        cells = np.floor((across - (place.origin_x, place.origin_y)) / place.resolution).astype(np.int64)
+        inside = ((cells >= 0) & (cells < (place.cols, place.rows))).all(axis=2)
+        costs = np.full(inside.shape, INSCRIBED, np.uint8)
+        costs[inside] = costmap.cells[cells[inside][:, 1], cells[inside][:, 0]]
+        passable = costs[:, len(aside) // 2] < INSCRIBED
+        bins = (np.hypot(points[:, 0] - pose.x, points[:, 1] - pose.y) / place.resolution).astype(np.int64)
+        kept = passable & (bins < len(allowed))
+        np.maximum.at(allowed, bins[kept], prices[costs].min(axis=1)[kept])
+        windows = np.lib.stride_tricks.sliding_window_view(np.pad(allowed, _BLUR), 2 * _BLUR + 1)
+        return np.ascontiguousarray(windows.max(axis=1))

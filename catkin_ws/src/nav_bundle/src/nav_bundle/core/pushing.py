@@ -1,0 +1,88 @@
+"""Notices a robot that pushes: commanded to drive, it stands, or its wheels turn while the laser sees it stay."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nav_bundle.core.local_planner import Velocity
+from nav_bundle.core.pose import Pose, angle_difference
+
+_WAY, _TURN = 0.15, 0.3
+"""So far [m], [rad] odometry must go between two scans that are compared."""
+_VISIBLE, _OCCLUDED = 0.05, 1.0
+"""Ranges tell something where they would have to change by so much [m]; where by more, something else came in sight."""
+_BEAMS = 15
+"""Fewer beams that would have to change tell nothing, as in a long corridor."""
+_UNCHANGED, _MOST = 0.4, 0.7
+"""A beam stayed if it changed by less than this part of what it would have to; the robot, if that part of them did."""
+_IN_A_ROW = 2
+_COMMANDED, _STANDING = 0.05, 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """What a laser saw from ``sensor``, its pose in the odometry's frame: points (n, 2) [m] in the same frame."""
+
+    sensor: Pose
+    points: NDArray[np.float64]
+
+    def ranges(self, bearings: NDArray[np.float64], sensor: Pose) -> NDArray[np.float64]:
+        """Returns how far [m] the points lie at ``bearings`` [rad] as seen from ``sensor``."""
+        away = self.points - (sensor.x, sensor.y)
+        angles = np.arctan2(away[:, 1], away[:, 0]) - sensor.yaw
+        closeness = 1.0 / np.maximum(np.hypot(away[:, 0], away[:, 1]), 0.01)
+        return 1.0 / np.interp(bearings, angles, closeness, period=2.0 * np.pi)
+
+
+def stayed(before: Picture, after: Picture) -> bool | None:
+    """Tells whether the laser stayed where it was although odometry advanced; None where the pictures do not tell."""
+    if min(len(before.points), len(after.points)) < _BEAMS:
+        return None
+    away = after.points - (after.sensor.x, after.sensor.y)
+    bearings = np.arctan2(away[:, 1], away[:, 0]) - after.sensor.yaw
+    seen, old = np.hypot(away[:, 0], away[:, 1]), before.ranges(bearings, before.sensor)
+    change = np.abs(before.ranges(bearings, after.sensor) - old)
+    telling = (change > _VISIBLE) & (change < _OCCLUDED)
+    if np.count_nonzero(telling) < _BEAMS:
+        return None
+    return bool((np.abs(seen - old) < _UNCHANGED * change)[telling].mean() > _MOST)
+
+
+class PushingWatch:
+    """Watches commands, odometry and scans; ``timeout`` [s] is how long the robot may stand against a command."""
+
+    def __init__(self, timeout: float) -> None:
+        self._timeout = timeout
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets what was seen, as after a manoeuvre."""
+        self._since: float | None = None
+        self._before: Picture | None = None
+        self._slips = 0
+
+    def note_motion(self, command: Velocity | None, measured: Velocity, now: float) -> None:
+        """Takes the last command and what odometry makes of it."""
+        stands = abs(measured.x) < _STANDING and abs(measured.turn) < _STANDING
+        if command is None or abs(command.x) < _COMMANDED or not stands:
+            self._since = None
+        elif self._since is None:
+            self._since = now
+
+    def note_picture(self, picture: Picture) -> None:
+        """Compares a scan with an earlier one, once odometry has advanced far enough."""
+        before = self._before
+        if before is not None:
+            turned = abs(angle_difference(picture.sensor.yaw, before.sensor.yaw))
+            if picture.sensor.distance(before.sensor) < _WAY and turned < _TURN:
+                return
+            self._slips = self._slips + 1 if stayed(before, picture) else 0
+        self._before = picture
+
+    def pushes(self, now: float) -> bool:
+        """Tells whether the robot pushes against something, or does not move for another reason."""
+        if self._timeout <= 0.0:
+            return False
+        stalls = self._since is not None and now - self._since > self._timeout
+        return stalls or self._slips >= _IN_A_ROW

@@ -1,0 +1,85 @@
+"""A robot that pushes is noticed, one that drives is not, and it backs off before it does anything else."""
+
+import math
+
+import numpy as np
+import pytest
+
+from nav_bundle.core.costmap.config import costmap_config_from_parameters
+from nav_bundle.core.costmap.costmap import Costmap
+from nav_bundle.core.local_planner import STANDSTILL, Velocity
+from nav_bundle.core.pose import Pose
+from nav_bundle.core.pushing import Picture, PushingWatch, stayed
+from nav_bundle.core.recovery import BackUp, ClearConfig, ClearCostmapRecovery, Surroundings
+
+FORWARD = Velocity(0.3)
+
+
+def picture(true, odom, width=8.0, height=5.0):
+    """Returns what the laser sees at pose ``true`` in a room about the origin, laid out where odometry thinks it is."""
+    bearings = np.linspace(-math.pi, math.pi, 180, endpoint=False)
+    x, y = np.cos(bearings + true.yaw), np.sin(bearings + true.yaw)
+    to_x = (np.sign(x) * width / 2 - true.x) / np.where(x == 0.0, 1e-9, x)
+    to_y = (np.sign(y) * height / 2 - true.y) / np.where(y == 0.0, 1e-9, y)
+    ranges = np.minimum(to_x, to_y) + np.random.default_rng(1).normal(0.0, 0.01, 180)
+    seen = ranges < 20.0
+    angles = bearings[seen] + odom.yaw
+    points = np.stack([odom.x + ranges[seen] * np.cos(angles), odom.y + ranges[seen] * np.sin(angles)], axis=1)
+    return Picture(odom, points)
+
+
+@pytest.mark.parametrize("step", [Pose(0.2), Pose(0.15, 0.0, 0.1), Pose(0.0, 0.0, 0.35)])
+def test_the_laser_tells_driving_from_slipping(step):
+    start = Pose(0.5, -0.3, 0.4)
+    before = picture(start, Pose(3.0, 2.0, 1.0))
+    odom = Pose(3.0, 2.0, 1.0).compose(step)
+    assert stayed(before, picture(start.compose(step), odom)) is False
+    assert stayed(before, picture(start, odom)) is True
+
+
+def test_in_a_corridor_without_an_end_in_sight_nothing_is_told():
+    before, step = picture(Pose(), Pose(), width=200.0, height=2.0), Pose(0.2)
+    assert stayed(before, picture(step, step, width=200.0, height=2.0)) is None
+
+
+def test_slipping_wheels_are_noticed_within_half_a_metre():
+    watch, odom = PushingWatch(3.0), Pose()
+    for _ in range(5):
+        watch.note_motion(FORWARD, FORWARD, 0.0)
+        watch.note_picture(picture(Pose(), odom))
+        odom = odom.compose(Pose(0.1))
+    assert watch.pushes(0.0)
+    watch.reset()
+    assert not watch.pushes(0.0)
+
+
+@pytest.mark.parametrize(
+    ("command", "measured", "noticed"),
+    [
+        (FORWARD, STANDSTILL, True),
+        (FORWARD, FORWARD, False),
+        (STANDSTILL, STANDSTILL, False),
+        (None, STANDSTILL, False),
+    ],
+)
+def test_a_robot_that_stands_against_a_command_is_noticed_in_time(command, measured, noticed):
+    watch = PushingWatch(3.0)
+    for now in np.arange(0.0, 3.2, 0.05):
+        watch.note_motion(command, measured, float(now))
+    assert watch.pushes(2.9) is False
+    assert watch.pushes(3.1) == noticed
+    switched_off = PushingWatch(0.0)
+    switched_off.note_motion(command, measured, 0.0)
+    assert not switched_off.pushes(100.0)
+
+
+def test_it_backs_off_by_a_third_of_a_metre_and_then_recovers():
+    costmap = Costmap(costmap_config_from_parameters({"width": 6.0, "height": 6.0, "rolling_window": True}, "test"))
+    costmap.update(Pose(), [])
+    recovery = BackUp(ClearCostmapRecovery("reset", ClearConfig()))
+    recovery.start()
+    x = 0.0
+    while velocity := recovery.step(Surroundings(costmap, Pose(x), costmap, Pose(x))):
+        assert velocity.x < 0.0
+        x += velocity.x * 0.05
+    assert x == pytest.approx(-0.3, abs=0.02)
