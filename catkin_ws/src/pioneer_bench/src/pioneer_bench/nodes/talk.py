@@ -42,11 +42,11 @@ class Demand(rospy.SubscribeListener):
             self.is_there.set()
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
-        """See rospy."""
+        """Notes a subscriber."""
         self.is_there.set()
 
     def peer_unsubscribe(self, topic_name: str, num_peers: int) -> None:
-        """See rospy."""
+        """Notes that there are no subscribers any more."""
         with self._lock:
             if not num_peers and not self._over:
                 self.is_there.clear()

@@ -23,7 +23,7 @@ class _FakeBody:
 
 
 class FakeEngine:
-    """See `Engine`.
+    """An engine without physics: bodies move as they are told, on a plane.
 
     Attributes:
         track: between a body's wheels [m].
@@ -49,15 +49,12 @@ class FakeEngine:
         self._last = 0
 
     def configure(self, physics: Physics) -> None:
-        """See `Engine`."""
         self._physics = physics
 
     def set_standing(self, ground: Sequence[PlacedCollision], obstacles: Sequence[PlacedCollision]) -> None:
-        """See `Engine`."""
         self.standing = list(ground), list(obstacles)
 
     def add(self, body: Body, pose: Pose) -> int:
-        """See `Engine`."""
         if body.name == self.refuses:
             raise EngineError(f"the physics engine refuses body {body.name}")
         self._last += 1
@@ -65,11 +62,9 @@ class FakeEngine:
         return self._last
 
     def remove(self, handle: int) -> None:
-        """See `Engine`."""
         del self._bodies[handle]
 
     def step(self) -> None:
-        """See `Engine`."""
         self.steps += 1
         for body in self._bodies.values():
             self._roll(body)
@@ -87,7 +82,7 @@ class FakeEngine:
         body.pose = Pose.from_rpy(x + vx * step, y + vy * step, z + vz * step, yaw=yaw)
 
     def pose(self, handle: int, part: int = 0) -> Pose:
-        """See `Engine`; every part stands as it was described."""
+        """Every part stands as it was described."""
         body = self._bodies[handle]
         if part == 0:
             return body.pose
@@ -96,67 +91,57 @@ class FakeEngine:
         return self.pose(handle, body.body.parts[part].parent).compose(joint.pose)
 
     def velocity(self, handle: int, part: int = 0) -> Velocity:
-        """See `Engine`; every part has the base's."""
+        """Every part has the base's."""
         del part
         return self._bodies[handle].velocity
 
     def set_pose(self, handle: int, pose: Pose) -> None:
-        """See `Engine`."""
         self._bodies[handle].pose = pose
 
     def set_velocity(self, handle: int, velocity: Velocity) -> None:
-        """See `Engine`."""
         self._bodies[handle].velocity = velocity
 
     def lead(self, handle: int, pose: Pose, velocity: Velocity) -> None:
-        """See `Engine`."""
         self._bodies[handle].pose, self._bodies[handle].velocity = pose, velocity
 
     def joints(self, handle: int, parts: Sequence[int]) -> list[tuple[float, float]]:
-        """See `Engine`."""
         body = self._bodies[handle]
         return [(body.angles.get(part, 0.0), body.speeds.get(part, 0.0)) for part in parts]
 
     def efforts(self, handle: int, parts: Sequence[int]) -> list[float]:
-        """See `Engine`; nothing resists."""
+        """Nothing resists."""
         del handle
         return [0.0] * len(parts)
 
     def set_joint(self, handle: int, part: int, position: float) -> None:
-        """See `Engine`."""
         self._bodies[handle].angles[part] = position
 
     def turn(self, handle: int, parts: Sequence[int], speeds: Sequence[float], efforts: Sequence[float]) -> None:
-        """See `Engine`."""
         del efforts
         self._bodies[handle].speeds.update(zip(parts, speeds, strict=True))
 
     def rest(self, handle: int, allowed: bool) -> None:
-        """See `Engine`."""
         (self.resting.add if allowed else self.resting.discard)(handle)
 
     def push(self, handle: int, part: int, force: Vector, torque: Vector, point: Vector) -> None:
-        """See `Engine`."""
         self.pushed.append((handle, part, force, torque, point))
 
     def contacts(self, handle: int) -> list[Contact]:
-        """See `Engine`; there are none."""
+        """There are none."""
         del handle
         return []
 
     def touching(self) -> set[int]:
-        """See `Engine`."""
         return self.touched & self._bodies.keys()
 
     def support(self, points: Sequence[tuple[float, float]], top: float) -> float | None:
-        """See `Engine`; the ground is at 0."""
+        """The ground is at 0."""
         return 0.0 if points and top >= 0.0 else None
 
     def overlap(self, handle: int) -> list[Contact]:
-        """See `Engine`; there are none."""
+        """There are none."""
         del handle
         return []
 
     def close(self) -> None:
-        """See `Engine`."""
         self._bodies.clear()

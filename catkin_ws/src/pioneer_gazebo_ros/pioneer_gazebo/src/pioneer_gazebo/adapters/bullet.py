@@ -43,7 +43,6 @@ class BulletEngine:
         self.configure(physics or Physics())
 
     def configure(self, physics: Physics) -> None:
-        """See `Engine`."""
         x, y, z = (part * physics.step for part in physics.gravity)
         self._fall = x, y, z
         pybullet.setGravity(*physics.gravity, physicsClientId=self._client)
@@ -60,7 +59,6 @@ class BulletEngine:
         )
 
     def set_standing(self, ground: Sequence[PlacedCollision], obstacles: Sequence[PlacedCollision]) -> None:
-        """See `Engine`."""
         made: list[int] = []
         try:
             made += [standing_body(batch, self._meshes) for batch in batches(ground)]
@@ -81,23 +79,19 @@ class BulletEngine:
             pybullet.removeBody(body, physicsClientId=self._client)
 
     def add(self, body: Body, pose: Pose) -> int:
-        """See `Engine`."""
         handle, made = make_body(body, pose, self._client)
         self._made[handle] = made
         return handle
 
     def remove(self, handle: int) -> None:
-        """See `Engine`."""
         del self._made[handle]
         self._resting.discard(handle)
         pybullet.removeBody(handle, physicsClientId=self._client)
 
     def step(self) -> None:
-        """See `Engine`."""
         pybullet.stepSimulation(physicsClientId=self._client)
 
     def pose(self, handle: int, part: int = 0) -> Pose:
-        """See `Engine`."""
         if part:
             state = pybullet.getLinkState(handle, self._made[handle].links[part], 0, 1, physicsClientId=self._client)
             return Pose(state[4], state[5])
@@ -105,7 +99,6 @@ class BulletEngine:
         return Pose(position, rotation).compose(self._made[handle].centres[0])
 
     def velocity(self, handle: int, part: int = 0) -> Velocity:
-        """See `Engine`."""
         if part:
             state = pybullet.getLinkState(handle, self._made[handle].links[part], 1, 1, physicsClientId=self._client)
             rotation, linear, angular = state[1], state[6], state[7]
@@ -115,7 +108,6 @@ class BulletEngine:
         return Velocity(linear, angular).at(rotated(rotation, self._made[handle].centres[part].position))
 
     def set_pose(self, handle: int, pose: Pose) -> None:
-        """See `Engine`."""
         self._wake(handle)
         velocity = pybullet.getBaseVelocity(handle, physicsClientId=self._client)
         centre = pose.compose(self._made[handle].body.parts[0].inertia.pose)
@@ -123,25 +115,22 @@ class BulletEngine:
         pybullet.resetBaseVelocity(handle, *velocity, physicsClientId=self._client)
 
     def set_velocity(self, handle: int, velocity: Velocity) -> None:
-        """See `Engine`."""
         self._wake(handle)
         _, rotation = pybullet.getBasePositionAndOrientation(handle, physicsClientId=self._client)
         centre = velocity.at(opposite(rotated(rotation, self._made[handle].centres[0].position)))
         pybullet.resetBaseVelocity(handle, centre.linear, centre.angular, physicsClientId=self._client)
 
     def lead(self, handle: int, pose: Pose, velocity: Velocity) -> None:
-        """See `Engine`. What gravity will add during the step is taken off before."""
+        """What gravity will add during the step is taken off before."""
         x, y, z = (v - fall for v, fall in zip(velocity.linear, self._fall, strict=True))
         pybullet.resetBasePositionAndOrientation(handle, pose.position, pose.rotation, physicsClientId=self._client)
         pybullet.resetBaseVelocity(handle, (x, y, z), velocity.angular, physicsClientId=self._client)
 
     def joints(self, handle: int, parts: Sequence[int]) -> list[tuple[float, float]]:
-        """See `Engine`."""
         states = pybullet.getJointStates(handle, self._links(handle, parts), physicsClientId=self._client)
         return [(state[0], state[1]) for state in states]
 
     def efforts(self, handle: int, parts: Sequence[int]) -> list[float]:
-        """See `Engine`."""
         states = pybullet.getJointStates(handle, self._links(handle, parts), physicsClientId=self._client)
         return [state[3] for state in states]
 
@@ -150,19 +139,16 @@ class BulletEngine:
         return [links[part] for part in parts]
 
     def set_joint(self, handle: int, part: int, position: float) -> None:
-        """See `Engine`."""
         self._wake(handle)
         pybullet.resetJointState(handle, self._made[handle].links[part], position, 0.0, physicsClientId=self._client)
 
     def turn(self, handle: int, parts: Sequence[int], speeds: Sequence[float], efforts: Sequence[float]) -> None:
-        """See `Engine`."""
         pybullet.setJointMotorControlArray(
             handle, self._links(handle, parts), pybullet.VELOCITY_CONTROL, targetVelocities=speeds, forces=efforts,
             physicsClientId=self._client,
         )  # fmt: skip
 
     def rest(self, handle: int, allowed: bool) -> None:
-        """See `Engine`."""
         if allowed:
             self._resting.add(handle)
             self._activate(handle, pybullet.ACTIVATION_STATE_ENABLE_SLEEPING)
@@ -179,14 +165,12 @@ class BulletEngine:
             self._activate(handle, pybullet.ACTIVATION_STATE_WAKE_UP)
 
     def push(self, handle: int, part: int, force: Vector, torque: Vector, point: Vector) -> None:
-        """See `Engine`."""
         self._wake(handle)
         frame, client, link = pybullet.WORLD_FRAME, self._client, self._made[handle].links[part]
         pybullet.applyExternalForce(handle, link, force, point, frame, physicsClientId=client)
         pybullet.applyExternalTorque(handle, link, torque, frame, physicsClientId=client)
 
     def contacts(self, handle: int) -> list[Contact]:
-        """See `Engine`."""
         points = pybullet.getContactPoints(bodyA=handle, physicsClientId=self._client)
         return [self._contact(point) for point in points if not self._carries(point)]
 
@@ -200,10 +184,7 @@ class BulletEngine:
         return Contact(self._made[point[1]].hosts[point[3] + 1], other, part, point[6], point[7], -point[8], point[9])
 
     def touching(self) -> set[int]:
-        """See `Engine`.
-
-        Asked by links, because what rolls meets the ground only, and each contact point that comes over costs 6 µs.
-        """
+        """Asks by link: what rolls touches the ground only, and each contact point costs 6 µs to read."""
         return {
             handle for handle, made in self._made.items() if any(self._is_touched(handle, one) for one in made.solid)
         }
@@ -213,7 +194,6 @@ class BulletEngine:
         return any(point[9] > 0.0 and not self._carries(point) for point in points)
 
     def support(self, points: Sequence[tuple[float, float]], top: float) -> float | None:
-        """See `Engine`."""
         hits = pybullet.rayTestBatch(
             [(x, y, top) for x, y in points], [(x, y, -FARTHEST) for x, y in points],
             collisionFilterMask=STANDING | GROUND, physicsClientId=self._client,
@@ -222,11 +202,9 @@ class BulletEngine:
         return max((hit[3][2] for hit in hits if hit[0] >= 0 and hit[2] > 0.0), default=None)
 
     def overlap(self, handle: int) -> list[Contact]:
-        """See `Engine`."""
         pybullet.performCollisionDetection(physicsClientId=self._client)
         points = pybullet.getContactPoints(bodyA=handle, physicsClientId=self._client)
         return [self._contact(one) for one in points if one[8] < 0.0 and one[2] not in self._ground_set]
 
     def close(self) -> None:
-        """See `Engine`."""
         pybullet.disconnect(self._client)

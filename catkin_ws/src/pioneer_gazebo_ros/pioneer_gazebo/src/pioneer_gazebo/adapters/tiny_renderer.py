@@ -25,7 +25,7 @@ SKY = (178, 178, 178)
 
 
 class TinyRenderer:
-    """See `Renderer`."""
+    """Draws with pybullet's software renderer."""
 
     def __init__(self, triangles: Triangles) -> None:
         """Opens an empty world; ``triangles`` reads meshes."""
@@ -36,13 +36,11 @@ class TinyRenderer:
         self._movers: dict[Entity, list[tuple[int, int, Pose]]] = {}
 
     def close(self) -> None:
-        """See `Renderer`."""
         pybullet.disconnect(self._client)
 
     def picture(
         self, camera: Camera, eye: Pose, standing: Iterable[Model], moving: Iterable[tuple[Entity, list[Pose]]]
     ) -> tuple[Picture, Depth]:
-        """See `Renderer`."""
         self._show_standing(tuple(standing))
         self._show_moving(dict(moving))
         ahead = eye.transform((1.0, 0.0, 0.0))

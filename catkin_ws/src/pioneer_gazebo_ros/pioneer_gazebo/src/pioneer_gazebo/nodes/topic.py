@@ -109,13 +109,13 @@ class Topic(rospy.SubscribeListener):
         _bear_late_goodbyes(self._publisher.impl)
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
-        """See rospy."""
+        """Notes a new subscriber."""
         del topic_name, topic_publish, peer_publish
         self._stale = True
         self._changed()
 
     def peer_unsubscribe(self, topic_name: str, num_peers: int) -> None:
-        """See rospy."""
+        """Notes that a subscriber has gone."""
         del topic_name, num_peers
         self._stale = True
         self._changed()

@@ -19,12 +19,12 @@ class Graph:
 
     @property
     def local_gateway(self) -> msg.GatewayInfo:
-        """See the class."""
+        """This master's gateway, as of the last update."""
         return self._local_gateway
 
     @property
     def remote_gateways(self) -> list[msg.RemoteGateway]:
-        """See the class."""
+        """The other gateways, as of the last update."""
         return self._remote_gateways
 
     def update(self) -> None:
