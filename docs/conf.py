@@ -2,6 +2,9 @@
 
 from pathlib import Path
 
+from pygments.lexers.special import TextLexer
+from sphinx.application import Sphinx
+
 _ROOT = Path(__file__).resolve().parent.parent
 _PACKAGES = sorted(path.parent / "src" for path in (_ROOT / "catkin_ws" / "src").rglob("setup.py"))
 
@@ -16,9 +19,13 @@ suppress_warnings = [
     "myst.header",
     "myst.xref_missing",
     "autoapi.python_import_resolution",
-    "misc.highlighting_failure",
 ]
 autoapi_dirs = [str(path) for path in _PACKAGES]
 autoapi_root = "api"
 autoapi_keep_files = False
 autoapi_options = ["members", "undoc-members", "show-module-summary"]
+
+
+def setup(app: Sphinx) -> None:
+    """Shows diagrams as their text: the script that draws them would have to be loaded from elsewhere."""
+    app.add_lexer("mermaid", TextLexer)

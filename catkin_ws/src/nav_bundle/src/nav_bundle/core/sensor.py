@@ -92,7 +92,7 @@ class DistanceField:
     """How far each place of a map is from the nearest obstacle, in two bytes a cell.
 
     Attributes:
-        cells: squared distances [cells²] between centres of cells, shape (rows, cols), at most ``cap``².
+        cells: squared distances [cells²] between centres of cells, shape (rows, cols), at most the square of ``cap``.
         cap: where the field ends [cells].
         resolution: side of a cell [m].
     """

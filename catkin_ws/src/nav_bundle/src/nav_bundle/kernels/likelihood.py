@@ -21,7 +21,7 @@ class Field(NamedTuple):
 
 @kernel
 def distance_field(cells: Array2[np.int8], occupied: int, cap: int, out: Array2[np.uint16]) -> None:
-    """Writes each cell's squared distance [cells²] to the nearest cell of value ``occupied``, at most ``cap``².
+    """Writes each cell's squared distance [cells²] to the nearest ``occupied`` one, at most that of ``cap``.
 
     Exact Euclidean distance in two passes (Meijster, Roerdink and Hesselink 2000): along columns, then along rows
     the lower envelope of parabolas. ``cap`` is at most 255, so that squares fit uint16.

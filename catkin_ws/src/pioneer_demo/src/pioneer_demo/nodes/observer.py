@@ -37,9 +37,12 @@ class ObserverNode:
         /clock, /gazebo/ready, /gazebo/real_time_factor, /tf, /gateway/gateway_info, once /map,
         and under each robot's name base_pose_ground_truth, collisions, map_goal_client/queue, move_base/status,
         move_base/NavfnROS/plan (the last three come through the gateway), and for a film base_scan.
+
     Publishes:
         NAME/map_goal (geometry_msgs/Twist) for each robot; it crosses to the robot's master through the gateway.
+
     Threads: rospy's callbacks write under ``lock``; readers hold it too.
+
     On error: none of its own; what is missing stays unknown in the fleet.
     """
 

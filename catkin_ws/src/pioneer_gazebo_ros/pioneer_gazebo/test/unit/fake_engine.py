@@ -23,7 +23,7 @@ class _FakeBody:
 
 
 class FakeEngine:
-    """An engine without physics: bodies move as they are told, on a plane.
+    """An engine without physics: bodies move as commanded, on a plane.
 
     Attributes:
         track: between a body's wheels [m].

@@ -71,12 +71,17 @@ class GazeboNode:
     """The simulator.
 
     Subscribes: ``/gazebo/set_model_state``, ``/gazebo/set_link_state``, and what each robot's drive listens to.
+
     Publishes: ``/clock``, ``/tf``, ``/gazebo/model_states``, ``/gazebo/link_states``, ``/gazebo/ready`` (latched),
         ``/gazebo/real_time_factor``, ``/diagnostics``, and each robot's topics (see `RobotTopics`).
+
     Services: gazebo_ros' and ``/gazebo/step``: `SpawnServices`, `TimeServices`, `ModelServices`, `LinkServices`.
+
     Parameters: `GazeboConfig`.
+
     Threads: `spin` owns the simulation; services and subscribers hand it their work through a `Mailbox`, velocity
         commands through a queue of their drive, with the tick that they came at.
+
     On error: bad input is answered or logged in one line, and the simulation continues.
     """
 

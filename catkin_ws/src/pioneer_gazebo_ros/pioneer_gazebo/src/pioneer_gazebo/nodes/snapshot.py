@@ -41,9 +41,12 @@ class Snapshot:
     """Asks the simulation for all that is drawn.
 
     Subscribes: every sensor_msgs/LaserScan below a model's name, for one message.
+
     Services called: ``/gazebo/get_world_properties``, ``get_model_properties``, ``get_model_state`` and
         ``get_link_state``.
+
     Parameters: ``/gazebo/world_name``, ``/robot_description``.
+
     On error: `SnapshotError`, `DescriptionError`; a scan that does not come is named and left out.
     """
 

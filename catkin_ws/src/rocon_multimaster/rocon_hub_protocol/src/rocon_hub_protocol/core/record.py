@@ -1,4 +1,4 @@
-"""What gateways write on the hub, as values and as JSON; `docs/gateway.md` describes both.
+"""What gateways write on the hub, as values and as JSON; the gateway's protocol in the documents describes both.
 
 Whatever is read was written by somebody else: it is checked field by field, and what does not fit is an error
 that names the field. Rows with a name that no ROS name can be, or that is too long, are left out.
@@ -14,7 +14,7 @@ from rocon_hub_protocol.core.code import HubProtocolError
 from rocon_hub_protocol.core.rule import LONGEST_NAME, Connection, Kind, RemoteRule, Rule, is_namespace, is_ros_name
 
 PROTOCOL = 2
-"""The number of this layout, in `rocon:hub:protocol`."""
+"""The number of this layout, in ``rocon:hub:protocol``."""
 
 LONGEST_TEXT = 4096
 """Longest pattern, or sentence for people, that is read from a hub [characters]."""
