@@ -1,4 +1,4 @@
 #!/usr/bin/env python3
-from rocon_flip.nodes.command import flip_hub_subscriber
+from pioneer_node.nodes.patch import import_without_numpy
 
-raise SystemExit(flip_hub_subscriber())
+raise SystemExit(import_without_numpy("rocon_flip.nodes.command").flip_hub_subscriber())

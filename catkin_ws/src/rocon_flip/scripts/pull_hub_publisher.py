@@ -1,4 +1,4 @@
 #!/usr/bin/env python3
-from rocon_flip.nodes.command import pull_hub_publisher
+from pioneer_node.nodes.patch import import_without_numpy
 
-raise SystemExit(pull_hub_publisher())
+raise SystemExit(import_without_numpy("rocon_flip.nodes.command").pull_hub_publisher())
