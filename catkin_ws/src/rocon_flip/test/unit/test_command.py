@@ -134,6 +134,14 @@ def test_a_robot_flips_for_its_own_name_and_laser(run, gateway, monkeypatch) -> 
     ]
 
 
+def test_one_command_pulls_or_advertises_what_all_share_and_flips(run, gateway) -> None:
+    assert run(command.flip_from_remote, "--pull", "pioneer2") == run(command.flip_from_hub, "--advertise", "1") == 0
+    assert [action for action, _, _ in gateway.asked] == [Action.PULL, Action.FLIP, Action.ADVERTISE, Action.FLIP]
+    assert [one.name for one in gateway.asked[0][1]] == ["/clock", "/map", "/tf", "/tf_static", "/world_name"]
+    assert gateway.asked[1][1][0] == Wish("subscriber", "/pioneer2/base_scan", "", HUB)
+    assert run(command.flip_from_hub, "--pull", "1") == 2
+
+
 def test_a_refusal_is_the_scripts_status(run, gateway) -> None:
     gateway.accepts = False
     assert run(command.advertise_from_hub) == 1

@@ -4,7 +4,7 @@ import argparse
 import os
 import socket
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import rospy
 
@@ -13,30 +13,39 @@ from rocon_flip.core.plan import Action, PlanError, Wish
 from rocon_flip.nodes.gateway_client import GatewayClient
 
 Wishes = Callable[[list[str]], list[Wish]]
+_SHARED: Mapping[str, tuple[Action, Callable[[], list[Wish]]]] = {
+    "--pull": (Action.PULL, plan.pulled_from_hub),
+    "--advertise": (Action.ADVERTISE, plan.advertised_by_hub),
+}
 
 
 def _run(name: str, usage: str, action: Action, wishes: Wishes, least: int = 0, most: int = 0) -> int:
-    """Asks for the rules that follow from the command line; with `--cancel` takes them back."""
+    """Asks for the rules that follow from the command line; with `--cancel` takes them back.
+
+    Where ``usage`` has them, `--pull` first pulls what all robots share and `--advertise` advertises it.
+    """
     arguments = rospy.myargv(sys.argv)[1:]
     cancel = "--cancel" in arguments
-    arguments = [argument for argument in arguments if argument != "--cancel"]
+    options = [option for option in _SHARED if option in arguments and option in usage]
+    asked = [(_SHARED[option][0], _SHARED[option][1]()) for option in options]
+    arguments = [argument for argument in arguments if argument not in ("--cancel", *options)]
     if not least <= len(arguments) <= most or any(argument.startswith("-") for argument in arguments):
         sys.stderr.write(f"Usage: {usage} [--cancel]\n")
         return 0 if arguments in (["-h"], ["--help"]) else 2
     try:
-        return _ask(name, action, wishes(arguments), cancel)
+        return _ask(name, [*asked, (action, wishes(arguments))], cancel)
     except PlanError as error:
         sys.stderr.write(f"{name}: {error}\n")
         return 2
 
 
-def _ask(name: str, action: Action, wishes: Sequence[Wish], cancel: bool) -> int:
+def _ask(name: str, asked: Sequence[tuple[Action, Sequence[Wish]]], cancel: bool) -> int:
     rospy.init_node(name.replace("-", "_").removesuffix(".py"), anonymous=True)
     try:
         client = GatewayClient()
         client.wait()
-        # One call for all flips, whichever way they go: all of them or none.
-        return 0 if client.ask(action, wishes, cancel) else 1
+        # One call for all of an action, whichever way they go: all of them or none.
+        return 0 if all(client.ask(action, wishes, cancel) for action, wishes in asked) else 1
     except rospy.ROSException:
         return 130
 
@@ -62,7 +71,7 @@ def flip_from_hub() -> int:
         robots = [one for one in arguments if one not in nodes]
         return plan.flipped_from_hub(plan.robot_names(robots, os.environ), *nodes[:1])
 
-    return _run(name, f"{name} [ROBOTS | ROBOT_NAME …] [/NODE]", Action.FLIP, wishes, most=1001)
+    return _run(name, f"{name} [--advertise] [ROBOTS | ROBOT_NAME …] [/NODE]", Action.FLIP, wishes, most=1001)
 
 
 def flip_tools_from_hub() -> int:
@@ -83,7 +92,7 @@ def flip_from_remote() -> int:
         robot = plan.robot_name(arguments, os.environ, socket.gethostname())
         return plan.flipped_from_robot(robot, *arguments[1:])
 
-    return _run(name, f"{name} [ROBOT_NAME [LASER_TOPIC]]", Action.FLIP, wishes, most=2)
+    return _run(name, f"{name} [--pull] [ROBOT_NAME [LASER_TOPIC]]", Action.FLIP, wishes, most=2)
 
 
 def flip_traffic() -> int:
@@ -163,7 +172,7 @@ def _generic(name: str, action: Action, kind: str) -> int:
         parser.error("a topic has one name on both sides: give one namespace")
     topic = plan.topic_in(next(iter(namespaces), ""), options.topic)
     gateway = "" if action == Action.ADVERTISE else options.gateway
-    return _ask(name, action, [Wish(kind, topic, plan.node_named(options.node), gateway)], options.cancel)
+    return _ask(name, [(action, [Wish(kind, topic, plan.node_named(options.node), gateway)])], options.cancel)
 
 
 def generic_advertiser() -> int:

@@ -77,15 +77,15 @@ class FleetWatch:
     def wait(self, wanted: Sequence[str], deadline: float, say: Callable[[str], None]) -> str:
         """Waits until nothing is lacking, the end is asked for, or it is ``deadline`` (monotonic [s]).
 
-        Tells ``say`` every few seconds what is awaited.
+        Tells ``say`` what is awaited, at most every few seconds and only what is new.
 
         Returns:
             What is still lacking; empty for nothing.
         """
-        told = time.monotonic()
+        told, before = time.monotonic(), ""
         while (lacking := self.lacking(wanted)) and time.monotonic() < deadline and not rospy.is_shutdown():
-            if time.monotonic() > told + REPORT_EVERY:
-                told = time.monotonic()
+            if lacking != before and time.monotonic() > told + REPORT_EVERY:
+                told, before = time.monotonic(), lacking
                 say(f"waiting for {lacking}")
             rospy.rostime.wallsleep(LOOK_EVERY)
         return lacking

@@ -113,7 +113,7 @@ def _take(config: Mapping[str, Any], watch: FleetWatch, options: argparse.Namesp
     Not all in one: a robot in the open has no costs around it, and one that has just arrived no plan.
     """
     view, marks = view_of(config), marks_of(config)
-    unseen, fewest = marks, len(marks) + 1
+    unseen, fewest, told = marks, len(marks) + 1, list[Mark]()
     with HiddenRviz(alone(config), size_of(config)) as rviz:
         started = said = time.monotonic()
         while unseen and time.monotonic() < started + options.timeout:
@@ -123,8 +123,8 @@ def _take(config: Mapping[str, Any], watch: FleetWatch, options: argparse.Namesp
             if len(lacking) < fewest:
                 fewest = len(lacking)
                 save(picture, options.output)
-            if unseen and time.monotonic() > said + REPORT_EVERY:
-                said = time.monotonic()
+            if unseen != told and time.monotonic() > said + REPORT_EVERY:
+                said, told = time.monotonic(), unseen
                 _say(f"waiting for {_words(unseen[:6])}{' …' if unseen[6:] else ''}")
             rospy.rostime.wallsleep(LOOK_EVERY)  # RViz tells nobody when it has drawn
     if unseen:

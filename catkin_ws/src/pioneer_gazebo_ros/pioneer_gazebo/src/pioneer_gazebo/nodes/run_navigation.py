@@ -130,9 +130,7 @@ def navigate(session: Session, options: NavigationOptions) -> None:
     robot, _ = entry_of(options)
     session.launch(launch_files(robot, pose, str(poses), options.traffic))
     if options.gateway:
-        if wanted:
-            session.run("rocon_flip", "pull-from-hub")
-        session.run("rocon_flip", "flip-from-remote", robot.name, robot.laser)
+        session.run("rocon_flip", "flip-from-remote", *(["--pull"] if wanted else []), robot.name, robot.laser)
         if options.traffic:
             session.run("rocon_flip", "flip-traffic")
         session.say("topics are pulled and flipped")

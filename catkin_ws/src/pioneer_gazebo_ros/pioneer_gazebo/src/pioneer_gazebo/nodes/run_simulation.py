@@ -259,8 +259,7 @@ def _has_node(master: rosgraph.Master, name: str) -> bool:
 
 
 def _connect(session: Session, robots: Sequence[str]) -> None:
-    session.run("rocon_flip", "advertise-from-hub")
-    session.run("rocon_flip", "flip-from-hub", *robots)
+    session.run("rocon_flip", "flip-from-hub", "--advertise", *robots)
     session.say("topics are advertised and flipped")
 
 
