@@ -177,11 +177,12 @@ class MoveBaseNode:
     def _sight(self, now: float) -> Sight:
         """Returns what is known about the robot."""
         pose, local_pose = self._global.pose(now), self._local.pose(now)
-        if pose is None or local_pose is None or not self._is_current(now):
+        odometry = self._odometry.messages()
+        if pose is None or local_pose is None or not odometry or not self._is_current(now):
             return Sight(pose)
         try:
             transform = self._listener.lookup(self._local.frame, self._global.frame).planar()
-            velocity = velocity_from_odometry(self._odometry.messages()[0])
+            velocity = velocity_from_odometry(odometry[0])
         except (TransformError, MessageError) as error:
             rospy.logwarn_throttle(_COMPLAIN_EVERY, str(error))
             return Sight(pose)

@@ -1,6 +1,5 @@
 """What subscriptions leave behind: the newest messages, unpacked when somebody looks."""
 
-import contextlib
 from collections import deque
 from typing import Any, Generic, Self, TypeVar
 
@@ -21,6 +20,7 @@ def _packed(kind: type[Any]) -> type[Any]:
 
     class Packed(kind):  # type: ignore[misc]
         packed: bytes | None = None
+        broken = False
 
         def deserialize(self, data: bytes) -> Self:
             """Keeps the message's bytes."""
@@ -65,7 +65,8 @@ class Newest(Generic[Message]):
 
     def messages(self) -> list[Message]:
         """Returns the kept messages, the newest first."""
-        return [each for each in reversed(self._kept.copy()) if each.packed is None or self._unpack(each)]
+        kept = (each for each in reversed(self._kept.copy()) if not each.broken)
+        return [each for each in kept if each.packed is None or self._unpack(each)]
 
     def _unpack(self, message: Any) -> bool:
         try:
@@ -74,16 +75,15 @@ class Newest(Generic[Message]):
             rospy.logwarn_throttle(
                 _WARNING_PERIOD, f"a message on {self.topic} was dropped, it does not parse: {error}"
             )
-            with contextlib.suppress(ValueError):
-                self._kept.remove(message)
+            message.broken = True
             return False
         message.packed = None
         return True
 
 
 def newest_odometry(topic: str) -> Newest[Odometry]:
-    """Subscribes to odometry."""
-    return Newest(topic, Odometry, 1)
+    """Subscribes to odometry; keeps two messages, because the newest may not parse."""
+    return Newest(topic, Odometry, 2)
 
 
 def newest_scans(topic: str) -> Newest[ScanMessage]:
