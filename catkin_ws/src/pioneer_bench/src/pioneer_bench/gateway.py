@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from pioneer_bench.adapters.crowd_trial import crowd_rows
+from pioneer_bench.adapters.crowd_trial import crowd_rows, password_rows
 from pioneer_bench.adapters.cut_trial import cut_rows
 from pioneer_bench.adapters.fleet import Fleet
 from pioneer_bench.adapters.flow_trial import flow_rows, idle_rows, tls_rows
@@ -50,6 +50,7 @@ def run(options: argparse.Namespace) -> int:
             "faults": lambda: fault_rows(fleet, repetitions),
             "a machine that is gone": lambda: cut_rows(fleet, Path(folder), repetitions),
             "a thousand gateways": lambda: crowd_rows(fleet),
+            "a password": lambda: password_rows(Path(folder)),
         }
         if unknown := set(options.only) - set(trials):
             print(f"no trial {', '.join(sorted(unknown))}; there are {', '.join(trials)}")

@@ -10,6 +10,8 @@ import time
 from collections import deque
 from dataclasses import dataclass
 
+from rocon_hub_protocol.adapters.password import password_from
+from rocon_hub_protocol.adapters.redis_client import prove
 from rocon_hub_protocol.core.key import (
     GATEWAYS_KEY,
     NAME_KEY,
@@ -41,6 +43,8 @@ class Connection:
     def __init__(self, port: int) -> None:
         self.socket = socket.create_connection(("127.0.0.1", port), 10)
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if password := password_from(""):
+            prove(self.socket, password())
         self._data, self._at = b"", 0
 
     def send(self, *commands: tuple[object, ...]) -> None:
@@ -181,10 +185,19 @@ class Crowd:
         for key, _ in self._selector.select(wait):
             self._take(key.data)
         now = time.monotonic()
+        due = []
         while self._beats and self._beats[0][0] <= now:
-            _, member = self._beats.popleft()
-            self._beat(member)
-            self._beats.append((now + HEARTBEAT, member))
+            due.append(self._beats.popleft()[1])
+            self._beats.append((now + HEARTBEAT, due[-1]))
+        # All are asked before the first is waited for, as gateways on machines of their own would be.
+        for member in due:
+            alive = alive_key(member.name)
+            life = ("GET", alive), ("SISMEMBER", GATEWAYS_KEY, member.name), ("PEXPIRE", alive, ALIVE)
+            member.speech.send(("MULTI",), *life, ("EXEC",))
+        for member in due:
+            replies = [member.speech.reply() for _ in range(5)][-1]
+            if not isinstance(replies, list) or replies[0] != b"instance":
+                raise OSError(f"the hub lost {member.name}")
 
     def _join(self, member: Member) -> None:
         name, speech = member.name, member.speech
@@ -231,13 +244,6 @@ class Crowd:
             ("PUBLISH", key, member.name),
             ("EXEC",),
         )
-
-    def _beat(self, member: Member) -> None:
-        alive = alive_key(member.name)
-        life = ("GET", alive), ("SISMEMBER", GATEWAYS_KEY, member.name), ("PEXPIRE", alive, ALIVE)
-        replies = member.speech.ask(("MULTI",), *life, ("EXEC",))[-1]
-        if not isinstance(replies, list) or replies[0] != b"instance":
-            raise OSError(f"the hub lost {member.name}")
 
     def _take(self, member: Member) -> None:
         data = member.events.socket.recv(1 << 18)

@@ -1,9 +1,12 @@
 """A hub with a thousand gateways on it."""
 
+import contextlib
 import time
+from pathlib import Path
 
-from pioneer_bench.adapters.fleet import PATIENCE, Fleet, end, resident
+from pioneer_bench.adapters.fleet import PATIENCE, Fleet, cpu, end, resident
 from pioneer_bench.core.gateway import Row
+from pioneer_harness.proc import descendants, process_states
 from pioneer_harness.wait import wait_until
 
 SIZE, RULES, CHANGES = 1000, 20, 20
@@ -15,13 +18,21 @@ SETTLING = 20.0
 """Redis gives up the buffer of a connection that says nothing for 3 s, its allocator gives it back 10 s later [s]."""
 
 
-def crowd_rows(fleet: Fleet) -> list[Row]:
+def password_rows(folder: Path) -> list[Row]:
+    """The same with a hub that wants a proof of its password on every connection."""
+    with contextlib.closing(Fleet(folder, ROCON_HUB_PASSWORD="bench")) as fleet:
+        fleet.start()
+        return crowd_rows(fleet, " with a password")
+
+
+def crowd_rows(fleet: Fleet, how: str = "") -> list[Row]:
     """A thousand simulated gateways on the real hub, beside the two real ones."""
-    name = f"hub with {SIZE:,} gateways × {RULES} rules"
-    crowd = fleet.base.module("crowd", fleet.port, SIZE, RULES, CHANGES)
+    name = f"hub with {SIZE:,} gateways × {RULES} rules{how}"
+    crowd, before = fleet.base.module("crowd", fleet.port, SIZE, RULES, CHANGES), _cpu(fleet)
     try:
         wait_until(lambda: "ready" in crowd.lines() or not crowd.lives, "the crowd's convergence", CROWD_PATIENCE)
         said = [line.split() for line in crowd.lines()]
+        spent = _cpu(fleet) - before
         joining = resident(fleet.hub.pid) / 1e6
         called = [_flip(fleet, number) for number in range(3)] if "ready" in crowd.lines() else []
         # What is measured is time in which nobody joins.
@@ -35,11 +46,16 @@ def crowd_rows(fleet: Fleet) -> list[Row]:
     remark = "" if held else "the crowd was lost"
     return [
         Row(f"{name}: all rules answered", "s", converged, 30.0, remark=remark),
+        Row(f"{name}: CPU of hub and Redis until then", "s", (spent,)),
         Row(f"{name}: a change → the peer's answer", "s", changes, 0.5),
         Row(f"{name}: flip call → first message far", "s", tuple(called), 0.5),
         Row(f"{name}: memory of hub and Redis", "MB", (settled,) if held else (), 100.0),
         Row(f"{name}: the same while all join", "MB", (joining,)),
     ]
+
+
+def _cpu(fleet: Fleet) -> float:
+    return cpu(sorted(descendants(process_states(), [fleet.hub.pid])))
 
 
 def _flip(fleet: Fleet, number: int) -> float:

@@ -131,12 +131,12 @@ class Fleet:
 
     Args:
         folder: for logs.
-        certificates: a directory with the fleet's; None for no TLS.
+        variables: environment of all its processes, beside that of this one.
     """
 
-    def __init__(self, folder: Path, certificates: Path | None = None) -> None:
+    def __init__(self, folder: Path, **variables: str) -> None:
         self._folder = folder
-        self._variables = {"ROCON_TLS_DIRECTORY": str(certificates)} if certificates else {}
+        self._variables = variables
         self._group = ProcessGroup()
         self._ports = PortReservation()
         self._port = self._ports.take(PREFERRED_PORT)

@@ -37,14 +37,12 @@ def flow_rows(fleet: Fleet, repetitions: int, seconds: float) -> list[Row]:
 
 def tls_rows(folder: Path, repetitions: int, seconds: float) -> list[Row]:
     """Messages of 1 MB as fast as they go, through a fleet of its own whose hub and links speak TLS."""
-    fleet = Fleet(folder, Authority(folder / "authority").certify("bench"))
-    try:
+    certificates = Authority(folder / "authority").certify("bench")
+    with contextlib.closing(Fleet(folder, ROCON_TLS_DIRECTORY=str(certificates))) as fleet:
         fleet.start()
         with _carriers(fleet, "/large", (1_000_000, 0, 0)) as ways:
             site, heard, carriers = ways["gateway"]
             return encrypted_rows([_flow(fleet, site, heard, carriers, seconds) for _ in range(repetitions)])
-    finally:
-        fleet.close()
 
 
 def idle_rows(fleet: Fleet, seconds: float) -> list[Row]:

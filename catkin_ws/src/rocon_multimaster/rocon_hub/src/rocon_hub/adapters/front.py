@@ -5,19 +5,20 @@ import logging
 import socket
 import ssl
 import threading
+from collections import deque
 from collections.abc import Callable
 
 from rocon_hub_protocol.core.admission import LONGEST_LINE, UNPROVEN, HubSide
 from rocon_hub_protocol.core.cpace import ProofError
 
 HANDSHAKE_TIME = 5.0
-"""For how long a client may take to prove the password [s]."""
+"""For how long a client may take to say the next line of its proof [s]."""
 
-MAX_UNPROVEN = 256
-"""Clients that have not proved it yet; one more closes the oldest."""
+MAX_UNPROVEN = 2048
+"""Clients that have not proved it yet: a thousand gateways may come back at once. One more closes the oldest."""
 
 BACKLOG = 511
-"""So many clients may wait to be accepted: a fleet that comes back at once."""
+"""So many clients may wait to be accepted."""
 
 _KEEPALIVE = {socket.TCP_KEEPIDLE: 10, socket.TCP_KEEPINTVL: 5, socket.TCP_KEEPCNT: 3}
 
@@ -47,6 +48,7 @@ class Front:
         self._sockets = _listening(port)
         self._context = context
         self._unproven: dict[Client, None] = {}
+        self._waiting: deque[Client] = deque()
         self._told: set[str] = set()
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._run, name="hub front", daemon=True)
@@ -75,6 +77,17 @@ class Front:
         self._unproven[client] = None
         if len(self._unproven) > MAX_UNPROVEN:
             next(iter(self._unproven)).give_up()
+
+    def wait(self, client: "Client") -> None:
+        """Has a client wait for its turn: one begins at a time, so that those that have begun come to an end first."""
+        self._waiting.append(client)
+        if len(self._waiting) == 1:
+            self._loop.call_soon(self._next)
+
+    def _next(self) -> None:
+        self._waiting.popleft().begin()
+        if self._waiting:
+            self._loop.call_soon(self._next)
 
     def settled(self, client: "Client") -> None:
         """Somebody has proved the password, or is gone."""
@@ -131,10 +144,10 @@ class Client(End):
     def __init__(self, front: Front, loop: asyncio.AbstractEventLoop) -> None:
         super().__init__()
         self._front, self._loop = front, loop
-        self._line = b""
+        self._line = self._first = b""
         self._side: HubSide | None = None
         self._host = ""
-        self._timer = loop.call_later(HANDSHAKE_TIME, self.give_up)
+        self._expect()
         self._joining: asyncio.Task[None] | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -170,25 +183,49 @@ class Client(End):
         if self.transport:
             self.transport.close()
 
-    def _take(self, line: bytes) -> None:
+    def begin(self) -> None:
+        """Answers the first line, unless the client has left while it waited."""
         assert self.transport is not None
+        if self.transport.is_closing():
+            return
         try:
-            if self._side is None:
-                self._side = HubSide(self._front.password(), line)
-                self.transport.write(self._side.answer)
-                return
-            proven, answer = self._side.verdict(line)
+            self._side = HubSide(self._front.password(), self._first)
         except ProofError:
-            self.transport.write(UNPROVEN)
-            self.give_up()
+            self._refuse(UNPROVEN)
+            return
+        self.transport.write(self._side.answer)
+        self._expect()
+
+    def _expect(self) -> None:
+        self._timer = self._loop.call_later(HANDSHAKE_TIME, self.give_up)
+
+    def _take(self, line: bytes) -> None:
+        self._timer.cancel()
+        if not self._first:
+            self._first = line
+            self._front.wait(self)
+        elif self._side is None:
+            self.give_up()  # it sends more before it was answered
+        else:
+            self._judge(self._side, line)
+
+    def _judge(self, side: HubSide, line: bytes) -> None:
+        try:
+            proven, answer = side.verdict(line)
+        except ProofError:
+            self._refuse(UNPROVEN)
             return
         if proven:
             self._front.admitted(self._host)
             self._joining = self._loop.create_task(self._join(answer))
         else:
             self._front.refused(self._host)
-            self.transport.write(answer)
-            self.give_up()
+            self._refuse(answer)
+
+    def _refuse(self, answer: bytes) -> None:
+        assert self.transport is not None
+        self.transport.write(answer)
+        self.give_up()
 
     async def _join(self, answer: bytes) -> None:
         assert self.transport is not None
@@ -198,7 +235,6 @@ class Client(End):
         except OSError:  # Redis has died, or is being started
             self.give_up()
             return
-        self._timer.cancel()
         self._front.settled(self)
         if self.transport.is_closing():
             assert end.transport is not None

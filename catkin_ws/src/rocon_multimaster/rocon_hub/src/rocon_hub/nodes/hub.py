@@ -18,6 +18,7 @@ from rocon_hub.core.error import AnnouncementError, HubNodeError, RedisError
 from rocon_hub_protocol.adapters.password import password_from
 from rocon_hub_protocol.adapters.redis_client import OPEN, Access
 from rocon_hub_protocol.core.code import HubProtocolError
+from tcpros.adapters.descriptor import raise_limit
 from tcpros.adapters.tls import certificates_from
 from tcpros.core.error import CertificateError
 
@@ -173,4 +174,5 @@ class HubNode:
 
 def main() -> int:
     """Entry point of the executables `hub` and `hub.py`."""
+    raise_limit()
     return entry.run("hub", HubNode, (HubNodeError, HubProtocolError, CertificateError))

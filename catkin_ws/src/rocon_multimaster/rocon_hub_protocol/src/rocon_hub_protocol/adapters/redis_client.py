@@ -21,6 +21,9 @@ LONGEST_LINE = 512
 TIMEOUT = 2.0
 """Within which a hub must have answered [s]."""
 
+PROOF_TIMEOUT = 5.0
+"""The same for each line of its proof [s]: a thousand gateways may come at once, and each costs a hub some work."""
+
 
 @dataclass(frozen=True)
 class Access:
@@ -59,7 +62,9 @@ class HubConnection(redis.Connection):
             if self._access.certificates:
                 sock = self._access.certificates.client.wrap_socket(sock)
             if self._access.password:
+                sock.settimeout(PROOF_TIMEOUT)
                 prove(sock, self._access.password())
+                sock.settimeout(self.socket_timeout)
         except BaseException:
             sock.close()
             raise
