@@ -58,7 +58,7 @@ def test_rviz_started_before_the_world_shows_robots_of_another_host(hosts: Hosts
     shot = f"exec rosrun pioneer_description rviz_snapshot --robots 2 -o /tmp/rviz.png --timeout {PATIENCE:g}"
     with hosts.base.meanwhile("aadiworkstation", "bash", "-c", f"{waiting}; {shot}") as seen:
         hosts.errands.send(1, 2, wall=True)
-        assert "RViz shows all 11 displays" in seen()
+        assert "RViz shows all 13 displays" in seen()
 
 
 def test_robots_of_another_host_arrive_over_two_ports(hosts: Hosts) -> None:

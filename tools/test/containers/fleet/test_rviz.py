@@ -30,7 +30,7 @@ def test_rviz_started_last_shows_five_robots_where_they_are(driving: Fleet, roun
     finally:
         # The picture helps to find what was not seen.
         output("docker", "cp", f"{driving.container('aadiworkstation')}:/tmp/rviz.png", str(picture))
-    # Five displays a robot, and the map.
-    assert "/tmp/rviz.png: RViz shows all 26 displays" in said
+    # Five displays and the name of each robot, and the map.
+    assert "/tmp/rviz.png: RViz shows all 31 displays" in said
     with Image.open(picture) as image:
         assert image.size == (1500, 1000)

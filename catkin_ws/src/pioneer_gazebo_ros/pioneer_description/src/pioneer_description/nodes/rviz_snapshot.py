@@ -123,7 +123,7 @@ def _take(config: Mapping[str, Any], watch: FleetWatch, options: argparse.Namesp
             if len(lacking) < fewest:
                 fewest = len(lacking)
                 save(picture, options.output)
-            if unseen != told and time.monotonic() > said + REPORT_EVERY:
+            if unseen and unseen != told and time.monotonic() > said + REPORT_EVERY:
                 said, told = time.monotonic(), unseen
                 _say(f"waiting for {_words(unseen[:6])}{' …' if unseen[6:] else ''}")
             rospy.rostime.wallsleep(LOOK_EVERY)  # RViz tells nobody when it has drawn
