@@ -58,6 +58,23 @@ def test_a_node_that_lost_its_master_shuts_down_without_a_traceback(asked: str, 
     assert ("Traceback" in done.stdout + done.stderr) == bool(status)
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_node_that_finds_no_master_ends_when_asked_to(number: int) -> None:
+    code = "from pioneer_node.nodes import entry; raise SystemExit(entry.run('node', object))"
+    environment = {**os.environ, "ROS_MASTER_URI": "http://127.0.0.1:1", "PYTHONUNBUFFERED": "1"}
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", code], env=environment, text=True, **streams) as process:
+        try:
+            assert process.stdout
+            assert "Unable to register" in process.stdout.readline()
+            process.send_signal(number)
+            said = process.communicate(timeout=START)[1]
+        finally:
+            process.kill()
+    assert process.returncode == 0
+    assert "ended while registering with the ROS master at http://127.0.0.1:1" in said
+
+
 SIGNAL_WHILE_A_THREAD_IS_JOINED = """
 import os, signal, sys, threading
 import rospy

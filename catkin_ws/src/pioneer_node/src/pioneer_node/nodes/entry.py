@@ -3,12 +3,14 @@
 import http.client
 import io
 import logging
+import os
 import signal
 import sys
 import threading
 from collections.abc import Callable
 from typing import Any
 
+import rosgraph
 import rospy
 
 from pioneer_node.adapters.end_request import EndRequest
@@ -18,6 +20,9 @@ from pioneer_node.nodes import patch
 _STRICT = "strict_parameters"
 _ending = EndRequest()
 """Set as soon as a signal asks the process to end; rospy knows of a shutdown a moment later."""
+_initialised = threading.Event()
+_REGISTERING = 3.0
+"""So long a node that is to end may still register [s]: without a master, rospy tries for ever and holds its locks."""
 
 
 def run(
@@ -44,6 +49,7 @@ def run(
     patch.log_broken_requests()
     patch.keep_accepting(is_ending, _ending.wait)
     rospy.init_node(name, disable_rostime=wall_time, disable_signals=True)
+    _initialised.set()
     try:
         return _spun(name, build, expected)
     finally:
@@ -84,6 +90,9 @@ def _shut_down_when_asked() -> None:
     one that starting a thread takes. So the handler only sets the flag. Further signals change nothing.
     """
     _ending.wait()
+    if not _initialised.wait(_REGISTERING):
+        sys.stderr.write(f"ended while registering with the ROS master at {rosgraph.get_master_uri()}\n")
+        os._exit(0)
     rospy.signal_shutdown("signal")
 
 
