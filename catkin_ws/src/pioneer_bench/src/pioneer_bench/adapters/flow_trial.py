@@ -61,7 +61,7 @@ def idle_rows(fleet: Fleet, seconds: float) -> list[Row]:
     return [
         Row("idle gateway: CPU", "% of a core", share, 0.5),
         Row("idle gateway: threads", "", tuple(float(one["Threads"]) for one in status), 8),
-        Row("idle gateway: resident memory", "MB", tuple(float(one["VmRSS"]) / 1024 for one in status), 60),
+        Row("idle gateway: resident memory", "MB", tuple(float(one["VmRSS"]) / 1024 for one in status), 25),
     ]
 
 

@@ -87,11 +87,11 @@ def paced_rows(flows: Flows) -> list[Row]:
 def steady_rows(flows: Flows) -> list[Row]:
     """Returns the rows of latency: short messages at 100 Hz."""
     p99 = {way: _samples(flows[way], "p99", scale=1e3) for way in flows}
-    peer = _median(p99["topic_tools"])
-    goal = None if peer is None else 1.5 * peer
+    direct = _median(p99["direct"])
+    goal = None if direct is None else 1.5 * direct
     rows = [Row(f"100 B at 100 Hz, {way}: p50", "ms", _samples(flows[way], "p50", scale=1e3)) for way in flows]
     rows += [Row(f"100 B at 100 Hz, {way}: p99", "ms", p99[way]) for way in flows if way != "gateway"]
-    return [*rows, Row("100 B at 100 Hz, gateway: p99", "ms", p99["gateway"], goal, False, "1.5 × topic_tools")]
+    return [*rows, Row("100 B at 100 Hz, gateway: p99", "ms", p99["gateway"], goal, False, "1.5 × direct")]
 
 
 def _samples(flows: Sequence[Flow], name: str, over: str = "", scale: float = 1.0) -> tuple[float, ...]:
