@@ -19,6 +19,7 @@ from pioneer_traffic.core.simulation import Trial
 
 SHIPPED = ("closed_maze", "utm_0", "small_world", "willow_office", "blank")
 SWAP = "swap"
+_TRIALS = "trials.jsonl"
 _LIMIT = 1800.0
 """Simulated seconds after which a trial counts as stuck."""
 _WAIT = 10.0
@@ -32,6 +33,7 @@ class Result:
     world: str
     robots: int
     seed: int
+    waypoints: int
     reached: int
     asked: int
     contacts: int
@@ -40,6 +42,11 @@ class Result:
     alone: float
     slowest_alone: float
     mean: float
+
+    @property
+    def key(self) -> tuple[str, int, int, int]:
+        """What distinguishes one trial from the others: world, robots, seed, waypoints of each robot."""
+        return self.world, self.robots, self.seed, self.waypoints
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,36 +57,43 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", type=int, default=3, metavar="K", help="trials of each size (default %(default)s)")
     parser.add_argument("--waypoints", type=int, default=4, metavar="K", help="of each robot (default %(default)s)")
     parser.add_argument("--parallel", type=int, default=1, metavar="N", help="trials at a time (default %(default)s)")
+    parser.add_argument("--resume", action="store_true", help=f"resume the trials in DIR/{_TRIALS}")
     parser.add_argument("--output", type=Path, default=Path("bench-report"), metavar="DIR", help="default: %(default)s")
 
 
 def run(options: argparse.Namespace) -> int:
     """Drives all trials; returns 0 where every goal holds, 1 where one does not."""
+    options.output.mkdir(parents=True, exist_ok=True)
+    results = _results(options)
+    rows = _rows(results)
+    text = table(rows) + "\n\nA sample is a trial. Seconds are simulated ones."
+    print("\n" + text)
+    (options.output / "traffic.md").write_text(f"# Right of way\n\n{text}\n")
+    values = {"cores": os.cpu_count(), "rows": [row.as_dict() for row in rows]}
+    (options.output / "traffic.json").write_text(json.dumps(values, indent=2) + "\n")
+    _draw(results, options.output / "traffic.png")
+    print(f"written: traffic.md, traffic.json, traffic.png and {_TRIALS} in {options.output}")
+    return 1 if any(row.holds is False for row in rows) else 0
+
+
+def _results(options: argparse.Namespace) -> list[Result]:
+    """Returns the results of all trials asked for; each is written to a file as soon as it is there."""
     asked = [
         (world, robots, seed, options.waypoints)
         for seed in range(options.seeds)
         for world in options.worlds
         for robots in ([2] if world == SWAP else options.robots)
     ]
-    results = list[Result]()
-    with ProcessPoolExecutor(options.parallel) as pool:
-        for result in pool.map(_trial, *zip(*asked, strict=True)):
-            results.append(result)
+    path = options.output / _TRIALS
+    lines = path.read_text().splitlines() if options.resume and path.exists() else []
+    known = {one.key: one for one in (Result(**json.loads(line)) for line in lines)}
+    missing = [key for key in asked if key not in known]
+    with ProcessPoolExecutor(options.parallel) as pool, path.open("a" if options.resume else "w") as file:
+        for result in pool.map(_trial, *zip(*missing, strict=True)) if missing else ():
+            known[result.key] = result
+            print(json.dumps(asdict(result)), file=file, flush=True)
             print(_line(result), flush=True)
-    rows = _rows(results)
-    text = table(rows) + "\n\nA sample is a trial. Seconds are simulated ones."
-    print("\n" + text)
-    options.output.mkdir(parents=True, exist_ok=True)
-    (options.output / "traffic.md").write_text(f"# Right of way\n\n{text}\n")
-    values = {
-        "cores": os.cpu_count(),
-        "rows": [row.as_dict() for row in rows],
-        "trials": [asdict(one) for one in results],
-    }
-    (options.output / "traffic.json").write_text(json.dumps(values, indent=2) + "\n")
-    _draw(results, options.output / "traffic.png")
-    print(f"written: traffic.md, traffic.json and traffic.png in {options.output}")
-    return 1 if any(row.holds is False for row in rows) else 0
+    return [known[key] for key in asked]
 
 
 @cache
@@ -106,6 +120,7 @@ def _trial(world: str, robots: int, seed: int, waypoints: int) -> Result:
         world,
         robots,
         seed,
+        waypoints,
         outcome.reached,
         outcome.asked,
         outcome.contacts + outcome.shared,

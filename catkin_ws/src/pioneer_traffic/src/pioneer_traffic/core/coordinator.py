@@ -8,7 +8,7 @@ No ROS, no clock: the owner passes the time [s] and the robot's pose.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from pioneer_traffic.core.geometry import Point, distance_to_segment
@@ -59,7 +59,7 @@ class Coordinator:
         self._others: dict[str, Report] = {}
         self._heard_at: dict[str, float] = {}
         self._obstacles: tuple[Point, ...] = ()
-        self._began: float | None = None
+        self._began, self._advanced_at, self._met_at = math.inf, -math.inf, -math.inf
         self._waypoint: Point | None = None
         self._visited: Point | None = None  # the waypoint for which the robot is off the roadmap
         self._plan = Plan()
@@ -104,16 +104,19 @@ class Coordinator:
 
     def advance(self, position: Point, now: float) -> Report:
         """Takes what may be taken, updates ``route`` and ``finished``, and returns the report to send."""
-        if self._began is None:
-            self._began = now
+        self._began = min(self._began, now)
         fresh = self._fresh(now)
+        # Who comes back hears one robot after the other: what it knows of the rest is old.
+        if now - self._advanced_at > self._config.lease or not fresh.keys() <= set(self._own.heard):
+            self._met_at = now
+        self._advanced_at = now
         self._own = replace(self._own, position=position, heard=tuple(sorted(fresh)))
         self._enter_if_left_out()
         self._progress()
         self._make_plan_if_due(fresh, now)
         self._follow_newest(fresh)
         if self._own.ready == self._plan.id and self._hear_one_another(fresh):
-            self._take()
+            self._take(fresh)
             self._leave()
         self._visit()
         return self._own
@@ -186,9 +189,9 @@ class Coordinator:
     def _make_plan_if_due(self, fresh: dict[str, Report], now: float) -> None:
         """Makes a plan where this robot is the one to make it and the last one no longer fits."""
         config = self._config
-        assert self._began is not None
-        awaited = config.lease if self._expected <= self._others.keys() else config.patience
-        if now - self._began < awaited or now - self._made_at < config.replan_period:
+        is_complete = self._expected <= self._others.keys() or now - self._began >= config.patience
+        is_settled = now - self._met_at >= config.lease and now - self._made_at >= config.replan_period
+        if not (is_complete and is_settled):
             return
         reports = self._partners(fresh)
         if not reports or self._own.robot != min(report.robot for report in reports):
@@ -255,13 +258,14 @@ class Coordinator:
         own = self._own.robot
         return all(name == own or (name in fresh and own in fresh[name].heard) for name in self._plan.paths)
 
-    def _take(self) -> None:
-        """Takes the next places of the path that nobody has to pass before."""
+    def _take(self, fresh: dict[str, Report]) -> None:
+        """Takes the next places of the path that nobody has to pass before, nor a robot without part in the plan holds."""
         path = self._plan.paths.get(self._own.robot, ())
+        held = {place for report in fresh.values() if report.robot not in self._plan.paths for place in report.held}
         while self._taken + 1 < len(path) and len(self._track) <= self._config.horizon and not self._own.out:
             index = self._taken + 1
             waits = (wait for wait in self._plan.waits if wait.robot == self._own.robot and wait.step == index)
-            if not all(self._has_left(wait.other, wait.other_step, path[index]) for wait in waits):
+            if path[index] in held or not all(self._has_left(*wait[2:], path[index]) for wait in waits):
                 return
             self._taken = index
             self._track.append(path[index])
@@ -286,7 +290,7 @@ class Coordinator:
             self.finished = True
             return
         others = [self._others[name] for name in plan.paths if name != own.robot]
-        free = all(other.adopted == plan.id and not set(other.held) & set(own.region) for other in others)
+        free = all(other.adopted == plan.id and not _comes_by(other, plan, own.region) for other in others)
         if free and set(own.region) <= set(plan.regions.get(own.robot, ())):
             self._visited, self._aside = self._waypoint, own.region
             self._own = replace(own, out=True)
@@ -304,6 +308,11 @@ class Coordinator:
             if self._is_near(self._place(0)):
                 self._aside, self._own = (), replace(self._own, out=False)
                 self._publish_held()
+
+
+def _comes_by(report: Report, plan: Plan, region: Collection[int]) -> bool:
+    """Tells whether a robot holds a place of a region, or will on its path."""
+    return not {*report.held, *plan.paths[report.robot][report.reached + 1 :]}.isdisjoint(region)
 
 
 def _is_ready(report: Report, plan: Plan) -> bool:

@@ -142,9 +142,9 @@ class _Step:
     def _move(self, robot: int) -> bool:
         """Gives the robot its best step; those in its way are moved first. False where it has to stay."""
         here, distance = self._now[robot], self._distances[robot]
+        occupant, chance = self._occupant, self._generator.random
         choices = [*self._graph[here], here]
-        self._generator.shuffle(choices)
-        choices.sort(key=lambda place: (distance[place], place in self._occupant and place != here))
+        choices.sort(key=lambda place: (distance[place], place in occupant and place != here, chance()))
         partner = self._swap_partner(robot, choices)
         if partner is not None:
             choices.reverse()

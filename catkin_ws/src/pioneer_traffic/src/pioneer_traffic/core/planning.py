@@ -31,11 +31,13 @@ def planned(roadmap: Roadmap, reports: Sequence[Report], barred: Collection[int]
     """
     ordered = sorted(reports, key=lambda report: (report.goal < 0, report.since, report.robot))
     regions = _granted(ordered, barred)
-    owned = {report.stop for report in ordered if report.robot in regions}
-    closed = owned.union(barred, *regions.values())
-    # Nobody enters what is closed; who is in there may go through it on the way out.
+    stops = {report.stop for report in ordered if report.robot in regions}
+    closed = stops.union(barred, *regions.values())
+    # Nobody enters what is closed. Who is in a region that is granted only, not yet used, may go through such ones on
+    # the way out: their owners wait for that (``Coordinator``).
+    used = stops.union(barred, *(regions[report.robot] for report in ordered if report.out))
     graph = [
-        [] if place in owned else [other for other in near if other not in (owned if place in closed else closed)]
+        [] if place in stops else [other for other in near if other not in (used if place in closed else closed)]
         for place, near in enumerate(roadmap.neighbours)
     ]
     targets = _targets(roadmap, ordered, regions, closed)

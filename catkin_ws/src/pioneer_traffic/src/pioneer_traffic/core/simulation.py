@@ -22,6 +22,10 @@ _ASTRAY = 0.5
 """Error of its heading [rad] at which a robot turns where it stands."""
 _NEXT, _REACH = 0.1, 0.2
 """How near [m] a point of the route counts as passed, and a place as reached."""
+_NEAR = 1.2
+"""Distance [m] of footprints' middles up to which their gap is looked at."""
+
+Points = NDArray[np.float64]
 
 
 @dataclass
@@ -56,11 +60,6 @@ class Body:
         self.yaw += min(TURN * STEP, max(-TURN * STEP, error))
         self.x += self.speed * STEP * math.cos(self.yaw)
         self.y += self.speed * STEP * math.sin(self.yaw)
-
-    def corners(self) -> NDArray[np.float64]:
-        """Returns the footprint's corners in map, shape (4, 2)."""
-        cosine, sine = math.cos(self.yaw), math.sin(self.yaw)
-        return FOOTPRINT @ np.array([[cosine, sine], [-sine, cosine]]) + (self.x, self.y)
 
 
 @dataclass(frozen=True)
@@ -161,31 +160,31 @@ class Trial:
             self._finished[index] = self.time
 
     def _look_for_contacts(self) -> None:
-        corners = [body.corners() for body in self.bodies]
-        for one in range(len(corners)):
-            if self._space is not None and (self._space.room_at(_outline(corners[one])) <= 0.0).any():
-                self._touching.add((one, one))
-            for other in range(one):
-                if math.dist(self.bodies[one].position, self.bodies[other].position) < 1.2:
-                    gap = _gap(corners[one], corners[other])
-                    self.gap = min(self.gap, gap)
-                    if gap <= 0.0:
-                        self._touching.add((other, one))
+        corners, axes = _footprints(self.bodies)
+        if self._space is not None:
+            sides = np.roll(corners, -1, axis=1) - corners
+            outlines = corners[:, :, None] + np.linspace(0.0, 1.0, 4, endpoint=False)[:, None] * sides[:, :, None]
+            rooms = self._space.room_at(outlines.reshape(-1, 2)).reshape(len(corners), -1)
+            self._touching.update((robot, robot) for robot in np.flatnonzero((rooms <= 0.0).any(axis=1)).tolist())
+        one, other = np.triu_indices(len(corners), 1)
+        near = np.hypot(*(corners[one] - corners[other]).mean(axis=1).T) < _NEAR
+        if near.any():
+            one, other = one[near], other[near]
+            gaps = _gaps(corners[one], corners[other], np.concatenate([axes[one], axes[other]], axis=1))
+            self.gap = min(self.gap, float(gaps.min()))
+            self._touching.update(zip(one[gaps <= 0.0].tolist(), other[gaps <= 0.0].tolist(), strict=True))
 
 
-def _outline(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns points along a footprint's sides, shape (16, 2)."""
-    shares = np.linspace(0.0, 1.0, 4, endpoint=False)[:, None]
-    return np.concatenate([a + shares * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)])
+def _footprints(bodies: Sequence[Body]) -> tuple[Points, Points]:
+    """Returns the footprints' corners in map, shape (robots, 4, 2), and the directions of their sides, (robots, 2, 2)."""
+    yaw = np.array([body.yaw for body in bodies])
+    axes = np.stack([np.cos(yaw), np.sin(yaw), -np.sin(yaw), np.cos(yaw)], axis=1).reshape(-1, 2, 2)
+    return FOOTPRINT @ axes + np.array([body.position for body in bodies])[:, None], axes
 
 
-def _gap(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    """Returns the largest gap [m] between two convex outlines along a side's normal: 0 or less where they touch."""
-    gap = -math.inf
-    for shape in (one, other):
-        sides = np.roll(shape, -1, axis=0) - shape
-        normals = np.stack([sides[:, 1], -sides[:, 0]], axis=1) / np.hypot(*sides.T)[:, None]
-        first, second = one @ normals.T, other @ normals.T
-        gap = max(gap, float((second.min(axis=0) - first.max(axis=0)).max()))
-        gap = max(gap, float((first.min(axis=0) - second.max(axis=0)).max()))
-    return gap
+def _gaps(one: Points, other: Points, axes: Points) -> NDArray[np.float64]:
+    """Returns the largest gap [m] of each pair of rectangles along one of their sides: 0 or less where they touch."""
+    first, second = one @ axes.swapaxes(1, 2), other @ axes.swapaxes(1, 2)
+    ahead, behind = second.min(axis=1) - first.max(axis=1), first.min(axis=1) - second.max(axis=1)
+    found: NDArray[np.float64] = np.maximum(ahead, behind).max(axis=1)
+    return found
