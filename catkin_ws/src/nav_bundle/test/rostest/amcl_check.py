@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import rospy
 import rostest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from dynamic_reconfigure import DynamicReconfigureCallbackException
 from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped, TransformStamped
@@ -28,6 +29,7 @@ from pioneer_harness.wait import wait_until
 
 
 class AmclCheck(RoomTest):
+    diagnosis: DiagnosticArray | None
     estimate: PoseWithCovarianceStamped | None
     cloud: PoseArray | None
 
@@ -40,6 +42,7 @@ class AmclCheck(RoomTest):
 
     def setUp(self) -> None:
         super().setUp()
+        self.listen("/diagnostics", DiagnosticArray, "diagnosis")
         self.listen("/pioneer3/amcl_pose", PoseWithCovarianceStamped, "estimate")
         self.listen("/pioneer3/particlecloud", PoseArray, "cloud")
         self.robot.pose = START
@@ -86,6 +89,10 @@ class AmclCheck(RoomTest):
         assert 0.0 < self.estimate.pose.covariance[0] < 0.1
         assert self.cloud is not None
         assert 500 <= len(self.cloud.poses) <= 2000
+        assert self.diagnosis is not None
+        [status] = self.diagnosis.status
+        assert (status.name, status.level) == ("pioneer3/amcl: Standard deviation", DiagnosticStatus.OK)
+        assert {value.key for value in status.values} >= {"std_x", "std_y", "std_yaw", "std_warn_level_yaw"}
         saved = rospy.get_param("/pioneer3/amcl/initial_pose_x")
         assert abs(saved - self.robot.pose.x) < 1.0
         assert saved != 1.4

@@ -2,6 +2,7 @@
 
 import pytest
 
+from nav_bundle.core.amcl_config import AmclConfig
 from nav_bundle.core.costmap.config import InflationConfig
 from nav_bundle.core.move_base_config import changed_parameters, setup_from_parameters
 from pioneer_node.core.live import live_parameters, live_values
@@ -74,6 +75,13 @@ def test_values_that_contradict_each_other_are_refused():
         changed("TrajectoryPlannerROS", min_vel_x=2.0)
 
 
+KNOWN = ("dwa_local_planner/DWAPlannerROS", "global_planner/GlobalPlanner")
+LIMITS = (
+    "max_vel_trans min_vel_trans max_vel_x min_vel_x max_vel_y min_vel_y max_vel_theta min_vel_theta acc_lim_x "
+    "acc_lim_y acc_lim_theta acc_lim_trans prune_plan xy_goal_tolerance yaw_goal_tolerance trans_stopped_vel "
+    "theta_stopped_vel restore_defaults"
+)
+"""Of base_local_planner's local_planner_limits."""
 NOETIC = {
     "TrajectoryPlannerROS": (
         "acc_lim_x acc_lim_y acc_lim_theta max_vel_x min_vel_x max_vel_theta min_vel_theta min_in_place_vel_theta "
@@ -91,13 +99,50 @@ NOETIC = {
         "transform_tolerance update_frequency publish_frequency width height resolution origin_x origin_y footprint "
         "robot_radius footprint_padding"
     ),
+    "DWAPlannerROS": LIMITS
+    + (
+        " sim_time sim_granularity angular_sim_granularity path_distance_bias goal_distance_bias occdist_scale "
+        "twirling_scale stop_time_buffer oscillation_reset_dist oscillation_reset_angle forward_point_distance "
+        "scaling_speed max_scaling_factor vx_samples vy_samples vth_samples use_dwa"
+    ),
+    "GlobalPlanner": (
+        "lethal_cost neutral_cost cost_factor publish_potential orientation_mode orientation_window_size"
+    ),
+    "local_costmap/static_layer": "enabled",
     "local_costmap/inflation_layer": "enabled cost_scaling_factor inflation_radius inflate_unknown",
     "local_costmap/obstacle_layer": "enabled footprint_clearing_enabled max_obstacle_height combination_method",
 }
 """Names in the .cfg files of navigation's packages, by namespace."""
 
 
-def test_every_name_of_noetics_cfg_files_can_be_changed() -> None:
-    configs = setup_from_parameters({}, "move_base").live_configs()
-    for namespace, names in NOETIC.items():
-        assert not set(names.split()) - live_values(configs[namespace]).keys(), namespace
+AMCL = (
+    "min_particles max_particles kld_err kld_z update_min_d update_min_a resample_interval transform_tolerance "
+    "recovery_alpha_slow recovery_alpha_fast do_beamskip beam_skip_distance beam_skip_threshold "
+    "beam_skip_error_threshold tf_broadcast force_update_after_initialpose force_update_after_set_map "
+    "gui_publish_rate save_pose_rate use_map_topic first_map_only laser_min_range laser_max_range laser_max_beams "
+    "laser_z_hit laser_z_short laser_z_max laser_z_rand laser_sigma_hit laser_lambda_short "
+    "laser_likelihood_max_dist laser_model_type odom_model_type odom_alpha1 odom_alpha2 odom_alpha3 odom_alpha4 "
+    "odom_alpha5 odom_frame_id base_frame_id global_frame_id selective_resampling restore_defaults"
+)
+
+
+@pytest.mark.parametrize("namespace", NOETIC)
+def test_every_name_of_noetics_cfg_files_can_be_changed(namespace: str) -> None:
+    planners = {
+        "base_local_planner": f"dwa_local_planner/{namespace}",
+        "base_global_planner": f"global_planner/{namespace}",
+    }
+    chosen = {key: value for key, value in planners.items() if value in KNOWN}
+    layers = {"local_costmap": {"static_map": True}}
+    configs = setup_from_parameters({**chosen, **layers}, "move_base").live_configs()
+    assert not set(NOETIC[namespace].split()) - live_values(configs[namespace]).keys()
+
+
+def test_every_name_of_noetics_amcl_can_be_changed() -> None:
+    assert not set(AMCL.split()) - live_values(AmclConfig()).keys()
+
+
+@pytest.mark.parametrize("costmap", ["global_costmap", "local_costmap"])
+def test_a_costmaps_size_is_a_whole_number_of_metres_to_clients(costmap: str) -> None:
+    held = live_values(changed(costmap, width=7).live_configs()[costmap])
+    assert (held["width"], type(held["width"]), type(held["height"])) == (7, int, int)

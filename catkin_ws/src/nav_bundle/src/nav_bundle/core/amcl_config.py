@@ -11,7 +11,7 @@ LASER_MODELS = ("likelihood_field", "likelihood_field_prob", "beam")
 """Values of ``laser_model_type``."""
 ODOM_MODELS = ("diff", "omni", "diff-corrected", "omni-corrected")
 """Values of ``odom_model_type``."""
-UNSUPPORTED = frozenset({"bag_scan_period", "std_warn_level_x", "std_warn_level_y", "std_warn_level_yaw"})
+UNSUPPORTED = frozenset({"bag_scan_period"})
 """Noetic's parameters that have no effect here; the node logs this once when they are set."""
 
 
@@ -77,6 +77,9 @@ class AmclConfig:
     beam_skip_distance: Annotated[float, Live(0.0, 2.0)] = 0.5
     beam_skip_threshold: Annotated[float, Live(0.0, 1.0)] = 0.3
     beam_skip_error_threshold: Annotated[float, Live(0.0, 1.0)] = 0.9
+    std_warn_level_x: float = 0.2
+    std_warn_level_y: float = 0.2
+    std_warn_level_yaw: float = 0.1
     restore_defaults: Annotated[bool, Live()] = False
 
     def __post_init__(self) -> None:

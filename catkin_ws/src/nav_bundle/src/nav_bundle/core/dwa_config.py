@@ -27,7 +27,7 @@ class DwaConfig:
     Speeds in [m/s] and [rad/s], accelerations in [m/s**2] and [rad/s**2], distances in [m], angles in [rad], times
     in [s]. ``path_distance_bias`` and ``goal_distance_bias`` weigh metres. ``acc_lim_trans``, ``stop_time_buffer``,
     ``scaling_speed`` and ``max_scaling_factor`` are taken and change nothing, as in Noetic; the clouds that
-    ``publish_traj_pc`` and ``publish_cost_grid_pc`` ask for are not there, which is refused. Ours are ``clearance`` and
+    ``publish_traj_pc`` asks for are not there, which is refused. Ours are ``clearance`` and
     ``clearance_scale``, see ``TrajectoryConfig``.
     """
 
@@ -105,9 +105,8 @@ def dwa_config_from_parameters(parameters: Mapping[str, Any], owner: str, freque
 
 
 def _check(config: DwaConfig, owner: str) -> None:
-    for name in ("publish_traj_pc", "publish_cost_grid_pc"):
-        if getattr(config, name):
-            UNKNOWN.complain(f"{owner}: ~{name} true is not available")
+    if config.publish_traj_pc:
+        UNKNOWN.complain(f"{owner}: ~publish_traj_pc true is not available")
     positive = ("sim_time", "sim_granularity", "angular_sim_granularity", "controller_frequency", "acc_lim_x")
     for name in (*positive, "acc_lim_theta"):
         if not getattr(config, name) > 0.0:

@@ -57,6 +57,10 @@ class DwaPlanner:
         self._oscillation.reset()
         self._route = route
 
+    def cell_costs(self) -> NDArray[np.float64]:
+        """Returns what the local costmap's cells cost; see ``Rollout.cell_costs``."""
+        return self._window.cell_costs()
+
     def decide(self, situation: Situation) -> Decision:
         """Returns what to drive now; see ``local_planner.LocalPlanner``."""
         if self._route is None:

@@ -83,6 +83,10 @@ class LocalPlanner(Protocol):
         """
         ...
 
+    def cell_costs(self) -> NDArray[np.float64]:
+        """Returns what the local costmap's cells cost (n, 6); see ``Rollout.cell_costs``."""
+        ...
+
 
 class Route:
     """A global plan under way: what of it still lies ahead and in the local costmap."""

@@ -109,6 +109,10 @@ class Navigator:
         self._pushing = PushingWatch(setup.base.pushing_timeout)
         self._command: Velocity | None = None
 
+    def cell_costs(self) -> NDArray[np.float64]:
+        """Returns what the local costmap's cells cost in the last decision (n, 6); see ``Rollout.cell_costs``."""
+        return self._controller.cell_costs()
+
     @property
     def phase(self) -> Phase:
         """What is being done."""

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nav_bundle.core.clearance import Clearance
+from nav_bundle.core.costmap.cost import INSCRIBED
 from nav_bundle.core.local_planner import Situation, Velocity
 from nav_bundle.core.pose import Pose
 from nav_bundle.kernels import trajectory as kernel
@@ -91,6 +92,22 @@ class Rollout:
         sample = np.array([velocity.x, velocity.y, velocity.turn], np.float64)
         count = kernel.roll_out(self._motion, sample, self._until(time), poses)
         return poses[:count]
+
+    def cell_costs(self) -> NDArray[np.float64]:
+        """Returns what makes samples that end in the costmap's cells dear, shape (n, 6).
+
+        That is x, y [m] of the cell's middle, steps to the plan, steps to the goal, costmap cost, and the cost of all
+        three; of cells that the robot's centre may be in and that lead to plan and goal.
+        """
+        if not self._to_plan.size:
+            return np.empty((0, 6))
+        place, cells, scales = self._costmap.geometry, self._costmap.cells, self._scales
+        at = np.nonzero((cells < INSCRIBED) & (self._to_plan < cells.size) & (self._to_goal < cells.size))
+        parts = np.stack([self._to_plan[at], self._to_goal[at], cells[at]], axis=1).astype(np.float64)
+        middles = (
+            np.stack(at[::-1], axis=1) * place.resolution + (place.origin_x, place.origin_y) + place.resolution / 2
+        )
+        return np.column_stack([middles, parts, parts @ (scales.plan, scales.goal, scales.obstacle)])
 
     def goal_distance(self, x: float, y: float) -> int | None:
         """Returns the steps from the cell at ``x, y`` [m] to the local goal, None outside the costmap."""

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from nav_bundle.core.goal_approach import ApproachConfig
 from nav_bundle.core.local_planner import Velocity
 from pioneer_node.core.live import Live
-from pioneer_node.core.parameter import UNKNOWN, ParameterError, config_from_mapping
+from pioneer_node.core.parameter import ParameterError, config_from_mapping
 
 # Names that base_local_planner still takes, and what they are called now.
 _FORMER = {
@@ -29,8 +29,7 @@ class TrajectoryConfig:
     [s]. With ``heading_scoring`` a sample is scored at ``heading_scoring_timestep``, and by its heading to the farthest
     point of the plan in sight too. Ours are ``clearance`` [m], the room that is left to obstacles where there is that
     much, and ``clearance_scale``, the cost of touching them all the way; 0 for base_local_planner's scores.
-    ``stop_time_buffer``, ``simple_attractor`` and ``publish_cost_grid_pc`` are refused unless they ask for what is done
-    anyway.
+    ``stop_time_buffer`` and ``simple_attractor`` are refused unless they ask for what is done anyway.
     """
 
     acc_lim_x: Annotated[float, Live(0.0, 20.0)] = 2.5
@@ -71,7 +70,7 @@ class TrajectoryConfig:
     simple_attractor: Annotated[bool, Live()] = False
     heading_scoring: Annotated[bool, Live()] = False
     heading_scoring_timestep: Annotated[float, Live(0.0, 1.0)] = 0.1
-    publish_cost_grid_pc: bool = False
+    publish_cost_grid_pc: Annotated[bool, Live()] = False
     restore_defaults: Annotated[bool, Live()] = False
     y_vels: Annotated[Any, Live()] = ""
     world_model: str = "costmap"
@@ -114,8 +113,6 @@ def _check(config: TrajectoryConfig, owner: str) -> None:
     for name in ("holonomic_robot", "simple_attractor"):
         if getattr(config, name):
             raise ParameterError(f"{owner}: ~{name} true is not available")
-    if config.publish_cost_grid_pc:
-        UNKNOWN.complain(f"{owner}: ~publish_cost_grid_pc true is not available")
     for name in ("sim_time", "sim_granularity", "angular_sim_granularity", "controller_frequency", "acc_lim_x"):
         if not getattr(config, name) > 0.0:
             raise ParameterError(f"{owner}: ~{name} must be positive, not {getattr(config, name)}")

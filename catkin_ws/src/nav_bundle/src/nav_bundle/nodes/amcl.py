@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import rospy
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseWithCovariance, PoseWithCovarianceStamped
 from nav_msgs.srv import SetMapResponse
 from std_msgs.msg import Header
@@ -36,6 +37,7 @@ from nav_bundle.core.localisation import Localisation, NoMapError
 from nav_bundle.core.particle import Estimate
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.transform import Transform, TransformError
+from nav_bundle.nodes.diagnostic import deviation_status
 from nav_bundle.nodes.pose_store import PoseStore
 from nav_bundle.nodes.transform import TransformBroadcaster, TransformListener, robot_frame
 from pioneer_node.core.frame import stripped
@@ -48,6 +50,8 @@ TRANSFORM_TIMEOUT = 0.5
 """Wall time [s] a scan waits for the odometry of its stamp."""
 WARNING_PERIOD = 5.0
 """Least time [s] between two equal warnings."""
+DIAGNOSIS_PERIOD = 1.0
+"""Time [s] between two messages on /diagnostics."""
 REMEMBERED_COVARIANCE = np.diag([0.1**2, 0.1**2, 0.05**2])
 """Of a remembered pose: x, y [m²] and heading [rad²]."""
 
@@ -68,7 +72,8 @@ class AmclNode:
     (nav_msgs/OccupancyGrid, with ~use_map_topic), /tf, /tf_static.
 
     Publishes: ``amcl_pose`` (geometry_msgs/PoseWithCovarianceStamped, latched), ``particlecloud``
-    (geometry_msgs/PoseArray, latched), /tf (map to odom).
+    (geometry_msgs/PoseArray, latched), /tf (map to odom), ``/diagnostics`` (diagnostic_msgs/DiagnosticArray, once a
+    second while scans come).
 
     Services: ``global_localization``, ``request_nomotion_update`` (std_srvs/Empty), ``set_map`` (nav_msgs/SetMap).
     Calls ``static_map`` (nav_msgs/GetMap) without ~use_map_topic.
@@ -92,7 +97,7 @@ class AmclNode:
         self._lasers: dict[str, Transform] = {}
         self._estimate: Estimate | None = None
         self._map_from_odom: Pose | None = None
-        self._now = self._next_cloud = 0.0
+        self._now = self._next_cloud = self._next_diagnosis = 0.0
         self._lost = False
         self._start_at_initial_pose()
         self._listener = TransformListener(future_limit=config.transform_future_limit)
@@ -113,6 +118,7 @@ class AmclNode:
     def _advertise(self) -> None:
         self._pose_publisher = rospy.Publisher("amcl_pose", PoseWithCovarianceStamped, queue_size=2, latch=True)
         self._cloud_publisher = rospy.Publisher("particlecloud", PoseArray, queue_size=2, latch=True)
+        self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=2)
         rospy.Service("global_localization", Empty, lambda _: self._do(self._scatter, EmptyResponse()))
         rospy.Service(
             "request_nomotion_update", Empty, lambda _: self._do(self._localisation.force_update, EmptyResponse())
@@ -231,6 +237,7 @@ class AmclNode:
                 self._tell_if_lost()
             self._publish_cloud(stamp)
         self._broadcast(stamp)
+        self._diagnose()
         if self._estimate is not None and self._store.save(self._estimate, self._now):
             self._write_correction()
 
@@ -259,7 +266,7 @@ class AmclNode:
             self._remembered = None
             self._start_at_initial_pose()
             self._store.restart()
-            self._next_cloud = 0.0
+            self._next_cloud = self._next_diagnosis = 0.0
         self._now = now
 
     # What commands do.
@@ -363,6 +370,16 @@ class AmclNode:
         rate = self._config.gui_publish_rate
         self._next_cloud = self._now + 1.0 / rate if rate > 0.0 else 0.0
         self._cloud_publisher.publish(ParticlesMessage(self._localisation.particles.copy(), self._map_frame, stamp))
+
+    def _diagnose(self) -> None:
+        """Publishes once a second how sure the newest estimate is."""
+        if self._estimate is None or self._now < self._next_diagnosis:
+            return
+        self._next_diagnosis = self._now + DIAGNOSIS_PERIOD
+        config = self._config
+        limits = (config.std_warn_level_x, config.std_warn_level_y, config.std_warn_level_yaw)
+        status = deviation_status(rospy.get_name().strip("/"), self._estimate.covariance, limits)
+        self._diagnostics.publish(DiagnosticArray(Header(0, rospy.Time.from_sec(self._now), ""), [status]))
 
     def _broadcast(self, stamp: rospy.Time) -> None:
         """Sends the newest map_from_odom, stamped ahead so that others need not wait for the next one."""

@@ -9,6 +9,8 @@ from move_base_msgs.msg import RecoveryStatus
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.msg import Path as PathType
 from nav_msgs.srv import GetPlanRequest
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
 
 from nav_bundle.conversions import (
@@ -29,6 +31,7 @@ from nav_bundle.core.navigator import Cycle, Navigator, Sight
 from nav_bundle.core.planner import GoalOutsideError, NoPathError, Path, PlannerError, Search, path_between
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.transform import TransformError
+from nav_bundle.nodes.cost_cloud import cost_cloud
 from nav_bundle.nodes.costmap import CostmapNode
 from nav_bundle.nodes.move_base_action import GoalServer
 from nav_bundle.nodes.move_base_reconfigure import Reconfiguration
@@ -48,11 +51,13 @@ class MoveBaseNode:
         (``nodes.move_base_action``).
 
     Publishes: ``cmd_vel`` (geometry_msgs/Twist), ``~<global planner>/plan``, ``~<local planner>/global_plan``,
-        ``~<local planner>/local_plan`` (nav_msgs/Path), ``~recovery_status`` (move_base_msgs/RecoveryStatus), and
+        ``~<local planner>/local_plan`` (nav_msgs/Path), ``~<local planner>/cost_cloud`` (sensor_msgs/PointCloud2, with
+        ``publish_cost_grid_pc``), ``~recovery_status`` (move_base_msgs/RecoveryStatus), and
         what costmaps and action publish. The global planner is NavfnROS or
         GlobalPlanner (which also shows its ``potential``), the local planner TrajectoryPlannerROS or DWAPlannerROS.
 
-    Services: ``~make_plan`` (nav_msgs/GetPlan), ``~clear_costmaps`` (std_srvs/Empty).
+    Services: ``~make_plan`` (nav_msgs/GetPlan), ``~<global planner>/make_plan``, which answers while the robot drives,
+        too, ``~clear_costmaps`` (std_srvs/Empty).
 
     Parameters: ``core.move_base_config``, read at start; many may change later (``nodes.move_base_reconfigure``).
 
@@ -87,6 +92,10 @@ class MoveBaseNode:
         )
         self._followed = rospy.Publisher(f"~{name}/global_plan", PathType, queue_size=1)
         self._driven = rospy.Publisher(f"~{name}/local_plan", PathType, queue_size=1)
+        self._costs = rospy.Publisher(f"~{name}/cost_cloud", PointCloud2, queue_size=1)
+
+    def _serve_planner(self) -> rospy.Service:
+        return rospy.Service(f"~{self._setup.global_planner_name}/make_plan", GetPlanArray, self._make_plan)
 
     def _adopt(self, setup: Setup) -> None:
         """Takes other parameters: costmaps keep what they know, the plan being followed stays."""
@@ -99,9 +108,12 @@ class MoveBaseNode:
                 self._rate = rospy.Rate(setup.base.controller_frequency, reset=True)
             names = ("local_planner_name", "global_planner_name", "potential_scale")
             if any(getattr(setup, name) != getattr(before, name) for name in names):
-                for publisher in filter(None, (self._plan, self._potential, self._followed, self._driven)):
+                for publisher in filter(None, (self._plan, self._potential, self._followed, self._driven, self._costs)):
                     publisher.unregister()
                 self._advertise_plans()
+            if setup.global_planner_name != before.global_planner_name:
+                self._planner_service.shutdown("another planner")
+                self._planner_service = self._serve_planner()
 
     def spin(self) -> None:
         """Waits for what navigation needs, then runs the loop until shutdown."""
@@ -111,9 +123,10 @@ class MoveBaseNode:
         self._goals = GoalServer("move_base", self._global.frame, self._listener, limit, self._goal_fault)
         self._odometry = newest_odometry("odom")
         self._services = [
-            rospy.Service("~make_plan", GetPlanArray, self._make_plan),
+            rospy.Service("~make_plan", GetPlanArray, self._make_plan_if_idle),
             rospy.Service("~clear_costmaps", Empty, self._clear_costmaps),
         ]
+        self._planner_service = self._serve_planner()
         self._reconfiguration = Reconfiguration(self._parameters, self._setup, self._adopt)
         last, heard = 0.0, False
         while not rospy.is_shutdown():
@@ -213,6 +226,9 @@ class MoveBaseNode:
         if cycle.decision is not None:
             self._show(self._followed, cycle.decision.global_plan, self._local.frame, now)
             self._show(self._driven, cycle.decision.local_plan, self._local.frame, now)
+            if self._setup.local_planner.publish_cost_grid_pc and self._costs.get_num_connections():
+                header = Header(0, rospy.Time.from_sec(now), self._local.frame)
+                self._costs.publish(cost_cloud(self._navigator.cell_costs(), header))
         for text in cycle.warnings:
             self._warn(text, now)
         if cycle.recovery is not None:
@@ -260,11 +276,15 @@ class MoveBaseNode:
         status.recovery_behavior_name = f"{self._setup.recoveries[index].name} ({trigger.lower()})"
         return status
 
-    def _make_plan(self, request: GetPlanRequest) -> GetPlanArrayResponse:
-        """Plans for somebody else while no goal is active; where nothing leads to the goal, the plan is empty."""
+    def _make_plan_if_idle(self, request: GetPlanRequest) -> GetPlanArrayResponse:
         with self._turn:
             if self._goals.active:
                 raise rospy.ServiceException(_BUSY)
+            return self._make_plan(request)
+
+    def _make_plan(self, request: GetPlanRequest) -> GetPlanArrayResponse:
+        """Plans for somebody else; where nothing leads to the goal, the plan is empty."""
+        with self._turn:
             try:
                 path = self._plan_for(request)
             except (NoPathError, GoalOutsideError) as error:

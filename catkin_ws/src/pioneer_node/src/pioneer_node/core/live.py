@@ -28,11 +28,13 @@ class Live:
         low: least value, None for none.
         high: greatest value, None for none.
         choices: the only values, by name; empty for any.
+        whole: whether clients see and set a whole number where the field holds a float.
     """
 
     low: float | None = None
     high: float | None = None
     choices: tuple[tuple[str, Value], ...] = ()
+    whole: bool = False
 
 
 def one_of(*values: str) -> Live:
@@ -75,7 +77,8 @@ def live_parameters(config_class: type[Any]) -> tuple[LiveParameter, ...]:
         hint = hints[field.name]
         marks = [mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, Live)]
         if marks:
-            found.append(_parameter(field.name, _KINDS[hint.__origin__], field.default, marks[0]))
+            kind = "int" if marks[0].whole else _KINDS[hint.__origin__]
+            found.append(_parameter(field.name, kind, field.default, marks[0]))
     return tuple(found)
 
 
@@ -89,6 +92,8 @@ def _parameter(name: str, kind: str, default: Any, mark: Live) -> LiveParameter:
 
 def _plain(kind: str, value: Any) -> Value:
     """Returns ``value`` as what messages and the parameter server hold; lists become their text."""
+    if kind == "int":
+        return int(value)
     if kind == "str" and not isinstance(value, str):
         return json.dumps(value)
     return value  # type: ignore[no-any-return]

@@ -111,8 +111,8 @@ class CostmapConfig:
     rolling_window: bool = False
     track_unknown_space: bool = False
     always_send_full_costmap: bool = False
-    width: Annotated[float, Live(0.0)] = 10.0
-    height: Annotated[float, Live(0.0)] = 10.0
+    width: Annotated[float, Live(0.0, whole=True)] = 10.0
+    height: Annotated[float, Live(0.0, whole=True)] = 10.0
     resolution: Annotated[float, Live(0.0, 50.0)] = 0.05
     origin_x: Annotated[float, Live()] = 0.0
     origin_y: Annotated[float, Live()] = 0.0
