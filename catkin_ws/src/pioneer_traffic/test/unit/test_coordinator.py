@@ -1,13 +1,15 @@
 """Coordinators among themselves: no place is held twice and everybody arrives, also when reports or robots get lost."""
 
+import math
 import random
+from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pioneer_traffic.core.coordinator import Coordinator
-from pioneer_traffic.core.report import Report
+from pioneer_traffic.core.report import Plan, PlanId, Report
 from pioneer_traffic.core.roadmap import Roadmap
 from pioneer_traffic.core.simulation import Trial
 
@@ -19,6 +21,7 @@ def lattice(drawing: list[str]) -> Roadmap:
     return Roadmap(places, near)
 
 
+ROW = lattice(["......."])
 BAY = lattice(["      .      ", "............."])
 ROOMS = lattice(["...   ...", ".........", "...   ...", " .     . ", "...   ...", ".........", "...   ..."])
 
@@ -59,6 +62,90 @@ def test_the_robot_that_makes_the_plans_may_go_and_come_back() -> None:
     trial.present[0] = True
     outcome = trial.run(200.0)
     assert (outcome.reached, outcome.contacts, outcome.shared) == (4, 0, False)
+
+
+@settings(max_examples=6, deadline=None)
+@given(seed=st.integers(0, 10**6), robots=st.integers(2, 6), absence=st.sampled_from([1.0, 3.0, 30.0, 200.0]))
+@example(seed=5, robots=6, absence=200.0)
+def test_a_robot_may_go_at_any_time_and_come_back(seed: int, robots: int, absence: float) -> None:
+    generator = random.Random(seed)
+    tours = [generator.sample(ROOMS.places, 2) for _ in range(robots)]
+    trial = Trial(ROOMS, None, generator.sample(ROOMS.places, robots), tours, loss=0.2, seed=seed)
+    gone, since = generator.randrange(robots), generator.uniform(0.0, 40.0)
+    trial.run(since)
+    trial.present[gone] = False
+    trial.run(since + absence)
+    trial.present[gone] = True
+    outcome = trial.run(1500.0)
+    assert (outcome.reached, outcome.contacts, outcome.shared) == (outcome.asked, 0, False)
+
+
+@pytest.mark.parametrize("late", [0, 1])
+@pytest.mark.parametrize("since", [6.0, 12.0, 18.0])
+def test_a_robot_that_is_held_up_delays_others_and_nothing_else(late: int, since: float) -> None:
+    left, right = BAY.places[1], BAY.places[-1]
+    trial = Trial(BAY, None, [left, right], [[right], [left]])
+    trial.run(since)
+    body = trial.bodies[late]
+    body.drive = lambda route: None  # type: ignore[method-assign]
+    assert math.isinf(trial.run(since + 40.0).finished[late])
+    del body.drive
+    outcome = trial.run(since + 110.0)
+    assert (outcome.reached, outcome.contacts, outcome.shared) == (2, 0, False)
+
+
+def test_who_comes_back_hears_all_others_before_it_makes_a_plan() -> None:
+    one = Coordinator("a", ROW)
+
+    def advance(begin: float, names: str) -> frozenset[str]:
+        for tick in range(15):
+            now = begin + 0.2 * tick
+            for name in names:
+                place = {"b": 3, "c": 6}[name]
+                one.receive(Report(name, ROW.signature, ROW.places[place], held=(place,), heard=("a",)), now)
+            report = one.advance(ROW.places[0], now)
+        return frozenset(report.plan.paths if report.plan else ())
+
+    assert advance(0.0, "bc") == {"a", "b", "c"}
+    one.receive(Report("b", ROW.signature, ROW.places[3], held=(3,), heard=("a",)), 100.0)
+    report = one.advance(ROW.places[0], 100.0)
+    assert report.plan is not None
+    assert set(report.plan.paths) == {"a", "b", "c"}
+    assert advance(100.2, "b") == {"a", "b"}
+
+
+def test_a_robot_leaves_the_roadmap_only_when_those_that_come_by_have_passed() -> None:
+    waypoint = (2.5, 0.0)
+    leaver = Coordinator("z", ROW)
+    assert leaver.set_waypoint(waypoint, 0.0)
+    leaver.advance(ROW.places[2], 0.0)
+    plan = Plan(
+        PlanId(5, "a"),
+        {"a": (0,), "b": (4,), "z": leaver.report.held},
+        {"a": (0,), "b": (4, 3, 4), "z": (2,)},
+        {"z": leaver.report.region},
+    )
+    assert 3 in leaver.report.region
+
+    def is_out(reached: int, now: float) -> bool:
+        for name, place, at in (("a", 0, 0), ("b", 4, reached)):
+            heard = tuple({"a", "b", "z"} - {name})
+            state = Report(name, ROW.signature, ROW.places[place], (place,), adopted=plan.id, ready=plan.id, reached=at)
+            leaver.receive(replace(state, heard=heard, plan=plan if name == "a" else None), now)
+        return leaver.advance(ROW.places[2], now).out
+
+    assert not any(is_out(0, 0.2 * tick) for tick in range(1, 6))
+    assert is_out(2, 1.4)
+    assert leaver.route == [waypoint]
+
+
+def test_a_robot_that_cuts_the_first_corner_lets_go_of_the_ground_it_started_on() -> None:
+    one = Coordinator("a", ROW)
+    one.set_waypoint(ROW.places[-1], 0.0)
+    for tick in range(20):
+        one.advance((0.0, 0.9), 0.2 * tick)
+    assert one.route == ROW.places[:4]
+    assert one.advance((2.9, 0.1), 4.0).held == (3, 4, 5, 6)
 
 
 def test_the_same_seed_gives_the_same_run() -> None:

@@ -83,6 +83,11 @@ def is_ending() -> bool:
     return _ending.is_set() or bool(rospy.is_shutdown())
 
 
+def wait(seconds: float) -> bool:
+    """Rests for a time [s of wall time] at most; returns early, and true, when a signal asks the process to end."""
+    return _ending.wait(seconds)
+
+
 def _shut_down_when_asked() -> None:
     """Shuts rospy down once a signal has set the flag, in a thread that exists before the signal.
 

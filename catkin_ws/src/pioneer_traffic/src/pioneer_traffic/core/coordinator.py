@@ -170,11 +170,13 @@ class Coordinator:
             return
         if self._own.out:
             return
-        if not self._aside:
-            near = (index for index in range(len(self._track) - 1, 0, -1) if self._is_near(self._place(index)))
-            del self._track[: next(near, int(self._is_past_second()))]
-        if self._aside and self._is_near(self._place(0)):
+        near = (index for index in range(len(self._track) - 1, -1, -1) if self._is_near(self._place(index)))
+        passed = next(near, -1)
+        if passed >= 0:
+            # Navigation goes to the end of the route as it likes: it need not have come by the first place.
             self._aside = ()
+        if not self._aside:
+            del self._track[: max(passed, int(self._is_past_second()))]
         self._publish_held()
         self.route = [self._place(index) for index in range(min(1, len(self._track) - 1), len(self._track))]
         if self._aside:
@@ -259,7 +261,7 @@ class Coordinator:
         return all(name == own or (name in fresh and own in fresh[name].heard) for name in self._plan.paths)
 
     def _take(self, fresh: dict[str, Report]) -> None:
-        """Takes the next places of the path that nobody has to pass before, nor a robot without part in the plan holds."""
+        """Takes the next places of the path that no robot has to pass before, or holds without part in the plan."""
         path = self._plan.paths.get(self._own.robot, ())
         held = {place for report in fresh.values() if report.robot not in self._plan.paths for place in report.held}
         while self._taken + 1 < len(path) and len(self._track) <= self._config.horizon and not self._own.out:

@@ -176,7 +176,7 @@ class Trial:
 
 
 def _footprints(bodies: Sequence[Body]) -> tuple[Points, Points]:
-    """Returns the footprints' corners in map, shape (robots, 4, 2), and the directions of their sides, (robots, 2, 2)."""
+    """Returns the footprints' corners in map, shape (robots, 4, 2), and the sides' directions, (robots, 2, 2)."""
     yaw = np.array([body.yaw for body in bodies])
     axes = np.stack([np.cos(yaw), np.sin(yaw), -np.sin(yaw), np.cos(yaw)], axis=1).reshape(-1, 2, 2)
     return FOOTPRINT @ axes + np.array([body.position for body in bodies])[:, None], axes

@@ -96,8 +96,7 @@ class CoordinatorNode:
                 self._use_map(self._maps.get())
             if self._coordinator is not None:
                 self._work(self._coordinator)
-            # A signal ends the process within one period.
-            time.sleep(max(0.01, begin + _PERIOD - time.monotonic()))
+            entry.wait(max(0.01, begin + _PERIOD - time.monotonic()))
 
     def _use_map(self, message: OccupancyGrid) -> None:
         grid = grid_from_message(message)
@@ -157,8 +156,10 @@ class CoordinatorNode:
     def _note_ends(self, now: float) -> None:
         while not self._ends.empty():
             serial, outcome, text = self._ends.get()
-            if serial == self._serial and outcome is not Outcome.REACHED:
-                rospy.logwarn("move_base ended the way to (%.2f, %.2f): %s", *(self._stop or (0.0, 0.0)), text)
+            if serial != self._serial or self._stop is None:
+                continue
+            if outcome is not Outcome.REACHED or not self._is_at(self._stop):
+                rospy.logwarn("move_base ended the way to (%.2f, %.2f): %s", *self._stop, text)
                 self._retry_at = now + _RETRY
                 if outcome is Outcome.LOST:
                     self._move_base.renew()

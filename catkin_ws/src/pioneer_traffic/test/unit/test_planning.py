@@ -1,0 +1,61 @@
+"""Plans: who is led where, and over what ground."""
+
+from pioneer_traffic.core.planning import planned
+from pioneer_traffic.core.report import Plan, PlanId, Report
+from pioneer_traffic.core.roadmap import Roadmap
+
+COLS = 7
+PLACES = [(float(col), float(row)) for row in range(2) for col in range(COLS)]
+LADDER = Roadmap(
+    PLACES,
+    [[other for other, (u, v) in enumerate(PLACES) if abs(u - x) + abs(v - y) == 1.0] for x, y in PLACES],
+)
+"""Two rows of seven places each, 0 … 6 and 7 … 13."""
+
+
+def state(name: str, *held: int, goal: int = -1, region: tuple[int, ...] = (), out: bool = False) -> Report:
+    return Report(name, LADDER.signature, PLACES[held[-1]], held, goal, region=region, out=out)
+
+
+def plan_for(*reports: Report, barred: tuple[int, ...] = ()) -> Plan:
+    return planned(LADDER, reports, barred, PlanId(1, reports[0].robot))
+
+
+def test_nobody_is_led_over_ground_that_a_robot_off_the_roadmap_uses() -> None:
+    out = state("out", 3, 4, goal=4, region=(3,), out=True)
+    asking = state("asking", 1, goal=1, region=(2,))
+    plan = plan_for(out, asking, state("passing", 2, goal=6))
+    assert 3 not in plan.paths["passing"]
+    assert plan.paths["passing"][-1] == 6
+
+
+def test_the_way_leads_round_places_that_are_barred() -> None:
+    plan = plan_for(state("one", 0, goal=6), barred=(3,))
+    assert 3 not in plan.paths["one"]
+    assert plan.paths["one"][-1] == 6
+
+
+def test_who_stands_near_a_robot_without_part_is_not_led_past_it() -> None:
+    path = plan_for(state("one", 2, goal=6), barred=(2, 3)).paths["one"]
+    assert path == (2, 9, 10, 11, 4, 5, 6) or set(path).isdisjoint({3})
+
+
+def test_of_two_robots_with_one_goal_the_one_that_has_waited_longest_gets_it() -> None:
+    late = Report("a", LADDER.signature, PLACES[0], (0,), 3, since=5.0)
+    early = Report("b", LADDER.signature, PLACES[6], (6,), 3, since=1.0)
+    plan = plan_for(late, early)
+    assert plan.paths["b"][-1] == 3
+    assert plan.paths["a"][-1] != 3
+
+
+def test_an_idle_robot_makes_room_and_comes_back() -> None:
+    row = Roadmap([*PLACES[:COLS], (3.0, 1.0)], [[1], [0, 2], [1, 3], [2, 4, 7], [3, 5], [4, 6], [5], [3]])
+    idle, busy = (Report(n, row.signature, row.places[p], (p,), goal) for n, p, goal in (("a", 3, -1), ("b", 0, 6)))
+    plan = planned(row, [idle, busy], (), PlanId(1, "a"))
+    assert plan.paths["b"] == (0, 1, 2, 3, 4, 5, 6)
+    assert len(plan.paths["a"]) > 1
+
+
+def test_places_held_behind_a_robot_are_free_only_when_it_has_reached_its_first_place() -> None:
+    plan = plan_for(state("front", 1, 2, goal=2), state("behind", 0, goal=1))
+    assert ("behind", 1, "front", 0) in plan.waits

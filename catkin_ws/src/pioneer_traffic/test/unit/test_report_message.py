@@ -1,0 +1,28 @@
+"""Reports cross as messages unchanged; messages that fit no roadmap are refused."""
+
+import genpy
+import pytest
+
+from pioneer_traffic.conversions import message_from_report, report_from_message
+from pioneer_traffic.core.report import Plan, PlanId, Report, Wait
+
+PLAN = Plan(
+    PlanId(4, "a"), {"a": (1,), "b": (2, 3)}, {"a": (1, 5), "b": (3,)}, {"b": (7, 900)}, (Wait("a", 1, "b", 1),)
+)
+REPORT = Report("a", 77, (1.0, -2.0), (1, 5), 5, 12.5, (7,), True, PLAN.id, 1, PLAN.id, ("b",), PLAN)
+
+
+@pytest.mark.parametrize("report", [REPORT, Report("b", 77, (0.0, 0.0))], ids=["full", "empty"])
+def test_a_report_comes_back_as_it_was(report: Report) -> None:
+    assert report_from_message(message_from_report(report, genpy.Time(3)), 10) == report
+
+
+@pytest.mark.parametrize("places", [5, 4])
+def test_a_report_of_places_that_do_not_exist_is_refused(places: int) -> None:
+    assert report_from_message(message_from_report(REPORT, genpy.Time(3)), places) is None
+
+
+def test_a_plan_with_a_robot_that_holds_nothing_is_refused() -> None:
+    message = message_from_report(REPORT, genpy.Time(3))
+    message.plan.paths[0].held = ()
+    assert report_from_message(message, 10) is None
