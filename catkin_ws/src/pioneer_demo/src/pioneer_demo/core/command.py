@@ -75,7 +75,9 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
         gateway = ("pioneer_gateway.launch", "gateway_disable_zeroconf:=true")
         found += [
             _launch(gateway_name(number), port, gateway, own),
-            _run(f"navigation of {name}", port, ("run-pioneer-nav-local",), own),
+            _run(
+                f"navigation of {name}", port, ("run-pioneer-nav-local", f"traffic:={str(config.traffic).lower()}"), own
+            ),
         ]
     return found
 

@@ -23,6 +23,7 @@ class FleetConfig:
         log: directory for what every process logs.
         fleet: file that describes the robots; None for Pioneers.
         names: the robots' names, in order.
+        traffic: whether the robots keep the right of way with one another.
     """
 
     robots: int = 2
@@ -33,6 +34,7 @@ class FleetConfig:
     log: Path = Path("fleet-log")
     fleet: Path | None = None
     names: tuple[str, ...] = ("pioneer1", "pioneer2")
+    traffic: bool = False
 
     @property
     def choice(self) -> str:
@@ -224,6 +226,7 @@ def _parser(prog: str, description: str, epilog: str, worlds: Sequence[str]) -> 
     add("--rtf", dest="real_time_factor", type=float, metavar="R",
         help="real-time factor to hold, 0 = as fast as possible (default: 1, or less where that is more than the "
         "processors carry)")  # fmt: skip
+    add("--traffic", action="store_true", help="the robots keep the right of way with one another (docs/traffic.md)")
     return parser
 
 
