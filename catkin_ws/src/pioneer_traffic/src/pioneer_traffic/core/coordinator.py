@@ -136,7 +136,7 @@ class Coordinator:
         return math.dist(self._own.position, point) <= self._config.reach
 
     def _enter_if_left_out(self) -> None:
-        """Claims the nearest place that no other robot holds, with those that the way there comes near.
+        """Claims the nearest place that no other robot holds or stands at, with those that the way there comes near.
 
         That is for a robot that no plan leads and that has no place yet, or one that is also another robot's.
         """
@@ -149,15 +149,21 @@ class Coordinator:
             if report.adopted != PlanId() or report.robot < own.robot
             for place in report.held
         }
-        if self._track and not others & set(own.held):
+        if self._track and not others & set(own.held) and not self._leads_by_another(self._track[0]):
             return
         self._track, self._aside = [], ()
         for place in self._roadmap.entries(own.position):
             aside = self._roadmap.near(own.position, self._roadmap.places[place], place)
-            if not others & {place, *aside}:
+            if not others & {place, *aside} and not self._leads_by_another(place):
                 self._track, self._aside = [place], tuple(sorted(aside))
                 break
         self._publish_held()
+
+    def _leads_by_another(self, place: int) -> bool:
+        """Tells whether the way to a place comes nearer to a robot without a plan than a clearance, and than it is."""
+        own, end, least = self._own.position, self._roadmap.places[place], self._roadmap.config.clearance
+        standing = [report.position for report in self._others.values() if report.adopted == PlanId()]
+        return any(distance_to_segment(at, own, end) < min(least, math.dist(own, at)) - 1e-6 for at in standing)
 
     def _publish_held(self) -> None:
         reached = -1 if self._aside and not self._own.out else max(-1, self._taken - len(self._track) + 1)

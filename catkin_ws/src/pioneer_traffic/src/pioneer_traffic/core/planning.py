@@ -42,6 +42,11 @@ def planned(roadmap: Roadmap, reports: Sequence[Report], barred: Collection[int]
     ]
     targets = _targets(roadmap, ordered, regions, closed)
     distances = [_distances(graph, target) for target in targets]
+    for robot, report in enumerate(ordered):
+        if report.stop in closed - stops and distances[robot][report.stop] == len(graph):
+            # It cannot get to its goal now, but stands where another robot wants to be.
+            targets[robot] = _nearest_free(graph, report.stop, closed.union(targets), report.stop)
+            distances[robot] = _distances(graph, targets[robot])
     tracks = _search(graph, tuple(report.stop for report in ordered), targets, distances, plan_id.number)
     visits = [list(_visits(places)) for places in tracks]
     names = [report.robot for report in ordered]
@@ -74,19 +79,19 @@ def _targets(
         target = report.stop
         if report.robot not in regions:
             wanted = report.goal if report.goal >= 0 else report.stop
-            target = _nearest_free(roadmap, wanted, taken, report.stop)
+            target = _nearest_free(roadmap.neighbours, wanted, taken, report.stop)
             taken.add(target)
         targets.append(target)
     return targets
 
 
-def _nearest_free(roadmap: Roadmap, wanted: int, taken: Collection[int], otherwise: int) -> int:
+def _nearest_free(graph: Sequence[Sequence[int]], wanted: int, taken: Collection[int], otherwise: int) -> int:
     known, waiting = {wanted}, deque([wanted])
     while waiting:
         place = waiting.popleft()
         if place not in taken:
             return place
-        fresh = [other for other in roadmap.neighbours[place] if other not in known]
+        fresh = [other for other in graph[place] if other not in known]
         known.update(fresh)
         waiting.extend(fresh)
     return otherwise
