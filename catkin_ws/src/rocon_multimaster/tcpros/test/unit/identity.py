@@ -14,10 +14,13 @@ class Identities:
         self._made = {}
 
     def directory(self, name="robot", fleet="ours", days=30):
-        """Returns a machine's directory; `days` below 0 make a certificate that has expired."""
-        if (name, fleet) not in self._made:
-            self._made[name, fleet] = Authority(self._folder / fleet, days).certify(name)
-        return self._made[name, fleet]
+        """Returns a machine's directory; `days` below 0 make one that has expired, under its own name."""
+        made, directory = self._made.get((name, fleet), (days, None))
+        assert made == days, f"{name} of {fleet} has a certificate of {made} days already; use another name"
+        if directory is None:
+            directory = Authority(self._folder / fleet, days).certify(name)
+            self._made[name, fleet] = days, directory
+        return directory
 
     def __call__(self, *arguments, **settings):
         return certificates_from(str(self.directory(*arguments, **settings)))

@@ -145,12 +145,15 @@ def test_bytes_changed_on_the_way_are_an_error(identities, pair):
 
 @pytest.mark.parametrize(
     ("theirs", "said"),
-    [({"fleet": "theirs"}, "self-signed certificate in certificate chain"), ({"days": -1}, "expired")],
+    [
+        ({"name": "other", "fleet": "theirs"}, "self-signed certificate in certificate chain"),
+        ({"name": "old", "days": -1}, "expired"),
+    ],
     ids=["foreign", "expired"],
 )
 @pytest.mark.parametrize("dials", [True, False])
 def test_both_sides_name_what_is_wrong_with_a_certificate(identities, pair, theirs, said, dials):
-    good, bad = Tls(identities()), Tls(identities("other", **theirs))
+    good, bad = Tls(identities()), Tls(identities(**theirs))
     ours, other = (good.accepted, bad.dialled) if dials else (good.dialled, bad.accepted)
     ends = ours(pair[0]), other(pair[1])
     reasons = ["", ""]
