@@ -5,8 +5,10 @@ package's ``test/launch_args.yaml`` gives values: ``{file.launch: {argument: val
 """
 
 import contextlib
+import importlib.util
 import io
 import os
+import re
 import subprocess
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -139,6 +141,18 @@ def test_files_of_the_original_are_where_its_launch_files_look(package: str, pat
 )
 def test_executables_of_the_original_exist(package: str, name: str) -> None:
     assert roslib.packages.find_node(package, name)
+
+
+def test_every_script_names_modules_that_exist() -> None:
+    missing = []
+    for script in SOURCE.glob("**/scripts/*"):
+        text = script.read_text() if script.is_file() else ""
+        if not text.startswith("#!/usr/bin/env python3"):
+            continue
+        named = re.findall(r"^(?:from|import) ([\w.]+)|import_without_numpy\(\"([\w.]+)\"\)", text, re.MULTILINE)
+        names = filter(None, (name for pair in named for name in pair))
+        missing += [(script.name, name) for name in names if not importlib.util.find_spec(name)]
+    assert not missing
 
 
 @pytest.mark.parametrize("config", ["pioneer", "pioneer.rviz", "/tmp/my own.rviz"])

@@ -2,7 +2,6 @@
 
 import argparse
 import contextlib
-import json
 import os
 import tempfile
 from collections.abc import Callable
@@ -15,6 +14,7 @@ from pioneer_bench.adapters.flow_trial import flow_rows, idle_rows, tls_rows
 from pioneer_bench.adapters.rule_trial import call_rows, fault_rows, publisher_rows
 from pioneer_bench.adapters.service_trial import service_rows
 from pioneer_bench.core.row import Row, table
+from pioneer_bench.report import add_output, write
 from pioneer_harness.error import HarnessError
 from tcpros.adapters.client import ClientError
 
@@ -25,8 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--only", nargs="*", default=[], metavar="TRIAL", help="some of the trials, by their names")
     parser.add_argument("--repetitions", type=int, default=3, metavar="N", help="default: %(default)s")
     parser.add_argument("--seconds", type=float, default=2.0, help="length of each window [s]")
-    parser.add_argument("--output", type=Path, default=None, metavar="FILE", help="where the figures go as JSON")
-    parser.add_argument("--markdown", type=Path, default=None, metavar="FILE", help="where the table goes")
+    add_output(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -64,18 +63,10 @@ def run(options: argparse.Namespace) -> int:
                 rows += trial()
         except (HarnessError, ClientError, OSError) as error:
             failure = str(error)
-    _write(rows, load, options)
+    remark = f"{os.cpu_count()} cores, load before the run {load:.1f}; medians and ranges."
+    values = {"cores": os.cpu_count(), "load": load, "rows": [row.as_dict() for row in rows]}
+    write(options.output, "gateway", "The gateway", f"{table(rows)}\n\n{remark}", values)
     if failure:
         print(f"the bench failed: {failure}")
         return 2
     return 1 if any(row.holds is False for row in rows) else 0
-
-
-def _write(rows: list[Row], load: float, options: argparse.Namespace) -> None:
-    remark = f"{os.cpu_count()} cores, load before the run {load:.1f}; medians and ranges."
-    print(f"\n{table(rows)}\n\n{remark}")
-    if options.output is not None:
-        values = {"cores": os.cpu_count(), "load": load, "rows": [row.as_dict() for row in rows]}
-        options.output.write_text(json.dumps(values, indent=2) + "\n")
-    if options.markdown is not None:
-        options.markdown.write_text(f"{table(rows)}\n\n{remark}\n")

@@ -1,18 +1,15 @@
 """``pioneer_bench nav``: how well, how safely and at what cost one robot drives to waypoints, tour by tour."""
 
 import argparse
-import json
 import os
-import subprocess
-import sys
-import tempfile
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
+from dataclasses import asdict
 
 from pioneer_bench.core.row import Row, table
 from pioneer_bench.core.tour import CONDITIONS, PEER_SECONDS, Tour, tour_rows
 from pioneer_bench.hard import hard_rows
 from pioneer_bench.nav_kernel import kernel_rows
+from pioneer_bench.report import add_output, measured, write
 
 EXPLANATION = (
     "A sample is a tour of one robot, and for kernels a way or a call. C++: Noetic's stack, another day; its tours in "
@@ -35,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="measure plans and cycles without ROS, too",
     )
     parser.add_argument("--hard", action="store_true", help="drive hard courses without ROS instead of tours")
-    parser.add_argument("--output", type=Path, default=Path("bench-report"), metavar="DIR", help="default: %(default)s")
+    add_output(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -65,47 +62,26 @@ def run(options: argparse.Namespace) -> int:
 def _tour(condition: str, seed: int, options: argparse.Namespace) -> Tour | None:
     """Returns what one tour measured, None (and a line) where it could not be driven."""
     label = f"{CONDITIONS[condition].title}, seed {seed}"
-    with tempfile.TemporaryDirectory(prefix="pioneer-bench-") as folder:
-        log = Path(folder) / "roslaunch.log"
-        setting = {
-            "condition": condition,
-            "seed": seed,
-            "waypoints": options.waypoints,
-            "world": options.world,
-            "real_time_factor": options.real_time_factor,
-            "log": str(log),
-        }
-        # A process of its own: a process can be only one ROS node, on one master.
-        command = [sys.executable, "-m", "pioneer_bench.nodes.tour", json.dumps(setting)]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-            assert process.stdout is not None
-            result = ""
-            for line in process.stdout:
-                if line.startswith("{"):
-                    result = line
-                else:
-                    print(f"{label}: {line.rstrip()}", flush=True)
-        if process.returncode != 0 or not result:
-            words = log.read_text(errors="replace") if log.is_file() else ""
-            print(f"{label}: failed, status {process.returncode}\n{words[-2000:]}", file=sys.stderr)
-            return None
-    tour = Tour(**json.loads(result))
-    print(f"{label}: {tour.summary()}", flush=True)
+    setting = {
+        "condition": condition,
+        "seed": seed,
+        "waypoints": options.waypoints,
+        "world": options.world,
+        "real_time_factor": options.real_time_factor,
+    }
+    values = measured("tour", setting, lambda line: print(f"{label}: {line}", flush=True))
+    tour = Tour(**values) if values else None
+    print(f"{label}: {tour.summary() if tour else 'failed'}", flush=True)
     return tour
 
 
 def _write(rows: list[Row], tours: list[Tour], load: float, options: argparse.Namespace) -> None:
     remark = f"{os.cpu_count()} cores, load before the run {load:.1f}; real-time factor {options.real_time_factor:g}, "
     remark += f"{options.parallel} at a time. {EXPLANATION}"
-    text = f"{table(rows)}\n\n{remark}\n"
-    print("\n" + text)
-    options.output.mkdir(parents=True, exist_ok=True)
-    (options.output / "navigation.md").write_text(f"# Navigation\n\n{text}")
     values = {
         "cores": os.cpu_count(),
         "load": load,
         "rows": [row.as_dict() for row in rows],
-        "tours": [tour.as_dict() for tour in tours],
+        "tours": [asdict(tour) for tour in tours],
     }
-    (options.output / "navigation.json").write_text(json.dumps(values, indent=2) + "\n")
-    print(f"written: {options.output / 'navigation.md'}, {options.output / 'navigation.json'}")
+    write(options.output, "navigation", "Navigation", f"{table(rows)}\n\n{remark}", values)

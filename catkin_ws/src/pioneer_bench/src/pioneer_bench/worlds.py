@@ -1,21 +1,22 @@
 """``pioneer_bench worlds``: what each world costs to load and to run with ten robots, and whether beams are true."""
 
 import argparse
-import json
-import subprocess
-import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import rospkg
 
-from pioneer_bench.adapters.description import pioneer_urdf
+from pioneer_bench.core.row import markdown
+from pioneer_bench.report import add_output, measured, write
 
-TEST_WORLDS = "test/world"
+HEADINGS = ("world", "robots", "load [s]", "RSS [MB]", "factor", "beams", "true", "largest error [mm]", "holds")
+FORMS = "{world}|{robots}|{load:.2f}|{rss:.0f}|{factor:.1f}|{beams}|{true}|{millimetres:.1f}|{word}"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds this bench's options."""
-    parser.add_argument("--output", type=Path, default=Path("bench-report"), metavar="DIR", help="default: %(default)s")
+    add_output(parser)
     parser.add_argument("--robots", type=int, default=10, metavar="N", help="in each world (default: %(default)s)")
     parser.add_argument(
         "--world", nargs="*", default=[], metavar="FILE", help="only these (default: all of the package)"
@@ -25,26 +26,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Runs each world in a process of its own; returns 0 where all goals hold, else 1."""
     package = Path(rospkg.RosPack().get_path("pioneer_gazebo"))
-    files = [Path(name) for name in options.world]
-    files = files or sorted([*(package / "worlds").glob("*.world"), *(package / TEST_WORLDS).glob("*.world")])
-    urdf = pioneer_urdf(laser_noise=0)
+    shipped = sorted([*(package / "worlds").glob("*.world"), *(package / "test" / "world").glob("*.world")])
     figures = []
-    print("| world | robots | load [s] | RSS [MB] | factor | beams | true | largest error [mm] |")
-    print("|---|---|---|---|---|---|---|---|", flush=True)
-    for file in [*files, *([] if options.world else map(Path, ("285 loose boxes", "97 mesh models")))]:
-        command = [sys.executable, "-m", "pioneer_bench.nodes.world", str(file), str(options.robots)]
-        done = subprocess.run(command, input=urdf, capture_output=True, text=True, check=False)
-        if done.returncode:
-            print(f"| {file.stem} | failed: {done.stderr.strip().splitlines()[-1]} | | | | | | |")
-            figures.append({"world": file.stem, "holds": False})
-            continue
-        one = json.loads(done.stdout.splitlines()[-1])
+    for name in options.world or [*map(str, shipped), "285 loose boxes", "97 mesh models"]:
+        one = measured("world", {"world": name, "robots": options.robots})
+        one = one or {"world": Path(name).stem, "holds": False}
+        print(" | ".join(_cells(one)), flush=True)
         figures.append(one)
-        print(
-            f"| {one['world']} | {one['robots']} | {one['load']:.2f} | {one['rss']:.0f} | {one['factor']:.1f} |"
-            f" {one['beams']} | {one['true']} | {one['worst'] * 1e3:.1f} |{'' if one['holds'] else ' !'}",
-            flush=True,
-        )
-    options.output.mkdir(parents=True, exist_ok=True)
-    (options.output / "worlds.json").write_text(json.dumps(figures, indent=2) + "\n")
+    write(options.output, "worlds", "Worlds", markdown([HEADINGS, *map(_cells, figures)]), figures)
     return 0 if all(one["holds"] for one in figures) else 1
+
+
+def _cells(one: Mapping[str, Any]) -> list[str]:
+    if "robots" not in one:
+        return [one["world"], *["-"] * (len(HEADINGS) - 2), "failed"]
+    word = "yes" if one["holds"] else "no"
+    return FORMS.format(**one, millimetres=one["worst"] * 1e3, word=word).split("|")

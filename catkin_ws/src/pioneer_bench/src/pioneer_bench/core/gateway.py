@@ -32,34 +32,23 @@ Flows = dict[str, list[Flow]]
 
 def small_rows(flows: Flows) -> list[Row]:
     """Returns the rows of short messages sent as fast as they go."""
-    per_cpu = {way: _samples(flows[way], "messages", "cpu") for way in ("topic_tools", "gateway")}
-    best = _median(per_cpu["topic_tools"])
-    rows = [Row(f"100 B flat out, {way}: arrived", "msg/s", _samples(flows[way], "messages")) for way in flows]
-    rows.append(Row("100 B flat out, topic_tools (one hop)", "msg/CPU-s", per_cpu["topic_tools"]))
-    remark = "more than topic_tools"
-    return [*rows, Row("100 B flat out, gateways (both)", "msg/CPU-s", per_cpu["gateway"], best, True, remark)]
+    what = "100 B flat out"
+    arrived = [Row(f"{what}, {way}: arrived", "msg/s", _samples(flows[way], "messages")) for way in flows]
+    return [*arrived, *_per_cpu(what, "msg", flows, "messages", 1.0, "more than topic_tools")]
 
 
 def large_rows(flows: Flows) -> list[Row]:
     """Returns the rows of long messages sent as fast as they go."""
+    what = "1 MB flat out"
     rates = {way: _samples(flows[way], "bytes", scale=1e-6) for way in flows}
-    per_cpu = {way: _samples(flows[way], "bytes", "cpu", 1e-6) for way in ("topic_tools", "gateway")}
     direct = _median(rates["direct"])
     aim = None if direct is None else 0.9 * direct
     return [
-        Row("1 MB flat out, direct", "MB/s", rates["direct"]),
-        Row("1 MB flat out, topic_tools (one hop)", "MB/s", rates["topic_tools"]),
-        Row("1 MB flat out, gateways", "MB/s", rates["gateway"], _median(rates["topic_tools"]), True, "topic_tools"),
-        Row("1 MB flat out, gateways, the aim", "MB/s", rates["gateway"], aim, True, "90 % of direct"),
-        Row("1 MB flat out, topic_tools (one hop)", "MB/CPU-s", per_cpu["topic_tools"]),
-        Row(
-            "1 MB flat out, gateways (both)",
-            "MB/CPU-s",
-            per_cpu["gateway"],
-            _median(per_cpu["topic_tools"]),
-            True,
-            "topic_tools",
-        ),
+        Row(f"{what}, direct", "MB/s", rates["direct"]),
+        Row(f"{what}, topic_tools (one hop)", "MB/s", rates["topic_tools"]),
+        Row(f"{what}, gateways", "MB/s", rates["gateway"], _median(rates["topic_tools"]), True, "topic_tools"),
+        Row(f"{what}, gateways, the aim", "MB/s", rates["gateway"], aim, True, "90 % of direct"),
+        *_per_cpu(what, "MB", flows, "bytes", 1e-6),
     ]
 
 
@@ -73,15 +62,10 @@ def encrypted_rows(flows: Sequence[Flow]) -> list[Row]:
 
 def paced_rows(flows: Flows) -> list[Row]:
     """Returns the rows of long messages at a rate that everybody follows."""
-    per_cpu = {way: _samples(flows[way], "bytes", "cpu", 1e-6) for way in ("topic_tools", "gateway")}
-    goal = _median(per_cpu["topic_tools"])
-    rows = [Row(f"1 MB at 50 Hz, {way}: arrived", "MB/s", _samples(flows[way], "bytes", scale=1e-6)) for way in flows]
-    rows += [Row(f"1 MB at 50 Hz, {way}: p50", "ms", _samples(flows[way], "p50", scale=1e3)) for way in flows]
-    rows.append(Row("1 MB at 50 Hz, topic_tools (one hop)", "MB/CPU-s", per_cpu["topic_tools"]))
-    return [
-        *rows,
-        Row("1 MB at 50 Hz, gateways (both)", "MB/CPU-s", per_cpu["gateway"], goal, True, "topic_tools"),
-    ]
+    what = "1 MB at 50 Hz"
+    rows = [Row(f"{what}, {way}: arrived", "MB/s", _samples(flows[way], "bytes", scale=1e-6)) for way in flows]
+    rows += [Row(f"{what}, {way}: p50", "ms", _samples(flows[way], "p50", scale=1e3)) for way in flows]
+    return [*rows, *_per_cpu(what, "MB", flows, "bytes", 1e-6)]
 
 
 def steady_rows(flows: Flows) -> list[Row]:
@@ -92,6 +76,17 @@ def steady_rows(flows: Flows) -> list[Row]:
     rows = [Row(f"100 B at 100 Hz, {way}: p50", "ms", _samples(flows[way], "p50", scale=1e3)) for way in flows]
     rows += [Row(f"100 B at 100 Hz, {way}: p99", "ms", p99[way]) for way in flows if way != "gateway"]
     return [*rows, Row("100 B at 100 Hz, gateway: p99", "ms", p99["gateway"], goal, False, "1.5 × direct")]
+
+
+def _per_cpu(
+    what: str, unit: str, flows: Flows, name: str, scale: float, remark: str = "topic_tools"
+) -> tuple[Row, Row]:
+    """Returns what a CPU-second carries: the gateways are to carry at least what topic_tools does."""
+    peer, own = (_samples(flows[way], name, "cpu", scale) for way in ("topic_tools", "gateway"))
+    return (
+        Row(f"{what}, topic_tools (one hop)", f"{unit}/CPU-s", peer),
+        Row(f"{what}, gateways (both)", f"{unit}/CPU-s", own, _median(peer), True, remark),
+    )
 
 
 def _samples(flows: Sequence[Flow], name: str, over: str = "", scale: float = 1.0) -> tuple[float, ...]:

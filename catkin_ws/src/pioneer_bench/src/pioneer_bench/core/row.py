@@ -2,7 +2,7 @@
 
 import statistics
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 
@@ -45,28 +45,23 @@ class Row:
 
     def as_dict(self) -> dict[str, Any]:
         """Returns the row for JSON."""
-        return {
-            "what": self.what,
-            "unit": self.unit,
-            "samples": list(self.samples),
-            "median": self.median,
-            "goal": self.goal,
-            "at_least": self.at_least,
-            "every": self.every,
-            "holds": self.holds,
-            "remark": self.remark,
-        }
+        return {**asdict(self), "median": self.median, "holds": self.holds}
 
 
 def table(rows: Sequence[Row]) -> str:
     """Returns the rows as a Markdown table."""
-    cells = [("what", "median", "range", "unit", "goal", "holds"), *(_cells(row) for row in rows)]
-    widths = [max(len(line[column]) for line in cells) for column in range(len(cells[0]))]
-    lines = [
-        "| " + " | ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)) + " |" for line in cells
-    ]
-    lines.insert(1, "|" + "|".join("-" * (width + 2) for width in widths) + "|")
-    return "\n".join(lines)
+    return markdown([("what", "median", "range", "unit", "goal", "holds"), *map(_cells, rows)])
+
+
+def markdown(lines: Sequence[Sequence[str]], right: bool = False) -> str:
+    """Returns lines of cells, the headings first, as a Markdown table, whose cells may be ``right``-aligned."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    head, *rest = (
+        " | ".join(f"{text:{'>' if right else '<'}{width}}" for text, width in zip(line, widths, strict=True))
+        for line in lines
+    )
+    rule = "|".join("-" * (width + 1) + (":" if right else "-") for width in widths)
+    return "\n".join((f"| {head} |", f"|{rule}|", *(f"| {line} |" for line in rest)))
 
 
 def _cells(row: Row) -> tuple[str, ...]:

@@ -36,6 +36,21 @@ class Rates:
     peer: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One run: what `nodes/load.py` is asked for, in the units of `Rates`; `seconds` are simulated."""
+
+    robots: int
+    seconds: float
+    beams: int
+    scan_rate: float
+    odometry_rate: float
+    other_rate: float
+    clock_rate: float
+    real_time_factor: float
+    seed: int
+
+
 _GAZEBO = "Gazebo Classic 11.1 at its default step, publishing nothing"
 _STAGE = "Stage (2-D, no wheels, no contacts), every topic subscribed; the goal is 1.5 times its cost"
 

@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from pioneer_bench.core.row import markdown
+
 FIRST_STEP_GOAL = 1.0
 """CPU-s from exec to the first step."""
 
@@ -77,30 +79,14 @@ class Run:
 
 
 HEADINGS = (
-    "robots",
-    "beams",
-    "CPU-s/sim-s",
-    "goal",
-    "peer",
-    "ratio",
-    "rtf",
-    "RSS MB",
-    "goal",
-    "scans",
-    "first step",
+    "robots", "beams", "CPU-s/sim-s", "goal", "peer", "ratio", "rtf", "RSS MB", "goal", "scans", "first step",
     "msg/sim-s",
-)
+)  # fmt: skip
 
 
 def table(runs: Sequence[Run], peers: Mapping[int, float]) -> str:
     """Returns the runs as a Markdown table, beside a peer's cost by number of robots; ``!`` marks a missed goal."""
-    rows = [HEADINGS, *(_row(run, peers.get(run.robots)) for run in runs)]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(HEADINGS))]
-    lines = [
-        "| " + " | ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) + " |" for row in rows
-    ]
-    lines.insert(1, "|" + "|".join("-" * (width + 1) + ":" for width in widths) + "|")
-    return "\n".join(lines)
+    return markdown([HEADINGS, *(_row(run, peers.get(run.robots)) for run in runs)], right=True)
 
 
 def _row(run: Run, peer: float | None) -> tuple[str, ...]:

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 from pioneer_bench.core.row import Row
 
@@ -79,10 +78,6 @@ class Tour:
     rss: dict[str, float]
     map_iou: float | None = None
     fault: str = ""
-
-    def as_dict(self) -> dict[str, Any]:
-        """Returns the tour for JSON."""
-        return dataclasses.asdict(self)
 
     def summary(self) -> str:
         """Returns the tour in one line."""

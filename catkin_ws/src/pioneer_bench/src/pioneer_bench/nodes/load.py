@@ -23,6 +23,7 @@ from std_msgs.msg import Bool
 
 from pioneer_bench.adapters.description import pioneer_urdf
 from pioneer_bench.core import hall
+from pioneer_bench.core.setting import Setting
 from pioneer_bench.core.simulator import Run
 from pioneer_harness.masters import Master
 from pioneer_harness.proc import process_state
@@ -36,21 +37,6 @@ WARM_UP = 2.0
 """Simulated seconds before the window."""
 
 OTHER_TOPICS = ("joint_states", "base_pose_ground_truth")
-
-
-@dataclass(frozen=True, slots=True)
-class Setting:
-    """What is run; the same names as the command's options."""
-
-    robots: int
-    seconds: float
-    beams: int
-    scan_rate: float
-    odometry_rate: float
-    other_rate: float
-    clock_rate: float
-    real_time_factor: float
-    seed: int
 
 
 @dataclass(slots=True)

@@ -31,8 +31,9 @@ from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.waypoint import WaypointConfig, fleet_waypoints
 from pioneer_demo.nodes.observer import ObserverNode
 from pioneer_harness.accounting import Account
+from pioneer_harness.error import HarnessError
 from pioneer_harness.masters import Master
-from pioneer_harness.process import ProcessGroup
+from pioneer_harness.process import ProcessGroup, last_lines
 from pioneer_harness.wait import wait_until
 
 ROBOT = "pioneer1"
@@ -55,7 +56,6 @@ class Setting:
     waypoints: int
     world: str
     real_time_factor: float
-    log: str
 
 
 class MappedTrack(RobotTrack):
@@ -203,11 +203,16 @@ def main(argv: list[str]) -> int:
     }  # fmt: skip
     with Master() as master, ProcessGroup() as group:
         os.environ.update(master.environment)
+        log = master.home / "roslaunch.log"
         command = ["roslaunch", "pioneer_bench", "one_robot.launch", *(f"{k}:={v}" for k, v in arguments.items())]
-        group.start("roslaunch", command, master.environment, Path(setting.log))
+        group.start("roslaunch", command, master.environment, log)
         rospy.init_node("pioneer_bench", disable_signals=True, disable_rostime=True)
-        tour = TourNode(setting, start, group).run(map_file)
-        print(json.dumps(tour.as_dict()), flush=True)
+        try:
+            tour = TourNode(setting, start, group).run(map_file)
+        except HarnessError as error:
+            print(f"{error}\n{last_lines(log)}", flush=True)
+            return 1
+        print(json.dumps(dataclasses.asdict(tour)), flush=True)
         rospy.signal_shutdown("measured")
     return 0
 

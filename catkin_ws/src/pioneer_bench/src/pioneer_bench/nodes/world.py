@@ -1,4 +1,4 @@
-"""One world of ``bench worlds`` in a process of its own, the robot on standard input: prints its figures as JSON."""
+"""One world of ``bench worlds`` in a process of its own: prints its figures as JSON."""
 
 import json
 import math
@@ -14,6 +14,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from pioneer_bench.adapters.caster import distances, mesh_at
+from pioneer_bench.adapters.description import pioneer_urdf
 from pioneer_bench.adapters.shop import shop
 from pioneer_bench.core.maze import loose_maze
 from pioneer_gazebo.adapters.bullet import BulletEngine
@@ -41,12 +42,12 @@ MOST_WRONG = 0.01
 
 
 def main() -> int:
-    """Loads, runs and checks the world that the command line names."""
-    name, robots = sys.argv[1], int(sys.argv[2])
-    robot = robot_from_urdf(sys.stdin.read())
+    """Loads, runs and checks the world in the setting, JSON, on the command line."""
+    setting = json.loads(sys.argv[1])
+    robot = robot_from_urdf(pioneer_urdf(laser_noise=0))
     with tempfile.TemporaryDirectory() as folder:
         os.environ["XDG_CACHE_HOME"] = folder  # meshes are reduced again in every run
-        print(json.dumps(_figures(name, robots, robot, Path(folder))))
+        print(json.dumps(_figures(setting["world"], setting["robots"], robot, Path(folder))))
     return 0
 
 

@@ -1,0 +1,44 @@
+"""What all benches share: where their figures go, and measuring in a process of one's own."""
+
+import argparse
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+
+def add_output(parser: argparse.ArgumentParser) -> None:
+    """Adds the option that says where the figures go."""
+    parser.add_argument("--output", type=Path, default=Path("bench-report"), metavar="DIR", help="default: %(default)s")
+
+
+def write(folder: Path, name: str, title: str, text: str, values: object) -> None:
+    """Prints ``text`` and writes it to ``name``.md in ``folder``, and ``values`` to ``name``.json."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / f"{name}.md").write_text(f"# {title}\n\n{text}\n")
+    (folder / f"{name}.json").write_text(json.dumps(values, indent=2) + "\n")
+    print(f"\n{text}\n\nwritten: {folder / name}.md and .json")
+
+
+def measured(node: str, setting: dict[str, Any], hear: Callable[[str], object] = print) -> Any:
+    """Returns what ``pioneer_bench.nodes.NODE`` prints as its last line, JSON; None if it failed.
+
+    A process can be only one ROS node, on one master, and its memory and processor time are told from the bench's.
+
+    Args:
+        node: the module's name; its only argument is ``setting`` as JSON.
+        setting: what is to be measured.
+        hear: called with each other line.
+    """
+    command = [sys.executable, "-m", f"pioneer_bench.nodes.{node}", json.dumps(setting)]
+    result = None
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            if line.startswith("{"):
+                result = json.loads(line)
+            else:
+                hear(line.rstrip())
+    return result if process.returncode == 0 else None
