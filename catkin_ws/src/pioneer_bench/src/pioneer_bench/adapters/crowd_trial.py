@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 
 from pioneer_bench.adapters.fleet import PATIENCE, Fleet, cpu, end, resident
-from pioneer_bench.core.gateway import Row
+from pioneer_bench.core.row import Row
 from pioneer_harness.proc import descendants, process_states
 from pioneer_harness.wait import wait_until
 

@@ -4,7 +4,7 @@ import time
 from pathlib import Path
 
 from pioneer_bench.adapters.fleet import PATIENCE, Fleet, Process, end, module_argv
-from pioneer_bench.core.gateway import Row
+from pioneer_bench.core.row import Row
 from pioneer_harness.machine import FarMachine, MachineError
 from pioneer_harness.master_process import MasterProcess
 from pioneer_harness.process import ProcessGroup

@@ -15,9 +15,8 @@ from rocon_gateway.core.situation import WORKING, Flipped, RuleState, State
 from rocon_hub_protocol.core.code import Code
 from rocon_hub_protocol.core.record import Record
 from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule
-from rocon_relay.core.connection import Export, LinkStatus
+from rocon_relay.core.connection import Export, Import, LinkStatus
 from rocon_relay.core.latency import Latency
-from rocon_relay.core.service import AnyExport, AnyImport, ParameterExport, ServiceExport
 from rocon_relay.core.traffic import Flow
 
 
@@ -112,13 +111,10 @@ def diagnostic_from_state(state: RuleState, gateway: str) -> DiagnosticStatus:
 
 
 def diagnostic_from_link(
-    one: AnyExport | AnyImport, link: LinkStatus, flow: Flow, latencies: Mapping[str, Latency], gateway: str
+    one: Export | Import, link: LinkStatus, flow: Flow, latencies: Mapping[str, Latency], gateway: str
 ) -> DiagnosticStatus:
     """Returns how one connection of our gateway `gateway` does and what flows on it, for `/diagnostics`."""
-    if isinstance(one, Export | ServiceExport | ParameterExport):
-        way, other = "to", one.to_gateway
-    else:
-        way, other = "from", one.source_gateway
+    way, other = "to" if isinstance(one, Export) else "from", one.key.gateway
     latency = latencies.get(other)
     values = {
         "state": str(link.state),

@@ -9,7 +9,6 @@ from rocon_gateway.core.situation import Outcome, Remote, Situation
 from rocon_hub_protocol.core.record import PeerRequest, Record, request_from_text, text_from_request
 from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule
 from rocon_relay.core.connection import Import, LinkState, LinkStatus
-from rocon_relay.core.service import AnyImport
 
 STRING = "std_msgs/String"
 
@@ -36,7 +35,7 @@ class FakeGateway:
     local: set[Connection] = field(default_factory=set)
     firewall: bool = False
     outcome: Outcome = field(default_factory=Outcome)
-    links: dict[AnyImport, LinkStatus] = field(default_factory=dict)
+    links: dict[Import, LinkStatus] = field(default_factory=dict)
     options: tuple[OptionRule, ...] = ()
     namespace: str = ""
 
@@ -97,12 +96,12 @@ class Fleet:
     def check(self) -> None:
         """What one imports the other exports to it, and nothing else; and it is the other's own publisher."""
         imports = {
-            (type(one).__name__, one.source_gateway, name, one.key.topic, one.key.source_node)
+            (one.subject, one.source_gateway, name, one.key.topic, one.key.source_node)
             for name, gateway in self.gateways.items()
             for one in gateway.outcome.imports
         }
         exports = {
-            (type(one).__name__.replace("Export", "Import"), name, one.to_gateway, one.key.topic, one.key.source_node)
+            (one.subject, name, one.to_gateway, one.key.topic, one.key.source_node)
             for name, gateway in self.gateways.items()
             for one in gateway.outcome.exports
         }
@@ -111,7 +110,7 @@ class Fleet:
             assert not node or any((one.name, one.node) == (topic, node) for one in self.gateways[name].local)
 
 
-def _state_of_working(wanted: AnyImport) -> LinkState:
+def _state_of_working(wanted: Import) -> LinkState:
     return LinkState.RATE_LIMITED if isinstance(wanted, Import) and wanted.options.rate else LinkState.ACTIVE
 
 

@@ -6,20 +6,16 @@ import socket
 import urllib.parse
 import xmlrpc.client
 from typing import Any
-from xml.parsers.expat import ExpatError
 
 from rocon_gateway.core.error import GatewayError
 from rocon_hub_protocol.core.rule import Connection, Kind
 from rocon_relay.core.connection import ANY, is_proxy_uri
+from tcpros.core.http import NONSENSE
 
 TIMEOUT = 3.0
 """Within which the master must have answered [s]."""
 
 _Row = tuple[Kind, str, list[str]]
-
-
-NONSENSE = (xmlrpc.client.Error, ExpatError, ValueError, TypeError, LookupError, ArithmeticError, AttributeError)
-"""What the parsing of an answer that is none may raise."""
 
 
 class MasterError(GatewayError):

@@ -10,21 +10,16 @@ from rocon_gateway.core.option_rule import options_for
 from rocon_gateway.core.situation import Remote, Situation, State, Verdict
 from rocon_hub_protocol.core.record import NO_REQUEST, Offer, PeerRequest, Purpose, Reply, Want
 from rocon_hub_protocol.core.rule import Connection, Kind
-from rocon_relay.core.connection import ANY, Address, Export, Import, Key
-from rocon_relay.core.option import LinkOptions
-from rocon_relay.core.service import (
-    AnyExport,
-    AnyImport,
-    ParameterExport,
-    ParameterImport,
-    ServiceExport,
-    ServiceImport,
-)
+from rocon_relay.core.connection import ANY, Address, Export, Import, Key, Subject
+from rocon_relay.core.option import NO_OPTIONS, LinkOptions
 
 PendingVerdict = Callable[[], Verdict]
 """Tells how a connection does, once the whole set of imports is known."""
 
 Part = TypeVar("Part", Offer, Want, Reply)
+
+_SUBJECTS = {Kind.SERVICE: Subject.SERVICE, Kind.PARAMETER: Subject.PARAMETER}
+"""What a connection is exported as, if not as a topic."""
 
 
 class Decision:
@@ -40,12 +35,12 @@ class Decision:
         self._types = {one.name: one.type for one in situation.local if one.type != ANY}
         self._nodes_here = {one.node for one in situation.local}
         self._servers_here = {one.name: one.node for one in situation.local if one.kind == Kind.SERVICE}
-        self._exports: dict[tuple[Kind, Key], AnyExport] = {}
+        self._exports: dict[Key, Export] = {}
         self._imports: dict[Key, Import] = {}
         self._nodes: dict[Key, set[str]] = {}
         self._proxies: dict[tuple[str, str], Key] = {}
-        self._services: dict[str, dict[Key, ServiceImport]] = {}
-        self._parameters: dict[str, ParameterImport] = {}
+        self._services: dict[str, dict[Key, Import]] = {}
+        self._parameters: dict[str, Import] = {}
         self._offers: dict[str, dict[Offer, None]] = {}
         self._wants: dict[str, dict[Want, None]] = {}
         self._replies: dict[str, dict[Reply, None]] = {}
@@ -81,27 +76,22 @@ class Decision:
 
     def export(self, gateway: str, connection: Connection) -> None:
         """Exports a publisher, server or parameter of ours to `gateway`."""
-        export: AnyExport
-        if connection.kind == Kind.SERVICE:
-            export = ServiceExport(connection.name, connection.node, gateway)
-        elif connection.kind == Kind.PARAMETER:
-            export = ParameterExport(connection.name, gateway)
-        else:
-            options = self._options(connection, gateway)
-            export = Export(connection.name, connection.type, connection.node, gateway, options)
-        self._exports.setdefault((connection.kind, export.key), export)
+        subject = _SUBJECTS.get(connection.kind, Subject.TOPIC)
+        options = self._options(connection, gateway) if subject is Subject.TOPIC else NO_OPTIONS
+        export = Export(connection.name, connection.type, connection.node, gateway, options, subject=subject)
+        self._exports.setdefault(export.key, export)
 
     def _options(self, connection: Connection, gateway: str) -> LinkOptions:
         return options_for(self._situation.options, connection.name, connection.node, gateway, self._name)
 
-    def exports(self) -> frozenset[AnyExport]:
+    def exports(self) -> frozenset[Export]:
         """Returns what shall be exported; to be called when all imports are known."""
         servers: dict[tuple[str, str], str] = {}
         for key in sorted(self._imports, reverse=True):
             servers[key.gateway, key.topic] = self._imports[key].proxy
         return frozenset(
             dataclasses.replace(one, subscriber=servers.get((one.to_gateway, status_topic(one.topic)), ""))
-            if isinstance(one, Export)
+            if one.subject is Subject.TOPIC
             else one
             for one in self._exports.values()
         )
@@ -129,30 +119,30 @@ class Decision:
 
         A name has one server. A local one keeps it, and of several remote ones that which has it now.
         """
-        wanted = ServiceImport(connection.name, gateway, connection.node, _address(other))
+        node, address = connection.node, _address(other)
+        wanted = Import(connection.name, ANY, ANY, gateway, node, address, subject=Subject.SERVICE)
         clash = self._service_clash(wanted)
         if clash:
             return always(Verdict(State.REFUSED, clash))
-        self._services.setdefault(wanted.service, {})[wanted.key] = wanted
+        self._services.setdefault(wanted.topic, {})[wanted.key] = wanted
 
         def judge() -> Verdict:
-            chosen = self._chosen(wanted.service)
+            chosen = self._chosen(wanted.topic)
             if chosen.key == wanted.key:
                 return verdict.from_link(chosen, self._situation.links)
-            return Verdict(State.REFUSED, f"{wanted.service} is served by {chosen.proxy} here already")
+            return Verdict(State.REFUSED, f"{wanted.topic} is served by {chosen.proxy} here already")
 
         return judge
 
     def import_parameter(self, gateway: str, other: Remote, connection: Connection) -> PendingVerdict:
         """Copies a remote parameter once, and returns how to judge that; of one name, the first one asked for."""
-        wanted = ParameterImport(connection.name, gateway, _address(other))
-        chosen = self._parameters.setdefault(wanted.name, wanted)
+        wanted = Import(connection.name, ANY, ANY, gateway, "", _address(other), subject=Subject.PARAMETER)
+        chosen = self._parameters.setdefault(wanted.topic, wanted)
         if chosen.source_gateway != gateway:
-            said = Verdict(State.REFUSED, f"{wanted.name} is copied from {chosen.source_gateway}")
-            return always(said)
+            return always(Verdict(State.REFUSED, f"{wanted.topic} is copied from {chosen.source_gateway}"))
         return lambda: verdict.from_link(wanted, self._situation.links)
 
-    def imports(self) -> frozenset[AnyImport]:
+    def imports(self) -> frozenset[Import]:
         """Returns what shall be imported."""
         return frozenset(
             (
@@ -162,14 +152,14 @@ class Decision:
             )
         )
 
-    def _chosen(self, service: str) -> ServiceImport:
+    def _chosen(self, service: str) -> Import:
         candidates = self._services[service]
-        running = {one.key for one in self._situation.links if isinstance(one, ServiceImport)}
+        running = {one.key for one in self._situation.links}
         return candidates[min(running & candidates.keys() or candidates)]
 
-    def _service_clash(self, wanted: ServiceImport) -> str:
-        server = self._servers_here.get(wanted.service)
-        return f"{wanted.service} is served by {server} here already" if server else self._node_clash(wanted.proxy)
+    def _service_clash(self, wanted: Import) -> str:
+        server = self._servers_here.get(wanted.topic)
+        return f"{wanted.topic} is served by {server} here already" if server else self._node_clash(wanted.proxy)
 
     def _node_clash(self, proxy: str) -> str:
         """Says if the proxy's name is taken; a node that registers under another's name would end that one."""

@@ -8,8 +8,7 @@ from rocon_gateway.core.option_rule import OptionRule
 from rocon_gateway.core.rulebook import RuleBook
 from rocon_hub_protocol.core.record import NO_REQUEST, PeerRequest, Record
 from rocon_hub_protocol.core.rule import Connection, Rule
-from rocon_relay.core.connection import LinkStatus
-from rocon_relay.core.service import AnyExport, AnyImport
+from rocon_relay.core.connection import Export, Import, LinkStatus
 
 
 class State(enum.StrEnum):
@@ -92,7 +91,7 @@ class Situation:
     connected: bool
     names: frozenset[str] = frozenset()
     remotes: Mapping[str, Remote] = field(default_factory=dict)
-    links: Mapping[AnyImport, LinkStatus] = field(default_factory=dict)
+    links: Mapping[Import, LinkStatus] = field(default_factory=dict)
     options: tuple[OptionRule, ...] = ()
     namespace: str = ""
     robots: frozenset[str] = frozenset()
@@ -130,8 +129,8 @@ class Outcome:
 
     advertised: tuple[Connection, ...] = ()
     requests: Mapping[str, PeerRequest] = field(default_factory=dict)
-    exports: frozenset[AnyExport] = frozenset()
-    imports: frozenset[AnyImport] = frozenset()
+    exports: frozenset[Export] = frozenset()
+    imports: frozenset[Import] = frozenset()
     states: tuple[RuleState, ...] = ()
     flipped: tuple[Flipped, ...] = ()
     flipped_in: tuple[Flipped, ...] = ()

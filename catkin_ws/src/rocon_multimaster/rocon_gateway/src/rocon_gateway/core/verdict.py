@@ -7,8 +7,7 @@ from rocon_gateway.core.matching import absolute_name, base_name, is_literal, na
 from rocon_gateway.core.situation import State, Verdict
 from rocon_gateway.core.spelling import spelling_of
 from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule
-from rocon_relay.core.connection import LinkState, LinkStatus
-from rocon_relay.core.service import AnyImport
+from rocon_relay.core.connection import Import, LinkState, LinkStatus
 
 _ORDER = (
     State.ACTIVE,
@@ -74,7 +73,7 @@ def foreign(namespace: str, gateway: str) -> Verdict:
     return Verdict(State.REFUSED, f"/{namespace} is not the robot of {gateway}: a rule that spells it out brings it")
 
 
-def from_link(wanted: AnyImport, links: Mapping[AnyImport, LinkStatus]) -> Verdict:
+def from_link(wanted: Import, links: Mapping[Import, LinkStatus]) -> Verdict:
     """Returns the state of an import, pending while the relay has not heard of it."""
     status = links.get(wanted, LinkStatus(LinkState.PENDING))
     return Verdict(str(status.state), status.reason)

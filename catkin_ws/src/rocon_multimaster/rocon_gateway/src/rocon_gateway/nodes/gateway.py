@@ -36,8 +36,7 @@ from rocon_hub_protocol.core.record import Record
 from rocon_hub_protocol.core.sighting import LOOPBACK
 from rocon_relay.adapters.keyring import PasswordKeyring
 from rocon_relay.adapters.relay import TcpRelay
-from rocon_relay.core.connection import LinkState, LinkStatus, RelayConfig
-from rocon_relay.core.service import AnyExport, AnyImport, ParameterExport, ParameterImport
+from rocon_relay.core.connection import Export, Import, LinkState, LinkStatus, RelayConfig, Subject
 from rocon_relay.core.traffic import Traffic
 from tcpros.adapters.descriptor import raise_limit, readable
 from tcpros.adapters.tls import Certificates, certificates_from
@@ -263,11 +262,8 @@ class GatewayNode:
         """Gateways that a link now stands to; none stands for a parameter."""
         status = self._relay.status()
         up = {LinkState.ACTIVE, LinkState.RATE_LIMITED, LinkState.NO_PUBLISHER, LinkState.NO_SERVER}
-        imports = {one for one, link in status.imports.items() if link.state in up}
-        exports = {one for one, link in status.exports.items() if link.state in up}
-        return {one.source_gateway for one in imports if not isinstance(one, ParameterImport)} | {
-            one.to_gateway for one in exports if not isinstance(one, ParameterExport)
-        }
+        links: list[tuple[Export | Import, LinkStatus]] = [*status.imports.items(), *status.exports.items()]
+        return {one.key.gateway for one, link in links if link.state in up and one.subject is not Subject.PARAMETER}
 
     def _tell(self, view: Overview) -> None:
         info = self._gateway_info(view)
@@ -314,7 +310,7 @@ class GatewayNode:
         )
         if with_links:
             status = self._relay.status()
-            rows: list[tuple[AnyExport | AnyImport, LinkStatus]] = [*status.exports.items(), *status.imports.items()]
+            rows: list[tuple[Export | Import, LinkStatus]] = [*status.exports.items(), *status.imports.items()]
             links = dict(rows)
             flows = self._traffic.look(time.monotonic(), links)
             array.status += [

@@ -6,7 +6,8 @@ import rosgraph
 import rospy
 from rospy.impl import registration
 
-from rocon_gateway.adapters.master import NONSENSE, MasterError
+from rocon_gateway.adapters.master import MasterError
+from tcpros.core.http import NONSENSE
 
 
 def register_anew() -> None:

@@ -23,8 +23,7 @@ from rocon_hub_protocol.adapters.redis_client import OPEN, TIMEOUT
 from rocon_hub_protocol.core.address import HubAddress
 from rocon_hub_protocol.core.code import Code, HubError
 from rocon_hub_protocol.core.record import Record
-from rocon_relay.core.connection import LinkState, LinkStatus
-from rocon_relay.core.service import AnyExport, AnyImport
+from rocon_relay.core.connection import Export, Import, LinkState, LinkStatus
 
 if TYPE_CHECKING:
     from world import World
@@ -54,8 +53,8 @@ class Process:
     session: HubSession | None = None
     view: HubView = field(default_factory=HubView)
     outcome: Outcome = field(default_factory=Outcome)
-    links: dict[AnyImport, LinkStatus] = field(default_factory=dict)
-    exports: frozenset[AnyExport] = frozenset()
+    links: dict[Import, LinkStatus] = field(default_factory=dict)
+    exports: frozenset[Export] = frozenset()
 
     def __post_init__(self) -> None:
         self.port = next(self.world.numbers)
@@ -200,7 +199,7 @@ class Process:
             robots=view.namespaces,
         )
         self.outcome = outcome = reconcile(situation)
-        proxies = [(one.key.topic, one.proxy) for one in outcome.imports if hasattr(one, "proxy")]
+        proxies = [(one.key.topic, one.proxy) for one in outcome.imports if one.source_node]
         assert len(proxies) == len(set(proxies)), f"{self.name} would register twice: {proxies}"
         if outcome.imports != self.links.keys() or outcome.exports != self.exports:
             pending = LinkStatus(LinkState.PENDING)
@@ -221,12 +220,12 @@ class Process:
             self.links = links
             self.wake()
 
-    def _link_state(self, wanted: AnyImport) -> LinkState:
+    def _link_state(self, wanted: Import) -> LinkState:
         other = self.world.listening.get(wanted.address.port)
         if other is None or self.world.is_cut(self.name, other.name):
             return LinkState.UNREACHABLE
-        key = (type(wanted).__name__.replace("Import", "Export"), wanted.key.topic, self.name, wanted.key.source_node)
-        exported = {(type(one).__name__, one.key.topic, one.to_gateway, one.key.source_node) for one in other.exports}
+        key = (wanted.subject, wanted.key.topic, self.name, wanted.key.source_node)
+        exported = {(one.subject, one.key.topic, one.to_gateway, one.key.source_node) for one in other.exports}
         return LinkState.ACTIVE if key in exported else LinkState.REFUSED
 
 

@@ -5,13 +5,13 @@ import time
 from typing import Protocol
 
 from rocon_relay.adapters.context import Context
-from rocon_relay.core.connection import ANY, Address, LinkState
-from rocon_relay.core.link import VERSION, Hello, LinkError, Subject, is_proof, proof, state_from_field
+from rocon_relay.core.connection import ANY, Address, LinkState, Subject
+from rocon_relay.core.link import VERSION, Hello, LinkError, is_proof, proof, state_from_field
 from tcpros.adapters.channel import dialled_socket, watch_liveness
 from tcpros.adapters.stream import Stream
 from tcpros.core.fanout import Fanout
-from tcpros.core.frame import control_frame, is_control
-from tcpros.core.header import header_bytes, header_end, header_fields
+from tcpros.core.frame import LENGTH_SIZE, control_frame, is_control
+from tcpros.core.header import header_bytes, header_parser
 
 
 class LinkOwner(Protocol):
@@ -57,7 +57,7 @@ class DialledLink(Stream):
         self._expected = ""
         self._state = LinkState.UNREACHABLE
         self._timer = context.reactor.call_later(context.config.handshake_timeout, self._too_late)
-        self.parse = self._parse_answer
+        self.parse = header_parser(self._take_answer)
 
     def connected(self) -> None:
         """Sends the hello."""
@@ -80,11 +80,7 @@ class DialledLink(Stream):
     def _too_late(self) -> None:
         self.close("no answer in time")
 
-    def _parse_answer(self, data: memoryview) -> int:
-        end = header_end(data)
-        if not end or len(data) < end:
-            return 0
-        fields = header_fields(data[4:end])
+    def _take_answer(self, fields: dict[str, str]) -> None:
         if "error" in fields:
             self._state = state_from_field(fields.get("state", ""))
             self.close(fields["error"])
@@ -98,7 +94,6 @@ class DialledLink(Stream):
         else:
             self._timer.cancel()
             self.accepted(fields)
-        return end
 
     def _answer_challenge(self, challenge: str, name: str) -> None:
         keyring = self._context.config.keyring
@@ -176,17 +171,13 @@ class TopicLink(DialledLink):
         return self.fanout.feed(data) or self._parse_control(data)
 
     def _parse_control(self, data: memoryview) -> int:
-        if not is_control(data):
-            return 0
-        end = header_end(data, 4)
-        if not end or len(data) < end:
-            return 0
-        fields = header_fields(data[8:end])
+        return header_parser(self._control, LENGTH_SIZE)(data) if is_control(data) else 0
+
+    def _control(self, fields: dict[str, str]) -> None:
         if fields.get("op") == "pong":
             self._take_pong(fields.get("token", ""))
         else:
             self._topic_owner.told(fields)
-        return end
 
     def _take_pong(self, token: str) -> None:
         if self._awaits_pong and token == str(self._pings):

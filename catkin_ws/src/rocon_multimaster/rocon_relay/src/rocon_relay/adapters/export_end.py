@@ -2,7 +2,7 @@
 
 import secrets
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Protocol
 
 from rocon_relay.adapters.context import Context
@@ -27,8 +27,8 @@ from tcpros.adapters.stream import Stream
 from tcpros.adapters.tls import VARIABLE
 from tcpros.adapters.tls_socket import begins_tls
 from tcpros.core.fanout import Outlet
-from tcpros.core.frame import CONTROL_MARK, Chunk, control_frame
-from tcpros.core.header import header_bytes, header_end, header_fields
+from tcpros.core.frame import CONTROL_MARK, LENGTH_SIZE, Chunk, control_frame
+from tcpros.core.header import header_bytes, header_parser
 
 UNSENT = 64 * 1024
 """So many bytes at most wait in the kernel of a link with a queue of its own, beyond those under way [bytes]."""
@@ -235,7 +235,7 @@ class ExportEnd(Stream):
         if self._tls is None and begins_tls(data):
             self._refuse_stranger(f"it speaks TLS, and this gateway has no certificate ({VARIABLE})", "no TLS here")
             return len(data)
-        return self._when_header(self._parse_hello)(data)
+        return header_parser(self._parse_hello)(data)
 
     def _parse_hello(self, fields: dict[str, str]) -> None:
         try:
@@ -253,7 +253,7 @@ class ExportEnd(Stream):
             return
         challenge = secrets.token_hex(16)
         self._expected, self._proof = (proof(found[1], role, self.hello, challenge) for role in ("sink", "source"))
-        self.parse = self._when_header(self._parse_proof)
+        self.parse = header_parser(self._parse_proof)
         self.send(header_bytes({"relay": VERSION, "challenge": challenge, "key": found[0]}))
 
     def _parse_proof(self, fields: dict[str, str]) -> None:
@@ -265,26 +265,16 @@ class ExportEnd(Stream):
             self._refuse_stranger(DIFFERS, DIFFERS)
 
     def _admit(self, hello: Hello) -> None:
-        self.parse = self._when_header(self._too_much)
+        self.parse = header_parser(self._too_much)
         self._exporter.admit(self, hello)
 
     def _too_much(self, _fields: dict[str, str]) -> None:
         raise LinkError("it sent more before it was answered")
 
-    def _when_header(self, use: Callable[[dict[str, str]], None], prefix: int = 0) -> Callable[[memoryview], int]:
-        def parse(data: memoryview) -> int:
-            end = header_end(data, prefix)
-            if not end or len(data) < end:
-                return 0
-            use(header_fields(data[prefix + 4 : end]))
-            return end
-
-        return parse
-
     def _parse_control(self, data: memoryview) -> int:
         if len(data) >= 4 and data[:4] != CONTROL_MARK:
             raise LinkError("it sent messages against the link's direction")
-        return self._when_header(self._control, prefix=4)(data)
+        return header_parser(self._control, LENGTH_SIZE)(data)
 
     def _answer_ping(self) -> None:
         # Behind what waits it would have all of that sent, even what is older than the queue may hold.

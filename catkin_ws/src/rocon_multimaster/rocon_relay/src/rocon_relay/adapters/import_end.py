@@ -9,8 +9,8 @@ from rocon_relay.adapters.proxy_topic import ProxyTopic
 from rocon_relay.adapters.registration import Nodes
 from rocon_relay.adapters.sieve import Inflater
 from rocon_relay.adapters.standing_import import StandingImport
-from rocon_relay.core.connection import ANY, Address, Import, LinkState, LinkStatus
-from rocon_relay.core.link import Subject, limit_from_fields, mismatch, state_from_field
+from rocon_relay.core.connection import ANY, Import, LinkState, LinkStatus, Subject
+from rocon_relay.core.link import limit_from_fields, mismatch, state_from_field
 from tcpros.adapters.stream import Stream
 from tcpros.core.fanout import Fanout
 from tcpros.core.frame import control_frame
@@ -25,8 +25,7 @@ class ImportEnd(StandingImport):
     """
 
     def __init__(self, context: Context, nodes: Nodes, wanted: Import, ended: Callable[[], None]) -> None:
-        super().__init__(context, ended)
-        self.wanted = wanted
+        super().__init__(context, wanted, ended)
         self.fanout = Fanout(context.config.max_message_size)
         self.registration = self.topic = ProxyTopic(context, nodes, self, wanted)
         self._source: dict[str, str] | None = None
@@ -38,11 +37,6 @@ class ImportEnd(StandingImport):
         self._inflater: Inflater | None = None
         self._saved = 0
         self._limit = ""
-
-    @property
-    def address(self) -> Address:
-        """Where the source gateway's relay listens."""
-        return self.wanted.address
 
     def link(self) -> TopicLink:
         """Returns a new link to the source gateway."""

@@ -4,15 +4,19 @@ import struct
 import xmlrpc.client
 from collections.abc import Callable
 from typing import Any
-from xml.parsers.expat import ExpatError
 
-from rocon_relay.adapters.context import Context, Pause
-from rocon_relay.adapters.dialled_link import DialledLink, LinkOwner, hello_to
+from rocon_relay.adapters.context import Context
+from rocon_relay.adapters.dialled_link import DialledLink, hello_to
 from rocon_relay.adapters.export_end import ExportEnd
-from rocon_relay.core.connection import Address, LinkState, LinkStatus
-from rocon_relay.core.link import Hello, LinkError, Subject
-from rocon_relay.core.service import MAX_PARAMETER, ParameterExport, ParameterImport
+from rocon_relay.adapters.registration import Nodes
+from rocon_relay.adapters.standing_import import DialledImport
+from rocon_relay.core.connection import Address, Export, Import, LinkState, LinkStatus, Subject
+from rocon_relay.core.link import Hello, LinkError
 from tcpros.adapters.reactor import Timer
+from tcpros.core.http import NONSENSE
+
+MAX_PARAMETER = 2**20
+"""The most that a parameter's value may take as XML-RPC text [bytes]."""
 
 _LENGTH = struct.Struct("<I")
 
@@ -20,7 +24,7 @@ _LENGTH = struct.Struct("<I")
 class ParameterExportEnd:
     """One exported parameter: read from our master whenever a link asks for it."""
 
-    def __init__(self, context: Context, export: ParameterExport) -> None:
+    def __init__(self, context: Context, export: Export) -> None:
         self.export = export
         self._context = context
         self._times = 0
@@ -38,17 +42,17 @@ class ParameterExportEnd:
             if not link.is_closed:
                 self._send(link, value)
 
-        arguments = (self._context.config.node, self.export.name)
+        arguments = (self._context.config.node, self.export.topic)
         self._context.master.call("getParam", arguments, found, failed)
 
     def _send(self, link: ExportEnd, value: Any) -> None:
         try:
             text = xmlrpc.client.dumps((value,)).encode()
         except (TypeError, OverflowError) as error:
-            link.refuse(LinkState.REFUSED, f"{self.export.name} cannot be copied: {error}")
+            link.refuse(LinkState.REFUSED, f"{self.export.topic} cannot be copied: {error}")
             return
         if len(text) > MAX_PARAMETER:
-            reason = f"{self.export.name} takes {len(text)} bytes, more than {MAX_PARAMETER}"
+            reason = f"{self.export.topic} takes {len(text)} bytes, more than {MAX_PARAMETER}"
             link.refuse(LinkState.REFUSED, reason)
             return
         self._times += 1
@@ -67,29 +71,20 @@ class ParameterExportEnd:
         return LinkStatus(LinkState.ACTIVE, "", 0, self._times, self._bytes)
 
 
-class ParameterImportEnd(LinkOwner):
+class ParameterImportEnd(DialledImport):
     """One parameter to copy: asked for until it has come, then never again, unless our master forgets it."""
 
-    def __init__(self, context: Context, wanted: ParameterImport, ended: Callable[[], None]) -> None:
-        self.wanted = wanted
-        self._context = context
-        self._ended = ended
-        self._link: _ParameterLink | None = None
-        self._timer: Timer | None = None
-        self._pause = Pause(context.config)
-        self._is_ending = False
+    def __init__(self, context: Context, _nodes: Nodes, wanted: Import, ended: Callable[[], None]) -> None:
+        super().__init__(context, wanted, ended)
         self._is_copied = False
-        self._status = LinkStatus(LinkState.PENDING, "dialling")
+        self._size = 0
 
-    def start(self) -> None:
-        """Dials; repeated after each failure until the value has come, or `end`."""
-        self._timer = None
-        if not self._is_ending:
-            self._context.resolver.resolve(
-                self.wanted.address.host, self._dial, lambda reason: self.link_lost(LinkState.UNREACHABLE, reason)
-            )
+    def link(self) -> DialledLink:
+        """Returns a new link to the source gateway."""
+        hello = hello_to(self._context, self.wanted.source_gateway, Subject.PARAMETER, self.wanted.topic, "")
+        return _ParameterLink(self._context, self, self.wanted.address, hello)
 
-    def replace(self, wanted: ParameterImport) -> None:
+    def replace(self, wanted: Import) -> None:
         """Takes an import of the same key with another address; the next attempt goes there."""
         self.wanted = wanted
 
@@ -101,22 +96,14 @@ class ParameterImportEnd(LinkOwner):
 
     def end(self) -> None:
         """Asks no longer; what was copied stays."""
-        self._is_ending = True
-        if self._timer is not None:
-            self._timer.cancel()
+        super().end()
         if self._link is not None:
             self._link.close("")
         self._ended()
 
     def status(self) -> LinkStatus:
         """How it does."""
-        return self._status
-
-    def _dial(self, host: str) -> None:
-        if not self._is_ending:
-            hello = hello_to(self._context, self.wanted.source_gateway, Subject.PARAMETER, self.wanted.name, "")
-            self._link = _ParameterLink(self._context, self, self.wanted.address, hello)
-            self._link.connect(host, self.wanted.address.port)
+        return LinkStatus(self._state, self._reason, 0, int(self._size > 0), self._size)
 
     def link_up(self) -> None:
         """Does nothing: `received` follows."""
@@ -124,39 +111,28 @@ class ParameterImportEnd(LinkOwner):
     def link_lost(self, state: LinkState, reason: str) -> None:
         """Schedules the next attempt unless the value has been copied."""
         self._link = None
-        if not self._is_ending and not self._is_copied:
-            self._failed(state, reason)
+        if not self._is_copied:
+            self._retry(state, reason)
 
     def received(self, text: bytes) -> None:
         """The value has come; raises LinkError if it is none."""
         try:
             (value,), _ = xmlrpc.client.loads(text)  # type: ignore[arg-type]
-        except (xmlrpc.client.Error, ExpatError, ValueError, TypeError, LookupError, ArithmeticError, AttributeError):
+        except NONSENSE:
             raise LinkError("the parameter's value is no XML-RPC text") from None
         self._is_copied = True
-        name = self.wanted.name
-        size = len(text)
+
+        def copied(_value: Any) -> None:
+            self._pause.reset()
+            self._size = len(text)
+            self._set(LinkState.ACTIVE, f"copied once, {len(text)} bytes")
 
         def failed(reason: str) -> None:
             self._is_copied = False
-            self._failed(LinkState.PENDING, f"our master does not take it: {reason}")
+            self._retry(LinkState.PENDING, f"our master does not take it: {reason}")
 
-        arguments = (self._context.config.node, name, value)
-        self._context.master.call("setParam", arguments, lambda _value: self._copied(size), failed)
-
-    def _copied(self, size: int) -> None:
-        self._pause.reset()
-        self._set(LinkStatus(LinkState.ACTIVE, f"copied once, {size} bytes", 0, 1, size))
-
-    def _failed(self, state: LinkState, reason: str) -> None:
-        self._set(LinkStatus(state, reason))
-        if not self._is_ending:
-            self._timer = self._context.reactor.call_later(self._pause.take(), self.start)
-
-    def _set(self, status: LinkStatus) -> None:
-        if status != self._status:
-            self._status = status
-            self._context.changed()
+        arguments = (self._context.config.node, self.wanted.topic, value)
+        self._context.master.call("setParam", arguments, copied, failed)
 
 
 class _ParameterLink(DialledLink):

@@ -17,7 +17,7 @@ from rocon_relay.core.error import RelayError
 from tcpros.adapters.listener import Listener
 from tcpros.adapters.reactor import Timer
 from tcpros.adapters.stream import Stream
-from tcpros.core.header import header_bytes, header_end, header_fields
+from tcpros.core.header import header_bytes, header_parser
 from tcpros.core.http import http_message, http_response
 
 MAX_STRANGERS = 64
@@ -43,7 +43,7 @@ class ProxyNodes:
         if isinstance(shown, ProxyTopic):
             node.topics[shown.wanted.topic] = shown
         elif isinstance(shown, ProxyService):
-            node.services[shown.wanted.service] = shown
+            node.services[shown.wanted.topic] = shown
         return node
 
     def release(self, shown: Registration) -> None:
@@ -53,8 +53,8 @@ class ProxyNodes:
             return
         if isinstance(shown, ProxyTopic) and node.topics.get(shown.wanted.topic) is shown:
             del node.topics[shown.wanted.topic]
-        elif isinstance(shown, ProxyService) and node.services.get(shown.wanted.service) is shown:
-            del node.services[shown.wanted.service]
+        elif isinstance(shown, ProxyService) and node.services.get(shown.wanted.topic) is shown:
+            del node.services[shown.wanted.topic]
         if not node.topics and not node.services:
             del self._nodes[node.name]
             node.close()
@@ -137,10 +137,6 @@ class ProxyConnection(Stream):
             self._call.ended(reason)
         self._node.forget(self)
 
-    def _introduced(self) -> None:
-        self._timer.cancel()
-        self._node.know(self)
-
     def _too_late(self) -> None:
         left = self._asked + self._context.config.handshake_timeout - time.monotonic()
         if left > 0:
@@ -154,21 +150,17 @@ class ProxyConnection(Stream):
         if data[:4] == b"POST":
             self.parse, self.relieved = self._parse_http, self.read_on
         else:
-            self.parse = self._parse_header
+            self.parse = header_parser(self._take_header)
         return self.parse(data)
 
-    def _parse_header(self, data: memoryview) -> int:
-        end = header_end(data)
-        if not end or len(data) < end:
-            return 0
-        self._introduced()
+    def _take_header(self, fields: dict[str, str]) -> None:
+        self._timer.cancel()
+        self._node.know(self)
         self.parse = self._parse_nothing
-        fields = header_fields(data[4:end])
         if "service" in fields:
             self._serve(fields)
         else:
             self._subscribe(fields)
-        return end
 
     def _serve(self, fields: dict[str, str]) -> None:
         service = self._node.services.get(fields["service"])

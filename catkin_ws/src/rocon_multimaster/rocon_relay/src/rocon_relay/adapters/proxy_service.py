@@ -4,7 +4,7 @@ from typing import Protocol
 
 from rocon_relay.adapters.context import Context
 from rocon_relay.adapters.registration import Node, Nodes, Owner, Registration
-from rocon_relay.core.service import ServiceImport
+from rocon_relay.core.connection import Import
 from tcpros.adapters.stream import Stream
 
 
@@ -37,7 +37,7 @@ class ProxyService(Registration):
         calls: the connections of clients.
     """
 
-    def __init__(self, context: Context, nodes: Nodes, owner: ServiceOwner, wanted: ServiceImport) -> None:
+    def __init__(self, context: Context, nodes: Nodes, owner: ServiceOwner, wanted: Import) -> None:
         super().__init__(context, nodes, owner, wanted.proxy)
         self.wanted = wanted
         self.calls: set[Call] = set()
@@ -46,11 +46,11 @@ class ProxyService(Registration):
 
     def registering(self, node: Node) -> tuple[str, tuple[str, ...]]:
         """Returns the master's method and arguments that register it."""
-        return "registerService", (self.wanted.service, self._uri(node), node.uri)
+        return "registerService", (self.wanted.topic, self._uri(node), node.uri)
 
     def unregistering(self, node: Node) -> tuple[str, tuple[str, ...]]:
         """Returns the master's method and arguments that unregister it."""
-        return "unregisterService", (self.wanted.service, self._uri(node))
+        return "unregisterService", (self.wanted.topic, self._uri(node))
 
     def call(self, client: Stream, fields: dict[str, str]) -> Call:
         """Takes a client with its connection header."""
@@ -62,7 +62,7 @@ class ProxyService(Registration):
     def close_users(self) -> None:
         """Closes the connections of its users."""
         for call in tuple(self.calls):
-            call.fail(f"{self.wanted.service} is not relayed any more")
+            call.fail(f"{self.wanted.topic} is not relayed any more")
 
     def _uri(self, node: Node) -> str:
         return f"rosrpc://{self._host}:{node.port}"

@@ -4,7 +4,7 @@ import logging
 import socket
 import threading
 import time
-from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
+from collections.abc import Collection, Hashable, Iterable, Mapping
 from typing import TypeVar
 
 from rocon_relay.adapters.context import Context
@@ -25,17 +25,10 @@ from rocon_relay.core.connection import (
     OnChange,
     RelayConfig,
     RelayStatus,
+    Subject,
 )
-from rocon_relay.core.link import Hello, Subject, mismatch
+from rocon_relay.core.link import Hello, mismatch
 from rocon_relay.core.pattern import compiled
-from rocon_relay.core.service import (
-    AnyExport,
-    AnyImport,
-    ParameterExport,
-    ParameterImport,
-    ServiceExport,
-    ServiceImport,
-)
 from tcpros.adapters.listener import Listener
 from tcpros.adapters.reactor import Reactor
 from tcpros.adapters.tls import Certificates
@@ -43,14 +36,6 @@ from tcpros.adapters.tls import Certificates
 MAX_STRANGERS = 256
 """Connections to the relay's port that have not been accepted as links yet; one more closes the oldest."""
 
-_SUBJECTS = {
-    Export: Subject.TOPIC,
-    Import: Subject.TOPIC,
-    ServiceExport: Subject.SERVICE,
-    ServiceImport: Subject.SERVICE,
-    ParameterExport: Subject.PARAMETER,
-    ParameterImport: Subject.PARAMETER,
-}
 _WHAT = {
     Subject.TOPIC: "publisher",
     Subject.SERVICE: "server",
@@ -58,9 +43,18 @@ _WHAT = {
     Subject.PARAMETER: "parameter",
 }
 _ImportEnd = ImportEnd | ServiceImportEnd | ParameterImportEnd
-Connected = TypeVar("Connected", AnyExport, AnyImport)
-_Name = tuple[Subject, Key]
-"""What tells all exports, and all imports, of a relay apart."""
+_IMPORT_ENDS: dict[Subject, type[_ImportEnd]] = {
+    Subject.TOPIC: ImportEnd,
+    Subject.SERVICE: ServiceImportEnd,
+    Subject.PARAMETER: ParameterImportEnd,
+}
+_EXPORT_ENDS: dict[Subject, type[ServiceExportEnd | ParameterExportEnd]] = {
+    Subject.SERVICE: ServiceExportEnd,
+    Subject.PARAMETER: ParameterExportEnd,
+}
+"""A topic is exported by its links alone."""
+
+Connected = TypeVar("Connected", Export, Import)
 
 SHUTDOWN_TIME = 1.5
 """How long the end waits for unregistrations [s]."""
@@ -90,11 +84,11 @@ class TcpRelay:
         self._context = Context(config, self._reactor, logger, self._changed, certificates)
         self._on_change = on_change
         self._nodes = ProxyNodes(self._context)
-        self._exports: Mapping[_Name, AnyExport] = {}
-        self._others: dict[_Name, ServiceExportEnd | ParameterExportEnd] = {}
-        self._imports: dict[_Name, _ImportEnd] = {}
-        self._retiring: dict[_Name, _ImportEnd] = {}
-        self._links: dict[_Name, ExportEnd] = {}
+        self._exports: Mapping[Key, Export] = {}
+        self._others: dict[Key, ServiceExportEnd | ParameterExportEnd] = {}
+        self._imports: dict[Key, _ImportEnd] = {}
+        self._retiring: dict[Key, _ImportEnd] = {}
+        self._links: dict[Key, ExportEnd] = {}
         self._strangers: dict[ExportEnd, None] = {}
         self._peers: dict[str, set[ExportEnd]] = {}
         self._parked: dict[ExportEnd, Hello] = {}
@@ -113,13 +107,13 @@ class TcpRelay:
         """The TCP port where links arrive."""
         return self._listener.port
 
-    def apply(self, exports: Collection[AnyExport], imports: Collection[AnyImport]) -> None:
+    def apply(self, exports: Collection[Export], imports: Collection[Import]) -> None:
         """Makes these, and no others, the connections that exist."""
         wanted_exports = _by_name(exports, "exports")
         wanted_imports = _by_name(imports, "imports")
-        topics = [one for one in imports if isinstance(one, Import)]
+        topics = [one for one in imports if one.subject is Subject.TOPIC]
         _check_unique(((one.topic, one.proxy) for one in topics), "imports")
-        _check_unique((one.service for one in imports if isinstance(one, ServiceImport)), "imports")
+        _check_unique((one.topic for one in imports if one.subject is Subject.SERVICE), "imports")
         for pattern in {pattern for one in topics for pattern in one.allowed_nodes}:
             compiled(pattern)
         self._reactor.call(lambda: self._apply(wanted_exports, wanted_imports))
@@ -147,7 +141,7 @@ class TcpRelay:
         self._is_down.wait(SHUTDOWN_TIME + 0.5)
         self._reactor.join(0.5)
 
-    def _apply(self, exports: Mapping[_Name, AnyExport], imports: Mapping[_Name, AnyImport]) -> None:
+    def _apply(self, exports: Mapping[Key, Export], imports: Mapping[Key, Import]) -> None:
         if self._stopping:
             return
         self._exports = exports
@@ -157,12 +151,8 @@ class TcpRelay:
         for name in self._others.keys() - exports.keys():
             self._others.pop(name).close()
         for name, export in exports.items():
-            if name not in self._others and not isinstance(export, Export):
-                self._others[name] = (
-                    ServiceExportEnd(self._context, export)
-                    if isinstance(export, ServiceExport)
-                    else ParameterExportEnd(self._context, export)
-                )
+            if name not in self._others and export.subject in _EXPORT_ENDS:
+                self._others[name] = _EXPORT_ENDS[export.subject](self._context, export)
         for end, hello in tuple(self._parked.items()):
             self._admit_if_exported(end, hello)
         for name in self._imports.keys() - imports.keys():
@@ -170,30 +160,24 @@ class TcpRelay:
         for name, import_ in imports.items():
             self._want(name, import_)
 
-    def _want(self, name: _Name, wanted: AnyImport) -> None:
+    def _want(self, name: Key, wanted: Import) -> None:
         end = self._imports.get(name)
         if end is not None:
             if end.wanted != wanted:
-                end.replace(wanted)  # type: ignore[arg-type]  # of one kind: the name says which
+                end.replace(wanted)
             return
-        self._imports[name] = end = self._import_end(wanted, lambda: self._retired(name))
+        kind = _IMPORT_ENDS[wanted.subject]
+        self._imports[name] = end = kind(self._context, self._nodes, wanted, lambda: self._retired(name))
         if name not in self._retiring:
             end.start()
 
-    def _import_end(self, wanted: AnyImport, ended: Callable[[], None]) -> _ImportEnd:
-        if isinstance(wanted, Import):
-            return ImportEnd(self._context, self._nodes, wanted, ended)
-        if isinstance(wanted, ServiceImport):
-            return ServiceImportEnd(self._context, self._nodes, wanted, ended)
-        return ParameterImportEnd(self._context, wanted, ended)
-
-    def _retire(self, name: _Name) -> None:
+    def _retire(self, name: Key) -> None:
         end = self._imports.pop(name)
         if name not in self._retiring:  # otherwise it was waiting for its forerunner and has nothing to undo
             self._retiring[name] = end
             end.end()
 
-    def _retired(self, name: _Name) -> None:
+    def _retired(self, name: Key) -> None:
         self._retiring.pop(name, None)
         if name in self._imports:
             self._imports[name].start()
@@ -223,7 +207,8 @@ class TcpRelay:
         end.refuse(LinkState.REFUSED, reason)
 
     def _admit_if_exported(self, end: ExportEnd, hello: Hello) -> bool:
-        name = _subject(hello), Key(hello.topic, hello.sink_gateway, hello.source_node)
+        subject = Subject.SERVICE if hello.subject is Subject.CALL else hello.subject
+        name = Key(hello.topic, hello.sink_gateway, hello.source_node, subject)
         export, own = self._exports.get(name), self._context.config.gateway
         if export is None or hello.source_gateway != own or end.is_closed:
             return False
@@ -241,19 +226,19 @@ class TcpRelay:
             )
             return True
         peers.add(end)
-        if isinstance(export, Export):
+        if subject is Subject.TOPIC:
             self._admit_topic(name, end, hello, export)
         else:
             self._others[name].admit(end, hello)
         return True
 
-    def _is_taken(self, name: _Name, hello: Hello) -> bool:
+    def _is_taken(self, name: Key, hello: Hello) -> bool:
         """Tells whether a link stands that this one would replace: only a gateway that has proved itself may do so."""
         other = self._others.get(name)
         standing = isinstance(other, ServiceExportEnd) and other.standing and hello.subject is not Subject.CALL
         return name in self._links or bool(standing)
 
-    def _admit_topic(self, name: _Name, end: ExportEnd, hello: Hello, export: Export) -> None:
+    def _admit_topic(self, name: Key, end: ExportEnd, hello: Hello, export: Export) -> None:
         wrong = mismatch(hello.type, "*", export.type, "*")
         if wrong:
             end.refuse(LinkState.TYPE_MISMATCH, wrong)
@@ -279,8 +264,8 @@ class TcpRelay:
         peers.discard(end)
         if end.hello and not peers:
             self._peers.pop(end.hello.sink_gateway, None)
-        if end.export is not None and self._links.get((Subject.TOPIC, end.export.key)) is end:
-            del self._links[Subject.TOPIC, end.export.key]
+        if end.export is not None and self._links.get(end.export.key) is end:
+            del self._links[end.export.key]
         for waiting, hello in tuple(self._parked.items()):
             if end.hello and (hello.topic, hello.sink_gateway) == (end.hello.topic, end.hello.sink_gateway):
                 self._admit_if_exported(waiting, hello)
@@ -318,7 +303,7 @@ class TcpRelay:
         latencies = {gateway: latency for gateway, latency in found.items() if latency}
         return RelayStatus(exports, {end.wanted: end.status() for end in self._imports.values()}, latencies)
 
-    def _export_status(self, name: _Name) -> LinkStatus:
+    def _export_status(self, name: Key) -> LinkStatus:
         end = self._links.get(name) or self._others.get(name)
         return end.status() if end else LinkStatus(LinkState.PENDING, "not dialled by the far gateway")
 
@@ -349,13 +334,9 @@ class TcpRelay:
         self._reactor.stop()
 
 
-def _subject(hello: Hello) -> Subject:
-    return Subject.SERVICE if hello.subject is Subject.CALL else hello.subject
-
-
-def _by_name(wanted: Collection[Connected], what: str) -> dict[_Name, Connected]:
-    _check_unique(((_SUBJECTS[type(one)], one.key) for one in wanted), what)
-    return {(_SUBJECTS[type(one)], one.key): one for one in wanted}
+def _by_name(wanted: Collection[Connected], what: str) -> dict[Key, Connected]:
+    _check_unique((one.key for one in wanted), what)
+    return {one.key: one for one in wanted}
 
 
 def _check_unique(keys: Iterable[Hashable], what: str) -> None:

@@ -8,12 +8,11 @@ from rocon_relay.adapters.context import Context
 from rocon_relay.adapters.export_end import ExportEnd, Tenant
 from rocon_relay.adapters.service_import import MAX_REASON, PASSED_ON
 from rocon_relay.adapters.service_pipe import ServicePipe
-from rocon_relay.core.connection import LinkState, LinkStatus, proxy_name
-from rocon_relay.core.link import Hello, Subject
-from rocon_relay.core.service import ServiceExport
+from rocon_relay.core.connection import Export, LinkState, LinkStatus, Subject, proxy_name
+from rocon_relay.core.link import Hello
 from tcpros.adapters.channel import dialled_socket, watch_liveness
 from tcpros.adapters.stream import Stream
-from tcpros.core.header import HeaderError, header_bytes, header_end, header_fields
+from tcpros.core.header import HeaderError, header_bytes, header_parser
 
 
 class ServiceExportEnd:
@@ -28,7 +27,7 @@ class ServiceExportEnd:
         standing: the link that is up as long as the far gateway shows the service; None for none.
     """
 
-    def __init__(self, context: Context, export: ServiceExport) -> None:
+    def __init__(self, context: Context, export: Export) -> None:
         self.export = export
         self.server: tuple[str, int] | None = None
         self._context = context
@@ -220,7 +219,7 @@ class _Server(Stream):
         self._context = context
         self._call = call
         self._header = header
-        self.parse = self._parse_header
+        self.parse = header_parser(call.found)
 
     def connected(self) -> None:
         self.send(self._header)
@@ -229,11 +228,3 @@ class _Server(Stream):
         if reason.startswith("malformed"):
             self._context.logger.warning("server %s: %s", self.peer, reason)
         self._call.lost(reason)
-
-    def _parse_header(self, data: memoryview) -> int:
-        end = header_end(data)
-        if not end or len(data) < end:
-            return 0
-        fields = header_fields(data[4:end])
-        self._call.found(fields)
-        return end

@@ -8,9 +8,8 @@ from rocon_relay.adapters.proxy_service import ProxyService
 from rocon_relay.adapters.registration import Nodes
 from rocon_relay.adapters.service_pipe import ServicePipe
 from rocon_relay.adapters.standing_import import StandingImport
-from rocon_relay.core.connection import ANY, Address, LinkState, LinkStatus
-from rocon_relay.core.link import Hello, Subject
-from rocon_relay.core.service import ServiceImport
+from rocon_relay.core.connection import ANY, Address, Import, LinkState, LinkStatus, Subject
+from rocon_relay.core.link import Hello
 from tcpros.adapters.stream import Stream
 from tcpros.core.header import HeaderError, header_bytes
 
@@ -31,30 +30,22 @@ class ServiceImportEnd(StandingImport):
     client's connection is relayed on a link of its own, dialled when the client comes.
     """
 
-    def __init__(self, context: Context, nodes: Nodes, wanted: ServiceImport, ended: Callable[[], None]) -> None:
-        super().__init__(context, ended)
-        self.wanted = wanted
+    def __init__(self, context: Context, nodes: Nodes, wanted: Import, ended: Callable[[], None]) -> None:
+        super().__init__(context, wanted, ended)
         self.registration = self.service = ProxyService(context, nodes, self, wanted)
         self._calls = 0
         self._bytes = 0
 
-    @property
-    def address(self) -> Address:
-        """Where the source gateway's relay listens."""
-        return self.wanted.address
-
     def hello(self, subject: Subject, md5sum: str = ANY) -> Hello:
         """Returns what a link for this service says first."""
         wanted = self.wanted
-        return hello_to(
-            self._context, wanted.source_gateway, subject, wanted.service, wanted.source_node, md5sum=md5sum
-        )
+        return hello_to(self._context, wanted.source_gateway, subject, wanted.topic, wanted.source_node, md5sum=md5sum)
 
     def link(self) -> DialledLink:
         """Returns a new link to the source gateway."""
         return DialledLink(self._context, self, self.wanted.address, self.hello(Subject.SERVICE))
 
-    def replace(self, wanted: ServiceImport) -> None:
+    def replace(self, wanted: Import) -> None:
         """Takes an import of the same key with another address; calls under way continue if they can."""
         self.wanted = self.service.wanted = wanted
         self.redial("its address has changed")
@@ -74,9 +65,9 @@ class ServiceImportEnd(StandingImport):
         """Starts a call of a client."""
         call = ImportedCall(self._context, self, client, fields)
         if not self.service.is_serving:
-            call.fail(f"{self.wanted.service} is not relayed any more")
+            call.fail(f"{self.wanted.topic} is not relayed any more")
         elif len(self.service.calls) >= MAX_CALLS:
-            call.fail(f"{self.wanted.service} has {MAX_CALLS} clients at a time and takes no more")
+            call.fail(f"{self.wanted.topic} has {MAX_CALLS} clients at a time and takes no more")
         else:
             call.dial()
         return call

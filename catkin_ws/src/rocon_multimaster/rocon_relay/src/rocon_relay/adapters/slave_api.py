@@ -4,10 +4,10 @@ import os
 import xmlrpc.client
 from collections.abc import Callable, Mapping
 from typing import Any
-from xml.parsers.expat import ExpatError
 
 from rocon_relay.adapters.proxy_topic import ProxyTopic
 from rocon_relay.core.error import RelayError
+from tcpros.core.http import NONSENSE
 
 Answer = tuple[int, str, Any]
 
@@ -50,7 +50,7 @@ class SlaveApi:
         """
         try:
             arguments, method = xmlrpc.client.loads(request)  # type: ignore[arg-type]
-        except (xmlrpc.client.Error, ExpatError, ValueError, TypeError, LookupError, ArithmeticError, AttributeError):
+        except NONSENSE:
             raise SlaveApiError("no XML-RPC call") from None
         function = self._methods.get(method or "")
         if function is None:

@@ -1,27 +1,25 @@
-"""What every import that is shown has: a link that is dialled again and again, and a registration while it stands."""
+"""What every import has: a link that is dialled again and again; what is shown, a registration while that stands."""
 
 from collections.abc import Callable
 
 from rocon_relay.adapters.context import Context, Pause
 from rocon_relay.adapters.dialled_link import DialledLink
 from rocon_relay.adapters.registration import Registration
-from rocon_relay.core.connection import Address, LinkState
+from rocon_relay.core.connection import Import, LinkState
 from tcpros.adapters.reactor import Timer
 
 
-class StandingImport:
-    """The link is dialled at once and kept; the proxy is registered while the link stands.
-
-    Subclasses say what to dial and what to show.
+class DialledImport:
+    """The link is dialled at once, and again after each failure. Subclasses say what to dial.
 
     Args:
         context: what all parts share.
+        wanted: what is asked for; may be replaced by one of the same key.
         ended: called once after `end`, when everything is unregistered and closed.
     """
 
-    registration: Registration
-
-    def __init__(self, context: Context, ended: Callable[[], None]) -> None:
+    def __init__(self, context: Context, wanted: Import, ended: Callable[[], None]) -> None:
+        self.wanted = wanted
         self._context = context
         self._ended = ended
         self._link: DialledLink | None = None
@@ -30,11 +28,6 @@ class StandingImport:
         self._is_ending = False
         self._state = LinkState.PENDING
         self._reason = "dialling"
-
-    @property
-    def address(self) -> Address:
-        """Where the far relay listens."""
-        raise NotImplementedError
 
     def link(self) -> DialledLink:
         """Returns a link to the far relay, not dialled yet."""
@@ -46,14 +39,48 @@ class StandingImport:
         if self._is_ending:
             return
         self._context.resolver.resolve(
-            self.address.host, self._dial, lambda reason: self.link_lost(LinkState.UNREACHABLE, reason)
+            self.wanted.address.host, self._dial, lambda reason: self.link_lost(LinkState.UNREACHABLE, reason)
         )
 
     def end(self) -> None:
-        """Unregisters, closes; `ended` is called when that is done."""
+        """Dials no more."""
         self._is_ending = True
         if self._timer is not None:
             self._timer.cancel()
+
+    def link_lost(self, state: LinkState, reason: str) -> None:
+        """Schedules the next attempt."""
+        self._link = None
+        self._retry(state, reason)
+
+    def _retry(self, state: LinkState, reason: str) -> None:
+        if not self._is_ending:
+            self._set(state, reason)
+            self._timer = self._context.reactor.call_later(self._pause.take(), self.start)
+
+    def _dial(self, host: str) -> None:
+        if not self._is_ending:
+            self._link = self.link()
+            self._link.connect(host, self.wanted.address.port)
+
+    def _set(self, state: LinkState, reason: str) -> None:
+        if (state, reason) != (self._state, self._reason):
+            self._state, self._reason = state, reason
+            self._context.changed()
+
+
+class StandingImport(DialledImport):
+    """The link is kept; the proxy is registered while it stands. Subclasses say what to show.
+
+    Attributes:
+        registration: what is shown.
+    """
+
+    registration: Registration
+
+    def end(self) -> None:
+        """Unregisters, closes; `ended` is called when that is done."""
+        super().end()
         self.registration.hide()
 
     def refresh(self) -> None:
@@ -69,11 +96,6 @@ class StandingImport:
             self._timer.cancel()
             self.start()
 
-    def _dial(self, host: str) -> None:
-        if not self._is_ending:
-            self._link = self.link()
-            self._link.connect(host, self.address.port)
-
     def link_up(self) -> None:
         """Called when the link stands."""
         self._pause.reset()
@@ -83,12 +105,9 @@ class StandingImport:
 
     def link_lost(self, state: LinkState, reason: str) -> None:
         """Forgets the source and schedules the next attempt."""
-        self._link = None
-        if self._is_ending:
-            return
-        self._set(state, reason)
-        self._timer = self._context.reactor.call_later(self._pause.take(), self.start)
-        self.registration.hide()
+        super().link_lost(state, reason)
+        if not self._is_ending:
+            self.registration.hide()
 
     def shown(self) -> None:
         """Called when the proxy is registered."""
@@ -105,8 +124,3 @@ class StandingImport:
         if self._link is not None:
             self._link.close("")
         self._ended()
-
-    def _set(self, state: LinkState, reason: str) -> None:
-        if (state, reason) != (self._state, self._reason):
-            self._state, self._reason = state, reason
-            self._context.changed()

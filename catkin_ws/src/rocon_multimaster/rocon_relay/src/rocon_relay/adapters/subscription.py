@@ -10,7 +10,7 @@ from tcpros.adapters.channel import dialled_socket
 from tcpros.adapters.reactor import Timer
 from tcpros.adapters.stream import Stream
 from tcpros.core.fanout import Fanout, Outlet
-from tcpros.core.header import header_bytes, header_end, header_fields
+from tcpros.core.header import header_bytes, header_parser
 
 
 class Customer(Protocol):
@@ -156,7 +156,7 @@ class _Publisher(Stream):
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         self._subscription = subscription
         self._context = context
-        self.parse = self._parse_header
+        self.parse = header_parser(self._take_header)
         self._timer = context.reactor.call_later(context.config.handshake_timeout, self._too_late)
 
     def connected(self) -> None:
@@ -178,16 +178,11 @@ class _Publisher(Stream):
     def _too_late(self) -> None:
         self.close("it sent no connection header in time")
 
-    def _parse_header(self, data: memoryview) -> int:
-        end = header_end(data)
-        if not end or len(data) < end:
-            return 0
-        header = header_fields(data[4:end])
+    def _take_header(self, header: dict[str, str]) -> None:
         self._timer.cancel()
         if "error" in header:
             self.close(header["error"])
-            return end
+            return
         self.fanout = self._subscription.fanout
         self.parse = self.fanout.feed
         self._subscription.found(header)
-        return end

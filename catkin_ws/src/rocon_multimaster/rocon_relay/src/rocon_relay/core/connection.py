@@ -3,17 +3,15 @@
 The control plane turns all rules into two sets and hands the relay the whole of both, each time; the relay
 compares them with what runs and does the difference. Data always flows from an export to an import, and the
 importing side dials. So a pull is an import here and an export there, a flipped publisher the other way round,
-and a flipped subscriber an import, at the subscriber's gateway, of every publisher at the rule's gateway.
+and a flipped subscriber an import, at the subscriber's gateway, of every publisher at the rule's gateway. Services and
+parameters cross in the same way.
 """
 
 import enum
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple, Protocol
-
-if TYPE_CHECKING:
-    from rocon_relay.core.service import AnyExport, AnyImport
+from typing import NamedTuple, Protocol
 
 from rocon_relay.core.error import RelayError
 from rocon_relay.core.latency import Latency
@@ -60,26 +58,40 @@ class Address(NamedTuple):
     port: int
 
 
+class Subject(enum.StrEnum):
+    """What a link is for: the field of its first header that holds the name."""
+
+    TOPIC = "topic"
+    SERVICE = "service"
+    """Stands as long as the service is shown, and carries nothing."""
+    CALL = "call"
+    """One client's connection to a service."""
+    PARAMETER = "parameter"
+
+
 class Key(NamedTuple):
     """What tells the connections of one relay apart; `gateway` is the one at the other end."""
 
     topic: str
     gateway: str
     source_node: str
+    subject: Subject = Subject.TOPIC
 
 
 @dataclass(frozen=True, slots=True)
 class Export:
-    """Gateway `to_gateway` may fetch the messages that our node `source_node` publishes on `topic`.
+    """Gateway `to_gateway` may fetch what our node publishes on a topic, call its service, or read a parameter.
 
     Attributes:
-        topic: resolved name of the topic, the same on both masters.
-        type: message type as our master knows it, or `ANY`.
-        source_node: resolved name of a node on our master. Never one of our proxies.
+        topic: resolved name of the topic, service or parameter, the same on both masters; a parameter that is a
+            namespace is one with all that is in it.
+        type: of a topic, the message type as our master knows it, or `ANY`.
+        source_node: resolved name of a node on our master, never one of our proxies; "" for a parameter.
         to_gateway: unique name of the gateway that may fetch.
         options: what our rules ask of the link.
         subscriber: the node as which we subscribe to the publisher; "" is our own node. Clients of actions want to
             see the server among their subscribers.
+        subject: which of the three it is.
     """
 
     topic: str
@@ -88,28 +100,33 @@ class Export:
     to_gateway: str
     options: LinkOptions = NO_OPTIONS
     subscriber: str = ""
+    subject: Subject = Subject.TOPIC
 
     @property
     def key(self) -> Key:
         """What may occur once in a call of `Relay.apply`."""
-        return Key(self.topic, self.to_gateway, self.source_node)
+        return Key(self.topic, self.to_gateway, self.source_node, self.subject)
 
 
 @dataclass(frozen=True, slots=True)
 class Import:
-    """Our master shall show a node `proxy_name(...)` that publishes what a node of another gateway publishes.
+    """Our master shall show a node `proxy_name(...)` that publishes, or serves, what a node of another gateway does.
+
+    Of a parameter, it shall be given the value that the other master has when we read it: once.
 
     Attributes:
-        topic: resolved name of the topic, the same on both masters.
+        topic: resolved name of the topic, service or parameter, the same on both masters. A service's may occur once in
+            a call of `Relay.apply`.
         type: message type, registered on our master; or `ANY`.
         md5sum: what the publisher's MD5 sum must be, or `ANY`.
         source_gateway: unique name of the gateway that exports.
-        source_node: resolved name of the publishing node on that gateway's master.
+        source_node: resolved name of the publishing or serving node on that gateway's master; "" for a parameter.
         address: where that gateway's relay listens.
         allowed_nodes: regular expressions, sorted, of which the whole name of a subscribing node must match one; none
             is any. They stay apart: flags and groups of one would mean something else, or nothing, in
             an expression that joins several.
         options: what our rules ask of the link; the source does it.
+        subject: which of the three it is.
     """
 
     topic: str
@@ -120,11 +137,12 @@ class Import:
     address: Address
     allowed_nodes: tuple[str, ...] = ()
     options: LinkOptions = NO_OPTIONS
+    subject: Subject = Subject.TOPIC
 
     @property
     def key(self) -> Key:
         """What may occur once in a call of `Relay.apply`."""
-        return Key(self.topic, self.source_gateway, self.source_node)
+        return Key(self.topic, self.source_gateway, self.source_node, self.subject)
 
     @property
     def proxy(self) -> str:
@@ -169,8 +187,8 @@ class RelayStatus:
         latencies: by gateway, of those that a topic's link leads to or from.
     """
 
-    exports: Mapping["AnyExport", LinkStatus] = field(default_factory=dict)
-    imports: Mapping["AnyImport", LinkStatus] = field(default_factory=dict)
+    exports: Mapping[Export, LinkStatus] = field(default_factory=dict)
+    imports: Mapping[Import, LinkStatus] = field(default_factory=dict)
     latencies: Mapping[str, Latency] = field(default_factory=dict)
 
 
@@ -218,7 +236,7 @@ class RelayConfig:
     port: int = 0
     bind: str = ""
     node_bind: str = ""
-    keyring: "Keyring | None" = None
+    keyring: Keyring | None = None
     max_message_size: int = 256 * 2**20
     max_links: int = 1024
     ping_period: float = 5.0
@@ -246,7 +264,7 @@ class Relay(Protocol):
     def port(self) -> int:
         """The TCP port where links arrive, known as soon as the relay exists."""
 
-    def apply(self, exports: "Collection[AnyExport]", imports: "Collection[AnyImport]") -> None:
+    def apply(self, exports: Collection[Export], imports: Collection[Import]) -> None:
         """Makes these, and no others, the connections that shall exist.
 
         What is in both the old and the new sets keeps running undisturbed. An import whose address alone changed

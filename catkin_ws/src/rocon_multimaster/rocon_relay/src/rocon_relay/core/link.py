@@ -1,13 +1,12 @@
 """The link protocol: what two relays say to each other before and between the frames. See `docs/gateway.md`."""
 
 import dataclasses
-import enum
 import hashlib
 import hmac
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rocon_relay.core.connection import ANY, LinkState
+from rocon_relay.core.connection import ANY, LinkState, Subject
 from rocon_relay.core.error import RelayError
 from rocon_relay.core.option import NO_OPTIONS, LinkOptions, OptionError, options_from_fields
 from tcpros.core.header import header_bytes
@@ -28,17 +27,6 @@ LONGEST_ROUND_TRIP = 60.0
 
 CLIENT = "client."
 """Before the names of the fields that a call hands on from its client."""
-
-
-class Subject(enum.StrEnum):
-    """What a link is for: the field of the hello that holds the name."""
-
-    TOPIC = "topic"
-    SERVICE = "service"
-    """Stands as long as the service is shown, and carries nothing."""
-    CALL = "call"
-    """One client's connection to a service."""
-    PARAMETER = "parameter"
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ import pytest
 from rocon_relay.adapters.context import Context
 from rocon_relay.adapters.export_end import ExportEnd
 from rocon_relay.adapters.subscription import Subscription
-from rocon_relay.core.connection import Export, RelayConfig
-from rocon_relay.core.link import Hello, Subject
+from rocon_relay.core.connection import Export, RelayConfig, Subject
+from rocon_relay.core.link import Hello
 from tcpros.adapters.reactor import Reactor
 from tcpros.core.header import header_bytes
 

@@ -13,8 +13,7 @@ from test_services import connect as connect_service
 
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
-from rocon_relay.core.connection import LinkState
-from rocon_relay.core.service import ParameterExport, ParameterImport
+from rocon_relay.core.connection import ANY, Export, Import, LinkState, Subject
 from tcpros.adapters import channel, listener
 
 # rosmaster leaves its connections to nodes to the garbage collector.
@@ -102,8 +101,8 @@ def test_a_parameter_is_copied_once_there_is_a_socket(relays, source_master, sin
     source, sink = relays("source"), relays("sink")
     source_master.set_param("/scarce", 7)
     scarce.refuse(module, 6)
-    source.relay.apply({ParameterExport("/scarce", "sink")}, set())
-    sink.relay.apply(set(), {ParameterImport("/scarce", "source", source.address)})
+    source.relay.apply({Export("/scarce", ANY, "", "sink", subject=Subject.PARAMETER)}, set())
+    sink.relay.apply(set(), {Import("/scarce", ANY, ANY, "source", "", source.address, subject=Subject.PARAMETER)})
     wait_until(lambda: sink.state() == [LinkState.ACTIVE], "the parameter", 10)
     assert sink_master.proxy().getParam("/scarce") == 7
 

@@ -4,8 +4,8 @@ import pytest
 from relay_side import wait_for
 
 from pioneer_harness.wait import wait_until
-from rocon_relay.core.connection import LinkState
-from rocon_relay.core.service import MAX_PARAMETER, ParameterExport, ParameterImport
+from rocon_relay.adapters.parameter_copy import MAX_PARAMETER
+from rocon_relay.core.connection import ANY, Export, Import, LinkState, Subject
 
 # rosmaster leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -13,9 +13,13 @@ pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptio
 VALUE = {"text": "ä<&>" * 20000, "number": -3, "half": 0.5, "flags": [True, False], "tree": {"leaf": ""}}
 
 
+def imported(source, name):
+    return Import(name, ANY, ANY, "source", "", source.address, subject=Subject.PARAMETER)
+
+
 def connect(source, sink, name):
-    source.relay.apply({ParameterExport(name, "sink")}, set())
-    sink.relay.apply(set(), {ParameterImport(name, "source", source.address)})
+    source.relay.apply({Export(name, ANY, "", "sink", subject=Subject.PARAMETER)}, set())
+    sink.relay.apply(set(), {imported(source, name)})
 
 
 def test_a_parameter_is_copied_once_and_whole(relays, source_master, sink_master):
@@ -27,7 +31,7 @@ def test_a_parameter_is_copied_once_and_whole(relays, source_master, sink_master
     assert source.link().messages == 1
     source_master.set_param("/robot/number", 4)
     sink_master.set_param("/robot/half", 9.0)
-    sink.relay.apply(set(), {ParameterImport("/robot", "source", source.address)})
+    sink.relay.apply(set(), {imported(source, "/robot")})
     assert sink_master.proxy().getParam("/robot")["number"] == -3
     assert sink_master.proxy().getParam("/robot")["half"] == 9.0
     assert source.link().messages == 1
@@ -55,7 +59,7 @@ def test_too_long_a_parameter_is_refused(relays, source_master):
 def test_what_is_not_exported_is_not_read(relays, source_master, sink_master):
     source, sink = relays("source", patience=0.05), relays("sink")
     source_master.set_param("/secret", 1)
-    sink.relay.apply(set(), {ParameterImport("/secret", "source", source.address)})
+    sink.relay.apply(set(), {imported(source, "/secret")})
     wait_for(sink, LinkState.REFUSED)
     assert "exports no parameter of /secret to sink" in sink.link().reason
     assert not sink_master.proxy().hasParam("/secret")

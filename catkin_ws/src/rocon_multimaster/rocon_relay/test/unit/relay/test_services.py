@@ -16,8 +16,7 @@ from relay_side import NODES, node_at, wait_for
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
 from rocon_relay.adapters import service_import
-from rocon_relay.core.connection import LinkState
-from rocon_relay.core.service import ServiceExport, ServiceImport
+from rocon_relay.core.connection import ANY, Export, Import, LinkState, Subject
 from tcpros.core.header import header_bytes, header_fields
 
 # rosmaster leaves its connections to nodes to the garbage collector.
@@ -84,11 +83,11 @@ def server(source_master, tmp_path_factory):
 
 
 def imported(source, service="/echo", node="/server"):
-    return ServiceImport(service, "source", node, source.address)
+    return Import(service, ANY, ANY, "source", node, source.address, subject=Subject.SERVICE)
 
 
 def connect(source, sink, service="/echo", node="/server"):
-    source.relay.apply({ServiceExport(service, node, "sink")}, set())
+    source.relay.apply({Export(service, ANY, node, "sink", subject=Subject.SERVICE)}, set())
     sink.relay.apply(set(), {imported(source, service, node)})
     wait_for(sink, LinkState.ACTIVE)
 

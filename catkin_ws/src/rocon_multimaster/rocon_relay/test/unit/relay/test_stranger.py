@@ -21,9 +21,8 @@ from relay_side import (
 )
 
 from pioneer_harness.wait import wait_until
-from rocon_relay.core.connection import ANY, Address, Export, LinkState
-from rocon_relay.core.link import Hello, Subject
-from rocon_relay.core.service import ServiceExport, ServiceImport
+from rocon_relay.core.connection import ANY, Address, Export, Import, LinkState, Subject
+from rocon_relay.core.link import Hello
 from tcpros.core.header import header_bytes, header_fields
 
 # rosmaster leaves its connections to nodes to the garbage collector.
@@ -121,9 +120,10 @@ def test_a_source_that_does_not_prove_itself_is_refused(relays, talkers):
 def test_a_link_that_stands_is_not_evicted_by_who_proves_nothing(relays, talkers, changes):
     """Without a password anybody who guessed two gateways' names once took the link's place, and messages were lost."""
     source, sink = relays("source", patience=0.3), relays("sink")
-    service = (ServiceExport("/echo", "/server", "sink"), ServiceImport("/echo", "source", "/server", source.address))
-    source.relay.apply({export(), service[0]}, set())
-    sink.relay.apply(set(), {imported(source), service[1]})
+    echo = Export("/echo", ANY, "/server", "sink", subject=Subject.SERVICE)
+    source.relay.apply({export(), echo}, set())
+    wanted = Import("/echo", ANY, ANY, "source", "/server", source.address, subject=Subject.SERVICE)
+    sink.relay.apply(set(), {imported(source), wanted})
     wait_for(sink, LinkState.ACTIVE)
     outsider = Outsider(source, **changes)
     assert outsider.answer()["state"] == "refused"

@@ -3,16 +3,16 @@
 import xmlrpc.client
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 from urllib.parse import urlsplit
-from xml.parsers.expat import ExpatError
 
 from tcpros.adapters.channel import dialled_socket
 from tcpros.adapters.reactor import Reactor
 from tcpros.adapters.resolver import Resolver
 from tcpros.adapters.stream import Stream
 from tcpros.core.error import TcprosError
-from tcpros.core.http import http_message, http_request
+from tcpros.core.http import NONSENSE, http_message, http_request
 
 MAX_PARALLEL = 4
 """Calls to one server at a time: a Python XML-RPC server lets five connections wait, and drops more."""
@@ -84,14 +84,10 @@ class Server:
     def _next(self) -> None:
         if self._queue and self._running < MAX_PARALLEL:
             self._running += 1
-            _Attempt(self, *self._queue.popleft())
+            body, done, failed = self._queue.popleft()
+            self._dial(body, partial(self._answered, done, failed))
 
-    def finished(self) -> None:
-        """Called by each attempt at its end."""
-        self._running -= 1
-        self._next()
-
-    def dial(self, body: bytes, answered: Callable[[bytes, str], None]) -> None:
+    def _dial(self, body: bytes, answered: Callable[[bytes, str], None]) -> None:
         """Sends one request; `answered` gets the response's body and, should that be empty, why."""
         parts = urlsplit(self.uri)
         try:
@@ -110,36 +106,19 @@ class Server:
 
         self._resolver.resolve(host, found, lambda reason: answered(b"", reason))
 
-
-class _Attempt:
-    """One call under way."""
-
-    def __init__(self, server: Server, body: bytes, done: Done, failed: Failed) -> None:
-        self._server = server
-        self._done = done
-        self._failed = failed
-        server.dial(body, self._answered)
-
-    def _answered(self, body: bytes, reason: str) -> None:
-        self._server.finished()
+    def _answered(self, done: Done, failed: Failed, body: bytes, reason: str) -> None:
+        self._running -= 1
+        self._next()
         if not body:
-            self._failed(f"{self._server.uri}: {reason}")
+            failed(f"{self.uri}: {reason}")
             return
         try:
             (answer,), _ = xmlrpc.client.loads(body)  # type: ignore[arg-type]
             status, text, value = answer
-        except (
-            xmlrpc.client.Error,
-            ExpatError,
-            ValueError,
-            TypeError,
-            LookupError,
-            ArithmeticError,
-            AttributeError,
-        ) as error:
-            self._failed(f"{self._server.uri} answered nonsense: {error}")
+        except NONSENSE as error:
+            failed(f"{self.uri} answered nonsense: {error}")
             return
         if status == 1:
-            self._done(value)
+            done(value)
         else:
-            self._failed(str(text))
+            failed(str(text))

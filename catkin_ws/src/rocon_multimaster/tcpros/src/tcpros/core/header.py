@@ -5,7 +5,7 @@ and `key=value`. (https://wiki.ros.org/ROS/Connection%20Header)
 """
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from tcpros.core.error import TcprosError
 
@@ -70,3 +70,19 @@ def header_fields(body: bytes | memoryview) -> dict[str, str]:
         fields[key] = value
         position = stop
     return fields
+
+
+def header_parser(use: Callable[[dict[str, str]], object], start: int = 0) -> Callable[[memoryview], int]:
+    """Returns what parses a header behind `start` bytes once it is whole, and then calls `use` with its fields.
+
+    As a stream's `parse` it returns how many bytes it has consumed, and raises HeaderError.
+    """
+
+    def parse(data: memoryview) -> int:
+        end = header_end(data, start)
+        if not end or len(data) < end:
+            return 0
+        use(header_fields(data[start + 4 : end]))
+        return end
+
+    return parse

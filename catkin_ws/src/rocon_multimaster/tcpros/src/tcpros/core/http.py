@@ -1,11 +1,16 @@
 """As much of HTTP/1.1 as XML-RPC between ROS nodes and masters needs, on bytes."""
 
+import xmlrpc.client
 from dataclasses import dataclass
+from xml.parsers.expat import ExpatError
 
 from tcpros.core.error import TcprosError
 
 MAX_HEAD = 16 * 1024
 MAX_BODY = 96 * 1024
+
+NONSENSE = (xmlrpc.client.Error, ExpatError, ValueError, TypeError, LookupError, ArithmeticError, AttributeError)
+"""What the parsing of XML-RPC raises for a text that is none, and the unpacking of an answer for another one."""
 
 
 class HttpError(TcprosError):
