@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
         return 1 if any(row.holds is False for row in rows) else 0
     asked = [(condition, seed) for condition in options.condition for seed in options.seeds]
     with ThreadPoolExecutor(options.parallel) as pool:
-        tours = list(pool.map(lambda pair: _tour(*pair, options), asked))
+        tours = list(pool.map(lambda one: _tour(one[0], one[1], options), asked))
     driven = [tour for tour in tours if tour is not None]
     rows = []
     for name in options.condition:

@@ -174,8 +174,8 @@ def _cycle_rows(whole: Costmap, repetitions: int) -> Iterator[Row]:
     for name, planner in planners.items():
         planner.set_plan(plan)
         each = _cpu_ms(lambda p=planner: [p.decide(situation) for _ in range(20)], repetitions) / 20
-        goal = 7.4 if name == "TrajectoryPlannerROS" else None
-        yield Row(f"{name}, one cycle", "CPU ms", (each,), goal, remark="C++" if goal else "")
+        most = 7.4 if name == "TrajectoryPlannerROS" else None
+        yield Row(f"{name}, one cycle", "CPU ms", (each,), most, remark="C++" if most else "")
 
 
 def _amcl_rows(repetitions: int) -> Iterator[Row]:

@@ -3,7 +3,7 @@
 import argparse
 import dataclasses
 
-from pioneer_bench.core.setting import SETTINGS, Rates, Setting
+from pioneer_bench.core.setting import SETTINGS, LoadConfig, Rates
 from pioneer_bench.core.simulator import Run, table
 from pioneer_bench.report import add_output, measured, write
 
@@ -59,7 +59,7 @@ def _section(rates: Rates, runs: list[Run]) -> str:
 def _one(robots: int, rates: Rates, options: argparse.Namespace) -> Run | None:
     """Returns one run's figures, None (and a line) where it failed."""
     asked = {**vars(options), **dataclasses.asdict(rates), "robots": robots}
-    values = measured("load", {field.name: asked[field.name] for field in dataclasses.fields(Setting)})
+    values = measured("load", {field.name: asked[field.name] for field in dataclasses.fields(LoadConfig)})
     if values is None:
         print(f"the run with {robots} robots failed")
         return None

@@ -32,17 +32,18 @@ class MasterProcess:
         self._argv = [*prefix, "rosmaster", "--core", "-p", str(port)]
         self._group, self._log = group, folder / "master.log"
         self._client = self.proxy()
-        self._start()
+        self._pid = self._start()
 
-    def _start(self) -> None:
-        self._pid = self._group.start("master", self._argv, self.environment, self._log, may_end=True)
+    def _start(self) -> int:
+        pid = self._group.start("master", self._argv, self.environment, self._log, may_end=True)
         wait_until(lambda: is_running(self.uri), f"the master {self.uri}", START)
+        return pid
 
     def restart(self) -> None:
         """Kills the master and starts it again, with nothing in it."""
         os.kill(self._pid, signal.SIGKILL)
         wait_until(lambda: not is_running(self.uri), "the master's end", 5)
-        self._start()
+        self._pid = self._start()
 
     def proxy(self, name: str = "/pioneer_harness") -> rosgraph.Master:
         """Returns a client of the master's API that calls itself ``name``."""

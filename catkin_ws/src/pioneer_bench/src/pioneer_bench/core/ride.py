@@ -178,6 +178,7 @@ class Rider:
         self._due = dict.fromkeys(("scan", "global", "local"), 0.0)
         self.ride = Ride(course.name, len(course.goals))
         self._slow = 0
+        self._command = STANDSTILL
 
     def run(self) -> Ride:
         """Drives to all goals, or until the time is over."""
@@ -221,8 +222,6 @@ class Rider:
         if result.warnings:
             self.ride.last = result.warnings[-1]
         self.now += self._period
-
-    _command = STANDSTILL
 
     def _is_due(self, name: str, period: float) -> bool:
         due = self.now >= self._due[name] - 1.0e-6

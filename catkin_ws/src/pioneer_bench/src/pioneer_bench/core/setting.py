@@ -37,7 +37,7 @@ class Rates:
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class LoadConfig:
     """One run: what `nodes/load.py` is asked for, in the units of `Rates`; `seconds` are simulated."""
 
     robots: int

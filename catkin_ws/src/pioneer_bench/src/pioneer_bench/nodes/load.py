@@ -23,7 +23,7 @@ from std_msgs.msg import Bool
 
 from pioneer_bench.adapters.description import pioneer_urdf
 from pioneer_bench.core import hall
-from pioneer_bench.core.setting import Setting
+from pioneer_bench.core.setting import LoadConfig
 from pioneer_bench.core.simulator import Run
 from pioneer_harness.masters import Master
 from pioneer_harness.proc import process_state
@@ -96,7 +96,7 @@ class Driver:
             self._command.publish(command)
 
 
-def robot_description(setting: Setting) -> str:
+def robot_description(setting: LoadConfig) -> str:
     """Returns the Pioneer's URDF with the setting's sensors."""
     others = {"joint_rate": setting.other_rate, "ground_truth_rate": setting.other_rate} if setting.other_rate else {}
     return pioneer_urdf(
@@ -119,7 +119,7 @@ def cpu_and_rss(pid: int) -> tuple[float, float]:
 class Bench:
     """One run on a master that is there already."""
 
-    def __init__(self, setting: Setting, pid: int) -> None:
+    def __init__(self, setting: LoadConfig, pid: int) -> None:
         self._setting, self._pid = setting, pid
         self._tally = Tally()
         self._ready = threading.Event()
@@ -187,7 +187,7 @@ class Bench:
 
 def main(argv: list[str]) -> int:
     """Runs the setting given as JSON and prints what it measured as JSON."""
-    setting = Setting(**json.loads(argv[0]))
+    setting = LoadConfig(**json.loads(argv[0]))
     with Master() as master, ProcessGroup() as group:
         os.environ.update(master.environment)
         world = master.home / "hall.world"

@@ -48,7 +48,7 @@ SHORTEST, LONGEST = 8.0, 18.0
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Setting:
+class TourConfig:
     """What is run; the same names as the command's options."""
 
     condition: str
@@ -78,7 +78,7 @@ class TourNode:
     On error: start-up that takes too long raises; a robot that gets stuck is a fault of the tour.
     """
 
-    def __init__(self, setting: Setting, start: Pose, group: ProcessGroup) -> None:
+    def __init__(self, setting: TourConfig, start: Pose, group: ProcessGroup) -> None:
         self._setting, self._start, self._group = setting, start, group
         self._condition: Condition = CONDITIONS[setting.condition]
         self._robot = MappedTrack(ROBOT, start) if self._condition.mapping else RobotTrack(ROBOT)
@@ -193,7 +193,7 @@ def start_pose(world: str) -> Pose:
 
 def main(argv: list[str]) -> int:
     """Runs the setting given as JSON; prints a line a waypoint, and at the end what was measured as JSON."""
-    setting = Setting(**json.loads(argv[0]))
+    setting = TourConfig(**json.loads(argv[0]))
     start, condition = start_pose(setting.world), CONDITIONS[setting.condition]
     map_file = Path(rospkg.RosPack().get_path("pioneer_gazebo")) / "map" / f"{setting.world}.yaml"
     arguments = {

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-from gateway_msgs.msg import ConnectionStatistics, GatewayInfo, RemoteGateway, RemoteRuleWithStatus
+from gateway_msgs.msg import ConnectionStatistics, GatewayInfo, RemoteGateway
 from gateway_msgs.msg import RemoteRule as RemoteRuleMessage
 from gateway_msgs.msg import Rule as RuleMessage
 
@@ -34,29 +34,15 @@ def remote_rules_from_messages(messages: Iterable[RemoteRuleMessage], code: Code
     return found
 
 
-def message_from_rule(rule: Rule) -> RuleMessage:
-    """Returns a rule's message."""
+def message_from_rule(rule: Rule | Connection) -> RuleMessage:
+    """Returns a rule's message; of a connection, that of the rule that means exactly it."""
     return RuleMessage(type=str(rule.kind), name=rule.name, node=rule.node)
 
 
-def message_from_connection(connection: Connection) -> RuleMessage:
-    """Returns a connection as the rule that means exactly it."""
-    return RuleMessage(type=str(connection.kind), name=connection.name, node=connection.node)
-
-
-def message_from_remote_rule(remote: RemoteRule) -> RemoteRuleMessage:
-    """Returns a remote rule's message."""
-    return RemoteRuleMessage(gateway=remote.gateway, rule=message_from_rule(remote.rule))
-
-
-def message_from_flipped(flipped: Flipped) -> RemoteRuleMessage:
-    """Returns a connection with another gateway, without its status."""
-    return RemoteRuleMessage(gateway=flipped.gateway, rule=message_from_connection(flipped.connection))
-
-
-def status_message_from_flipped(flipped: Flipped) -> RemoteRuleWithStatus:
-    """Returns a connection with another gateway, with its status."""
-    return RemoteRuleWithStatus(remote_rule=message_from_flipped(flipped), status=flipped.status)
+def message_from_remote_rule(remote: RemoteRule | Flipped) -> RemoteRuleMessage:
+    """Returns a remote rule's message, or that of a connection with another gateway, without its status."""
+    rule = remote.connection if isinstance(remote, Flipped) else remote.rule
+    return RemoteRuleMessage(gateway=remote.gateway, rule=message_from_rule(rule))
 
 
 def message_from_record(record: Record, silence: float, latency: Latency | None = None) -> RemoteGateway:
@@ -76,7 +62,7 @@ def message_from_record(record: Record, silence: float, latency: Latency | None 
         ip=record.host,
         firewall=record.firewall,
         conn_stats=stats,
-        public_interface=[message_from_connection(one) for one in record.advertisements],
+        public_interface=[message_from_rule(one) for one in record.advertisements],
         flipped_interface=[message_from_remote_rule(one) for one in record.flips],
         pulled_interface=[message_from_remote_rule(one) for one in record.pulls],
     )

@@ -6,13 +6,14 @@ import os
 import threading
 import time
 import uuid
+from functools import partial
 from typing import Any
 
 import rosgraph
 import rospy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
-from gateway_msgs.msg import GatewayInfo
+from gateway_msgs.msg import GatewayInfo, RemoteRuleWithStatus
 from std_msgs.msg import Empty
 
 from pioneer_node.core.parameter import config_from_mapping
@@ -45,8 +46,8 @@ from tcpros.core.error import CertificateError
 LOOK_PERIOD = 0.15
 """Time between two looks at the master [s]."""
 
-SETTLE = 1.0
 _HUB = "/hub"
+SETTLE = 1.0
 """The longest that a service waits for topics to tell what it has changed [s]: the master may keep us from telling."""
 
 DIAGNOSTIC_PERIOD = 1.0
@@ -284,8 +285,8 @@ class GatewayNode:
 
     def _gateway_info(self, view: Overview) -> GatewayInfo:
         book, outcome = self._handlers.book, self._outcome
-        remote_rule = conversions.message_from_remote_rule
-        flipped = conversions.message_from_flipped
+        rules = partial(map, conversions.message_from_rule)
+        remotes = partial(map, conversions.message_from_remote_rule)
         return GatewayInfo(
             name=self._name,
             discover_hubs_by_zeroconf=self._config.discovers,
@@ -295,13 +296,16 @@ class GatewayNode:
             hub_names=[hub.hub_name for hub in view.hubs],
             hub_uris=[hub.hub_uri for hub in view.hubs],
             firewall=self._config.firewall,
-            public_watchlist=[conversions.message_from_rule(rule) for rule in book.advertisements.rules],
-            public_interface=[conversions.message_from_connection(one) for one in outcome.advertised],
-            flipped_connections=[conversions.status_message_from_flipped(one) for one in outcome.flipped],
-            flip_watchlist=[remote_rule(one) for one in book.flips.rules],
-            flipped_in_connections=[flipped(one) for one in outcome.flipped_in],
-            pull_watchlist=[remote_rule(one) for one in book.pulls.rules],
-            pulled_connections=[flipped(one) for one in outcome.pulled],
+            public_watchlist=[*rules(book.advertisements.rules)],
+            public_interface=[*rules(outcome.advertised)],
+            flipped_connections=[
+                RemoteRuleWithStatus(rule, one.status)
+                for rule, one in zip(remotes(outcome.flipped), outcome.flipped, strict=True)
+            ],
+            flip_watchlist=[*remotes(book.flips.rules)],
+            flipped_in_connections=[*remotes(outcome.flipped_in)],
+            pull_watchlist=[*remotes(book.pulls.rules)],
+            pulled_connections=[*remotes(outcome.pulled)],
         )
 
     def _diagnostic_array(self, with_links: bool = False) -> DiagnosticArray:

@@ -11,7 +11,7 @@ from rocon_gateway.adapters.hubs import Hubs
 from rocon_gateway.core.error import GatewayError, RequestError
 from rocon_gateway.core.rulebook import RuleBook, check_gateway
 from rocon_hub_protocol.core.code import Code, HubError
-from rocon_relay.core.connection import Relay
+from rocon_relay.adapters.relay import TcpRelay
 
 
 class ServiceHandlers:
@@ -29,7 +29,7 @@ class ServiceHandlers:
         self,
         book: RuleBook,
         hubs: Hubs,
-        relay: Relay,
+        relay: TcpRelay,
         settle: Callable[[], None],
         set_period: Callable[[float], float],
     ) -> None:

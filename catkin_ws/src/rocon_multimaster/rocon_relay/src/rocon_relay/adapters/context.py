@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable
+from typing import Protocol
 
 from rocon_relay.core.connection import RelayConfig
 from rocon_relay.core.latency import RoundTrips
@@ -57,6 +58,13 @@ class Context:
     def bound(self, backlog: Backlog, options: LinkOptions, drops_first: bool = False) -> None:
         """Sets the bounds of the queue towards one receiver; see `Backlog.bound`."""
         backlog.bound(options.queue_size or self.config.queue_size, self.config.queue_bytes, drops_first)
+
+
+class Tenant(Protocol):
+    """Who has taken over a connection, or a link that is not a topic's."""
+
+    def ended(self, reason: str) -> None:
+        """The connection is closed; called once."""
 
 
 class Pause:

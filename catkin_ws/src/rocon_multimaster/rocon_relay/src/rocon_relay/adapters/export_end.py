@@ -5,7 +5,7 @@ import socket
 from collections.abc import Mapping
 from typing import Protocol
 
-from rocon_relay.adapters.context import Context
+from rocon_relay.adapters.context import Context, Tenant
 from rocon_relay.adapters.sieve import Sieve
 from rocon_relay.adapters.subscription import Subscription
 from rocon_relay.core.connection import ANY, Export, LinkState, LinkStatus
@@ -39,13 +39,6 @@ NO_PASSWORD = "it asks for a password, and we have none"
 NO_HUB = "it is on no hub of ours, or has not joined it yet"
 
 _PASSED_ON = ("type", "md5sum", "message_definition", "latching", "topic")
-
-
-class Tenant(Protocol):
-    """Who has taken over a link that is not a topic's."""
-
-    def ended(self, reason: str) -> None:
-        """The link is closed; called once."""
 
 
 class Exporter(Protocol):

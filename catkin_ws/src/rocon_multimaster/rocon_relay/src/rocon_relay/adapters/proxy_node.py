@@ -7,8 +7,8 @@ protocols of a node: XML-RPC begins with `POST`, which as the length of a TCPROS
 import socket
 import time
 
-from rocon_relay.adapters.context import Context
-from rocon_relay.adapters.proxy_service import ProxyService, Tenant
+from rocon_relay.adapters.context import Context, Tenant
+from rocon_relay.adapters.proxy_service import ProxyService
 from rocon_relay.adapters.proxy_topic import ProxyTopic
 from rocon_relay.adapters.registration import Registration
 from rocon_relay.adapters.slave_api import SlaveApi

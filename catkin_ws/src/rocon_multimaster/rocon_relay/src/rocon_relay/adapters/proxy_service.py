@@ -2,17 +2,10 @@
 
 from typing import Protocol
 
-from rocon_relay.adapters.context import Context
+from rocon_relay.adapters.context import Context, Tenant
 from rocon_relay.adapters.registration import Node, Nodes, Owner, Registration
 from rocon_relay.core.connection import Import
 from tcpros.adapters.stream import Stream
-
-
-class Tenant(Protocol):
-    """Who has taken over a connection."""
-
-    def ended(self, reason: str) -> None:
-        """The connection is closed; called once."""
 
 
 class Call(Tenant, Protocol):

@@ -4,7 +4,7 @@ import logging
 import socket
 import threading
 import time
-from collections.abc import Collection, Hashable, Iterable, Mapping
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
 from typing import TypeVar
 
 from rocon_relay.adapters.context import Context
@@ -22,7 +22,6 @@ from rocon_relay.core.connection import (
     Key,
     LinkState,
     LinkStatus,
-    OnChange,
     RelayConfig,
     RelayStatus,
     Subject,
@@ -61,11 +60,14 @@ SHUTDOWN_TIME = 1.5
 
 
 class TcpRelay:
-    """Implements `core.connection.Relay`; runs from its making to `shutdown`.
+    """The data plane; runs from its making to `shutdown`.
+
+    All methods may be called from any thread, except from within `on_change`, and return without waiting for the
+    network (`shutdown` apart).
 
     Args:
         config: see there.
-        on_change: see `core.connection.Relay`.
+        on_change: called from the relay's thread whenever the state of a link has changed; must only set an event.
         logger: takes a line for each connection that ends for what came on it.
         certificates: the fleet's; links are then encrypted, and those of who has none of it are refused.
 
@@ -76,7 +78,7 @@ class TcpRelay:
     def __init__(
         self,
         config: RelayConfig,
-        on_change: OnChange,
+        on_change: Callable[[], None],
         logger: logging.Logger,
         certificates: Certificates | None = None,
     ) -> None:
@@ -104,11 +106,20 @@ class TcpRelay:
 
     @property
     def port(self) -> int:
-        """The TCP port where links arrive."""
+        """The TCP port where links arrive, known as soon as the relay exists."""
         return self._listener.port
 
     def apply(self, exports: Collection[Export], imports: Collection[Import]) -> None:
-        """Makes these, and no others, the connections that exist."""
+        """Makes these, and no others, the connections that shall exist.
+
+        What is in both the old and the new sets keeps running undisturbed. An import whose address alone changed
+        keeps its subscribers only if the new relay answers; one whose `allowed_nodes` changed drops those
+        that are no longer allowed. What is no longer asked for is unregistered, then closed, within a second.
+
+        Raises:
+            ConnectionConflictError: two exports or two imports have the same key. Nothing was changed.
+            PatternError: one of `allowed_nodes` is no regular expression. Nothing was changed.
+        """
         wanted_exports = _by_name(exports, "exports")
         wanted_imports = _by_name(imports, "imports")
         topics = [one for one in imports if one.subject is Subject.TOPIC]
@@ -119,11 +130,11 @@ class TcpRelay:
         self._reactor.call(lambda: self._apply(wanted_exports, wanted_imports))
 
     def refresh(self) -> None:
-        """Registers all proxies again."""
+        """Registers all proxies once more: for a master that was restarted and has forgotten them."""
         self._reactor.call(lambda: [end.refresh() for end in self._imports.values()])
 
     def status(self) -> RelayStatus:
-        """Returns how everything does."""
+        """How everything does, by the sets of the last `apply`; a snapshot."""
         result: list[RelayStatus] = []
         done = threading.Event()
 
@@ -136,7 +147,7 @@ class TcpRelay:
         return result[0] if result else RelayStatus()
 
     def shutdown(self) -> None:
-        """Unregisters and closes everything."""
+        """Unregisters and closes everything, ends the thread; returns when that is done, within 2 s."""
         self._reactor.call(self._shut_down)
         self._is_down.wait(SHUTDOWN_TIME + 0.5)
         self._reactor.join(0.5)

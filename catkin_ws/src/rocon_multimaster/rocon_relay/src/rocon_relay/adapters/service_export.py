@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 from urllib.parse import urlsplit
 
-from rocon_relay.adapters.context import Context
-from rocon_relay.adapters.export_end import ExportEnd, Tenant
+from rocon_relay.adapters.context import Context, Tenant
+from rocon_relay.adapters.export_end import ExportEnd
 from rocon_relay.adapters.service_import import MAX_REASON, PASSED_ON
 from rocon_relay.adapters.service_pipe import ServicePipe
 from rocon_relay.core.connection import Export, LinkState, LinkStatus, Subject, proxy_name

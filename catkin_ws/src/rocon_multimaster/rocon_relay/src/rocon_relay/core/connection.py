@@ -9,7 +9,7 @@ parameters cross in the same way.
 
 import enum
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
@@ -104,7 +104,7 @@ class Export:
 
     @property
     def key(self) -> Key:
-        """What may occur once in a call of `Relay.apply`."""
+        """What may occur once in a call of `TcpRelay.apply`."""
         return Key(self.topic, self.to_gateway, self.source_node, self.subject)
 
 
@@ -116,7 +116,7 @@ class Import:
 
     Attributes:
         topic: resolved name of the topic, service or parameter, the same on both masters. A service's may occur once in
-            a call of `Relay.apply`.
+            a call of `TcpRelay.apply`.
         type: message type, registered on our master; or `ANY`.
         md5sum: what the publisher's MD5 sum must be, or `ANY`.
         source_gateway: unique name of the gateway that exports.
@@ -141,7 +141,7 @@ class Import:
 
     @property
     def key(self) -> Key:
-        """What may occur once in a call of `Relay.apply`."""
+        """What may occur once in a call of `TcpRelay.apply`."""
         return Key(self.topic, self.source_gateway, self.source_node, self.subject)
 
     @property
@@ -179,7 +179,7 @@ class LinkStatus:
 
 @dataclass(frozen=True, slots=True)
 class RelayStatus:
-    """How everything that was asked for by the last `Relay.apply` does.
+    """How everything that was asked for by the last `TcpRelay.apply` does.
 
     Attributes:
         exports: by what was asked for.
@@ -248,46 +248,6 @@ class RelayConfig:
     patience: float = 2.0
     retry_shortest: float = 0.1
     retry_longest: float = 2.0
-
-
-class Relay(Protocol):
-    """The data plane as the control plane sees it.
-
-    The real one is `adapters.relay.relay.TcpRelay(config, on_change, logger)`, which runs once it is made.
-
-    All methods may be called from any thread, except from within `on_change`, and return without waiting for
-    the network (`shutdown` apart). `on_change()` is called from the relay's thread whenever the state of a
-    link has changed; it must only set an event.
-    """
-
-    @property
-    def port(self) -> int:
-        """The TCP port where links arrive, known as soon as the relay exists."""
-
-    def apply(self, exports: Collection[Export], imports: Collection[Import]) -> None:
-        """Makes these, and no others, the connections that shall exist.
-
-        What is in both the old and the new sets keeps running undisturbed. An import whose address alone changed
-        keeps its subscribers only if the new relay answers; one whose `allowed_nodes` changed drops those
-        that are no longer allowed. What is no longer asked for is unregistered, then closed, within a second.
-
-        Raises:
-            ConnectionConflictError: two exports or two imports have the same key. Nothing was changed.
-            PatternError: one of `allowed_nodes` is no regular expression. Nothing was changed.
-        """
-
-    def refresh(self) -> None:
-        """Registers all proxies once more: for a master that was restarted and has forgotten them."""
-
-    def status(self) -> RelayStatus:
-        """How everything does, by the sets of the last `apply`; a snapshot."""
-
-    def shutdown(self) -> None:
-        """Unregisters and closes everything, ends the thread; returns when that is done, within 2 s."""
-
-
-OnChange = Callable[[], None]
-"""What a relay calls when the state of a link has changed."""
 
 
 def proxy_name(gateway: str, node: str) -> str:
