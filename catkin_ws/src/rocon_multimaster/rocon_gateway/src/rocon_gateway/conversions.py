@@ -41,7 +41,7 @@ def message_from_rule(rule: Rule | Connection) -> RuleMessage:
 
 def message_from_remote_rule(remote: RemoteRule | Flipped) -> RemoteRuleMessage:
     """Returns a remote rule's message, or that of a connection with another gateway, without its status."""
-    rule = remote.connection if isinstance(remote, Flipped) else remote.rule
+    rule: Rule | Connection = remote.connection if isinstance(remote, Flipped) else remote.rule
     return RemoteRuleMessage(gateway=remote.gateway, rule=message_from_rule(rule))
 
 
