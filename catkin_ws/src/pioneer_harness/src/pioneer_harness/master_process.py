@@ -4,16 +4,13 @@ import os
 import signal
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-import rosgraph
-
-from pioneer_harness.masters import environment, is_running
+from pioneer_harness.masters import MasterClient, environment, is_running
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
 
 
-class MasterProcess:
+class MasterProcess(MasterClient):
     """Looks like `pioneer_harness.masters.Master`; ends with its group.
 
     Args:
@@ -27,11 +24,10 @@ class MasterProcess:
     def __init__(
         self, group: ProcessGroup, port: int, folder: Path, host: str = "127.0.0.1", prefix: Sequence[str] = ()
     ) -> None:
-        self.uri = f"http://{host}:{port}/"
+        super().__init__(f"http://{host}:{port}/")
         self.environment = {**os.environ, **environment(self.uri, folder), "ROS_IP": host}
         self._argv = [*prefix, "rosmaster", "--core", "-p", str(port)]
         self._group, self._log = group, folder / "master.log"
-        self._client = self.proxy()
         self._pid = self._start()
 
     def _start(self) -> int:
@@ -45,18 +41,6 @@ class MasterProcess:
         wait_until(lambda: not is_running(self.uri), "the master's end", 5)
         self._pid = self._start()
 
-    def proxy(self, name: str = "/pioneer_harness") -> rosgraph.Master:
-        """Returns a client of the master's API that calls itself ``name``."""
-        return rosgraph.Master(name, master_uri=self.uri)
-
-    def system_state(self) -> tuple[dict[str, list[str]], ...]:
-        """Returns publishers, subscribers and service providers: each topic's or service's node names."""
-        return tuple(dict(rows) for rows in self._client.getSystemState())
-
-    def set_param(self, name: str, value: Any) -> None:
-        """Sets a parameter by its full name."""
-        self._client.setParam(name, value)
-
     def stop(self) -> None:
         """Closes our own connection; the process ends with its group."""
-        self._client.handle("close")()
+        self.close_clients()

@@ -5,7 +5,6 @@ import socket
 import tempfile
 import threading
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import rosgraph
@@ -14,11 +13,46 @@ import rosmaster.master
 _LOOPBACK = "127.0.0.1"
 
 
-class Master:
+class MasterClient:
+    """Calls of a master's API, on connections that ``close_clients`` closes.
+
+    Attributes:
+        uri: the master's address, ``http://127.0.0.1:PORT/``.
+    """
+
+    def __init__(self, uri: str) -> None:
+        self.uri = uri
+        self._clients: list[rosgraph.Master] = []
+        self._client = self.proxy()
+
+    def proxy(self, name: str = "/pioneer_harness") -> rosgraph.Master:
+        """Returns a client of the master's API that calls itself ``name``."""
+        client = rosgraph.Master(name, master_uri=self.uri)
+        self._clients.append(client)
+        return client
+
+    def system_state(self) -> tuple[dict[str, list[str]], ...]:
+        """Returns publishers, subscribers and service providers: each topic's or service's node names."""
+        return tuple(dict(rows) for rows in self._client.getSystemState())
+
+    def set_param(self, name: str, value: Any) -> None:
+        """Sets a parameter by its full name."""
+        self._client.setParam(name, value)
+
+    def get_param(self, name: str) -> Any:
+        """Returns a parameter by its full name; ``rosgraph.MasterError`` where there is none."""
+        return self._client.getParam(name)
+
+    def close_clients(self) -> None:
+        """Closes all connections to the master."""
+        for client in self._clients:
+            client.handle("close")()
+
+
+class Master(MasterClient):
     """A ROS master of one's own, as a context manager; several may live at once.
 
     Attributes:
-        uri: its address, ``http://127.0.0.1:PORT/``.
         port: its port, chosen by the kernel.
         home: a temporary directory for ``ROS_HOME`` (logs), removed at the end.
     """
@@ -29,41 +63,19 @@ class Master:
         self._master = rosmaster.master.Master(port=0)
         self._master.start()
         self.port = int(self._master.master_node.port)
-        self.uri = f"http://{_LOOPBACK}:{self.port}/"
-        self._clients: list[rosgraph.Master] = []
-        self._client = self.proxy()
+        super().__init__(f"http://{_LOOPBACK}:{self.port}/")
 
     @property
     def environment(self) -> dict[str, str]:
         """This process's environment, pointed at the master: for the nodes that a test starts."""
         return {**os.environ, **environment(self.uri, self.home)}
 
-    def proxy(self, name: str = "/pioneer_harness") -> rosgraph.Master:
-        """Returns a client of the master's API that calls itself ``name``; its connection is closed by ``stop``."""
-        client = rosgraph.Master(name, master_uri=self.uri)
-        self._clients.append(client)
-        return client
-
-    def system_state(self) -> tuple[dict[str, list[str]], dict[str, list[str]], dict[str, list[str]]]:
-        """Returns publishers, subscribers and service providers: each topic's or service's node names."""
-        publishers, subscribers, services = self._client.getSystemState()
-        return dict(publishers), dict(subscribers), dict(services)
-
-    def set_param(self, name: str, value: Any) -> None:
-        """Sets a parameter by its full name."""
-        self._client.setParam(name, value)
-
-    def get_param(self, name: str) -> Any:
-        """Returns a parameter by its full name; ``rosgraph.MasterError`` where there is none."""
-        return self._client.getParam(name)
-
     def stop(self) -> None:
         """Closes the master's port and removes its directory; a second call does nothing."""
         node = self._master.master_node
         if node is None:
             return
-        for client in self._clients:
-            client.handle("close")()
+        self.close_clients()
         server, node.is_shutdown = node.server, True
         # rosmaster closes the socket under its own loop, which then spins; the loop is ended first, by a
         # connection that wakes it.
@@ -78,9 +90,7 @@ class Master:
     def __enter__(self) -> "Master":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
 

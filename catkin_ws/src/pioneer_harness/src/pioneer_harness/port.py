@@ -3,7 +3,6 @@
 import contextlib
 import socket
 from collections.abc import Iterator
-from types import TracebackType
 
 from pioneer_harness.error import PortError
 
@@ -41,9 +40,7 @@ class PortReservation:
     def __enter__(self) -> "PortReservation":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.release()
 
     def _reserve(self, port: int) -> bool:

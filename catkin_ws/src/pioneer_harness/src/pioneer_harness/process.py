@@ -11,7 +11,6 @@ import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 
 from pioneer_harness.accounting import Account
 from pioneer_harness.error import ProcessDiedError, ProcessStartError
@@ -194,9 +193,7 @@ class ProcessGroup:
     def __enter__(self) -> "ProcessGroup":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     def _living(self) -> list[ProcessState]:

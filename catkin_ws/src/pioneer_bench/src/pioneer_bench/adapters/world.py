@@ -1,7 +1,5 @@
 """Worlds on the real engine, without ROS."""
 
-from types import TracebackType
-
 from pioneer_bench.core.accuracy import floor
 from pioneer_gazebo.adapters.bullet import BulletEngine
 from pioneer_gazebo.adapters.mesh import triangles_of_mesh
@@ -28,9 +26,7 @@ class Worlds:
         """Returns itself."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Closes the engines."""
         for engine in self._engines:
             engine.close()

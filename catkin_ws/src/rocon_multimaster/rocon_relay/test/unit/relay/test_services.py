@@ -237,11 +237,11 @@ def test_garbage_and_half_handshakes_end_their_own_connection_only(sink, caplog)
     ]
     with Client(sink, persistent="1") as client:
         for head in bad:
-            with socket.create_connection((address.hostname, address.port), 5) as client:
-                client.sendall(head)
-                client.shutdown(socket.SHUT_WR)
+            with socket.create_connection((address.hostname, address.port), 5) as raw:
+                raw.sendall(head)
+                raw.shutdown(socket.SHUT_WR)
                 with contextlib.suppress(ConnectionError):
-                    while client.recv(65536):
+                    while raw.recv(65536):
                         pass
         assert client.call("still there") == "still there"
     assert all(record.levelname == "WARNING" for record in caplog.records)
