@@ -25,7 +25,7 @@ def write(folder: Path, name: str, title: str, text: str, values: object) -> Non
 def measured(node: str, setting: dict[str, Any], hear: Callable[[str], object] = print) -> Any:
     """Returns what ``pioneer_bench.nodes.NODE`` prints as its last line, JSON; None if it failed.
 
-    A process can be only one ROS node, on one master, and its memory and processor time are told from the bench's.
+    A process can be only one ROS node, on one master, and its memory and processor time are not the bench's own.
 
     Args:
         node: the module's name; its only argument is ``setting`` as JSON.

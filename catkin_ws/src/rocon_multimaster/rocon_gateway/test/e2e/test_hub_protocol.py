@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 from hub_seat import REQUEST, Bench, Seat
+from tcp_proxy import TcpProxy
 
-from pioneer_harness.tcp_proxy import TcpProxy
 from pioneer_harness.wait import wait_until
 from rocon_hub.adapters.registry import Registry
 from rocon_hub_protocol.core.key import GATEWAYS_KEY, NAME_KEY, alive_key, record_key, requests_key

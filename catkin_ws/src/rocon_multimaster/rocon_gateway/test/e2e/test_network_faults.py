@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 from measure import MB, checked, memory
+from tcp_proxy import TcpProxy
 
 from pioneer_harness.machine import MachineError
 from pioneer_harness.master_process import MasterProcess
-from pioneer_harness.tcp_proxy import TcpProxy
 from pioneer_harness.wait import START, wait_until
 
 # rosmaster, in our process here, leaves its connections to nodes to the garbage collector.

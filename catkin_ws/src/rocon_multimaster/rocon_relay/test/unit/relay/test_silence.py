@@ -5,8 +5,8 @@ import time
 
 import pytest
 from relay_side import Subscriber, connect, export, imported, wait_for
+from tcp_proxy import TcpProxy
 
-from pioneer_harness.tcp_proxy import TcpProxy
 from pioneer_harness.wait import wait_until
 from rocon_relay.core.connection import Address, LinkState
 
