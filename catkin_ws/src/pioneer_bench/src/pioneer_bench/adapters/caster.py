@@ -61,4 +61,6 @@ def _surface(shape: Shape) -> trimesh.Trimesh:
             return trimesh.creation.icosphere(subdivisions=4, radius=radius)
         case Mesh(path=path, scale=scale) if Path(path).suffix.lower() in (".obj", ".stl"):
             return trimesh.load_mesh(path, process=False).apply_scale(scale)
-    return trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles_of_mesh(shape)))
+        case Mesh():
+            return trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles_of_mesh(shape)))
+    return trimesh.Trimesh()

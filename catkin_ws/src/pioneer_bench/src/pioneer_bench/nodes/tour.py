@@ -110,11 +110,17 @@ class TourNode:
             self._fleet.began = self._fleet.simulator.time
         wall, cpu = time.monotonic(), self._cpu()
         for leg in legs:
-            goal = self._start.inverse().compose(leg.goal) if self._condition.mapping else leg.goal
-            self._observer.send(self._robot, goal)
+            self._observer.send(self._robot, self._in_its_map(leg.goal))
         fault = self._follow(time_limit(self._fleet))
         with self._lock:
             return self._tour(floor, map_file, time.monotonic() - wall, cpu, fault)
+
+    def _in_its_map(self, goal: Pose) -> Pose:
+        """Returns a goal in the map that the robot has: one that it draws itself begins where it started."""
+        if not self._condition.mapping:
+            return goal
+        own = _planar(self._start).inverse().compose(_planar(goal))
+        return Pose(own.x, own.y, own.yaw)
 
     def _ready(self) -> bool:
         self._group.check()
@@ -173,8 +179,11 @@ class TourNode:
     def _map_iou(self, map_file: Path) -> float | None:
         if not self._condition.mapping:
             return None
-        frame = navigation.Pose(self._start.x, self._start.y, self._start.yaw)
-        return map_quality.agreement(grid_from_message(self._map), read_map(map_file), frame)
+        return map_quality.agreement(grid_from_message(self._map), read_map(map_file), _planar(self._start))
+
+
+def _planar(pose: Pose) -> navigation.Pose:
+    return navigation.Pose(pose.x, pose.y, pose.yaw)
 
 
 def _clearance(floor: Floor, driven: list[tuple[float, float]]) -> float:
