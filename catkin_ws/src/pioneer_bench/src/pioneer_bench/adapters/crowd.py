@@ -257,8 +257,9 @@ class Crowd:
                 self._meet(member)
 
     def _take_request(self, member: Member, sender: str) -> None:
-        ((text,),) = member.speech.ask(("HMGET", requests_key(member.name), sender))
-        request = request_from_text(text)
+        (texts,) = member.speech.ask(("HMGET", requests_key(member.name), sender))
+        assert isinstance(texts, list)
+        request = request_from_text(texts[0])
         if request.offers:
             replies = tuple(Reply(Kind.PUBLISHER, one.topic, one.node, "active") for one in request.offers)
             self._write(member, sender, PeerRequest(replies=replies))
