@@ -87,6 +87,9 @@ def test_a_mesh_of_300_000_triangles_is_made_small_and_keeps_its_shape(tmp_path)
     assert np.abs(np.sort(np.linalg.norm(solid.mean(axis=1), axis=1))[:10] - 2.0).max() < 0.02
     assert len(hull) <= 64
     np.testing.assert_allclose([hull.min(axis=0), hull.max(axis=0)], [[-2] * 3, [2] * 3], atol=0.001)
+    ways = np.random.default_rng(0).normal(size=(500, 3))
+    reach = (hull @ (ways / np.linalg.norm(ways, axis=1, keepdims=True)).T).max(axis=0)
+    assert reach.min() > 0.9 * 2, "the hull of a ball is round on all sides"
 
 
 def test_a_large_mesh_is_read_once_and_then_comes_from_the_cache(tmp_path, monkeypatch):

@@ -17,8 +17,6 @@ TRIANGLES_AT_MOST = 20_000
 CORNERS_AT_MOST = 64
 """An engine holds a moving mesh as the convex hull of so many corners."""
 
-DIRECTIONS = 128
-
 FINEST, COARSER = 1 / 4000, 1.4
 """Corners of a mesh that has too many triangles are joined in grids: the smallest cell, as a part of the mesh's extent,
 and by how much the cells of each further grid are larger."""
@@ -64,15 +62,13 @@ def hull_points(triangles: Triangles, most: int = CORNERS_AT_MOST) -> Points:
         corners = np.unique(corners, axis=0)
     if len(corners) <= most:
         return corners
-    outermost = np.array([int(np.argmax(corners @ direction)) for direction in _directions(DIRECTIONS)])
-    points, times = np.unique(corners[outermost], axis=0, return_counts=True)
-    # Those along the axes stay in any case: a body must not sink or shrink.
-    extremes = np.unique(corners[outermost[:6]], axis=0)
-    return np.unique(np.vstack([extremes, points[np.argsort(-times, kind="stable")]])[:most], axis=0)
+    outermost = [int(np.argmax(corners @ direction)) for direction in _directions(most)]
+    return np.unique(corners[outermost], axis=0)
 
 
-def _directions(count: int) -> NDArray[np.float64]:
-    """Returns unit vectors spread evenly over all directions, the axes' among them."""
+def _directions(most: int) -> NDArray[np.float64]:
+    """Returns so many unit vectors spread evenly over all directions, the axes' among them."""
+    count = most - 6
     height = 1.0 - (2.0 * np.arange(count) + 1.0) / count
     turn = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0))
     ring = np.sqrt(1.0 - height**2)
