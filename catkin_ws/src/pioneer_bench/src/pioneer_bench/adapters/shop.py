@@ -11,20 +11,25 @@ from pioneer_gazebo.core.world import Collision, Inertia, Link, Mesh, Model, Pla
 
 MODELS, COLLISIONS, FILES = 97, 254, 12
 PITCH, COLUMNS = 2.2, 10
-"""[m]; a third of the models is not static."""
+"""[m]; a third of the models is not static: crates, which stand upright."""
 
 FOOT = 0.3
-"""How far [m] below its middle a mesh is cut flat, so that it stands upright: lasers see what moves as if it did."""
+"""How far [m] below its middle a mesh is cut flat."""
 
 
 def shop(folder: Path) -> World:
     """Returns the shop, always the same; its meshes are written to ``folder``."""
     chance = random.Random(1)
-    files = [_lump(folder / f"{number}.stl", number) for number in range(FILES)]
+    lumps = [_lump(folder / f"{number}.stl", number) for number in range(FILES)]
+    crate = trimesh.creation.box((0.8, 0.8, 2 * FOOT))
+    for _ in range(5):
+        crate = crate.subdivide()
+    crate.export(folder / "crate.stl")
     models = [Model("floor", static=True, links=(Link("link", collisions=(Collision("c", Pose(), Plane()),)),))]
     for number in range(MODELS):
         row, column = divmod(number, COLUMNS)
         count = COLLISIONS // MODELS + (number < COLLISIONS % MODELS)
+        files = lumps if number % 3 else [str(folder / "crate.stl")]
         shapes = tuple(
             Collision(f"c{k}", Pose((0.0, 0.0, FOOT + 0.6 * k)), Mesh(chance.choice(files))) for k in range(count)
         )
