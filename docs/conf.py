@@ -1,6 +1,7 @@
 """Sphinx: the documents of this folder, and the API from docstrings. ``./pioneer docs`` builds it."""
 
 from pathlib import Path
+from typing import Any
 
 from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
@@ -17,7 +18,6 @@ html_theme_options = {"page_width": "1100px"}
 myst_heading_anchors = 4
 suppress_warnings = [
     "myst.header",
-    "myst.xref_missing",
     "autoapi.python_import_resolution",
 ]
 autoapi_dirs = [str(path) for path in _PACKAGES]
@@ -26,6 +26,13 @@ autoapi_keep_files = False
 autoapi_options = ["members", "undoc-members", "show-module-summary"]
 
 
+def text_of_link(_: Sphinx, env: Any, node: Any, content: Any) -> Any:
+    """Returns only the text of a link to a file of the project that is no page here; None if it leads nowhere."""
+    file = Path(env.doc2path(node["refdoc"])).parent / node["reftarget"].partition("#")[0]
+    return content if file.exists() else None
+
+
 def setup(app: Sphinx) -> None:
     """Shows diagrams as their text: the script that draws them would have to be loaded from elsewhere."""
     app.add_lexer("mermaid", TextLexer)
+    app.connect("missing-reference", text_of_link)

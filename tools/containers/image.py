@@ -146,7 +146,9 @@ def _label(image: str) -> str:
 def requirements() -> list[str]:
     """Returns what the image needs from PyPI: the section ``run`` of the requirements."""
     section = re.search(r"^## run\n(.*?)(?=^## |\Z)", (ROOT / "requirements.txt").read_text(), re.S | re.M)
-    return [line for line in section[1].splitlines() if line and not line.startswith("#")] if section else []
+    lines = section[1].splitlines() if section else []
+    # The image is Debian 12, with Python 3.11.
+    return [line.partition(";")[0] for line in lines if line[:1].isalpha() and 'python_version >= "3.12"' not in line]
 
 
 def _python() -> Path:
