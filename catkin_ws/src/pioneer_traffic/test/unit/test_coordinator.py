@@ -148,6 +148,11 @@ def test_a_robot_that_cuts_the_first_corner_lets_go_of_the_ground_it_started_on(
     assert one.advance((2.9, 0.1), 4.0).held == (3, 4, 5, 6)
 
 
+def test_one_waypoint_after_the_other_is_reached_from_one_place() -> None:
+    outcome = Trial(ROW, None, [ROW.places[0]], [[(2.0, 0.45), (2.0, -0.45), (2.0, 0.45)]]).run(60.0)
+    assert outcome.reached == 3
+
+
 def test_the_same_seed_gives_the_same_run() -> None:
     def driven() -> tuple[float, ...]:
         starts, goals = ROOMS.places[:4], ROOMS.places[-4:]

@@ -205,10 +205,7 @@ class Coordinator:
         if not reports or self._own.robot != min(report.robot for report in reports):
             return
         barred = self._barred({report.robot for report in reports})
-        claims = [
-            (one.robot, one.goal, one.out or (one.has_arrived and bool(one.region)), one.out and one.goal != one.stop)
-            for one in reports
-        ]
+        claims = [(one.robot, one.goal, _ground_wanted(one), one.out and one.goal != one.stop) for one in reports]
         made_for = repr((claims, sorted(barred)))
         if made_for == self._made_for and not self._is_overtaken(reports, now):
             return
@@ -316,6 +313,13 @@ class Coordinator:
             if self._is_near(self._place(0)):
                 self._aside, self._own = (), replace(self._own, out=False)
                 self._publish_held()
+
+
+def _ground_wanted(report: Report) -> tuple[int, ...]:
+    """Returns the places off the roadmap's ways that a robot uses, or that it waits for at its goal."""
+    if report.out:
+        return report.held[:-1]
+    return report.region if report.has_arrived else ()
 
 
 def _comes_by(report: Report, plan: Plan, region: Collection[int]) -> bool:
