@@ -28,8 +28,9 @@ class TrajectoryConfig:
     Speeds in [m/s] and [rad/s], accelerations in [m/s**2] and [rad/s**2], distances in [m], times in
     [s]. With ``heading_scoring`` a sample is scored at ``heading_scoring_timestep``, and by its heading to the farthest
     point of the plan in sight too. Ours are ``clearance`` [m], the room that is left to obstacles where there is that
-    much, and ``clearance_scale``, the cost of touching them all the way; 0 for base_local_planner's scores.
-    ``stop_time_buffer`` and ``simple_attractor`` are refused unless they ask for what is done anyway.
+    much, and ``clearance_scale``, the cost of touching them all the way, in units of the biases; 0 for
+    base_local_planner's scores. ``stop_time_buffer`` and ``simple_attractor`` are refused unless they ask for what is
+    done anyway.
     """
 
     acc_lim_x: Annotated[float, Live(0.0, 20.0)] = 2.5
