@@ -19,6 +19,7 @@ myst_heading_anchors = 4
 suppress_warnings = [
     "myst.header",
     "autoapi.python_import_resolution",
+    "ref.python",  # packages have classes of one name, which annotations name without their package
 ]
 autoapi_dirs = [str(path) for path in _PACKAGES]
 autoapi_root = "api"
