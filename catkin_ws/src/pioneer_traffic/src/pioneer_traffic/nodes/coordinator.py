@@ -80,7 +80,7 @@ class CoordinatorNode:
         self._serial, self._retry_at = 0, math.inf
         self._target: PoseStamped | None = None
         self._publisher = rospy.Publisher("/traffic/reports", ReportMessage, queue_size=5, tcp_nodelay=True)
-        self._move_base = MoveBase("move_base", lambda *end: self._ends.put(end))
+        self._move_base = MoveBase("move_base", lambda number, outcome, text: self._ends.put((number, outcome, text)))
         self._server = actionlib.SimpleActionServer("traffic", MoveBaseAction, auto_start=False)
         self._server.start()
         self._inputs = [
