@@ -1,6 +1,6 @@
 """Room left beside the robot: what it costs to come nearer to obstacles than the plan has to."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ class Clearance:
     distance: float = 0.0
     scale: float = 0.0
     _costmap: CostmapConfig | None = None
+    _prices: NDArray[np.float64] = field(default_factory=lambda: np.zeros(256), compare=False)
 
     def prices(self, costmap: Costmap) -> NDArray[np.float64]:
         """Returns the price by the cost of the centre's cell, shape (256,): zero at ``distance``, rising towards it."""

@@ -39,12 +39,11 @@ class GoalApproach:
 
     def __init__(self, config: ApproachConfig) -> None:
         self._config = config
-        self.reset()
+        self._latched = self._rotating = False
 
     def reset(self) -> None:
         """Forgets that the goal's place was reached."""
-        self._latched = False
-        self._rotating = False
+        self._latched = self._rotating = False
 
     def is_near(self, pose: Pose, goal: Pose) -> bool:
         """Tells whether the goal's place is reached; for good, with ``latch_xy_goal_tolerance``."""

@@ -92,23 +92,21 @@ class ParticleFilter:
     """
 
     def __init__(self, config: AmclConfig, generator: np.random.Generator) -> None:
-        self._generator = generator
-        self.poses: NDArray[np.float64] = np.empty((0, 3))
-        self.configure(config)
+        self._config, self._generator = config, generator
+        self.poses: NDArray[np.float64] = np.zeros((config.max_particles, 3))
+        self.weights = _equal_weights(config.max_particles)
+        self._table, self._labels = _scratch(config.max_particles)
         self._slow = self._fast = 0.0
-        self.replace(np.zeros((config.max_particles, 3)))
 
     def configure(self, config: AmclConfig) -> None:
         """Continues with other parameters; the particles stay."""
         self._config = config
-        most = max(config.max_particles, len(self.poses))
-        self._table = np.empty(1 << (2 * most).bit_length(), np.int64)
-        self._labels = np.empty_like(self._table)
+        self._table, self._labels = _scratch(max(config.max_particles, len(self.poses)))
 
     def replace(self, poses: NDArray[np.float64]) -> None:
         """Restarts from ``poses``, shape (n, 3), all of equal weight."""
         self.poses = np.ascontiguousarray(poses, np.float64)
-        self.weights = np.full(len(poses), 1.0 / len(poses))
+        self.weights = _equal_weights(len(poses))
         self._slow = self._fast = 0.0
 
     def gather(self, pose: Pose, covariance: NDArray[np.float64]) -> None:
@@ -123,7 +121,7 @@ class ParticleFilter:
         weights = self.weights * likelihoods
         total = float(weights.sum())
         if not (total > 0.0 and math.isfinite(total)):
-            self.weights = np.full(len(weights), 1.0 / len(weights))
+            self.weights = _equal_weights(len(weights))
             return
         self.weights = weights / total
         self._slow = self._followed(self._slow, total, self._config.recovery_alpha_slow)
@@ -157,7 +155,7 @@ class ParticleFilter:
         limits = kernel.Limits(config.min_particles, config.kld_err, config.kld_z)
         count = kernel.resample(self.poses, draws, limits, self._table, drawn)
         self.poses = drawn[:count].copy()
-        self.weights = np.full(count, 1.0 / count)
+        self.weights = _equal_weights(count)
 
     def estimate(self) -> Estimate:
         """Returns the mean of the heaviest cluster and the covariance of all particles."""
@@ -167,6 +165,16 @@ class ParticleFilter:
         _, weight, x, y, cosine, sine = best[:6].tolist()
         pose = Pose(x / weight, y / weight, math.atan2(sine, cosine))
         return Estimate(pose, weight, _covariance(sums[:clusters].sum(axis=0)), _covariance(best))
+
+
+def _equal_weights(count: int) -> NDArray[np.float64]:
+    return np.full(count, 1.0 / count)
+
+
+def _scratch(most: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Returns the kernels' hash table and its labels, for at most so many particles."""
+    table = np.empty(1 << (2 * most).bit_length(), np.int64)
+    return table, np.empty_like(table)
 
 
 def _covariance(sums: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -54,13 +54,13 @@ class PushingWatch:
 
     def __init__(self, timeout: float) -> None:
         self._timeout = timeout
-        self.reset()
-
-    def reset(self) -> None:
-        """Forgets what was seen, as after a manoeuvre."""
         self._since: float | None = None
         self._before: Picture | None = None
         self._slips = 0
+
+    def reset(self) -> None:
+        """Forgets what was seen, as after a manoeuvre."""
+        self._since, self._before, self._slips = None, None, 0
 
     def note_motion(self, command: Velocity | None, measured: Velocity, now: float) -> None:
         """Takes the last command and what odometry makes of it."""

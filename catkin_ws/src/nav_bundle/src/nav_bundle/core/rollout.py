@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from nav_bundle.core.clearance import Clearance
 from nav_bundle.core.costmap.cost import INSCRIBED
+from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.local_planner import Situation, Velocity
 from nav_bundle.core.pose import Pose
 from nav_bundle.kernels import trajectory as kernel
@@ -35,7 +36,13 @@ class Rollout:
         self.horizon, self._scales, self._clearance = horizon, scales, clearance
         self._headings = scales.heading > 0.0
         self._ahead = _NO_PLAN
-        self._to_plan = np.empty((0, 0), np.int32)
+        self._to_plan = self._to_goal = np.empty((0, 0), np.int32)
+        self._queue = np.empty(0, np.int32)
+        # The moment, from ``begin`` on.
+        self._costmap: Costmap
+        self._motion: Motion
+        self._ground: Ground
+        self._floor: Floor
 
     def begin(self, situation: Situation, plan: NDArray[np.float64]) -> bool:
         """Takes a moment and fills the distance grids from ``plan`` (n, 3); False if it misses the costmap."""

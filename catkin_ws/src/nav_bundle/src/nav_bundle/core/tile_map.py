@@ -41,7 +41,7 @@ class TileMaps:
         self._first = (0, 0)  # tile row and column of the directories' first, from cell (0, 0)
         self.pool = np.zeros((_FIRST, TILE * TILE, 4), np.uint16)
         self._users = np.zeros(_FIRST, np.int32)
-        self._recount()
+        self._spare = self._unused()
 
     @property
     def maps(self) -> kernel.Maps:
@@ -79,7 +79,7 @@ class TileMaps:
         self.directories = np.ascontiguousarray(self.directories[chosen])
         named = self.directories[self.directories >= 0]
         self._users[:] = np.bincount(named, minlength=len(self._users))
-        self._recount()
+        self._spare = self._unused()
 
     def drawn(self, index: int, threshold: float, x: float, y: float) -> Grid:
         """Returns map ``index`` from its cell (0, 0) to (``x``, ``y``) [m], and as much farther as it has tiles.
@@ -130,11 +130,12 @@ class TileMaps:
         # In place: a second pool beside the first would be the peak of the memory used.
         self.pool.resize((size, TILE * TILE, 4), refcheck=False)
         self._users = np.concatenate([self._users, np.zeros(size - len(self._users), np.int32)])
-        self._recount()
+        self._spare = self._unused()
 
-    def _recount(self) -> None:
-        """Lists the unused tiles: their number first, then they, lowest last so that the lowest are taken first."""
+    def _unused(self) -> NDArray[np.int32]:
+        """Returns the unused tiles: their number first, then they, lowest last so that the lowest are taken first."""
         unused = np.flatnonzero(self._users == 0)[::-1]
-        self._spare = np.empty(len(self._users) + 1, np.int32)
-        self._spare[0] = len(unused)
-        self._spare[1 : len(unused) + 1] = unused
+        spare = np.empty(len(self._users) + 1, np.int32)
+        spare[0] = len(unused)
+        spare[1 : len(unused) + 1] = unused
+        return spare

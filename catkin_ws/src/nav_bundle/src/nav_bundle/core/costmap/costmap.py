@@ -32,13 +32,18 @@ class Costmap:
     """
 
     def __init__(self, config: CostmapConfig) -> None:
-        self._static: list[StaticLayer] = []
+        self.config = config
+        self.footprint = config.outline()
+        self._static = _static_layers(config)
         self._obstacles: list[ObstacleLayer] = []
         self._obstacle_at: dict[int, ObstacleLayer] = {}
         self._fleet: list[FleetLayer] = []
         self._layers: list[StaticLayer | ObstacleLayer | FleetLayer | InflationLayer] = []
-        self.configure(config)
-        self._resize(self._own_geometry())
+        self._margin = 0
+        self._pending = EMPTY
+        self.geometry = self._own_geometry()
+        self.cells: Cells = np.empty((0, 0), np.uint8)
+        self._resize(self.geometry)
 
     def _own_geometry(self) -> Geometry:
         """Returns where the cells lie when no map says it."""
@@ -49,10 +54,9 @@ class Costmap:
 
     def configure(self, config: CostmapConfig) -> None:
         """Takes another configuration; map and obstacles stay, unless size or resolution change."""
-        before = getattr(self, "config", config)
-        self.config = config
+        before, self.config = self.config, config
         self.footprint = config.outline()
-        static = [StaticLayer(layer) for layer in config.layers if isinstance(layer, StaticConfig)][:1]
+        static = _static_layers(config)
         if [layer.config for layer in static] != [layer.config for layer in self._static]:
             self._static = static
         if config is before:
@@ -63,6 +67,11 @@ class Costmap:
             self._resize(self._own_geometry())
         else:
             self._make_layers()
+
+    @property
+    def _default(self) -> int:
+        """The cost of a cell of which nothing is known."""
+        return UNKNOWN if self.config.track_unknown_space else FREE
 
     @property
     def ready(self) -> bool:
@@ -78,14 +87,12 @@ class Costmap:
 
     def _resize(self, geometry: Geometry) -> None:
         self.geometry = geometry
-        self._default = UNKNOWN if self.config.track_unknown_space else FREE
-        self.cells: Cells = np.full((geometry.rows, geometry.cols), self._default, np.uint8)
+        self.cells = np.full((geometry.rows, geometry.cols), self._default, np.uint8)
         self._obstacle_at = {}
         self._make_layers()
 
     def _make_layers(self) -> None:
         """Makes new layers; each obstacle layer keeps what the one in its place knew."""
-        self._default = UNKNOWN if self.config.track_unknown_space else FREE
         self._layers = []
         known, self._obstacle_at = self._obstacle_at, {}
         for index, config in enumerate(self.config.layers):
@@ -235,3 +242,8 @@ class Costmap:
     def snapshot(self) -> Cells:
         """Returns a copy of the cells that later updates leave alone."""
         return self.cells.copy()
+
+
+def _static_layers(config: CostmapConfig) -> list[StaticLayer]:
+    """Returns the static layer, if there is one: only the first counts."""
+    return [StaticLayer(layer) for layer in config.layers if isinstance(layer, StaticConfig)][:1]
