@@ -51,11 +51,14 @@ class Flood(rospy.SubscribeListener):
 
 
 class Burst(rospy.SubscribeListener):
-    """Publishes three transforms without a stamp to each new subscriber, and then nothing."""
+    """Publishes three poses each of two frames, all of one stamp, to each new subscriber, and then nothing."""
 
     def peer_subscribe(self, _topic, _publish, peer_publish) -> None:
-        for name in ("first", "middle", "last"):
-            peer_publish(TFMessage([TransformStamped(child_frame_id=name)]))
+        for x in range(3):
+            for name in ("left", "right"):
+                one = TransformStamped(child_frame_id=name)
+                one.header.stamp.secs, one.transform.translation.x = 1, x
+                peer_publish(TFMessage([one]))
 
 
 def main() -> None:

@@ -18,6 +18,8 @@ def test_options_survive_the_way_through_a_header():
         {"rate": "often"},
         {"rate": "-1"},
         {"rate": "inf"},
+        {"rate": "1e-300"},
+        {"stamp_rate": "1e-300"},
         {"queue_size": "1.5"},
         {"compress": "lzma"},
         {"tf_frames": "("},

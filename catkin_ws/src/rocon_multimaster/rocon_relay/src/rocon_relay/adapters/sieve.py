@@ -11,7 +11,7 @@ from tcpros.core.fanout import Fanout, Outlet
 from tcpros.core.frame import LENGTH_SIZE, Chunk
 
 QUIET = 0.5
-"""After so long without a message [s], twice that at most, the last one crosses whatever its stamp."""
+"""After so long without a message of a kind [s], twice that at most, its last one crosses whatever its stamp."""
 
 
 class Sieve:
@@ -38,8 +38,8 @@ class Sieve:
         self._compress = options.compress
         self._newest: bytes | memoryview | None = None
         self._timer: Timer | None = None
-        self._held: memoryview | None = None
-        self._seen: memoryview | None = None
+        self._held: dict[bytes, memoryview] = {}
+        self._seen: dict[bytes, memoryview] = {}
         self._watch: Timer | None = None
 
     def push(self, chunk: Chunk) -> None:
@@ -59,7 +59,8 @@ class Sieve:
 
     def end(self) -> None:
         """Sends nothing any more."""
-        self._newest = self._held = None
+        self._newest = None
+        self._held.clear()
         for timer in (self._timer, self._watch):
             if timer is not None:
                 timer.cancel()
@@ -70,21 +71,22 @@ class Sieve:
 
     def _take(self, message: memoryview) -> None:
         if self._stamps is not None:
-            self.left_out += self._held is not None
-            self._held = None
-            if not self._stamps.picks(message):
-                self._held = message
+            kind = self._stamps.kind(message)
+            self.left_out += self._held.pop(kind, None) is not None
+            if not self._stamps.picks(message, kind):
+                self._held[kind] = message
                 if self._watch is None:
                     self._watch = self._reactor.call_later(QUIET, self._look_whether_quiet)
                 return
         self._pass_on(message)
 
     def _look_whether_quiet(self) -> None:
-        if self._held is not None and self._held is self._seen:
-            self._pass_on(self._held)
-            self._held = None
-        self._seen, self._watch = self._held, None
-        if self._held is not None:
+        for kind, message in self._seen.items():
+            if self._held.get(kind) is message:
+                del self._held[kind]
+                self._pass_on(message)
+        self._seen, self._watch = dict(self._held), None
+        if self._held:
             self._watch = self._reactor.call_later(QUIET, self._look_whether_quiet)
 
     def _pass_on(self, message: memoryview) -> None:

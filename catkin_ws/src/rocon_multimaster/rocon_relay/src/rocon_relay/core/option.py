@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from rocon_relay.core.error import RelayError
 from rocon_relay.core.pattern import PatternError, compiled, matches_whole
 
+LEAST_RATE = 1e-3
+"""The smallest rate [Hz]: what waits its turn waits for a time that a clock can hold."""
+
 
 class OptionError(RelayError):
     """An invalid option."""
@@ -23,7 +26,8 @@ class LinkOptions:
         compress: messages cross deflated (zlib, level 1).
         tf_frames: regular expressions: of a tf message only transforms cross whose child frame matches each of them.
         stamp_rate: at most so many messages a second of their own stamps cross, whatever the real-time factor, each the
-            first of its period; 0 is any number [Hz]. For clocks, tf, and types that begin with a header.
+            first of its period, and those without a stamp; 0 is any number [Hz]. For clocks, tf (each set of frames
+            for itself), and types that begin with a header.
     """
 
     rate: float = 0.0
@@ -31,6 +35,12 @@ class LinkOptions:
     compress: bool = False
     tf_frames: tuple[str, ...] = ()
     stamp_rate: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Raises OptionError for a rate that is less than `LEAST_RATE`."""
+        for name, rate in (("rate", self.rate), ("stamp_rate", self.stamp_rate)):
+            if 0 < rate < LEAST_RATE:
+                raise OptionError(f"{name} is {rate:g}; the least is {LEAST_RATE:g} Hz")
 
     @property
     def needs_messages(self) -> bool:

@@ -13,9 +13,13 @@ TF_TYPES = frozenset({"tf2_msgs/TFMessage", "tf/tfMessage"})
 LEVEL = 1
 """Of zlib: the quickest."""
 
+MOST_KINDS = 256
+"""So many kinds of messages a `StampPace` tells apart before it forgets them all."""
+
 _LENGTH, _TIME = struct.Struct("<I"), struct.Struct("<II")
 _STAMPS = {"rosgraph_msgs/Clock": 0, **dict.fromkeys(TF_TYPES, 8)}
 _HEADER_STAMP = 4
+_FRAMES = 16  # of the first transform: after the array's length, its seq and stamp
 _STAMP = 12  # seq and stamp, before a transform's frame_id
 _POSE = 56  # translation and rotation, after its child_frame_id
 
@@ -91,7 +95,10 @@ class Pace:
 
 
 class StampPace:
-    """Picks messages by the time that they carry: the first of each period.
+    """Picks messages by the time that they carry: of each kind the first of each period.
+
+    One publisher may send each of its frames in a tf message of its own, or some frames less often than others; so tf
+    messages are of one kind only if they are equally long and begin with the same frames. Others are all of one kind.
 
     Args:
         rate: periods a second [Hz].
@@ -101,16 +108,28 @@ class StampPace:
     def __init__(self, rate: float, type_: str) -> None:
         self._period = max(1, round(1e9 / rate))
         self._position = _STAMPS.get(type_, _HEADER_STAMP)
-        self._last = -1
+        self._has_frames = type_ in TF_TYPES
+        self._last: dict[bytes, int] = {}
 
-    def picks(self, message: memoryview) -> bool:
-        """Returns whether a message is to go; one too short for a stamp is."""
+    def kind(self, message: memoryview) -> bytes:
+        """Returns what tells messages apart that are picked each for itself."""
+        try:
+            end = _after_text(message, _after_text(message, _FRAMES)) if self._has_frames else 0
+        except struct.error:
+            return b""
+        return b"%d %b" % (len(message), message[_FRAMES:end]) if end else b""
+
+    def picks(self, message: memoryview, kind: bytes = b"") -> bool:
+        """Returns whether a message of this kind is to go; one without a stamp is."""
         if len(message) < self._position + _TIME.size:
             return True
         seconds, nanoseconds = _TIME.unpack_from(message, self._position)
-        period = (seconds * 10**9 + nanoseconds) // self._period
-        picked, self._last = period != self._last, period
-        return bool(picked)
+        stamp = seconds * 10**9 + nanoseconds
+        period, last = stamp // self._period, self._last.get(kind)
+        if last is None and len(self._last) >= MOST_KINDS:
+            self._last.clear()
+        self._last[kind] = period
+        return not stamp or period != last
 
 
 def _after_text(message: memoryview, position: int) -> int:

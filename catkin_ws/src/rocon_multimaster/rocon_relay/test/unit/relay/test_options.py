@@ -40,15 +40,16 @@ def test_the_strictest_of_both_ends_counts(sides):
     assert sink.link().reason == "at most 5 messages a second"
 
 
-def test_the_last_message_of_a_stream_that_pauses_crosses_whatever_its_stamp(sides):
-    """All of this stream's messages carry the stamp 0: only the first is in time."""
+def test_the_last_message_of_each_frame_crosses_when_a_stream_pauses_whatever_its_stamp(sides):
+    """All of this stream's messages carry one stamp: of each frame only the first is in time."""
     source, sink = sides
     wanted = {"type_": TF, "options": LinkOptions(stamp_rate=20.0)}
     connect(source, sink, ("/tf_burst",), at_source={"type_": TF}, **wanted)
     with Subscriber(sink, "/source/talker1", "/tf_burst") as subscriber:
-        frames = [TFMessage().deserialize(subscriber.bytes()).transforms[0].child_frame_id for _ in range(2)]
-    assert frames == ["first", "last"]
-    assert source.link().left_out == 1
+        came = [TFMessage().deserialize(subscriber.bytes()).transforms[0] for _ in range(4)]
+    found = [(one.child_frame_id, one.transform.translation.x) for one in came]
+    assert found == [("left", 0), ("right", 0), ("left", 2), ("right", 2)]
+    assert source.link().left_out == 2
 
 
 @pytest.mark.parametrize("topic", ["/chatter", "/big", "/mixed"])
