@@ -1,4 +1,4 @@
 #!/usr/bin/env python3
 from pioneer_node.nodes.patch import import_without_numpy
 
-raise SystemExit(import_without_numpy("rocon_flip.nodes.command").flip_hub_publisher())
+raise SystemExit(import_without_numpy("rocon_flip.nodes.command").run("flip_hub_publisher.py"))

@@ -6,7 +6,7 @@ import pytest
 import rospy
 from gateway_msgs import msg
 
-from rocon_flip.core.plan import Action, Wish
+from rocon_flip.core.rule_set import Action, Wish
 from rocon_flip.nodes.gateway_client import GatewayClient
 
 FIRST, SECOND = (Wish("publisher", f"/{name}", "", "Hub_Gateway") for name in ("one", "two"))

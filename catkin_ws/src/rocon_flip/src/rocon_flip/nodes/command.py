@@ -1,40 +1,120 @@
-"""What the scripts of this package do; each is a function that takes the command line and returns an exit status."""
+"""What the scripts of this package do, by name: `run` reads the command line and returns an exit status."""
 
 import argparse
 import os
 import socket
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import NamedTuple
 
 import rospy
 
-from rocon_flip.core import plan
-from rocon_flip.core.plan import Action, PlanError, Wish
+from rocon_flip.core import rule_set
+from rocon_flip.core.rule_set import Action, RuleSetError, Wish
 from rocon_flip.nodes.gateway_client import GatewayClient
 
-Wishes = Callable[[list[str]], list[Wish]]
-_SHARED: Mapping[str, tuple[Action, Callable[[], list[Wish]]]] = {
-    "--pull": (Action.PULL, plan.pulled_from_hub),
-    "--advertise": (Action.ADVERTISE, plan.advertised_by_hub),
-}
 
+class Script(NamedTuple):
+    """A script whose arguments are words.
 
-def _run(name: str, usage: str, action: Action, wishes: Wishes, least: int = 0, most: int = 0) -> int:
-    """Asks for the rules that follow from the command line; with `--cancel` takes them back.
-
-    Where ``usage`` has them, `--pull` first pulls what all robots share and `--advertise` advertises it.
+    Attributes:
+        action: what it asks the gateway for.
+        wishes: the rules that follow from its arguments.
+        usage: the arguments, and which options of `_SHARED` it has.
+        least: how many arguments it needs.
+        most: how many it takes.
     """
+
+    action: Action
+    wishes: Callable[[list[str]], list[Wish]]
+    usage: str = ""
+    least: int = 0
+    most: int = 0
+
+
+def _seen_at_hub(arguments: list[str]) -> list[Wish]:
+    """What RViz on the hub shows, for any node or one."""
+    nodes = [one for one in arguments if one.startswith("/")]
+    robots = [one for one in arguments if one not in nodes]
+    return rule_set.flipped_from_hub(rule_set.robot_names(robots, os.environ), *nodes[:1])
+
+
+def _used_at_hub(arguments: list[str]) -> list[Wish]:
+    """Goals and initial poses that are set in RViz on the hub."""
+    return rule_set.flipped_by_tools(rule_set.robot_names(arguments, os.environ))
+
+
+def _of_robot(arguments: list[str]) -> list[Wish]:
+    """A robot's sensors and commands."""
+    robot = rule_set.robot_name(arguments, os.environ, socket.gethostname())
+    return rule_set.flipped_from_robot(robot, *arguments[1:])
+
+
+def _publisher(arguments: list[str], gateway: str = "") -> list[Wish]:
+    return [Wish("publisher", rule_set.topic_in("", arguments[0]), gateway=gateway)]
+
+
+def _flipped_at_hub(arguments: list[str], kind: str) -> list[Wish]:
+    """A single flip to a robot's host (`aadi1`); of two arguments, as in the published repository, to any gateway."""
+    if len(arguments) == 2:
+        return [rule_set.flipped_topic(kind, *arguments)]
+    if len(arguments) == 3:
+        raise RuleSetError(f"3 arguments are ambiguous; usage: {_AT_HUB}")
+    namespace, topic, node, host = arguments
+    return [Wish(kind, rule_set.topic_in(namespace, topic), rule_set.node_named(node), f"{host}_gateway")]
+
+
+def _flipped_at_robot(arguments: list[str], kind: str) -> list[Wish]:
+    """A single flip to the hub."""
+    namespace, topic, node = arguments
+    return [Wish(kind, rule_set.topic_in(namespace, topic), rule_set.node_named(node), rule_set.HUB_GATEWAY)]
+
+
+_AT_HUB, _AT_ROBOT = "namespace topic node gate | topic gateway", "namespace topic node"
+_SCRIPTS: Mapping[str, Script] = {
+    "advertise-from-hub": Script(Action.ADVERTISE, lambda _: rule_set.advertised_by_hub()),
+    "pull-from-hub": Script(Action.PULL, lambda _: rule_set.pulled_from_hub()),
+    "flip-from-hub": Script(Action.FLIP, _seen_at_hub, "[--advertise] [ROBOTS | ROBOT_NAME …] [/NODE]", most=1001),
+    "flip-tools-from-hub": Script(Action.FLIP, _used_at_hub, "[ROBOTS | ROBOT_NAME …]", most=1000),
+    "flip-from-remote": Script(Action.FLIP, _of_robot, "[--pull] [ROBOT_NAME [LASER_TOPIC]]", most=2),
+    "flip-traffic": Script(Action.FLIP, lambda _: rule_set.flipped_for_traffic()),
+    "advertise_hub_publisher.py": Script(Action.ADVERTISE, _publisher, "topic", 1, 1),
+    "pull_hub_publisher.py": Script(Action.PULL, partial(_publisher, gateway=rule_set.HUB_GATEWAY), "topic", 1, 1),
+    "flip_hub_subscriber.py": Script(Action.FLIP, partial(_flipped_at_hub, kind="subscriber"), _AT_HUB, 2, 4),
+    "flip_hub_publisher.py": Script(Action.FLIP, partial(_flipped_at_hub, kind="publisher"), _AT_HUB, 2, 4),
+    "flip_remote_subscriber.py": Script(Action.FLIP, partial(_flipped_at_robot, kind="subscriber"), _AT_ROBOT, 3, 3),
+    "flip_remote_publisher.py": Script(Action.FLIP, partial(_flipped_at_robot, kind="publisher"), _AT_ROBOT, 3, 3),
+}
+_GENERIC: Mapping[str, tuple[Action, str]] = {
+    "generic_advertiser.py": (Action.ADVERTISE, "publisher"),
+    "generic_puller.py": (Action.PULL, "publisher"),
+    "generic_flip_publisher.py": (Action.FLIP, "publisher"),
+    "generic_flip_subscriber.py": (Action.FLIP, "subscriber"),
+}
+_SHARED: Mapping[str, tuple[Action, Callable[[], list[Wish]]]] = {
+    "--pull": (Action.PULL, rule_set.pulled_from_hub),
+    "--advertise": (Action.ADVERTISE, rule_set.advertised_by_hub),
+}
+"""What all robots share, asked for first."""
+
+
+def run(name: str) -> int:
+    """Asks for the rules that follow from the command line of the script ``name``; with `--cancel` takes them back."""
+    if name in _GENERIC:
+        return _generic(name, *_GENERIC[name])
+    script = _SCRIPTS[name]
     arguments = rospy.myargv(sys.argv)[1:]
     cancel = "--cancel" in arguments
-    options = [option for option in _SHARED if option in arguments and option in usage]
+    options = [option for option in _SHARED if option in arguments and option in script.usage]
     asked = [(_SHARED[option][0], _SHARED[option][1]()) for option in options]
     arguments = [argument for argument in arguments if argument not in ("--cancel", *options)]
-    if not least <= len(arguments) <= most or any(argument.startswith("-") for argument in arguments):
-        sys.stderr.write(f"Usage: {usage} [--cancel]\n")
+    if not script.least <= len(arguments) <= script.most or any(argument.startswith("-") for argument in arguments):
+        sys.stderr.write(" ".join(filter(None, ("Usage:", name, script.usage, "[--cancel]\n"))))
         return 0 if arguments in (["-h"], ["--help"]) else 2
     try:
-        return _ask(name, [*asked, (action, wishes(arguments))], cancel)
-    except PlanError as error:
+        return _ask(name, [*asked, (script.action, script.wishes(arguments))], cancel)
+    except RuleSetError as error:
         sys.stderr.write(f"{name}: {error}\n")
         return 2
 
@@ -50,113 +130,6 @@ def _ask(name: str, asked: Sequence[tuple[Action, Sequence[Wish]]], cancel: bool
         return 130
 
 
-def advertise_from_hub() -> int:
-    """`advertise-from-hub`: the topics that all robots share."""
-    name = "advertise-from-hub"
-    return _run(name, name, Action.ADVERTISE, lambda _: plan.advertised_by_hub())
-
-
-def pull_from_hub() -> int:
-    """`pull-from-hub`: the same, on a robot."""
-    name = "pull-from-hub"
-    return _run(name, name, Action.PULL, lambda _: plan.pulled_from_hub())
-
-
-def flip_from_hub() -> int:
-    """`flip-from-hub [ROBOTS | ROBOT_NAME …] [/NODE]`: what RViz on the hub shows, for any node or one."""
-    name = "flip-from-hub"
-
-    def wishes(arguments: list[str]) -> list[Wish]:
-        nodes = [one for one in arguments if one.startswith("/")]
-        robots = [one for one in arguments if one not in nodes]
-        return plan.flipped_from_hub(plan.robot_names(robots, os.environ), *nodes[:1])
-
-    return _run(name, f"{name} [--advertise] [ROBOTS | ROBOT_NAME …] [/NODE]", Action.FLIP, wishes, most=1001)
-
-
-def flip_tools_from_hub() -> int:
-    """`flip-tools-from-hub [ROBOTS | ROBOT_NAME …]`: goals and initial poses that are set in RViz on the hub."""
-    name = "flip-tools-from-hub"
-
-    def wishes(arguments: list[str]) -> list[Wish]:
-        return plan.flipped_by_tools(plan.robot_names(arguments, os.environ))
-
-    return _run(name, f"{name} [ROBOTS | ROBOT_NAME …]", Action.FLIP, wishes, most=1000)
-
-
-def flip_from_remote() -> int:
-    """`flip-from-remote [ROBOT_NAME [LASER_TOPIC]]`, also called `pioneer-nav-flip`: a robot's sensors and commands."""
-    name = "flip-from-remote"
-
-    def wishes(arguments: list[str]) -> list[Wish]:
-        robot = plan.robot_name(arguments, os.environ, socket.gethostname())
-        return plan.flipped_from_robot(robot, *arguments[1:])
-
-    return _run(name, f"{name} [--pull] [ROBOT_NAME [LASER_TOPIC]]", Action.FLIP, wishes, most=2)
-
-
-def flip_traffic() -> int:
-    """`flip-traffic`: a robot's reports on the right of way, to all other robots."""
-    name = "flip-traffic"
-    return _run(name, name, Action.FLIP, lambda _: plan.flipped_for_traffic())
-
-
-def advertise_hub_publisher() -> int:
-    """`advertise_hub_publisher.py TOPIC`."""
-    name = "advertise_hub_publisher.py"
-    usage = f"{name} topic"
-    return _run(name, usage, Action.ADVERTISE, lambda a: [Wish("publisher", plan.topic_in("", a[0]))], 1, 1)
-
-
-def pull_hub_publisher() -> int:
-    """`pull_hub_publisher.py TOPIC`."""
-    name = "pull_hub_publisher.py"
-
-    def wishes(arguments: list[str]) -> list[Wish]:
-        return [Wish("publisher", plan.topic_in("", arguments[0]), gateway=plan.HUB_GATEWAY)]
-
-    return _run(name, f"{name} topic", Action.PULL, wishes, 1, 1)
-
-
-def _flip_one(name: str, kind: str, from_hub: bool) -> int:
-    """A single flip: the hub's scripts name the robot's host (`aadi1`), a robot's always mean the hub.
-
-    With two arguments at the hub they are topic and gateway, as the published repository's scripts have it.
-    """
-
-    def wishes(arguments: list[str]) -> list[Wish]:
-        if len(arguments) == 2:
-            return [plan.flipped_topic(kind, *arguments)]
-        if from_hub and len(arguments) == 3:
-            raise PlanError(f"3 arguments are ambiguous; usage: {usage}")
-        namespace, topic, node = arguments[:3]
-        gateway = f"{arguments[3]}_gateway" if from_hub else plan.HUB_GATEWAY
-        return [Wish(kind, plan.topic_in(namespace, topic), plan.node_named(node), gateway)]
-
-    usage = f"{name} namespace topic node{f' gate | {name} topic gateway' if from_hub else ''}"
-    return _run(name, usage, Action.FLIP, wishes, *((2, 4) if from_hub else (3, 3)))
-
-
-def flip_hub_subscriber() -> int:
-    """`flip_hub_subscriber.py NAMESPACE TOPIC NODE GATE`."""
-    return _flip_one("flip_hub_subscriber.py", "subscriber", from_hub=True)
-
-
-def flip_hub_publisher() -> int:
-    """`flip_hub_publisher.py NAMESPACE TOPIC NODE GATE`."""
-    return _flip_one("flip_hub_publisher.py", "publisher", from_hub=True)
-
-
-def flip_remote_subscriber() -> int:
-    """`flip_remote_subscriber.py NAMESPACE TOPIC NODE`."""
-    return _flip_one("flip_remote_subscriber.py", "subscriber", from_hub=False)
-
-
-def flip_remote_publisher() -> int:
-    """`flip_remote_publisher.py NAMESPACE TOPIC NODE`."""
-    return _flip_one("flip_remote_publisher.py", "publisher", from_hub=False)
-
-
 def _generic(name: str, action: Action, kind: str) -> int:
     """One rule from options. Names are the same on both sides, so the two namespaces cannot differ for a topic."""
     parser = argparse.ArgumentParser(name, description=f"{action} one {kind}")
@@ -170,26 +143,6 @@ def _generic(name: str, action: Action, kind: str) -> int:
     namespaces = {one.strip("/") for one in (options.remote_namespace, options.local_namespace) if one.strip("/")}
     if len(namespaces) > 1:
         parser.error("a topic has one name on both sides: give one namespace")
-    topic = plan.topic_in(next(iter(namespaces), ""), options.topic)
+    topic = rule_set.topic_in(next(iter(namespaces), ""), options.topic)
     gateway = "" if action == Action.ADVERTISE else options.gateway
-    return _ask(name, [(action, [Wish(kind, topic, plan.node_named(options.node), gateway)])], options.cancel)
-
-
-def generic_advertiser() -> int:
-    """`generic_advertiser.py -t topic [-n node] [-l local_namespace]`."""
-    return _generic("generic_advertiser.py", Action.ADVERTISE, "publisher")
-
-
-def generic_puller() -> int:
-    """`generic_puller.py -g gateway -t topic [-n node] [-r remote_namespace]`."""
-    return _generic("generic_puller.py", Action.PULL, "publisher")
-
-
-def generic_flip_publisher() -> int:
-    """`generic_flip_publisher.py -g gateway -t topic [-n node] [-l local_namespace]`."""
-    return _generic("generic_flip_publisher.py", Action.FLIP, "publisher")
-
-
-def generic_flip_subscriber() -> int:
-    """`generic_flip_subscriber.py -g gateway -t topic [-n node] [-r remote_namespace]`."""
-    return _generic("generic_flip_subscriber.py", Action.FLIP, "subscriber")
+    return _ask(name, [(action, [Wish(kind, topic, rule_set.node_named(options.node), gateway)])], options.cancel)

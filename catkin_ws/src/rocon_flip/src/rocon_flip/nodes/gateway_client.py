@@ -6,7 +6,7 @@ import rosgraph
 import rospy
 from gateway_msgs import msg, srv
 
-from rocon_flip.core.plan import Action, Wish
+from rocon_flip.core.rule_set import Action, Wish
 
 _EXISTS = {
     Action.ADVERTISE: msg.ErrorCodes.ADVERTISEMENT_EXISTS,

@@ -4,6 +4,7 @@ import statistics
 import threading
 import time
 import uuid
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import rospy
@@ -11,20 +12,20 @@ from std_msgs.msg import Bool, String
 
 from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes import entry
-from rocon_flip.core import plan
-from rocon_flip.core.plan import Action, PlanError
+from rocon_flip.core import rule_set
+from rocon_flip.core.rule_set import Action, RuleSetError
 from rocon_flip.nodes.gateway_client import GatewayClient
 
 REPEAT = 0.2
 """A message that was not answered for so long [s] is sent again: the links may only be coming up."""
 
 
-class HandshakeError(PlanError):
+class HandshakeError(RuleSetError):
     """No answer came, or the gateway refused."""
 
 
 @dataclass(frozen=True)
-class SenderSetting:
+class SenderConfig:
     """Parameters of `test_sender`.
 
     Attributes:
@@ -33,14 +34,14 @@ class SenderSetting:
         timeout: within which each must [s].
     """
 
-    gateway: str = plan.HUB_GATEWAY
+    gateway: str = rule_set.HUB_GATEWAY
     count: int = 10
     timeout: float = 30.0
 
     def __post_init__(self) -> None:
-        """Raises PlanError for invalid parameter values."""
+        """Raises RuleSetError for invalid parameter values."""
         if not self.gateway or self.count < 1 or self.timeout <= 0:
-            raise PlanError("test_sender: ~gateway must be named, ~count at least 1, ~timeout greater than 0")
+            raise RuleSetError("test_sender: ~gateway must be named, ~count at least 1, ~timeout greater than 0")
 
 
 class ReceiverNode:
@@ -53,8 +54,8 @@ class ReceiverNode:
 
     def __init__(self) -> None:
         self._known: set[str] = set()
-        self._pong = rospy.Publisher(plan.PONG, String, queue_size=10)
-        self._ping = rospy.Subscriber(plan.PING, String, self._answer, queue_size=10)
+        self._pong = rospy.Publisher(rule_set.PONG, String, queue_size=10)
+        self._ping = rospy.Subscriber(rule_set.PING, String, self._answer, queue_size=10)
         rospy.loginfo("waiting for a test_sender")
 
     def _answer(self, ping: String) -> None:
@@ -70,37 +71,37 @@ class SenderNode:
 
     Publishes: `/handshake/ping` (String). Subscribes: `/handshake/pong` (String).
 
-    Parameters: the fields of `SenderSetting`, private. Services: calls the gateway's `flip`.
+    Parameters: the fields of `SenderConfig`, private. Services: calls the gateway's `flip`.
 
     Threads: the main thread sends, rospy's receives. On error: one line with what to look at, status 1.
     """
 
     def __init__(self) -> None:
-        self._setting = config_from_mapping(SenderSetting, entry.parameters(), rospy.get_name())
+        self._config = config_from_mapping(SenderConfig, entry.parameters(), rospy.get_name())
         self._id = uuid.uuid4().hex[:8]
         self._arrived = threading.Condition()
         self._last = -1
-        self._ping = rospy.Publisher(plan.PING, String, queue_size=10)
-        self._pong = rospy.Subscriber(plan.PONG, String, self._take, queue_size=10)
+        self._ping = rospy.Publisher(rule_set.PING, String, queue_size=10)
+        self._pong = rospy.Subscriber(rule_set.PONG, String, self._take, queue_size=10)
 
     def spin(self) -> None:
         """Does the handshake."""
         client = GatewayClient()
         client.wait()
-        wishes = plan.handshake(self._setting.gateway)
+        wishes = rule_set.handshake(self._config.gateway)
         if not client.ask(Action.FLIP, wishes):
             raise HandshakeError("test_sender: the gateway refused")
         try:
-            times = [self._round_trip(number) for number in range(self._setting.count)]
+            times = [self._round_trip(number) for number in range(self._config.count)]
         finally:
             if not rospy.is_shutdown():
                 client.ask(Action.FLIP, wishes, cancel=True)
         text = "handshake with %s: %d messages there and back, median %.1f ms"
-        rospy.loginfo(text, self._setting.gateway, len(times), 1000 * statistics.median(times))
+        rospy.loginfo(text, self._config.gateway, len(times), 1000 * statistics.median(times))
 
     def _round_trip(self, number: int) -> float:
         """Returns how long message `number` took there and back [s], counted from its last sending."""
-        deadline = time.monotonic() + self._setting.timeout
+        deadline = time.monotonic() + self._config.timeout
         while time.monotonic() < deadline:
             if rospy.is_shutdown():
                 raise rospy.ROSInterruptException("shutdown")
@@ -110,8 +111,8 @@ class SenderNode:
                 if self._arrived.wait_for(lambda: self._last >= number, REPEAT):
                     return time.monotonic() - sent
         raise HandshakeError(
-            f"test_sender: message {number} did not come back from '{self._setting.gateway}' within "
-            f"{self._setting.timeout:g} s. Does test_receiver run there? 'rosrun rocon_gateway rules' says more"
+            f"test_sender: message {number} did not come back from '{self._config.gateway}' within "
+            f"{self._config.timeout:g} s. Does test_receiver run there? 'rosrun rocon_gateway rules' says more"
         )
 
     def _take(self, pong: String) -> None:
@@ -160,21 +161,14 @@ class MessageReceiverNode:
         self._answer.publish(String("Hello from the receiver!"))
 
 
-def original_publisher() -> int:
-    """Entry point of `original_msg_publisher`."""
-    return entry.run("original_msg_publisher", OriginalPublisherNode, wall_time=True)
+_NODES: Mapping[str, Callable[[], object]] = {
+    "original_msg_publisher": OriginalPublisherNode,
+    "msg_receiver": MessageReceiverNode,
+    "test_sender": SenderNode,
+    "test_receiver": ReceiverNode,
+}
 
 
-def message_receiver() -> int:
-    """Entry point of `msg_receiver`."""
-    return entry.run("msg_receiver", MessageReceiverNode, wall_time=True)
-
-
-def sender() -> int:
-    """Entry point of `test_sender`."""
-    return entry.run("test_sender", SenderNode, (PlanError,), wall_time=True)
-
-
-def receiver() -> int:
-    """Entry point of `test_receiver`."""
-    return entry.run("test_receiver", ReceiverNode, wall_time=True)
+def run(name: str) -> int:
+    """Runs the node of the script ``name``; returns its exit status."""
+    return entry.run(name, _NODES[name], (RuleSetError,), wall_time=True)

@@ -2,8 +2,8 @@
 
 import pytest
 
-from rocon_flip.core.plan import (
-    PlanError,
+from rocon_flip.core.rule_set import (
+    RuleSetError,
     Wish,
     advertised_by_hub,
     flipped_by_tools,
@@ -73,7 +73,7 @@ def test_the_number_of_robots_is_an_argument_or_a_variable_or_fifteen() -> None:
     assert len(robot_names([], {"ROBOTS": "5"})) == 5
     assert len(robot_names([], {})) == 15
     for text in ("0", "-1", "3x"):
-        with pytest.raises(PlanError):
+        with pytest.raises(RuleSetError):
             robot_names([text], {})
 
 
@@ -88,7 +88,7 @@ def test_the_robots_name_is_an_argument_or_a_variable_or_the_hosts() -> None:
     assert robot_name([], {"ROBOT_NAME": "pioneer2"}, "aadi1") == "pioneer2"
     assert robot_name([], {}, "aadi12") == "pioneer12"
     assert robot_name([], {"HOSTNAME": "aadi4"}, "laptop") == "pioneer4"
-    with pytest.raises(PlanError, match="set ROBOT_NAME"):
+    with pytest.raises(RuleSetError, match="set ROBOT_NAME"):
         robot_name([], {}, "laptop")
 
 

@@ -27,7 +27,7 @@ PING, PONG = "/handshake/ping", "/handshake/pong"
 DEFAULT_ROBOTS = 15
 
 
-class PlanError(ValueError):
+class RuleSetError(ValueError):
     """A command line or environment from which no rules follow; the text says what to give."""
 
 
@@ -130,13 +130,13 @@ def robot_names(arguments: list[str], environment: Mapping[str, str]) -> list[st
     """Returns the robots' names: the arguments, or pioneer1 to pioneerN for a number N, ROBOTS, else 15.
 
     Raises:
-        PlanError: the number is none.
+        RuleSetError: the number is none.
     """
     text = arguments[0] if arguments else environment.get("ROBOTS") or str(DEFAULT_ROBOTS)
     if arguments and text[:1].isalpha():
         return arguments
     if not text.isdigit() or not 0 < int(text) <= 1000:
-        raise PlanError(f"'{text}' is not a number of robots; give one, or set ROBOTS")
+        raise RuleSetError(f"'{text}' is not a number of robots; give one, or set ROBOTS")
     return [f"pioneer{number}" for number in range(1, int(text) + 1)]
 
 
@@ -144,12 +144,12 @@ def robot_name(arguments: list[str], environment: Mapping[str, str], host: str) 
     """Returns the robot's name: the first argument, else ROBOT_NAME, else pioneerX on host aadiX.
 
     Raises:
-        PlanError: none of these says.
+        RuleSetError: none of these says.
     """
     name = arguments[0] if arguments else environment.get("ROBOT_NAME", "")
     if name:
         return name
     found = re.match(r"aadi(\d+)(\.|$)", environment.get("HOSTNAME") or host)
     if not found:
-        raise PlanError(f"set ROBOT_NAME (pioneer1, …): the host's name '{host}' is not aadiX")
+        raise RuleSetError(f"set ROBOT_NAME (pioneer1, …): the host's name '{host}' is not aadiX")
     return f"pioneer{found[1]}"
