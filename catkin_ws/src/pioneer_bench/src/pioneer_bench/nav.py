@@ -62,14 +62,14 @@ def run(options: argparse.Namespace) -> int:
 def _tour(condition: str, seed: int, options: argparse.Namespace) -> Tour | None:
     """Returns what one tour measured, None (and a line) where it could not be driven."""
     label = f"{CONDITIONS[condition].title}, seed {seed}"
-    setting = {
+    config = {
         "condition": condition,
         "seed": seed,
         "waypoints": options.waypoints,
         "world": options.world,
         "real_time_factor": options.real_time_factor,
     }
-    values = measured("tour", setting, lambda line: print(f"{label}: {line}", flush=True))
+    values = measured("tour", config, lambda line: print(f"{label}: {line}", flush=True))
     tour = Tour(**values) if values else None
     print(f"{label}: {tour.summary() if tour else 'failed'}", flush=True)
     return tour

@@ -3,7 +3,7 @@
 import argparse
 import dataclasses
 
-from pioneer_bench.core.setting import SETTINGS, LoadConfig, Rates
+from pioneer_bench.core.rates import SETTINGS, LoadConfig, Rates
 from pioneer_bench.core.simulator import Run, table
 from pioneer_bench.report import add_output, measured, write
 

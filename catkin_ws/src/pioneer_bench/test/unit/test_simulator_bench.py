@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 
 from pioneer_bench.core import hall
-from pioneer_bench.core.setting import SETTINGS
+from pioneer_bench.core.rates import SETTINGS
 from pioneer_bench.core.simulator import Run, table
 
 

@@ -63,8 +63,8 @@ class Site:
 
     def start(self) -> None:
         """Starts the gateway and waits until it is on the hub."""
-        setting = {"name": self.name, "disable_uuids": True, "firewall": False, "hub_uri": self._fleet.hub_uri}
-        self.master.set_param("/gateway", setting)
+        config = {"name": self.name, "disable_uuids": True, "firewall": False, "hub_uri": self._fleet.hub_uri}
+        self.master.set_param("/gateway", config)
         self.gateway = self.run("gateway", ["rosrun", "rocon_gateway", "gateway"])
         # The one that the gateway offers last.
         wait_until(self._has_services, f"{self.name}'s services", PATIENCE)
@@ -170,8 +170,8 @@ class Fleet:
 
     def start_hub(self, insecure: bool = False) -> None:
         """Starts the hub and waits until its port answers."""
-        setting = {"name": "Bench Hub", "port": self._port, "zeroconf": False, "insecure": insecure}
-        self._hub_master.set_param("/hub", setting)
+        config = {"name": "Bench Hub", "port": self._port, "zeroconf": False, "insecure": insecure}
+        self._hub_master.set_param("/hub", config)
         self.hub = self.run("hub", ["rosrun", "rocon_hub", "hub"], self._hub_master)
         wait_until(lambda: not is_free(self._port), "the hub's port", PATIENCE)
 

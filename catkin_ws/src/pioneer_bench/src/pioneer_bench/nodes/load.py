@@ -23,7 +23,7 @@ from std_msgs.msg import Bool
 
 from pioneer_bench.adapters.description import pioneer_urdf
 from pioneer_bench.core import hall
-from pioneer_bench.core.setting import LoadConfig
+from pioneer_bench.core.rates import LoadConfig
 from pioneer_bench.core.simulator import Run
 from pioneer_harness.masters import Master
 from pioneer_harness.proc import process_state
@@ -96,14 +96,14 @@ class Driver:
             self._command.publish(command)
 
 
-def robot_description(setting: LoadConfig) -> str:
+def robot_description(config: LoadConfig) -> str:
     """Returns the Pioneer's URDF with the setting's sensors."""
-    others = {"joint_rate": setting.other_rate, "ground_truth_rate": setting.other_rate} if setting.other_rate else {}
+    others = {"joint_rate": config.other_rate, "ground_truth_rate": config.other_rate} if config.other_rate else {}
     return pioneer_urdf(
-        laser_samples=setting.beams,
-        laser_rate=setting.scan_rate,
+        laser_samples=config.beams,
+        laser_rate=config.scan_rate,
         laser_max_range=8.0,
-        odom_rate=setting.odometry_rate,
+        odom_rate=config.odometry_rate,
         **others,
     )
 
@@ -119,8 +119,8 @@ def cpu_and_rss(pid: int) -> tuple[float, float]:
 class Bench:
     """One run on a master that is there already."""
 
-    def __init__(self, setting: LoadConfig, pid: int) -> None:
-        self._setting, self._pid = setting, pid
+    def __init__(self, config: LoadConfig, pid: int) -> None:
+        self._config, self._pid = config, pid
         self._tally = Tally()
         self._ready = threading.Event()
         rospy.Subscriber("/gazebo/ready", Bool, lambda message: self._ready.set(), queue_size=1)
@@ -134,7 +134,7 @@ class Bench:
         first_step, _ = cpu_and_rss(self._pid)
         names = self._spawn()
         for name in names:
-            for topic in ("odom", *(OTHER_TOPICS if self._setting.other_rate else ())):
+            for topic in ("odom", *(OTHER_TOPICS if self._config.other_rate else ())):
                 full = f"/{name}/{topic}"
                 rospy.Subscriber(full, rospy.AnyMsg, self._tally.counter(full), queue_size=5, tcp_nodelay=True)
             Driver(name, self._tally)
@@ -145,9 +145,9 @@ class Bench:
     def _spawn(self) -> list[str]:
         rospy.wait_for_service("/gazebo/spawn_urdf_model", PATIENCE)
         spawn = rospy.ServiceProxy("/gazebo/spawn_urdf_model", SpawnModel)
-        description = robot_description(self._setting)
+        description = robot_description(self._config)
         names = []
-        for number, (x, y) in enumerate(hall.starts()[: self._setting.robots], start=1):
+        for number, (x, y) in enumerate(hall.starts()[: self._config.robots], start=1):
             name = f"pioneer{number}"
             rospy.set_param(f"/{name}/tf_prefix", name)
             answer = spawn(name, description, name, Pose(Point(x, y, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0)), "")
@@ -157,11 +157,11 @@ class Bench:
         return names
 
     def _measured(self, first_step: float) -> Run:
-        setting, tally = self._setting, self._tally
+        config, tally = self._config, self._tally
         begin = tally.time + WARM_UP
         tally.wait_for(begin)
         wall, (cpu, _), counts, start = time.monotonic(), cpu_and_rss(self._pid), dict(tally.counts), tally.time
-        tally.wait_for(start + setting.seconds)
+        tally.wait_for(start + config.seconds)
         end_wall, (end_cpu, rss), end_counts, end_time = (
             time.monotonic(), cpu_and_rss(self._pid), dict(tally.counts), tally.time,
         )  # fmt: skip
@@ -169,11 +169,11 @@ class Bench:
         simulated = end_time - start
         scans = sum(count for topic, count in arrived.items() if topic.endswith("/base_scan"))
         # The window's ends fall between scans: one scan a robot may lie on either side.
-        due = setting.robots * int(simulated * setting.scan_rate - 1)
+        due = config.robots * int(simulated * config.scan_rate - 1)
         return Run(
-            robots=setting.robots,
-            beams=setting.beams,
-            scan_rate=setting.scan_rate,
+            robots=config.robots,
+            beams=config.beams,
+            scan_rate=config.scan_rate,
             simulated=simulated,
             wall=end_wall - wall,
             cpu=end_cpu - cpu,
@@ -187,19 +187,19 @@ class Bench:
 
 def main(argv: list[str]) -> int:
     """Runs the setting given as JSON and prints what it measured as JSON."""
-    setting = LoadConfig(**json.loads(argv[0]))
+    config = LoadConfig(**json.loads(argv[0]))
     with Master() as master, ProcessGroup() as group:
         os.environ.update(master.environment)
         world = master.home / "hall.world"
-        world.write_text(hall.world(setting.seed))
+        world.write_text(hall.world(config.seed))
         command = [
             sys.executable, "-c", "from pioneer_gazebo.nodes.gazebo import main; raise SystemExit(main())",
-            "__name:=gazebo", f"_world_name:={world}", f"_real_time_factor:={setting.real_time_factor}",
-            f"_seed:={setting.seed}", f"_clock_rate:={setting.clock_rate}",
+            "__name:=gazebo", f"_world_name:={world}", f"_real_time_factor:={config.real_time_factor}",
+            f"_seed:={config.seed}", f"_clock_rate:={config.clock_rate}",
         ]  # fmt: skip
         pid = group.start("simulator", command, master.environment, master.home / "simulator.log")
         rospy.init_node("pioneer_bench", disable_signals=True, disable_rostime=True)
-        run = Bench(setting, pid).run()
+        run = Bench(config, pid).run()
         print(json.dumps(run.as_dict()), flush=True)
         rospy.signal_shutdown("measured")
     return 0

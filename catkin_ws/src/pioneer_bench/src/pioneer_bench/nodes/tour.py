@@ -78,9 +78,9 @@ class TourNode:
     On error: start-up that takes too long raises; a robot that gets stuck is a fault of the tour.
     """
 
-    def __init__(self, setting: TourConfig, start: Pose, group: ProcessGroup) -> None:
-        self._setting, self._start, self._group = setting, start, group
-        self._condition: Condition = CONDITIONS[setting.condition]
+    def __init__(self, config: TourConfig, start: Pose, group: ProcessGroup) -> None:
+        self._config, self._start, self._group = config, start, group
+        self._condition: Condition = CONDITIONS[config.condition]
         self._robot = MappedTrack(ROBOT, start) if self._condition.mapping else RobotTrack(ROBOT)
         self._fleet, self._lock = Fleet([self._robot]), threading.Lock()
         self._account = Account(kind, short=COMMAND)
@@ -102,8 +102,8 @@ class TourNode:
         grid = read_map(map_file)
         floor = floor_from_cells(grid.cells, grid.resolution, grid.origin.x, grid.origin.y)
         assert self._robot.pose is not None
-        choice = WaypointConfig(count=self._setting.waypoints, shortest=SHORTEST, longest=LONGEST)
-        rng = np.random.default_rng(self._setting.seed)
+        choice = WaypointConfig(count=self._config.waypoints, shortest=SHORTEST, longest=LONGEST)
+        rng = np.random.default_rng(self._config.seed)
         legs = fleet_waypoints(floor, [self._robot.pose], choice, rng)[0]
         with self._lock:
             self._robot.assign(legs)
@@ -157,8 +157,8 @@ class TourNode:
         cpu = {name: (used - before.get(name, 0.0)) / seconds for name, used in self._cpu().items()}
         mean, p95, greatest = robot.error_statistics()
         return Tour(
-            condition=self._setting.condition,
-            seed=self._setting.seed,
+            condition=self._config.condition,
+            seed=self._config.seed,
             waypoints=len(robot.visits),
             reached=robot.reached,
             seconds=seconds,
@@ -202,12 +202,12 @@ def start_pose(world: str) -> Pose:
 
 def main(argv: list[str]) -> int:
     """Runs the setting given as JSON; prints a line a waypoint, and at the end what was measured as JSON."""
-    setting = TourConfig(**json.loads(argv[0]))
-    start, condition = start_pose(setting.world), CONDITIONS[setting.condition]
-    map_file = Path(rospkg.RosPack().get_path("pioneer_gazebo")) / "map" / f"{setting.world}.yaml"
+    config = TourConfig(**json.loads(argv[0]))
+    start, condition = start_pose(config.world), CONDITIONS[config.condition]
+    map_file = Path(rospkg.RosPack().get_path("pioneer_gazebo")) / "map" / f"{config.world}.yaml"
     arguments = {
-        "world_name": setting.world, "x": start.x, "y": start.y, "yaw": start.yaw, "seed": setting.seed,
-        "real_time_factor": setting.real_time_factor, "odometry_scale": condition.odometry_scale,
+        "world_name": config.world, "x": start.x, "y": start.y, "yaw": start.yaw, "seed": config.seed,
+        "real_time_factor": config.real_time_factor, "odometry_scale": condition.odometry_scale,
         "mapping": str(condition.mapping).lower(),
     }  # fmt: skip
     with Master() as master, ProcessGroup() as group:
@@ -217,7 +217,7 @@ def main(argv: list[str]) -> int:
         group.start("roslaunch", command, master.environment, log)
         rospy.init_node("pioneer_bench", disable_signals=True, disable_rostime=True)
         try:
-            tour = TourNode(setting, start, group).run(map_file)
+            tour = TourNode(config, start, group).run(map_file)
         except HarnessError as error:
             print(f"{error}\n{last_lines(log)}", flush=True)
             return 1

@@ -43,11 +43,11 @@ MOST_WRONG = 0.01
 
 def main() -> int:
     """Loads, runs and checks the world in the setting, JSON, on the command line."""
-    setting = json.loads(sys.argv[1])
+    config = json.loads(sys.argv[1])
     robot = robot_from_urdf(pioneer_urdf(laser_noise=0))
     with tempfile.TemporaryDirectory() as folder:
         os.environ["XDG_CACHE_HOME"] = folder  # meshes are reduced again in every run
-        print(json.dumps(_figures(setting["world"], setting["robots"], robot, Path(folder))))
+        print(json.dumps(_figures(config["world"], config["robots"], robot, Path(folder))))
     return 0
 
 
