@@ -7,8 +7,8 @@ import sys
 from collections.abc import Sequence
 
 from containers.engine import DESKTOP, ContainerError
+from containers.fleet_plan import ROBOTS, WORLD, limits
 from containers.image import ensure_images
-from containers.plan import ROBOTS, WORLD, limits
 from containers.state import project
 from containers.subcommand import Subcommands
 from containers.up import up

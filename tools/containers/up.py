@@ -11,8 +11,8 @@ from typing import Any
 
 from containers import image
 from containers.engine import DESKTOP, Computer, ContainerError, output
+from containers.fleet_plan import FleetPlan, is_idle, make_fleet_plan
 from containers.layout import write_compose
-from containers.plan import Plan, is_idle, make_plan
 from containers.report import follow
 from containers.state import BASE, SHIPPED, desktop_token, project, written_compose
 from containers.table import progress_line
@@ -37,7 +37,7 @@ def up(options: Namespace) -> int:
     """
     began = time.monotonic()
     # An engine that does not answer and impossible options are reported before anything is built or written.
-    plan = make_plan(options, project(options.project).computers(), processors())
+    plan = make_fleet_plan(options, project(options.project).computers(), processors())
     if plan.remark:
         _say(plan.remark)
     image.ensure_images(_say, options.desktop, fleet=not plan.base)
@@ -57,7 +57,7 @@ def up(options: Namespace) -> int:
     return _await(plan, computers, options.waypoints, built - began, built)
 
 
-def _start(plan: Plan, options: Namespace) -> list[Computer]:
+def _start(plan: FleetPlan, options: Namespace) -> list[Computer]:
     """Starts the containers that do not run yet; returns all."""
     variables = {
         "PIONEER_WORLD": plan.world,
@@ -117,7 +117,7 @@ def _join(base: Computer, robots: Sequence[str]) -> None:
     output("docker", "exec", base.container, "rosrun", "rocon_flip", "flip-from-hub", count)
 
 
-def _say_idle(plan: Plan, computers: Sequence[Computer]) -> None:
+def _say_idle(plan: FleetPlan, computers: Sequence[Computer]) -> None:
     idle = [one.name for one in computers if is_idle(one)]
     shells = ", ".join(f"./pioneer exec {name}" for name in idle[:2])
     _say(f"{len(idle)} computer{'s are' if len(idle) > 1 else ' is'} up and idle: {shells}, …")
@@ -125,7 +125,7 @@ def _say_idle(plan: Plan, computers: Sequence[Computer]) -> None:
         _say(f"step 3 on {BASE} now wants robots:={plan.robots}")
 
 
-def _await(plan: Plan, computers: Sequence[Computer], waypoints: int, image_seconds: float, started: float) -> int:
+def _await(plan: FleetPlan, computers: Sequence[Computer], waypoints: int, image_seconds: float, started: float) -> int:
     """Waits for the computers that were started to have driven, for the others to be ready: they are sent nowhere."""
     latest: dict[str, dict[str, Any]] = {}
     sent = plan.started if waypoints else []
@@ -154,7 +154,7 @@ def _await(plan: Plan, computers: Sequence[Computer], waypoints: int, image_seco
     return 0
 
 
-def _who(plan: Plan, computers: Sequence[Computer], waypoints: int) -> str:
+def _who(plan: FleetPlan, computers: Sequence[Computer], waypoints: int) -> str:
     """Returns the sentence's beginning: which robots do what."""
     robots = [one for one in computers if one.robot and not is_idle(one)]
     new = [one for one in robots if plan.starts(one.name)]

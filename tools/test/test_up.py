@@ -11,7 +11,7 @@ import pytest
 from containers import image, up
 from containers.__main__ import main
 from containers.engine import Computer, ContainerError
-from containers.plan import choose_factor, places_here
+from containers.fleet_plan import choose_factor, places_here
 from containers.state import BASE
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from pioneer_gazebo.adapters.sdf import GROUND_PLANE
 from pioneer_gazebo.adapters.sdf_text import sdf_from_world
 from pioneer_gazebo.core.error import DescriptionError
-from pioneer_gazebo.core.plan import plan_from_text, world_of_plan
+from pioneer_gazebo.core.floor_plan import plan_from_text, world_of_plan
 
 
 def world_text(plan: Path) -> str:

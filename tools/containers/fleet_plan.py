@@ -20,7 +20,7 @@ _STACK = SOURCE / "pioneer_gazebo_ros"
 
 
 @dataclass(frozen=True)
-class Plan:
+class FleetPlan:
     """The fleet as it is to be.
 
     Attributes:
@@ -79,7 +79,7 @@ def limits() -> str:
     return f"at most {most}" + (f" ({', '.join(less)})" if less else "")
 
 
-def make_plan(options: Namespace, computers: Sequence[Computer], processors: float) -> Plan:
+def make_fleet_plan(options: Namespace, computers: Sequence[Computer], processors: float) -> FleetPlan:
     """Returns the plan for the options of ``up`` and the computers that are there.
 
     Raises:
@@ -97,7 +97,7 @@ def make_plan(options: Namespace, computers: Sequence[Computer], processors: flo
     if base:
         _check_steps(options, base, robots > most)
     factor, remark = choose_factor(options.rtf, robots, processors, base)
-    return Plan(robots, world, factor, remark, options.idle or (base is not None and is_idle(base)), before, base)
+    return FleetPlan(robots, world, factor, remark, options.idle or (base is not None and is_idle(base)), before, base)
 
 
 def _check_world(options: Namespace, robots: int, world: str, base: Computer | None) -> None:

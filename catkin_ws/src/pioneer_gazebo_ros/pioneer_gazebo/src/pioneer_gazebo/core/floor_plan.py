@@ -42,7 +42,7 @@ class Measures:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class FloorPlan:
     """A drawing and its measures: ``rows`` from north to south."""
 
     measures: Measures
@@ -70,7 +70,7 @@ class Plan:
         return self._character(row * DOWN + 1, col * ACROSS + ACROSS // 2)
 
 
-def plan_from_text(text: str, source: str = "plan") -> Plan:
+def plan_from_text(text: str, source: str = "plan") -> FloorPlan:
     """Returns the plan written in ``text``.
 
     Raises:
@@ -97,10 +97,10 @@ def plan_from_text(text: str, source: str = "plan") -> Plan:
         rows = rows[:-1]
     if len(rows) < DOWN + 1:
         raise DescriptionError(f"{source}: the drawing has no cell")
-    return Plan(Measures(**values), rows)
+    return FloorPlan(Measures(**values), rows)
 
 
-def world_of_plan(plan: Plan, name: str, ground: Model) -> World:
+def world_of_plan(plan: FloorPlan, name: str, ground: Model) -> World:
     """Returns the plan's world: ``ground`` and one static model ``walls`` of boxes and pillars on it.
 
     Walls in one line are one box, which reaches over the corners at its ends.
@@ -119,7 +119,7 @@ def world_of_plan(plan: Plan, name: str, ground: Model) -> World:
 Solid = tuple[Pose, Shape]
 
 
-def _box(plan: Plan, west: float, south: float, east: float, north: float) -> Solid:
+def _box(plan: FloorPlan, west: float, south: float, east: float, north: float) -> Solid:
     """Returns a box over a rectangle given in cells from the drawing's lower left corner, grown by half a wall."""
     m = plan.measures
     size = ((east - west) * m.cell + m.thickness, (north - south) * m.cell + m.thickness, m.height)
@@ -133,7 +133,7 @@ def _runs(flags: list[bool]) -> list[tuple[int, int]]:
     return list(zip(edges[::2], edges[1::2], strict=True))
 
 
-def _horizontal_walls(plan: Plan) -> list[Solid]:
+def _horizontal_walls(plan: FloorPlan) -> list[Solid]:
     rows, cols = plan.cells
     return [
         _box(plan, start, rows - row, end, rows - row)
@@ -142,7 +142,7 @@ def _horizontal_walls(plan: Plan) -> list[Solid]:
     ]
 
 
-def _vertical_walls(plan: Plan) -> list[Solid]:
+def _vertical_walls(plan: FloorPlan) -> list[Solid]:
     rows, cols = plan.cells
     return [
         _box(plan, col, rows - end, col, rows - start)
@@ -151,7 +151,7 @@ def _vertical_walls(plan: Plan) -> list[Solid]:
     ]
 
 
-def _blocks(plan: Plan) -> list[Solid]:
+def _blocks(plan: FloorPlan) -> list[Solid]:
     """Solid cells, each row's neighbours as one box that ends on the cells' borders."""
     rows, cols = plan.cells
     m = plan.measures
@@ -163,7 +163,7 @@ def _blocks(plan: Plan) -> list[Solid]:
     return blocks
 
 
-def _pillars(plan: Plan) -> list[Solid]:
+def _pillars(plan: FloorPlan) -> list[Solid]:
     rows, cols = plan.cells
     m = plan.measures
     return [

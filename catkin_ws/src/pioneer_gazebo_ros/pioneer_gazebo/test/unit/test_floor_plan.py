@@ -2,7 +2,7 @@ import pytest
 
 from pioneer_gazebo.adapters.sdf import GROUND_PLANE
 from pioneer_gazebo.core.error import DescriptionError
-from pioneer_gazebo.core.plan import plan_from_text, world_of_plan
+from pioneer_gazebo.core.floor_plan import plan_from_text, world_of_plan
 from pioneer_gazebo.core.world import Box, Cylinder
 
 DRAWING = """
