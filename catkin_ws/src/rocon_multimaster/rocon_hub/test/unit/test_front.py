@@ -2,15 +2,34 @@
 
 import contextlib
 import socket
+import ssl
+import threading
+from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
 
 from pioneer_harness.port import PortReservation
+from rocon_hub.adapters import front
 from rocon_hub.adapters.front import Front
 from rocon_hub_protocol.core.admission import GatewaySide
 from tcpros.adapters.descriptor import raise_limit
 
 CROWD = 600
 PATIENCE = 60.0
+
+
+@contextlib.contextmanager
+def listening(redis: str = "", context: ssl.SSLContext | None = None) -> Iterator[tuple[int, Front]]:
+    """Yields a port and what listens there."""
+    with contextlib.ExitStack() as stack:
+        ports = PortReservation()
+        stack.callback(ports.release)
+        port = ports.take(17380)
+        made = Front(port, redis, lambda: "open sesame", context)
+        stack.callback(made.close)
+        yield port, made
 
 
 def line(connection: socket.socket) -> bytes:
@@ -24,15 +43,11 @@ def line(connection: socket.socket) -> bytes:
 def test_gateways_that_come_all_at_once_are_admitted_at_their_first_attempt(tmp_path: Path) -> None:
     """Of more than 256 the hub once closed the oldest, which came back and pushed others out."""
     raise_limit()
-    ports = PortReservation()
-    port = ports.take(17380)
     with contextlib.ExitStack() as stack:
-        stack.callback(ports.release)
+        port, _ = stack.enter_context(listening(str(tmp_path / "redis")))
         redis = stack.enter_context(socket.socket(socket.AF_UNIX))
         redis.bind(str(tmp_path / "redis"))
         redis.listen(CROWD)
-        front = Front(port, str(tmp_path / "redis"), lambda: "open sesame", None)
-        stack.callback(front.close)
         crowd = [
             (socket.create_connection(("127.0.0.1", port), PATIENCE), GatewaySide("open sesame")) for _ in range(CROWD)
         ]
@@ -42,3 +57,28 @@ def test_gateways_that_come_all_at_once_are_admitted_at_their_first_attempt(tmp_
         for connection, side in crowd:
             connection.sendall(side.prove(line(connection)))
         assert all(side.accepts(line(connection)) for connection, side in crowd)
+
+
+def test_clients_that_leave_while_they_wait_do_not_pile_up() -> None:
+    """One that connects, begins and leaves cost a turn each: with many, the queue grew without end."""
+    left, known = list[int](), threading.Event()
+    with listening() as (port, made), socket.create_connection(("127.0.0.1", port), PATIENCE) as first:
+        first.sendall(GatewaySide("open sesame").first)
+        assert line(first)
+
+        def crowd() -> None:
+            for _ in range(100):
+                made.wait(SimpleNamespace(has_left=True, begin=lambda: None))  # type: ignore[arg-type]
+            made._loop.call_soon(lambda: (left.append(len(made._waiting)), known.set()))
+
+        made._loop.call_soon_threadsafe(crowd)
+        assert known.wait(PATIENCE)
+    assert left == [0]
+
+
+@pytest.mark.parametrize("context", [None, ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)], ids=["plain", "tls"])
+def test_who_says_nothing_is_closed(monkeypatch: pytest.MonkeyPatch, context: ssl.SSLContext | None) -> None:
+    """With TLS it could stay for a minute, counted nowhere."""
+    monkeypatch.setattr(front, "HANDSHAKE_TIME", 0.2)
+    with listening(context=context) as (port, _), socket.create_connection(("127.0.0.1", port), 10.0) as silent:
+        assert silent.recv(1) == b""

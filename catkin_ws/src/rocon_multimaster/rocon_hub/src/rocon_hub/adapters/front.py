@@ -61,8 +61,16 @@ class Front:
 
     def _run(self) -> None:
         loop = self._loop
+        patience = HANDSHAKE_TIME if self._context else None
         for one in self._sockets:
-            serving = loop.create_server(lambda: Client(self, loop), sock=one, ssl=self._context, backlog=BACKLOG)
+            serving = loop.create_server(
+                lambda: Client(self, loop),
+                sock=one,
+                ssl=self._context,
+                backlog=BACKLOG,
+                ssl_handshake_timeout=patience,
+                ssl_shutdown_timeout=patience,
+            )
             loop.run_until_complete(serving)
         loop.run_forever()
         for task in asyncio.all_tasks(loop):
@@ -85,9 +93,13 @@ class Front:
             self._loop.call_soon(self._next)
 
     def _next(self) -> None:
-        self._waiting.popleft().begin()
+        while self._waiting and self._waiting[0].has_left:
+            self._waiting.popleft()
         if self._waiting:
-            self._loop.call_soon(self._next)
+            client = self._waiting.popleft()
+            if self._waiting:
+                self._loop.call_soon(self._next)
+            client.begin()
 
     def settled(self, client: "Client") -> None:
         """Somebody has proved the password, or is gone."""
@@ -147,12 +159,12 @@ class Client(End):
         self._line = self._first = b""
         self._side: HubSide | None = None
         self._host = ""
-        self._expect()
         self._joining: asyncio.Task[None] | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Takes the new connection."""
         super().connection_made(transport)
+        self._expect()
         self._host = transport.get_extra_info("peername")[0]
         connection = transport.get_extra_info("socket")
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
@@ -183,11 +195,14 @@ class Client(End):
         if self.transport:
             self.transport.close()
 
+    @property
+    def has_left(self) -> bool:
+        """Whether the connection is closed, or about to be."""
+        return self.transport is None or self.transport.is_closing()
+
     def begin(self) -> None:
-        """Answers the first line, unless the client has left while it waited."""
+        """Answers the first line."""
         assert self.transport is not None
-        if self.transport.is_closing():
-            return
         try:
             self._side = HubSide(self._front.password(), self._first)
         except ProofError:
