@@ -49,6 +49,7 @@ class FleetRun:
         self.lock = threading.Lock()
         self.display = Display()
         self.observer: ObserverNode | None = None
+        self._flips: FlipRequest | None = None
         self._config, self._interrupt = config, interrupt
         self._entry, self._started = Entry(), time.time()
         self._step, self._sampled = 0, 0.0
@@ -72,8 +73,8 @@ class FleetRun:
         """
         uri = master_uri(self.processes.ports.hub_gateway_master)
         self._starting(lambda: is_running(uri, _LOOK), "Hub_Gateway's ROS master", "hub gateway's master up")
-        self._join_ros(uri, topics, recording)
-        simulator, robots, flips = self.fleet.simulator, self.fleet.robots, self._flips
+        flips = self._join_ros(uri, topics, recording)
+        simulator, robots = self.fleet.simulator, self.fleet.robots
         self._starting(lambda: simulator.ready, "the simulator", "simulator ready")
         self._starting(lambda: all(robot.pose for robot in robots), "the robots' spawning", "robots spawned")
         meanwhile()
@@ -130,8 +131,9 @@ class FleetRun:
 
     def stop(self, in_order: bool) -> tuple[str, ...]:
         """Ends everything, in a hurry unless ``in_order``; returns the command lines of what had to be killed."""
-        if self.observer is not None:
+        if self._flips is not None:
             self._flips.cancel()
+        if self.observer is not None:
             rospy.signal_shutdown("the fleet ends")
         self.display.clear()
         try:
@@ -151,12 +153,13 @@ class FleetRun:
         if self._step == _STEPS:
             self._step = 0
 
-    def _join_ros(self, uri: str, topics: Sequence[str], recording: Recording | None) -> None:
+    def _join_ros(self, uri: str, topics: Sequence[str], recording: Recording | None) -> FlipRequest:
         os.environ.update(ROS_MASTER_URI=uri, ROS_IP="127.0.0.1", ROS_LOG_DIR=str(self._config.log.resolve() / "ros"))
         rospy.init_node(NAME, disable_signals=True)
         self.observer = ObserverNode(self.fleet, self.lock, recording)
         self._flips = FlipRequest(NAME, self._config.names, topics)
         self._flips.start()
+        return self._flips
 
     def _publish(self) -> None:
         self.processes.sample()
