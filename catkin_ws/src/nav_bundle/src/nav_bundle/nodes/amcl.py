@@ -101,40 +101,39 @@ class AmclNode:
         self._lost = False
         self._start_at_initial_pose()
         self._listener = TransformListener(future_limit=config.transform_future_limit)
-        self._name_frames()
+        self._map_frame, self._odom_frame, self._base_frame = self._listen()
         self._remembered = self._read_correction()
         self._broadcaster = TransformBroadcaster()
-        self._advertise()
-        self._subscribe()
-        self._reconfiguration = ReconfigureServer("~", config, self._on_reconfigure, (ParameterError,))
-        entry.on_shutdown(self._wake)
-
-    def _name_frames(self) -> None:
-        config = self._config
-        self._map_frame = stripped(config.global_frame_id)
-        self._odom_frame, self._base_frame = robot_frame(config.odom_frame_id), robot_frame(config.base_frame_id)
-        self._listener.listen(self._odom_frame, self._base_frame)
-
-    def _advertise(self) -> None:
         self._pose_publisher = rospy.Publisher("amcl_pose", PoseWithCovarianceStamped, queue_size=2, latch=True)
         self._cloud_publisher = rospy.Publisher("particlecloud", PoseArray, queue_size=2, latch=True)
         self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=2)
+        self._serve()
+        self._maps = self._ask_for_map()
+        rospy.Subscriber("initialpose", PoseWithCovarianceStamped, self._on_initial_pose, queue_size=2)
+        self._scans = rospy.Subscriber("scan", ScanMessage, self._on_scan, queue_size=1, tcp_nodelay=True)
+        self._reconfiguration = ReconfigureServer("~", config, self._on_reconfigure, (ParameterError,))
+        entry.on_shutdown(self._wake)
+
+    def _listen(self) -> tuple[str, str, str]:
+        """Listens to odometry's transforms; returns the names of the frames of map, odometry and base."""
+        config = self._config
+        odom, base = robot_frame(config.odom_frame_id), robot_frame(config.base_frame_id)
+        self._listener.listen(odom, base)
+        return stripped(config.global_frame_id), odom, base
+
+    def _serve(self) -> None:
         rospy.Service("global_localization", Empty, lambda _: self._do(self._scatter, EmptyResponse()))
         rospy.Service(
             "request_nomotion_update", Empty, lambda _: self._do(self._localisation.force_update, EmptyResponse())
         )
         rospy.Service("set_map", SetMapArray, self._on_set_map)
 
-    def _ask_for_map(self) -> None:
+    def _ask_for_map(self) -> rospy.Subscriber | None:
+        """Returns the map's subscriber; without one asks the map server, in a thread."""
         if self._config.use_map_topic:
-            self._maps = rospy.Subscriber("map", GridMessage, self._on_map, queue_size=1)
-        else:
-            threading.Thread(target=self._fetch_map, name="static_map", daemon=True).start()
-
-    def _subscribe(self) -> None:
-        self._ask_for_map()
-        rospy.Subscriber("initialpose", PoseWithCovarianceStamped, self._on_initial_pose, queue_size=2)
-        self._scans = rospy.Subscriber("scan", ScanMessage, self._on_scan, queue_size=1, tcp_nodelay=True)
+            return rospy.Subscriber("map", GridMessage, self._on_map, queue_size=1)
+        threading.Thread(target=self._fetch_map, name="static_map", daemon=True).start()
+        return None
 
     # Callbacks: store and wake.
 
@@ -278,14 +277,14 @@ class AmclNode:
         if config.save_pose_rate != before.save_pose_rate:
             self._store = PoseStore(config.save_pose_rate)
         if config.use_map_topic != before.use_map_topic:
-            if before.use_map_topic:
+            if self._maps is not None:
                 self._maps.unregister()
-            self._ask_for_map()
+            self._maps = self._ask_for_map()
         frames = ("global_frame_id", "odom_frame_id", "base_frame_id")
         if any(getattr(config, name) != getattr(before, name) for name in frames):
             self._lasers.clear()
             self._map_from_odom = None
-            self._name_frames()
+            self._map_frame, self._odom_frame, self._base_frame = self._listen()
 
     def _start_at_initial_pose(self) -> None:
         config = self._config

@@ -74,9 +74,16 @@ class CostmapNode:
         self._scans: dict[tuple[str, str], Newest[Seen]] = {}
         self._buffers: dict[SourceConfig, ObservationBuffer] = {}
         self._others: tuple[FleetConfig, ...] = ()
+        self._sensor_frames: dict[SourceConfig, str] = {}
+        self._sources: list[tuple[SourceConfig, Newest[Seen], ObservationBuffer]] = []
         self._listen_to(config)
         self._subscribe_map()
-        self._advertise()
+        self._listener_flag = _NewListener()
+        self._grid_publisher = rospy.Publisher(
+            f"~{name}/costmap", OccupancyGrid, subscriber_listener=self._listener_flag, queue_size=1
+        )
+        self._update_publisher = rospy.Publisher(f"~{name}/costmap_updates", OccupancyGridUpdate, queue_size=10)
+        self._footprint_publisher = rospy.Publisher(f"~{name}/footprint", PolygonStamped, queue_size=1)
         self._updated, self._published = -np.inf, -np.inf
         self._changed = EMPTY
         self._values = occupancy_by_cost()
@@ -116,24 +123,15 @@ class CostmapNode:
         for layer in self._config.layers:
             if isinstance(layer, StaticConfig):
                 self._map_topic = stripped(layer.map_topic) if layer.map_topic != "/map" else layer.map_topic
-                self._map_subscriber = rospy.Subscriber(self._map_topic, GridMessage, self._on_map, queue_size=1)
+                rospy.Subscriber(self._map_topic, GridMessage, self._on_map, queue_size=1)
 
     def _on_map(self, message: GridMessage) -> None:
         try:
             self._new_map = grid_from_message(message)
         except NavigationError as error:
-            rospy.logerr("%s: %s", self._map_subscriber.resolved_name, error)
+            rospy.logerr("%s: %s", rospy.resolve_name(self._map_topic), error)
             return
         self._map_frame = costmap_frame(message.header.frame_id or _WORLD_FRAME)
-
-    def _advertise(self) -> None:
-        listener = _NewListener()
-        self._listener_flag = listener
-        self._grid_publisher = rospy.Publisher(
-            f"~{self.name}/costmap", OccupancyGrid, subscriber_listener=listener, queue_size=1
-        )
-        self._update_publisher = rospy.Publisher(f"~{self.name}/costmap_updates", OccupancyGridUpdate, queue_size=10)
-        self._footprint_publisher = rospy.Publisher(f"~{self.name}/footprint", PolygonStamped, queue_size=1)
 
     def missing(self, now: float) -> list[str]:
         """Returns what the costmap still waits for, in words."""

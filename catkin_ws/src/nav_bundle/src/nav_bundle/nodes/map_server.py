@@ -51,7 +51,8 @@ class MapServerNode:
         self._frame = stripped(str(rospy.get_param("~frame_id", "map")))
         self._map_publisher = rospy.Publisher("map", GridMessage, queue_size=1, latch=True)
         self._metadata_publisher = rospy.Publisher("map_metadata", MapMetaData, queue_size=1, latch=True)
-        self._serve(self._load(Path(arguments[0])))
+        self._map = self._load(Path(arguments[0]))
+        self._publish()
         rospy.Service("static_map", GetMapArray, lambda _: GetMapArrayResponse(self._map))
         rospy.Service("change_map", LoadMapArray, self._change)
 
@@ -60,16 +61,16 @@ class MapServerNode:
         rospy.loginfo("map %s: %d x %d cells of %g m", path, grid.cols, grid.rows, grid.resolution)
         return message_from_grid(grid, self._frame, rospy.Time.now())
 
-    def _serve(self, message: GridMessage) -> None:
-        self._map = message
-        self._metadata_publisher.publish(message.info)
-        self._map_publisher.publish(message)
+    def _publish(self) -> None:
+        self._metadata_publisher.publish(self._map.info)
+        self._map_publisher.publish(self._map)
 
     def _change(self, request: LoadMapRequest) -> LoadMapArrayResponse:
         # A URL of a local file, or a plain path.
         path = Path(request.map_url.removeprefix("file://"))
         try:
-            self._serve(self._load(path))
+            self._map = self._load(path)
+            self._publish()
         except MapError as error:
             rospy.logerr("%s", error)
             result = _RESULTS.get(type(error), LoadMapResponse.RESULT_UNDEFINED_FAILURE)

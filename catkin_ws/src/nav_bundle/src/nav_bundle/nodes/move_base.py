@@ -1,12 +1,13 @@
 """The move_base node: costmaps, planners and recovery behind one action."""
 
 import threading
+from typing import NamedTuple
 
 import numpy as np
 import rospy
 from geometry_msgs.msg import Twist
 from move_base_msgs.msg import RecoveryStatus
-from nav_msgs.msg import OccupancyGrid
+from nav_msgs.msg import OccupancyGrid, Odometry
 from nav_msgs.msg import Path as PathType
 from nav_msgs.srv import GetPlanRequest
 from sensor_msgs.msg import PointCloud2
@@ -35,13 +36,35 @@ from nav_bundle.nodes.cost_cloud import cost_cloud
 from nav_bundle.nodes.costmap import CostmapNode
 from nav_bundle.nodes.move_base_action import GoalServer
 from nav_bundle.nodes.move_base_reconfigure import Reconfiguration
-from nav_bundle.nodes.sensor import newest_odometry
+from nav_bundle.nodes.sensor import Newest, newest_odometry
 from nav_bundle.nodes.transform import TransformListener
 from pioneer_node.nodes import entry
 
 _COMPLAIN_EVERY = 5.0
 _BUSY = "move_base must be in an inactive state to make a plan for an external user"
 _NO_START = "move_base cannot make a plan for you because it could not get the start pose of the robot"
+
+
+class _Shown(NamedTuple):
+    """Publishers of what is planned."""
+
+    plan: rospy.Publisher
+    followed: rospy.Publisher
+    driven: rospy.Publisher
+    costs: rospy.Publisher
+    potential: rospy.Publisher | None
+
+    @classmethod
+    def of(cls, setup: Setup) -> "_Shown":
+        """Returns the publishers under the planners' names."""
+        far, near = f"~{setup.global_planner_name}", f"~{setup.local_planner_name}"
+        return cls(
+            rospy.Publisher(f"{far}/plan", PathType, queue_size=1),
+            rospy.Publisher(f"{near}/global_plan", PathType, queue_size=1),
+            rospy.Publisher(f"{near}/local_plan", PathType, queue_size=1),
+            rospy.Publisher(f"{near}/cost_cloud", PointCloud2, queue_size=1),
+            rospy.Publisher(f"{far}/potential", OccupancyGrid, queue_size=1) if setup.potential_scale else None,
+        )
 
 
 class MoveBaseNode:
@@ -80,19 +103,13 @@ class MoveBaseNode:
         self._turn = threading.RLock()
         self._rate = rospy.Rate(self._setup.base.controller_frequency, reset=True)
         self._velocity = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
-        self._advertise_plans()
+        self._shown = _Shown.of(self._setup)
         self._recovery_status = rospy.Publisher("~recovery_status", RecoveryStatus, queue_size=1)
-
-    def _advertise_plans(self) -> None:
-        name = self._setup.local_planner_name
-        self._plan = rospy.Publisher(f"~{self._setup.global_planner_name}/plan", PathType, queue_size=1)
-        potential = f"~{self._setup.global_planner_name}/potential"
-        self._potential = (
-            rospy.Publisher(potential, OccupancyGrid, queue_size=1) if self._setup.potential_scale else None
-        )
-        self._followed = rospy.Publisher(f"~{name}/global_plan", PathType, queue_size=1)
-        self._driven = rospy.Publisher(f"~{name}/local_plan", PathType, queue_size=1)
-        self._costs = rospy.Publisher(f"~{name}/cost_cloud", PointCloud2, queue_size=1)
+        # From ``spin`` on: they are offered once navigation has what it needs.
+        self._goals: GoalServer
+        self._odometry: Newest[Odometry]
+        self._planner_service: rospy.Service
+        self._reconfiguration: Reconfiguration
 
     def _serve_planner(self) -> rospy.Service:
         return rospy.Service(f"~{self._setup.global_planner_name}/make_plan", GetPlanArray, self._make_plan)
@@ -108,9 +125,9 @@ class MoveBaseNode:
                 self._rate = rospy.Rate(setup.base.controller_frequency, reset=True)
             names = ("local_planner_name", "global_planner_name", "potential_scale")
             if any(getattr(setup, name) != getattr(before, name) for name in names):
-                for publisher in filter(None, (self._plan, self._potential, self._followed, self._driven, self._costs)):
+                for publisher in filter(None, self._shown):
                     publisher.unregister()
-                self._advertise_plans()
+                self._shown = _Shown.of(setup)
             if setup.global_planner_name != before.global_planner_name:
                 self._planner_service.shutdown("another planner")
                 self._planner_service = self._serve_planner()
@@ -122,10 +139,8 @@ class MoveBaseNode:
         limit = self._setup.base.transform_future_limit
         self._goals = GoalServer("move_base", self._global.frame, self._listener, limit, self._goal_fault)
         self._odometry = newest_odometry("odom")
-        self._services = [
-            rospy.Service("~make_plan", GetPlanArray, self._make_plan_if_idle),
-            rospy.Service("~clear_costmaps", Empty, self._clear_costmaps),
-        ]
+        rospy.Service("~make_plan", GetPlanArray, self._make_plan_if_idle)
+        rospy.Service("~clear_costmaps", Empty, self._clear_costmaps)
         self._planner_service = self._serve_planner()
         self._reconfiguration = Reconfiguration(self._parameters, self._setup, self._adopt)
         last, heard = 0.0, False
@@ -222,13 +237,13 @@ class MoveBaseNode:
         if cycle.found is not None:
             self._show_potential(cycle.found)
         if cycle.plan is not None:
-            self._show(self._plan, cycle.plan, self._global.frame, now)
+            self._show(self._shown.plan, cycle.plan, self._global.frame, now)
         if cycle.decision is not None:
-            self._show(self._followed, cycle.decision.global_plan, self._local.frame, now)
-            self._show(self._driven, cycle.decision.local_plan, self._local.frame, now)
-            if self._setup.local_planner.publish_cost_grid_pc and self._costs.get_num_connections():
+            self._show(self._shown.followed, cycle.decision.global_plan, self._local.frame, now)
+            self._show(self._shown.driven, cycle.decision.local_plan, self._local.frame, now)
+            if self._setup.local_planner.publish_cost_grid_pc and self._shown.costs.get_num_connections():
                 header = Header(0, rospy.Time.from_sec(now), self._local.frame)
-                self._costs.publish(cost_cloud(self._navigator.cell_costs(), header))
+                self._shown.costs.publish(cost_cloud(self._navigator.cell_costs(), header))
         for text in cycle.warnings:
             self._warn(text, now)
         if cycle.recovery is not None:
@@ -244,7 +259,7 @@ class MoveBaseNode:
             rospy.logwarn("%s", text)
 
     def _show_potential(self, search: Search) -> None:
-        publisher, costmap = self._potential, self._global.costmap
+        publisher, costmap = self._shown.potential, self._global.costmap
         if publisher is None or not publisher.get_num_connections() or not isinstance(search, NavfnSearch):
             return
         if search.potential.shape == costmap.cells.shape:

@@ -36,6 +36,7 @@ class _ActionServer(actionlib.SimpleActionServer):
     def __init__(self, name: str, fault: Callable[[PoseStamped], str], future_limit: float) -> None:
         super().__init__(name, MoveBaseAction, auto_start=False)
         self._goal_fault, self._future_limit = fault, future_limit
+        self._status_timer: rospy.Timer | None = None
         server = self.action_server
         self._pass_goal, self._pass_cancel = server.internal_goal_callback, server.internal_cancel_callback
         server.internal_goal_callback, server.internal_cancel_callback = self._on_goal, self._on_cancel

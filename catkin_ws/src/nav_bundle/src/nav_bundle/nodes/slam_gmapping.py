@@ -61,27 +61,22 @@ class SlamGmappingNode:
         self._lasers: dict[str, Transform] = {}
         self._map: GridMessage | None = None
         self._now = 0.0
-        self._start()
+        self._slam = Slam(config, np.random.default_rng(config.seed))
+        self._map_from_odom: Pose | None = None
+        self._next_map = -np.inf
         self._listener = TransformListener(future_limit=config.transform_future_limit)
         self._listener.listen(self._odom_frame, self._base_frame)
         self._broadcaster = TransformBroadcaster()
-        self._advertise()
-        self._subscriber = rospy.Subscriber("scan", ScanMessage, self._on_scan, queue_size=5, tcp_nodelay=True)
-        entry.on_shutdown(self._wake)
-
-    def _start(self) -> None:
-        self._slam = Slam(self._config, np.random.default_rng(self._config.seed))
-        self._map_from_odom: Pose | None = None
-        self._next_map = -np.inf
-
-    def _advertise(self) -> None:
         self._map_publisher = rospy.Publisher("map", GridMessage, queue_size=1, latch=True)
         self._metadata_publisher = rospy.Publisher("map_metadata", MapMetaData, queue_size=1, latch=True)
         self._entropy_publisher = rospy.Publisher("~entropy", Float64, queue_size=1, latch=True)
         rospy.Service("dynamic_map", GetMapArray, self._on_dynamic_map)
-        if self._config.transform_publish_period > 0.0:
-            period = rospy.Duration.from_sec(self._config.transform_publish_period)
+        self._timer: rospy.Timer | None = None
+        if config.transform_publish_period > 0.0:
+            period = rospy.Duration.from_sec(config.transform_publish_period)
             self._timer = rospy.Timer(period, self._broadcast, reset=True)
+        self._subscriber = rospy.Subscriber("scan", ScanMessage, self._on_scan, queue_size=5, tcp_nodelay=True)
+        entry.on_shutdown(self._wake)
 
     def _on_scan(self, message: ScanMessage) -> None:
         with self._arrived:
@@ -139,7 +134,8 @@ class SlamGmappingNode:
         now = rospy.get_time()
         if now < self._now:
             rospy.logwarn("time jumped back: mapping restarts with an empty map")
-            self._start()
+            self._slam = Slam(self._config, np.random.default_rng(self._config.seed))
+            self._map_from_odom, self._next_map = None, -np.inf
         self._now = now
 
     def _publish_map(self, stamp: rospy.Time) -> None:
