@@ -1,9 +1,11 @@
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from nav_bundle.adapters.correction_file import CorrectionFileError, read_correction, write_correction
 from nav_bundle.core.pose import Pose
+from nav_bundle.nodes.amcl import AmclNode
 
 
 def test_what_was_written_is_read(tmp_path: Path) -> None:
@@ -41,6 +43,16 @@ def test_a_file_of_something_else_is_named(tmp_path: Path, text: str) -> None:
     path.write_text(text)
     with pytest.raises(CorrectionFileError, match="correction"):
         read_correction(path, "odom")
+
+
+def test_amcl_starts_at_its_initial_pose_where_the_file_holds_something_else(tmp_path: Path) -> None:
+    """It ended, and was started again every few seconds."""
+    path = tmp_path / "correction"
+    node = SimpleNamespace(_config=SimpleNamespace(correction_file=str(path)), _odom_frame="odom")
+    path.write_text("")
+    assert AmclNode._read_correction(node) is None  # type: ignore[arg-type]
+    write_correction(path, Pose(1.0, -2.0, 0.5), "odom")
+    assert AmclNode._read_correction(node) == Pose(1.0, -2.0, 0.5)  # type: ignore[arg-type]
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:

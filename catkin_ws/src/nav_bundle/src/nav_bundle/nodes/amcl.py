@@ -16,7 +16,7 @@ from nav_msgs.srv import SetMapResponse
 from std_msgs.msg import Header
 from std_srvs.srv import Empty, EmptyResponse
 
-from nav_bundle.adapters.correction_file import read_correction, write_correction
+from nav_bundle.adapters.correction_file import CorrectionFileError, read_correction, write_correction
 from nav_bundle.conversions import (
     GetMapArray,
     GridMessage,
@@ -84,7 +84,8 @@ class AmclNode:
     Threads: callbacks store the newest scan or queue a command; ``spin`` does all the work.
 
     On error: scans without map or transforms are dropped with a warning that names what is missing; a bad parameter
-    ends the node. When time jumps back, localisation starts again at the initial pose.
+    ends the node, an unreadable ~correction_file does not. When time jumps back, localisation starts again at the
+    initial pose.
     """
 
     def __init__(self) -> None:
@@ -294,8 +295,13 @@ class AmclNode:
         self._estimate = self._map_from_odom = None
 
     def _read_correction(self) -> Pose | None:
+        """A file of something else is a warning: an amcl that ended would be started again, and end, for ever."""
         path = self._config.correction_file
-        return read_correction(Path(path), self._odom_frame) if path else None
+        try:
+            return read_correction(Path(path), self._odom_frame) if path else None
+        except CorrectionFileError as error:
+            rospy.logwarn("%s; starting at the initial pose", error)
+            return None
 
     def _write_correction(self) -> None:
         if self._config.correction_file and self._map_from_odom is not None:
