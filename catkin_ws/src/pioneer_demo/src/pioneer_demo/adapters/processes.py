@@ -43,7 +43,7 @@ class FleetProcesses:
         self.group = ProcessGroup()
         self._account = Account(kind, short=COMMAND)
         self._read: dict[Path, int] = {}
-        self._dead: dict[str, tuple[float, str]] = {}
+        self._dead: dict[tuple[Path, str], tuple[float, str]] = {}
 
     def start(self) -> None:
         """Starts everything at once; the parts wait for each other.
@@ -74,10 +74,10 @@ class FleetProcesses:
         for log in self._read:
             news = self._news(log)
             for death in node_deaths(news):
-                self._dead[death.name] = time.monotonic(), _told(death, log)
-            lines += [f"{name} has died and is started again" for name in restarted_nodes(news)]
+                self._dead[log, death.name] = time.monotonic(), _told(death, log)
             for name in restarted_nodes(news):
-                self._dead.pop(name, None)
+                lines.append(f"{name} has died and is started again")
+                self._dead.pop((log, name), None)
         patience = _RESTART if self._config.restarts_nodes else 0.0
         for died, text in self._dead.values():
             if time.monotonic() - died >= patience:
