@@ -7,7 +7,8 @@ import pytest
 from shell import Shell
 
 from containers.engine import output
-from containers.harness import Fleet, fleet
+from containers.harness import PATIENCE, Fleet, fleet
+from pioneer_harness.wait import wait_until
 
 BASE = "aadiworkstation"
 GATEWAY = "export HOSTNAME; roslaunch pioneer_networking pioneer_gateway.launch"
@@ -110,3 +111,5 @@ def drive(idle: Fleet, stack: ExitStack, robot: str, navigation: Shell) -> None:
     person = stack.enter_context(closing(Shell(idle.container("aadi1"))))
     person.run(f"rostopic pub -1 /{robot}/map_goal geometry_msgs/Twist '[{HERE[robot]}, 0.0]' '[0.0, 0.0, 90.0]'")
     navigation.shows("reached waypoint 1")
+    # Rules name RViz's node.
+    wait_until(lambda: "/rviz" in idle.execute(BASE, "rosnode", "list").split(), "RViz's node", PATIENCE)

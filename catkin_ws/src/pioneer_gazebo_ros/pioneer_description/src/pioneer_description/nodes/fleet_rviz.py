@@ -3,6 +3,8 @@
 
 import argparse
 import contextlib
+import ctypes
+import ctypes.util
 import math
 import os
 import signal
@@ -23,10 +25,42 @@ from pioneer_harness.process import ProcessGroup
 
 _POLL = 100
 """How often the window looks whether its end was asked for [ms]."""
+_NO_SIGINT_HANDLER = 1
+"""Of ``ros::init_options``."""
+
+
+class _String(ctypes.Structure):
+    """What a C++ ``std::string`` of GCC's library looks like to who only reads it."""
+
+    _fields_ = (("data", ctypes.c_char_p), ("size", ctypes.c_size_t), ("room", ctypes.c_char * 16))
+
+
+class RosCpp:
+    """The node that RViz's C++ is: its bindings cannot name it, and without a name it makes up ``/rviz_…``.
+
+    Args:
+        name: where the command line has no ``__name:=``; rules name the node.
+    """
+
+    def __init__(self, name: bytes) -> None:
+        # The library that the bindings have loaded. Its functions are named as C++ names them:
+        # init(int&, char**, const std::string&, uint32_t) and ok().
+        library = ctypes.CDLL(ctypes.util.find_library("roscpp"))
+        words = [os.fsencode(word) for word in sys.argv]
+        self._arguments = (ctypes.c_char_p * (len(words) + 1))(*words)
+        init = library._ZN3ros4initERiPPcRKNSt7__cxx1112basic_stringIcSt11char_traitsIcESaIcEEEj
+        init.restype = None
+        init(
+            ctypes.byref(ctypes.c_int(len(words))), self._arguments,
+            ctypes.byref(_String(name, len(name))), ctypes.c_uint32(_NO_SIGINT_HANDLER),
+        )  # fmt: skip
+        self.is_up = library._ZN3ros2okEv
+        """Whether nobody has asked the node to end."""
+        self.is_up.restype = ctypes.c_bool
 
 
 class FleetRviz:
-    """RViz's window on a fleet; ``/rviz_…`` is its node."""
+    """RViz's window on a fleet; ``/rviz`` is its node."""
 
     def __init__(self, title: str) -> None:
         from python_qt_binding.QtCore import QTimer
@@ -35,6 +69,7 @@ class FleetRviz:
 
         self._bindings = bindings
         self._application = QApplication(["rviz"])
+        self._node = RosCpp(b"rviz")
         self._frame = bindings.VisualizationFrame()
         self._frame.setSplashPath("")
         with _without(b"media_export", b"[librospack]: error while executing command"):
@@ -76,7 +111,7 @@ class FleetRviz:
         return int(self._application.exec_())
 
     def _look(self) -> None:
-        if rospy.is_shutdown():
+        if rospy.is_shutdown() or not self._node.is_up():
             self._application.quit()
 
 
@@ -103,7 +138,8 @@ def _without(*noise: bytes) -> Iterator[None]:
 def main(argv: Sequence[str] | None = None) -> int:
     """Waits for the fleet, shows it, and returns the exit status."""
     options = _options(rospy.myargv(sys.argv)[1:] if argv is None else argv)
-    rospy.init_node("fleet_rviz", anonymous=True)
+    # The name on the command line is RViz's.
+    rospy.init_node("fleet_rviz", anonymous=True, argv=[])
     watch = FleetWatch()
     try:
         template = read_config(options.config)
