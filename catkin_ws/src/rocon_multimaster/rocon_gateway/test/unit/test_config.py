@@ -67,6 +67,8 @@ def test_a_custom_rules_file_appends_rules_and_replaces_the_rest() -> None:
     merged = with_custom_rules({"default_flips": [1], "firewall": True}, {"default_flips": [2], "firewall": False})
     assert merged == {"default_flips": [1, 2], "firewall": False}
     assert with_custom_rules({"name": "a"}, None) == {"name": "a"}
+    options = with_custom_rules({"rule_options": ["ours"]}, {"rule_options": ["the user's"]})["rule_options"]
+    assert options == ["the user's", "ours"], "the first row that matches counts"
     with pytest.raises(ConfigError):
         with_custom_rules({}, ["rules"])
 

@@ -13,8 +13,8 @@ from rocon_hub_protocol.core.code import Code
 from rocon_hub_protocol.core.rule import RemoteRule, Rule, is_namespace
 from rocon_relay.core.option import OptionError
 
-APPENDED = ("default_flips", "default_advertisements", "default_pulls", "rule_options")
-"""Keys of a custom rules file that add to a parameter; all others replace it."""
+APPENDED = ("default_flips", "default_advertisements", "default_pulls")
+"""Keys of a custom rules file that add to a parameter, as its options of rules do; all others replace it."""
 
 
 @dataclass(frozen=True)
@@ -137,14 +137,23 @@ class GatewayConfig:
 
 
 def with_custom_rules(parameters: Mapping[str, Any], custom: object) -> dict[str, Any]:
-    """Returns `parameters` with what a custom rules file holds. Raises ConfigError if that is no mapping."""
+    """Returns `parameters` with what a custom rules file holds; its rows of options come first, where the first counts.
+
+    Raises:
+        ConfigError: it holds no mapping.
+    """
     if custom is None:
         return dict(parameters)
     if not isinstance(custom, Mapping):
         raise ConfigError("gateway: ~custom_rules_file must hold a mapping of parameters")
     merged = dict(parameters)
     for key, value in custom.items():
-        merged[key] = [*(merged.get(key) or ()), *(value or ())] if key in APPENDED else value
+        if key in APPENDED:
+            merged[key] = [*(merged.get(key) or ()), *(value or ())]
+        elif key == "rule_options":
+            merged[key] = [*(value or ()), *(merged.get(key) or ())]
+        else:
+            merged[key] = value
     return merged
 
 
