@@ -65,6 +65,7 @@ class _Member:
     log: Path | None
     may_end: bool
     pidfd: int
+    killed: bool = False
 
 
 class ProcessGroup:
@@ -151,6 +152,17 @@ class ProcessGroup:
         """Returns whether a process of that name has not ended."""
         with self._changed:
             return any(member.name == name and member.popen.returncode is None for member in self._members.values())
+
+    def kill(self, name: str) -> None:
+        """Ends a process and all its descendants by SIGKILL, as a power failure does; that is no unexpected end."""
+        with self._changed:
+            living = [one for one in self._members.values() if one.name == name and one.popen.returncode is None]
+            for member in living:
+                member.killed = True
+        pids = [pid for member in living for pid in descendants(process_states(), {member.popen.pid})]
+        # The starter first, so that it does not replace what ends.
+        for pid in [*(member.popen.pid for member in living), *pids]:
+            _send(pid, signal.SIGKILL)
 
     def states(self) -> dict[int, ProcessState]:
         """Returns the processes of the group and all their descendants, orphaned ones too, zombies included."""
@@ -248,7 +260,7 @@ class ProcessGroup:
         with self._changed:
             status = member.popen.wait()
             death = None
-            if not self._stopping and not (member.may_end and status == 0):
+            if not self._stopping and not member.killed and not (member.may_end and status == 0):
                 death = Death(member.name, member.popen.pid, status, member.log)
                 self._deaths.append(death)
             self._changed.notify_all()

@@ -101,6 +101,35 @@ def test_a_signal_while_the_main_thread_joins_another_ends_the_node() -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+TAKES_LONG_TO_TAKE_APART = """
+import atexit, sys, time
+import rospy
+from pioneer_node.nodes import entry
+
+atexit.register(time.sleep, 60)
+
+class Node:
+    def spin(self):
+        sys.stdout.write("ready\\n")
+        rospy.spin()
+        sys.stdout.write("closed")
+
+raise SystemExit(entry.run("node", Node))
+"""
+
+
+def test_a_node_that_was_asked_to_end_leaves_without_taking_python_apart() -> None:
+    """That costs a node with numba and scipy 0.15 s of processor time, with which a busy machine needed SIGTERM."""
+    with Master() as master, ProcessGroup() as group:
+        log = master.home / "node.log"
+        node = group.start("node", [sys.executable, "-c", TAKES_LONG_TO_TAKE_APART], master.environment, log, True)
+        wait_until(lambda: "ready" in log.read_text(), "the node", START)
+        os.kill(node, signal.SIGINT)
+        wait_until(lambda: not group.is_running("node"), "its end", START)
+        assert log.read_text().endswith("closed")
+        assert group.deaths == ()
+
+
 SERVES = """
 import resource, signal
 import rospy
@@ -148,3 +177,35 @@ def test_a_server_that_ran_out_of_file_descriptors_serves_again() -> None:
         os.kill(server, signal.SIGTERM)
         wait_until(lambda: not group.is_running("server"), "its end", 10)
         assert [death.status for death in group.deaths] == [0]
+
+
+THREADS_ALLOCATE = """
+import ctypes, threading
+import rospy
+from pioneer_node.nodes import entry
+
+rospy.init_node = lambda *_, **__: None
+together = threading.Barrier(20)
+
+def allocate():
+    kept = bytes(100_000)
+    together.wait()
+
+class Node:
+    def spin(self):
+        threads = [threading.Thread(target=allocate) for _ in range(together.parties)]
+        for one in threads: one.start()
+        for one in threads: one.join()
+        libc = ctypes.CDLL(None)
+        libc.malloc_info(0, ctypes.c_void_p.in_dll(libc, "stdout"))
+        libc.fflush(None)
+
+raise SystemExit(entry.run("node", Node))
+"""
+
+
+def test_the_threads_of_a_node_share_two_heaps() -> None:
+    """Each had its own, which kept the holes of large requests: under hostile input the simulator grew by 25 MB."""
+    command = [sys.executable, "-c", THREADS_ALLOCATE]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=True)
+    assert 1 <= done.stdout.count("<heap nr=") <= 2, done.stdout

@@ -27,7 +27,7 @@ def test_a_robot_that_says_nothing_is_the_pioneer_of_its_place() -> None:
         ({"robots": [{"name": "my robot"}]}, "f: robot 1: a name has letters, digits and _"),
         ({"robots": [{"name": "a"}, {"name": "a"}]}, "f: two robots are called a"),
         ({"robots": [{"pose": {"x": 1.0}}]}, "f: robot 1: pose must have the numbers x, y and a"),
-        ({"robots": [{"laser": 3}]}, "f: robot 1: field laser"),
+        ({"robots": [{"laser": 3}]}, "f: robot 1: laser must be str"),
     ],
 )
 def test_a_wrong_fleet_is_named_with_file_robot_and_reason(content: Any, told: str) -> None:

@@ -2,11 +2,14 @@
 
 import dataclasses
 from pathlib import Path
+from typing import TypeVar
 
 import rospkg
 import yaml
 
 from pioneer_node.core.fleet_file import FleetFileError, RobotEntry, fleet_from_mapping
+
+Entry = TypeVar("Entry", bound=RobotEntry)
 
 
 def read_fleet(path: Path) -> tuple[RobotEntry, ...]:
@@ -21,26 +24,36 @@ def read_fleet(path: Path) -> tuple[RobotEntry, ...]:
         content = yaml.safe_load(path.read_text())
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise FleetFileError(f"cannot read the fleet file {path}: {error}") from None
-    return tuple(
-        dataclasses.replace(
-            robot,
-            description=_file(robot.description, path, robot.name),
-            navigation=_file(robot.navigation, path, robot.name),
-        )
-        for robot in fleet_from_mapping(content, str(path))
+    return tuple(with_files(robot, path) for robot in fleet_from_mapping(content, str(path)))
+
+
+def with_files(robot: Entry, source: Path) -> Entry:
+    """Returns a robot with the whole paths of its files, which ``source`` names.
+
+    Raises:
+        FleetFileError: one does not exist.
+    """
+    return dataclasses.replace(
+        robot,
+        description=file_named(robot.description, source, robot.name),
+        navigation=file_named(robot.navigation, source, robot.name),
     )
 
 
-def _file(name: str, source: Path, robot: str) -> str:
-    """Returns the whole path of a file that the fleet file names; empty stays empty."""
+def file_named(name: str, source: Path, owner: str) -> str:
+    """Returns the whole path of a file that the file ``source`` names for ``owner``; empty stays empty.
+
+    Raises:
+        FleetFileError: it does not exist.
+    """
     if not name:
         return ""
     package, _, inside = name.removeprefix("package://").partition("/")
     try:
         folder = Path(rospkg.RosPack().get_path(package)) if name.startswith("package://") else source.resolve().parent
     except rospkg.ResourceNotFound:
-        raise FleetFileError(f"{source}: {robot}: there is no package {package}") from None
+        raise FleetFileError(f"{source}: {owner}: there is no package {package}") from None
     path = folder / (inside if name.startswith("package://") else Path(name).expanduser())
     if not path.is_file():
-        raise FleetFileError(f"{source}: {robot}: there is no file {path}")
+        raise FleetFileError(f"{source}: {owner}: there is no file {path}")
     return str(path)

@@ -1,12 +1,12 @@
 """A fleet of different robots, as a file describes it."""
 
 import dataclasses
-import difflib
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pioneer_node.core.parameter import ParameterError, config_from_mapping
+from pioneer_node.core.document import DocumentError, built
+from pioneer_node.core.parameter import ParameterError
 
 _NAME = re.compile(r"[A-Za-z]\w*")
 _POSE = {"x", "y", "a"}
@@ -35,9 +35,6 @@ class RobotEntry:
     laser: str = "base_scan"
 
 
-_FIELDS = {field.name for field in dataclasses.fields(RobotEntry)}
-
-
 def fleet_from_mapping(content: Any, source: str) -> tuple[RobotEntry, ...]:
     """Returns the robots of a fleet file's content, ``robots: [{name: …, …}, …]``.
 
@@ -50,29 +47,36 @@ def fleet_from_mapping(content: Any, source: str) -> tuple[RobotEntry, ...]:
     if not isinstance(listed, list) or not listed or set(content) != {"robots"}:
         raise FleetFileError(f"{source}: must be 'robots:' with a list of robots and nothing else")
     robots = tuple(_entry(one, number, source) for number, one in enumerate(listed, 1))
-    names = [robot.name for robot in robots]
-    for name in names:
-        if names.count(name) > 1:
-            raise FleetFileError(f"{source}: two robots are called {name}")
+    try:
+        check_robots(robots)
+    except DocumentError as error:
+        raise FleetFileError(f"{source}: {error}") from None
     return robots
+
+
+def check_robots(robots: Sequence[RobotEntry]) -> None:
+    """Checks names and poses.
+
+    Raises:
+        DocumentError: one cannot be used, or two robots have one name.
+    """
+    names = [robot.name for robot in robots]
+    for number, robot in enumerate(robots):
+        owner = f"robot {number + 1}"
+        if not _NAME.fullmatch(robot.name):
+            raise DocumentError(
+                f"{owner}: a name has letters, digits and _ and begins with a letter, not {robot.name!r}", number
+            )
+        if robot.pose and set(robot.pose) != _POSE:
+            raise DocumentError(f"{owner}: pose must have the numbers x, y and a, not {robot.pose}", number)
+        if names.count(robot.name) > 1:
+            raise DocumentError(f"two robots are called {robot.name}", number)
 
 
 def _entry(fields: Any, number: int, source: str) -> RobotEntry:
     owner = f"{source}: robot {number}"
-    if not isinstance(fields, Mapping):
-        raise FleetFileError(f"{owner} must be a mapping such as {{name: pioneer1}}, not {fields!r}")
-    for field in set(fields) - _FIELDS:
-        near = difflib.get_close_matches(str(field), _FIELDS, 1)
-        hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(sorted(_FIELDS))}"
-        raise FleetFileError(f"{owner}: unknown field {field}; {hint}")
     try:
-        robot = config_from_mapping(RobotEntry, {"name": f"pioneer{number}", **fields}, owner)
-    except ParameterError as error:
-        raise FleetFileError(str(error).replace("parameter ~", "field ")) from None
-    if not _NAME.fullmatch(robot.name):
-        raise FleetFileError(f"{owner}: a name has letters, digits and _ and begins with a letter, not {robot.name!r}")
-    if robot.pose and (
-        set(robot.pose) != _POSE or not all(isinstance(one, int | float) for one in robot.pose.values())
-    ):
-        raise FleetFileError(f"{owner}: pose must have the numbers x, y and a, not {robot.pose}")
-    return robot
+        named = {"name": f"pioneer{number}", **fields} if isinstance(fields, Mapping) else fields
+        return built(RobotEntry, named, f"robot {number}")
+    except DocumentError as error:
+        raise FleetFileError(f"{owner if error.place else source}: {error}") from None

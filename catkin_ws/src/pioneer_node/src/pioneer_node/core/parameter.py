@@ -76,7 +76,7 @@ def config_from_mapping(
         if name not in names:
             UNKNOWN.report(owner, name, names)
             continue
-        values[name] = _value_as(hints[name], value, f"{owner}: parameter ~{name}")
+        values[name] = value_as(hints[name], value, f"{owner}: parameter ~{name}")
     return config_class(**values)
 
 
@@ -85,7 +85,7 @@ def _nearest(name: str, names: Collection[str], above: str) -> str:
     return f"; did you mean ~{above}{matches[0]}?" if matches else ""
 
 
-def _value_as(hint: Any, value: Any, what: str) -> Any:
+def value_as(hint: Any, value: Any, what: str) -> Any:
     """Returns ``value`` as the field's type: an int where a float is wanted becomes one, nothing else is converted."""
     origin = typing.get_origin(hint)
     if origin in (typing.Union, types.UnionType):

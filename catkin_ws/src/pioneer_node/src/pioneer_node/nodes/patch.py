@@ -14,6 +14,9 @@ from typing import Any
 _ACCEPT_RETRY = 0.2
 """How long a server waits for a free file descriptor [s]: the kernel does not report one."""
 
+_WORKERS_LOOK = 1.0
+"""How long a master's worker waits for work before it looks whether to end [s]."""
+
 
 def import_without_numpy(module: str) -> ModuleType:
     """Returns a node's module, imported without numpy; for nodes that compute nothing.
@@ -82,3 +85,26 @@ def keep_accepting(is_ending: Callable[[], bool], wait: Callable[[float], object
                 wait(_ACCEPT_RETRY)
 
     rospy.impl.tcpros_base.TCPServer.run = run
+
+
+def wake_master_workers() -> None:
+    """Has the workers of a ROS master in this process wait for work; each looked for some 10 times a second.
+
+    They tell subscribers of new publishers, and did so up to 0.1 s late.
+    """
+    from rosmaster import threadpool
+
+    work = threading.Semaphore(0)
+
+    def with_notice(method: Callable[..., Any]) -> Callable[..., Any]:
+        def notify(*arguments: Any, **named: Any) -> Any:
+            result = method(*arguments, **named)
+            work.release()
+            return result
+
+        return notify
+
+    pool = threadpool.MarkedThreadPool
+    pool.queue_task = with_notice(pool.queue_task)
+    pool.remove_marker = with_notice(pool.remove_marker)  # a task waits for the one before it with its marker
+    threadpool.sleep = lambda _seconds: work.acquire(timeout=_WORKERS_LOOK)

@@ -1,0 +1,160 @@
+"""The fork server with real processes: a driver is executed for each test, because pytest has threads."""
+
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+START = """
+import json, os, select, signal, sys, time
+from pioneer_node.adapters.fork_server import ForkServerError, Program, start_server
+server = start_server()
+if isinstance(server, Program):
+    server.run()
+    sys.exit()
+
+def start(*words, **variables):
+    return server.start([PROGRAM, *words], {**os.environ, **variables}, FOLDER, 1, 2)
+
+def status(process):
+    deadline = time.monotonic() + 20
+    while process.poll() is None:
+        assert time.monotonic() < deadline, "timed out waiting for the program's end"
+        select.select([], [], [], 0.01)
+    return process.poll()
+"""
+
+
+def drive(folder: Path, program: str, steps: str) -> str:
+    """Runs ``steps`` beside a fork server that starts ``program``; returns all output."""
+    script, driver = folder / "program", folder / "driver.py"
+    script.write_text(textwrap.dedent(program))
+    driver.write_text(f"PROGRAM, FOLDER = {str(script)!r}, {str(folder)!r}\n{START}{textwrap.dedent(steps)}")
+    done = subprocess.run(
+        [sys.executable, str(driver)], capture_output=True, text=True, timeout=40, env=None, stdin=subprocess.DEVNULL
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_program_sees_its_own_arguments_environment_and_folder(tmp_path: Path) -> None:
+    program = """
+        import os, sys
+        print(__name__, sys.argv[1:], os.environ["WORD"], "HOME" in os.environ, os.getcwd(), sys.path[0])
+    """
+    seen = drive(tmp_path, program, 'assert status(start("a b", "c:=d", WORD="of its own")) == 0')
+    assert seen == f"__main__ ['a b', 'c:=d'] of its own True {tmp_path} {tmp_path}\n"
+
+
+def test_ps_shows_a_program_as_if_it_had_been_executed(tmp_path: Path) -> None:
+    program = """
+        from pathlib import Path
+        own = Path("/proc/self")
+        words = (own / "cmdline").read_bytes().decode().split("\\0")
+        print(words[1:], (own / "comm").read_text().strip(), b"WORD=seen" in (own / "environ").read_bytes())
+    """
+    seen = drive(tmp_path, program, 'assert status(start("one", "two", WORD="seen")) == 0')
+    assert seen == f"['{tmp_path}/program', 'one', 'two', ''] program True\n"
+
+
+@pytest.mark.parametrize(
+    ("ending", "expected"),
+    [
+        ("raise SystemExit(7)", 7),
+        ("raise ValueError", 1),
+        ("pass", 0),
+        ("os.kill(os.getpid(), signal.SIGSEGV)", -11),
+        ("os._exit(3)", 3),
+    ],
+)
+def test_exit_status_is_reported(tmp_path: Path, ending: str, expected: int) -> None:
+    drive(tmp_path, f"import os, signal\n{ending}\n", f"assert status(start()) == {expected}")
+
+
+def test_program_leads_a_session_and_has_no_files_of_the_server(tmp_path: Path) -> None:
+    program = """
+        import os
+        files = {os.readlink(f"/proc/self/fd/{one}") for one in os.listdir("/proc/self/fd")[3:-1]}
+        print(os.getsid(0) == os.getpid() == os.getpgrp(), files - {os.devnull})
+    """
+    assert drive(tmp_path, program, "assert status(start()) == 0") == "True set()\n"
+
+
+def test_program_ends_on_the_signals_of_roslaunch(tmp_path: Path) -> None:
+    program = "import os, select\nopen(os.environ['READY'], 'w').close()\nselect.select([], [], [])\n"
+    steps = """
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            ready = os.path.join(FOLDER, number.name)
+            process = start(READY=ready)
+            while not os.path.exists(ready):
+                select.select([], [], [], 0.01)
+            assert process.poll() is None
+            os.killpg(os.getpgid(process.pid), number)
+            assert status(process) == -number, number
+    """
+    drive(tmp_path, program, steps)
+
+
+def test_programs_go_on_without_the_server_and_no_more_start(tmp_path: Path) -> None:
+    program = "import sys\nsys.stdin.read()\nimport select\nselect.select([], [], [])\n"
+    steps = """
+        first = start()
+        os.kill(server._pid, signal.SIGKILL)
+        while not server.is_lost:
+            assert first.poll() is None
+        try:
+            start()
+        except ForkServerError:
+            print("refused")
+        assert first.poll() is None
+        os.kill(first.pid, signal.SIGTERM)
+        assert status(first) == -signal.SIGKILL
+    """
+    assert drive(tmp_path, program, steps) == "refused\n"
+
+
+def test_server_ends_with_the_process_that_started_it(tmp_path: Path) -> None:
+    program = "import select\nselect.select([], [], [])\n"
+    steps = """
+        handle, left = os.pidfd_open(server._pid), start()
+        kept = os.pidfd_open(left.pid)
+        server._line.close()
+        assert select.select([handle], [], [], 20)[0], "the server still runs"
+        assert not select.select([kept], [], [], 0)[0], "a program ended with its launcher"
+        os.kill(left.pid, signal.SIGKILL)
+    """
+    drive(tmp_path, program, steps)
+
+
+def test_a_program_ends_while_its_daemon_thread_still_works_and_runs_its_exit_functions(tmp_path: Path) -> None:
+    program = """
+        import atexit, sys, threading
+        def work():
+            while True:
+                len("work")
+        threading.Thread(target=work, daemon=True).start()
+        threading.Thread(target=lambda: print("a last line")).start()
+        atexit.register(print, "exit function")
+        sys.exit("a reason")
+    """
+    seen = drive(tmp_path, program, "assert status(start()) == 1")
+    assert sorted(seen.splitlines()) == ["a last line", "exit function"]
+
+
+def test_an_interrupted_program_ends_by_the_signal_as_an_executed_one(tmp_path: Path) -> None:
+    program = """
+        import sys, time
+        open(sys.argv[1], "w").close()
+        time.sleep(30)
+    """
+    steps = """
+        process, deadline = start(FOLDER + "/up"), time.monotonic() + 20
+        while not os.path.exists(FOLDER + "/up"):
+            assert time.monotonic() < deadline, "timed out waiting for the program"
+            select.select([], [], [], 0.01)
+        os.kill(process.pid, signal.SIGINT)
+        assert status(process) == -signal.SIGINT
+    """
+    assert drive(tmp_path, program, steps) == ""
