@@ -77,6 +77,16 @@ HUB = "Hub_Gateway"
             Action.FLIP,
             [Wish("publisher", "/tf", "", HUB)],
         ),
+        (
+            "flip-lockstep",
+            ["pioneer2"],
+            Action.FLIP,
+            [
+                Wish("subscriber", "/pioneer2/lockstep/period", "", "Hub_Gateway"),
+                Wish("subscriber", "/pioneer2/lockstep/probe", "", "Hub_Gateway"),
+                Wish("publisher", "/pioneer2/lockstep/done", "", "Hub_Gateway"),
+            ],
+        ),
         ("flip-traffic", [], Action.FLIP, [Wish("publisher", "/traffic/reports", "", "aadi.*_gateway")]),
         (
             "generic_advertiser.py",

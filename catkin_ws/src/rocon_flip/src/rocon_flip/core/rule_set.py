@@ -108,6 +108,12 @@ def flipped_for_traffic() -> list[Wish]:
     return [Wish("publisher", REPORT_TOPIC, gateway=ROBOT_GATEWAYS)]
 
 
+def flipped_for_lockstep(robot: str, gateway: str = HUB_GATEWAY) -> list[Wish]:
+    """Returns what a robot flips to keep in lockstep with the simulator: its tokens and probes here, then back."""
+    here = [Wish("subscriber", topic_in(robot, f"lockstep/{name}"), gateway=gateway) for name in ("period", "probe")]
+    return [*here, Wish("publisher", topic_in(robot, "lockstep/done"), gateway=gateway)]
+
+
 def handshake(gateway: str) -> list[Wish]:
     """Returns what `test_sender` flips: one topic to `gateway`, one back from there."""
     return [Wish("publisher", PING, gateway=gateway), Wish("subscriber", PONG, gateway=gateway)]

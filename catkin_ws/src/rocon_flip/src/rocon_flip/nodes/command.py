@@ -51,6 +51,11 @@ def _of_robot(arguments: list[str]) -> list[Wish]:
     return rule_set.flipped_from_robot(robot, *arguments[1:])
 
 
+def _token_of_robot(arguments: list[str]) -> list[Wish]:
+    """What goes round between the simulator and a robot's nodes in lockstep."""
+    return rule_set.flipped_for_lockstep(rule_set.robot_name(arguments, os.environ, socket.gethostname()))
+
+
 def _publisher(arguments: list[str], gateway: str = "") -> list[Wish]:
     return [Wish("publisher", rule_set.topic_in("", arguments[0]), gateway=gateway)]
 
@@ -79,6 +84,7 @@ _SCRIPTS: Mapping[str, Script] = {
     "flip-tools-from-hub": Script(Action.FLIP, _used_at_hub, "[ROBOTS | ROBOT_NAME …]", most=1000),
     "flip-from-remote": Script(Action.FLIP, _of_robot, "[--pull] [ROBOT_NAME [LASER_TOPIC]]", most=2),
     "flip-traffic": Script(Action.FLIP, lambda _: rule_set.flipped_for_traffic()),
+    "flip-lockstep": Script(Action.FLIP, _token_of_robot, "[ROBOT_NAME]", most=1),
     "advertise_hub_publisher.py": Script(Action.ADVERTISE, _publisher, "topic", 1, 1),
     "pull_hub_publisher.py": Script(Action.PULL, partial(_publisher, gateway=rule_set.HUB_GATEWAY), "topic", 1, 1),
     "flip_hub_subscriber.py": Script(Action.FLIP, partial(_flipped_at_hub, kind="subscriber"), _AT_HUB, 2, 4),

@@ -35,7 +35,7 @@ class Seat:
         complaints: why it is not on the hub, each with the number of the try.
     """
 
-    def __init__(self, name: str, port: int, instance: str) -> None:
+    def __init__(self, name: str, port: int, instance: str, restore: Callable[[str], str] = str) -> None:
         self.name, self.view, self.is_barred = name, HubView(), False
         self.session: Any = None
         self.before_try: Callable[[], object] = list
@@ -50,6 +50,7 @@ class Seat:
             complain=lambda _about, why: self.complaints.append((self.tries, why)),
             examine=lambda _session, _request: None,
             logger=logging.getLogger("seat"),
+            restore=restore,
         )
         self._hub = HubClient([Candidate(self._address)], True, self._said({}), context)
 
@@ -70,6 +71,10 @@ class Seat:
     def tell(self, **requests: PeerRequest) -> None:
         """Sets what it tells whom."""
         self._hub.publish(self._said(requests))
+
+    def keep(self, text: str) -> None:
+        """Has the hub keep a text for the next gateway of its name."""
+        self._hub.keep(text)
 
     def hears(self, sender: str) -> PeerRequest | None:
         """The request of `sender`, as it knows it; None for a gateway that it does not know."""
@@ -110,8 +115,8 @@ class Bench:
         self.registry.open("Test Hub")
         self.seats: list[Seat] = []
 
-    def seat(self, name: str, instance: str = "1", port: int = 0) -> Seat:
-        self.seats.append(Seat(name, port or self.port, instance))
+    def seat(self, name: str, instance: str = "1", port: int = 0, restore: Callable[[str], str] = str) -> Seat:
+        self.seats.append(Seat(name, port or self.port, instance, restore))
         return self.seats[-1].connected()
 
     def close(self) -> None:

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 from gateway_msgs import srv
@@ -62,3 +63,17 @@ def test_without_mdns_a_gateway_waits_for_connect_hub(fleet) -> None:
 def test_nobody_pays_for_mdns_who_does_not_use_it() -> None:
     program = "import sys, rocon_gateway.nodes.gateway; raise SystemExit('zeroconf' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
+
+
+QUIET_NETWORK = 'ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && exec "$@"'
+
+
+def test_a_flood_of_announced_hubs_costs_few_threads_and_hides_no_true_one() -> None:
+    """Each had a thread that tried it for ever, and one without an address held the others up for 3 s."""
+    alone = ["unshare", "--net", "--", "sh", "-c", QUIET_NETWORK, "sh"]
+    if subprocess.run([*alone, "true"], capture_output=True, check=False).returncode:
+        pytest.skip("no network namespaces here")
+    command = [*alone, sys.executable, str(Path(__file__).with_name("announcer.py")), "100", "30"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.stdout.startswith("threads "), done.stdout + done.stderr
+    assert int(done.stdout.split()[1]) < 40, done.stdout

@@ -104,6 +104,7 @@ def test_the_hubs_own_master_is_refused_for_simulation_and_warned_about(fleet) -
     fleet.start_hub()
     nodes = fleet.hub_master.system_state
     wait_until(lambda: "/hub/get_loggers" in nodes()[2], "the hub's node", 30)
+    fleet.hub_master.set_param("/gateway", {"name": "one_that_has_ended"})
     command = ["rosrun", "pioneer_gazebo", "run-multi-pioneer-gazebo-master", "robots:=1", "world_name:=blank"]
     refused = subprocess.run(
         command, env=fleet.hub_master.environment, capture_output=True, text=True, check=False, timeout=60

@@ -20,7 +20,7 @@ from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
 from rocon_hub.adapters.redis_server import RedisServer
 from rocon_hub.adapters.registry import Registry
-from rocon_hub.core.config import HubConfig, quoted
+from rocon_hub.core.config import LONGEST_VALUE, HubConfig, quoted
 from rocon_hub_protocol.adapters.redis_client import OPEN, Access, NotOurHubError, redis_client
 from rocon_hub_protocol.core.address import HubAddress
 from tcpros.adapters.descriptor import raise_limit
@@ -298,6 +298,16 @@ def test_a_gateway_may_use_nothing_but_what_the_protocol_needs(
     with bench.client() as client, pytest.raises(redis.exceptions.NoPermissionError):
         client.execute_command(*command)
     assert server.client.get("rocon:hub:name") == "Test Hub"
+
+
+def test_a_record_that_is_too_long_is_refused(bench: Bench, server: RedisServer) -> None:
+    """Gateways that read one of 25 MB gave no sign of life meanwhile, and the others took them for dead."""
+    Registry(server.client, 60.0).open("Test Hub")
+    with bench.client() as client, pytest.raises((redis.ResponseError, redis.ConnectionError)):
+        client.set("rocon:gateway:ghost", "x" * (LONGEST_VALUE + 1))
+    with bench.client() as client:
+        client.set("rocon:gateway:ghost", "x" * 1_000_000)
+    assert server.client.strlen("rocon:gateway:ghost") == 1_000_000
 
 
 def test_a_redis_whose_users_were_changed_is_started_again(bench: Bench) -> None:

@@ -71,7 +71,9 @@ def test_a_gateway_falls_silent_once_and_is_gone_after_the_patience() -> None:
 def test_a_gateway_that_comes_back_may_fall_silent_again() -> None:
     watch = Watch(30.0)
     watch.note("a", 0.0)
+    assert watch.returned({"a", "b"}) == {"a"}
     watch.fallen_silent({"a"}, {"a"})
+    assert watch.returned({"a", "b"}) == set()
     assert watch.gone(100.0) == set()
     assert watch.fallen_silent({"a"}, set()) == {"a"}
 

@@ -1,6 +1,9 @@
 """The hub's port with a password."""
 
 import contextlib
+import logging
+import os
+import resource
 import socket
 import ssl
 import threading
@@ -12,7 +15,7 @@ import pytest
 
 from pioneer_harness.port import PortReservation
 from rocon_hub.adapters import front
-from rocon_hub.adapters.front import Front
+from rocon_hub.adapters.front import HANDSHAKE_TIME, Front
 from rocon_hub_protocol.core.admission import GatewaySide
 from tcpros.adapters.descriptor import raise_limit
 
@@ -82,3 +85,67 @@ def test_who_says_nothing_is_closed(monkeypatch: pytest.MonkeyPatch, context: ss
     monkeypatch.setattr(front, "HANDSHAKE_TIME", 0.2)
     with listening(context=context) as (port, _), socket.create_connection(("127.0.0.1", port), 10.0) as silent:
         assert silent.recv(1) == b""
+
+
+def test_stalled_tls_handshakes_count_as_clients_that_have_not_proved_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They counted from the end of the handshake, so that any number of them held a descriptor for 5 s."""
+    monkeypatch.setattr(front, "MAX_UNPROVEN", 3)
+    with listening(context=ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)) as (port, _), contextlib.ExitStack() as stack:
+        monkeypatch.setattr(front, "HANDSHAKE_TIME", PATIENCE)
+        crowd = [
+            stack.enter_context(socket.create_connection(("127.0.0.1", port), PATIENCE / 2))
+            for _ in range(front.MAX_UNPROVEN + 1)
+        ]
+        assert crowd[0].recv(1) == b""
+        crowd[1].settimeout(0.1)
+        with pytest.raises(TimeoutError):
+            crowd[1].recv(1)
+
+
+@contextlib.contextmanager
+def files_open_at_most(most: int) -> Iterator[None]:
+    """Lowers this process' limit."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+def lowest_unused() -> int:
+    os.close(unused := os.dup(0))
+    return unused
+
+
+def test_where_few_files_may_be_open_fewer_unproven_clients_are_held(caplog: pytest.LogCaptureFixture) -> None:
+    few = 2 * max(map(int, os.listdir("/proc/self/fd"))) + 40
+    with files_open_at_most(few), contextlib.ExitStack() as stack:
+        with caplog.at_level(logging.WARNING, "rosout"):
+            port, _ = stack.enter_context(listening())
+        assert f"at most {few // 4} gateways" in caplog.text
+        crowd = [
+            stack.enter_context(socket.create_connection(("127.0.0.1", port), HANDSHAKE_TIME / 2))
+            for _ in range(few // 4 + 1)
+        ]
+        assert crowd[0].recv(1) == b""
+
+
+def test_a_client_is_answered_where_others_hold_all_files_that_may_be_open() -> None:
+    """Until they left, nobody was accepted."""
+    with listening() as (port, _), contextlib.ExitStack() as stack:
+        crowd = [stack.enter_context(socket.socket()) for _ in range(30)]
+        with files_open_at_most(lowest_unused() + 4):
+            for one in crowd:
+                one.settimeout(HANDSHAKE_TIME / 2)
+                one.connect(("127.0.0.1", port))
+            crowd[-1].sendall(GatewaySide("open sesame").first)
+            assert line(crowd[-1]).startswith(b"+")
+
+
+def test_a_front_that_is_closed_while_it_starts_leaves_no_socket() -> None:
+    """Closed before its loop had taken the sockets, it ended by a traceback and they stayed."""
+    with PortReservation() as ports:
+        port = ports.take(17380)
+        for _ in range(20):
+            Front(port, "", lambda: "open sesame", None).close()

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import roslaunch.substitution_args
+import roslib.packages
 import rospkg
 from rosgraph.names import load_mappings
 
@@ -32,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         sys.stderr.write(f"rocon_launch: {error}\n")
         return 1
-    return ConcertRunner(launches, options.screen).run()
+    return ConcertRunner(launches, options.screen, _roslaunch()).run()
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -65,6 +66,14 @@ def _in_package(package: str, name: str) -> Path:
     if not found:
         raise ConcertError(f"package '{package}' has no file '{name}'")
     return found[0]
+
+
+def _roslaunch() -> str:
+    """Returns this package's roslaunch, which forks Python nodes; ROS's where the workspace is not built."""
+    try:
+        return next(iter(roslib.packages.find_node("rocon_launch", "roslaunch")), "roslaunch")
+    except rospkg.ResourceNotFound:
+        return "roslaunch"
 
 
 def _check(package: str, name: str) -> None:

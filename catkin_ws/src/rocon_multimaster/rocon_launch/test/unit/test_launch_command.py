@@ -15,7 +15,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[Launch], bool]]:
     runs: list[tuple[list[Launch], bool]] = []
 
     class Runner:
-        def __init__(self, launches: list[Launch], screen: bool) -> None:
+        def __init__(self, launches: list[Launch], screen: bool, _program: str) -> None:
             runs.append((launches, screen))
 
         def run(self) -> int:

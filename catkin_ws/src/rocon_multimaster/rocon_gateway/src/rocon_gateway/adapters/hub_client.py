@@ -48,6 +48,7 @@ class HubContext:
         take: called from the hub's thread with each new view, None when it ends.
         complain: called with an address and why there is no hub.
         examine: called with a session and the number of a request to look at our links; returns at once.
+        restore: called with what the hub has kept for us, before we join; returns what it is to keep from now on.
         logger: takes one line when a hub is found and one when it is lost.
         host: our address for others; empty: the one on the way to the hub.
         namespaces: of robots, to announce to all.
@@ -62,6 +63,7 @@ class HubContext:
     logger: logging.Logger
     host: str = ""
     namespaces: frozenset[str] = frozenset()
+    restore: Callable[[str], str] = lambda text: text
 
 
 class HubClient:
@@ -78,6 +80,7 @@ class HubClient:
     Attributes:
         lost_since: when the hub was seen last, or looked for first; monotonic [s].
         refused: whether this gateway does not accept the hub as it was found last.
+        failures: how often all its addresses were tried since it was joined last.
     """
 
     def __init__(self, ways: Sequence[Candidate], named: bool, said: Publication, context: HubContext) -> None:
@@ -85,10 +88,12 @@ class HubClient:
         self.named = named
         self.lost_since = time.monotonic()
         self.refused = False
+        self.failures = 0
         self._context = context
         self._state = HubState(said, context.namespaces)
         self._shown = HubView()
         self._session: HubSession | None = None
+        self._keep = self._kept = ""
         self._told_lost = False
         self._nameless: set[Candidate] = set()
         self._stopping = False
@@ -101,6 +106,10 @@ class HubClient:
         """Sets what we tell."""
         self._state.said = said
         self._wake()
+
+    def keep(self, text: str) -> None:
+        """Sets what the hub is to keep for the next gateway of our name; it is written with the next heartbeat."""
+        self._keep = text
 
     def describe(self, names: Collection[str]) -> list[Description]:
         """Returns what the hub knows of these gateways, of all if empty. Without a connection, nothing."""
@@ -133,6 +142,7 @@ class HubClient:
         while not self._stopping:
             verdicts = [self._visit(way) for way in self.ways]
             self.refused = all(verdicts)
+            self.failures += 1
             if self.refused and not self.named:
                 break
             self._pause(RETRY_REFUSED if self.refused else retry_pause())
@@ -189,9 +199,11 @@ class HubClient:
         return not (self._told_lost and code == Code.HUB_CONNECTION_UNRESOLVABLE)
 
     def _enter(self, session: HubSession) -> None:
+        self._kept = session.kept()
+        self._keep = self._context.restore(self._kept)
         host = self._context.host or own_address(session.address.host)
         self._state.enter(session, host, time.monotonic())
-        self._session, self._told_lost = session, False
+        self._session, self._told_lost, self.failures = session, False, 0
         self._nameless.clear()
         self._context.logger.info("on hub '%s' at %s as '%s'", session.hub_name, session.address, session.name)
 
@@ -214,6 +226,9 @@ class HubClient:
             self._state.write(session)
             if time.monotonic() >= beat:
                 self._state.heartbeat(session)
+                if (keep := self._keep) != self._kept:
+                    session.keep(keep)
+                    self._kept = keep
                 # From its end: however slow the hub is, there is time for events before the next one.
                 beat = time.monotonic() + HEARTBEAT
             self._wait(session, 0.1 if self._state.waiting else max(0.0, beat - time.monotonic()))

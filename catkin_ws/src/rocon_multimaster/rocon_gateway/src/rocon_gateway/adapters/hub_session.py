@@ -29,6 +29,7 @@ from rocon_hub_protocol.core.key import (
     PROTOCOL_KEY,
     SALT_KEY,
     alive_key,
+    kept_key,
     lost_key,
     record_key,
     requests_key,
@@ -254,6 +255,20 @@ class HubSession:
     def forget(self, receiver: str) -> None:
         """Has the request to `receiver` written again: the receiver is a new instance, or the old hub was lost."""
         self._written.pop(receiver, None)
+
+    def kept(self) -> str:
+        """Returns what a gateway of our name had the hub keep; empty for nothing."""
+        try:
+            return self.client.get(kept_key(self.name)) or ""
+        except redis.ResponseError:  # another client wrote something else in its place
+            return ""
+
+    def keep(self, text: str) -> None:
+        """Has the hub keep a text for the next gateway of our name, also when we are gone; empty for none."""
+        if text:
+            self.client.set(kept_key(self.name), text)
+        else:
+            self.client.delete(kept_key(self.name))
 
     def describe(self, names: Collection[str]) -> list[Description]:
         """Returns what the hub knows of `names`, of all others if empty; unknown ones are left out. Any thread."""

@@ -1,6 +1,7 @@
 """All the hubs that we are on: those that were named, and those that announce themselves."""
 
 import logging
+import random
 import threading
 import time
 from collections.abc import Callable, Collection, Mapping
@@ -27,6 +28,12 @@ REST = 30.0
 PATIENCE = 10.0
 """After which an announced hub that is lost is given up, if we are on another [s]."""
 
+MOST_FOUND = 16
+"""Announced hubs that we are on or try at once, each in a thread. Of more, those that do not answer give way."""
+
+MOST_COMPLAINTS = 256
+"""Addresses of which it is known what was last said about them; with one more it is said again."""
+
 _SEARCH = "looking for a hub by mDNS; to name one: gateway_hub_uri:=http://HOST:6380 or the service ~connect_hub"
 _NO_SEARCH = "no hub_uri is given and mDNS is off: waiting for a call of ~connect_hub"
 
@@ -44,6 +51,7 @@ class HubsConfig:
         host: our address for others; empty: the one on the way to the hub.
         namespaces: of robots, to announce to all.
         learn: called with the salt of each hub that we may join, before we do.
+        restore: called with what a hub has kept for a gateway of our name; returns what it is to keep from now on.
     """
 
     uris: tuple[str, ...] = ()
@@ -54,6 +62,7 @@ class HubsConfig:
     host: str = ""
     namespaces: frozenset[str] = frozenset()
     learn: Callable[[str], None] = lambda _salt: None
+    restore: Callable[[str], str] = lambda text: text
 
 
 class Hubs:
@@ -92,6 +101,7 @@ class Hubs:
             logger=logger,
             host=config.host,
             namespaces=config.namespaces,
+            restore=config.restore,
         )
         self._changed = threading.Condition()
         self._memberships = Memberships()
@@ -126,6 +136,13 @@ class Hubs:
             hubs = list(self._hubs)
         for hub in hubs:
             hub.publish(said)
+
+    def keep(self, text: str) -> None:
+        """Sets what every hub is to keep for the next gateway of our name."""
+        with self._changed:
+            hubs = list(self._hubs)
+        for hub in hubs:
+            hub.keep(text)
 
     def connect(self, uri: str, patience: float = 5.0) -> None:
         """Joins the hub at `uri` beside those we are on, and tries that address again whenever it is lost.
@@ -226,7 +243,10 @@ class Hubs:
     def _complain(self, about: object, complaint: str) -> None:
         """Says why there is no hub: once, until the reason changes or a hub was found."""
         with self._changed:
-            known, self._complaints[about] = self._complaints.get(about), complaint
+            known = self._complaints.get(about)
+            if len(self._complaints) >= MOST_COMPLAINTS:
+                self._complaints.clear()
+            self._complaints[about] = complaint
         if complaint != known:
             self._logger.info("%s; retrying", complaint)
 
@@ -253,17 +273,20 @@ class Hubs:
         discovery.rest()
 
     def _follow(self, discovery: Discovery) -> None:
-        """Joins hubs that are new, and gives up those that are lost while we are on another."""
+        """Joins hubs that are new, and gives up those that are lost while we are on another or others wait."""
         seen = self._seen(discovery)
+        crowded = len(seen) > MOST_FOUND
         with self._changed:
             self._refused.intersection_update(seen)
-            for ways in seen:
-                if ways not in self._refused and not any(set(ways) & set(hub.ways) for hub in self._hubs):
+            # In any order: who announces thousands of hubs must not choose which ones are tried.
+            for ways in random.sample(seen, len(seen)):
+                room = sum(not hub.named for hub in self._hubs) < MOST_FOUND
+                if room and ways not in self._refused and not any(set(ways) & set(hub.ways) for hub in self._hubs):
                     self._add(ways, named=False)
-            found = [hub for hub in self._hubs if not hub.named] if self._view.connected else []
+            found = [hub for hub in self._hubs if not hub.named] if self._view.connected or crowded else []
             lost = [hub for hub in found if not self._memberships.is_on(hub)]
         for hub in lost:
-            if time.monotonic() - hub.lost_since > PATIENCE:
+            if (crowded and hub.failures > 1) or time.monotonic() - hub.lost_since > PATIENCE:
                 hub.stop()
 
     def _seen(self, discovery: Discovery) -> list[tuple[Candidate, ...]]:

@@ -50,6 +50,8 @@ class GatewayConfig:
             that differ from it in the number at their end only, and those that any gateway has told the hub.
         robot_namespaces: more robots' namespaces to tell the hub, `alice; bob`, so that all gateways know them before
             the robots' own gateways come.
+        kept_folder: a folder of small files that the hub keeps a copy of, 64 KiB in all: a gateway of this name that
+            starts where there are none, as on another computer, writes them there before it joins; empty for none.
         relay_port: TCP port for links from other gateways; 0 is any free one.
         max_message_size: the longest message that is carried [bytes].
     """
@@ -75,6 +77,7 @@ class GatewayConfig:
     network_interface: str = ""
     namespace: str = ""
     robot_namespaces: Any = ()
+    kept_folder: str = ""
     relay_port: int = 0
     max_message_size: int = 256 * 2**20
 

@@ -7,6 +7,7 @@ import threading
 import time
 import uuid
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import rosgraph
@@ -21,6 +22,7 @@ from pioneer_node.nodes import entry
 from rocon_gateway import conversions
 from rocon_gateway.adapters.address import interface_address, own_address
 from rocon_gateway.adapters.hubs import Hubs, HubsConfig
+from rocon_gateway.adapters.kept_folder import KeptFolder
 from rocon_gateway.adapters.master import MasterError, MasterWatch
 from rocon_gateway.core import verdict
 from rocon_gateway.core.config import GatewayConfig, book_from_config, with_custom_rules
@@ -100,6 +102,7 @@ class GatewayNode:
         self._outcome = Outcome()
         self._said: tuple[object, object] = (None, None)
         self._uncovered: set[tuple[str, str]] = set()
+        self._kept = KeptFolder(Path(self._config.kept_folder), self._logger) if self._config.kept_folder else None
         self._relay = TcpRelay(self._relay_config(), self._wake, self._logger, access.certificates)
         self._hubs = Hubs(self._hub_config(access), self._record(), self._linked, self._wake, self._logger)
         self._turned, self._begun, self._done = threading.Condition(), 0, 0
@@ -151,6 +154,7 @@ class GatewayNode:
             access=access,
             host=self._fixed_host,
             namespaces=self._config.known_namespaces,
+            restore=self._kept.restore if self._kept else lambda text: text,
             **({"learn": self._keyring.learn} if self._keyring else {}),
         )
 
@@ -183,6 +187,8 @@ class GatewayNode:
                 diagnose = now + DIAGNOSTIC_PERIOD
                 if self._keyring:
                     self._keyring.refresh()
+                if self._kept:
+                    self._hubs.keep(self._kept.text())
                 if self._diagnostics.get_num_connections():
                     self._diagnostics.publish(self._diagnostic_array(with_links=True))
 

@@ -1,7 +1,10 @@
 """The hub's port where there is a password: only clients that prove the password are connected to Redis."""
 
 import asyncio
+import contextlib
+import errno
 import logging
+import resource
 import socket
 import ssl
 import threading
@@ -15,7 +18,15 @@ HANDSHAKE_TIME = 5.0
 """For how long a client may take to say the next line of its proof [s]."""
 
 MAX_UNPROVEN = 2048
-"""Clients that have not proved it yet: a thousand gateways may come back at once. One more closes the oldest."""
+"""Clients that have not proved it yet: a thousand gateways may come back at once. One more closes the oldest.
+
+Where the process may have few files open, they are at most a quarter of those.
+"""
+
+NO_FILE_LEFT = (errno.EMFILE, errno.ENFILE)
+
+ROOM_PERIOD = 0.02
+"""Time between two attempts to accept a client where no more files may be open [s]."""
 
 BACKLOG = 511
 """So many clients may wait to be accepted."""
@@ -47,44 +58,95 @@ class Front:
         self._logger = logging.getLogger("rosout")
         self._sockets = _listening(port)
         self._context = context
+        self._most = self._most_unproven()
+        self._clients: set[Client] = set()
         self._unproven: dict[Client, None] = {}
         self._waiting: deque[Client] = deque()
         self._told: set[str] = set()
+        self._end = asyncio.Event()
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._run, name="hub front", daemon=True)
         self._thread.start()
 
+    def _most_unproven(self) -> int:
+        files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+        if files == resource.RLIM_INFINITY or files // 4 >= MAX_UNPROVEN:
+            return MAX_UNPROVEN
+        self._logger.warning(
+            "the hub may have %d files open, four of them for each gateway, so at most %d gateways can join; "
+            "for more raise the hard limit (ulimit -Hn)", files, files // 4,
+        )  # fmt: skip
+        return files // 4
+
     def close(self) -> None:
         """Closes the port and all connections."""
-        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._loop.call_soon_threadsafe(self._end.set)
         self._thread.join()
 
     def _run(self) -> None:
-        loop = self._loop
-        patience = HANDSHAKE_TIME if self._context else None
+        try:
+            self._loop.run_until_complete(self._serve())
+        finally:
+            for one in self._sockets:
+                one.close()
+            self._loop.close()
+
+    async def _serve(self) -> None:
         for one in self._sockets:
-            serving = loop.create_server(
-                lambda: Client(self, loop),
-                sock=one,
+            one.setblocking(False)
+            self._loop.create_task(self._accept(one))
+        await self._end.wait()
+        for client in self._clients:
+            client.drop()
+        tasks = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _accept(self, listening: socket.socket) -> None:
+        """Takes clients, each counted from here on: with TLS its handshake is still to come."""
+        while True:
+            try:
+                connection, address = await self._loop.sock_accept(listening)
+            except OSError as error:
+                if error.errno in NO_FILE_LEFT:
+                    self._drop_oldest()
+                    await asyncio.sleep(ROOM_PERIOD)
+                continue
+            client = Client(self, self._loop, connection, address[0])
+            self._clients.add(client)
+            self._unproven[client] = None
+            self._loop.create_task(self._open(client, connection))
+            if len(self._unproven) > self._most:
+                self._drop_oldest()
+            await asyncio.sleep(0)
+
+    async def _open(self, client: "Client", connection: socket.socket) -> None:
+        patience = HANDSHAKE_TIME if self._context else None
+        opened = False
+        try:
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            for option, value in _KEEPALIVE.items():
+                connection.setsockopt(socket.IPPROTO_TCP, option, value)
+            await self._loop.connect_accepted_socket(
+                lambda: client,
+                connection,
                 ssl=self._context,
-                backlog=BACKLOG,
                 ssl_handshake_timeout=patience,
                 ssl_shutdown_timeout=patience,
             )
-            loop.run_until_complete(serving)
-        loop.run_forever()
-        for task in asyncio.all_tasks(loop):
-            task.cancel()
-        for one in self._sockets:
-            one.close()
-        loop.run_until_complete(asyncio.sleep(0))
-        loop.close()
+            opened = True
+        except OSError:  # it speaks no TLS, takes too long, or has left
+            return
+        finally:
+            if not opened:
+                connection.close()
+                self.left(client)
 
-    def arrived(self, client: "Client") -> None:
-        """Takes note of somebody who has not proved anything yet."""
-        self._unproven[client] = None
-        if len(self._unproven) > MAX_UNPROVEN:
-            next(iter(self._unproven)).give_up()
+    def _drop_oldest(self) -> None:
+        for client in list(self._unproven)[:1]:
+            self.settled(client)
+            client.drop()
 
     def wait(self, client: "Client") -> None:
         """Has a client wait for its turn: one begins at a time, so that those that have begun come to an end first."""
@@ -104,6 +166,11 @@ class Front:
     def settled(self, client: "Client") -> None:
         """Somebody has proved the password, or is gone."""
         self._unproven.pop(client, None)
+
+    def left(self, client: "Client") -> None:
+        """Forgets somebody who is gone."""
+        self.settled(client)
+        self._clients.discard(client)
 
     def refused(self, host: str) -> None:
         """Logs that a machine has another password, once until it has ours."""
@@ -153,24 +220,17 @@ class End(asyncio.Protocol):
 class Client(End):
     """A client of the hub, from its first byte."""
 
-    def __init__(self, front: Front, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(self, front: Front, loop: asyncio.AbstractEventLoop, connection: socket.socket, host: str) -> None:
         super().__init__()
-        self._front, self._loop = front, loop
+        self._front, self._loop, self._connection, self._host = front, loop, connection, host
         self._line = self._first = b""
         self._side: HubSide | None = None
-        self._host = ""
         self._joining: asyncio.Task[None] | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Takes the new connection."""
         super().connection_made(transport)
         self._expect()
-        self._host = transport.get_extra_info("peername")[0]
-        connection = transport.get_extra_info("socket")
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        for option, value in _KEEPALIVE.items():
-            connection.setsockopt(socket.IPPROTO_TCP, option, value)
-        self._front.arrived(self)
 
     def data_received(self, data: bytes) -> None:
         """Handles what has arrived."""
@@ -187,13 +247,21 @@ class Client(End):
     def connection_lost(self, error: Exception | None) -> None:
         """Closes the other side too."""
         self._timer.cancel()
-        self._front.settled(self)
+        self._front.left(self)
         super().connection_lost(error)
 
     def give_up(self) -> None:
         """Closes the connection."""
         if self.transport:
             self.transport.close()
+
+    def drop(self) -> None:
+        """Closes the connection at once, whatever is still to be sent or agreed on."""
+        if self.transport:
+            self.transport.abort()
+            return
+        with contextlib.suppress(OSError):  # not connected any more
+            self._connection.shutdown(socket.SHUT_RDWR)  # the handshake of TLS ends by this
 
     @property
     def has_left(self) -> bool:

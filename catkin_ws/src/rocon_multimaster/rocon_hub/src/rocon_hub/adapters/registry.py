@@ -35,6 +35,9 @@ class Registry:
         client: a client of our own server.
         patience: how long the record of a silent gateway is kept [s].
         salt: the fleet's, for its gateways; empty for none.
+
+    Attributes:
+        returned: gateways that the last look found alive after a silence.
     """
 
     def __init__(self, client: redis.Redis, patience: float, salt: str = "") -> None:
@@ -43,6 +46,7 @@ class Registry:
         self._patience = patience
         self._watch = Watch(patience)
         self._name = ""
+        self.returned: set[str] = set()
 
     def open(self, name: str) -> None:
         """Writes the name by which gateways know that this is a hub; all silences are forgotten."""
@@ -62,6 +66,7 @@ class Registry:
         names = sorted(self._members())
         lives = self._client.mget([alive_key(name) for name in names]) if names else []
         alive = [name for name, life in zip(names, lives, strict=True) if life]
+        self.returned = self._watch.returned(alive)
         for name in sorted(self._watch.fallen_silent(names, alive)):
             if self._expire(name):
                 self._watch.note(name, now)

@@ -15,6 +15,9 @@ SOCKET = "redis.sock"
 ADMIN = "hub"
 """The Redis user that may do everything: the hub itself."""
 
+LONGEST_VALUE = 4 << 20
+"""Bytes that one value on the hub may have; a record with a thousand advertisements has 70,000."""
+
 COMMANDS = (
     *("get", "set", "mget", "del", "pexpire", "sadd", "srem", "smembers", "sismember"),
     *("hset", "hdel", "hmget", "hgetall", "publish", "subscribe", "unsubscribe", "watch", "unwatch", "multi", "exec"),
@@ -24,7 +27,7 @@ COMMANDS = (
 
 _PATTERNS = (
     *("%R~rocon:hub:*", "~rocon:gateway:*", "~rocon:alive:*", "~rocon:requests:*", "~rocon:lost:*"),
-    *("~rocon:gateways", "~rocon:namespaces"),
+    *("~rocon:kept:*", "~rocon:gateways", "~rocon:namespaces"),
     *("&rocon:gateways", "&rocon:gateway:*", "&rocon:requests:*", "&rocon:examine", "&rocon:examined:*"),
 )
 """Keys and channels of gateways, as Redis' ACL writes them: those of the hub itself are read-only."""
@@ -123,6 +126,8 @@ def redis_configuration(config: HubConfig, directory: Path, guard: Guard, admin_
         "unixsocketperm 600",
         'logfile ""',
         "tcp-keepalive 10",
+        # A record of more would keep every gateway that reads it from giving its sign of life.
+        f"proto-max-bulk-len {LONGEST_VALUE}",
         "client-output-buffer-limit pubsub 8mb 2mb 30",
         f"user {ADMIN} reset on {quoted('>' + admin_password)} ~* &* +@all",
         f"user default reset on nopass {' '.join(_PATTERNS)} {' '.join(f'+{one}' for one in COMMANDS)}",

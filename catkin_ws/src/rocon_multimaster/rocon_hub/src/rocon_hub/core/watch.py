@@ -25,6 +25,10 @@ class Watch:
         self._silent = {name: since for name, since in self._silent.items() if name in silent}
         return silent - set(self._silent)
 
+    def returned(self, alive: Collection[str]) -> set[str]:
+        """Returns those whose silence was noted and who live again."""
+        return set(self._silent) & set(alive)
+
     def note(self, name: str, now: float) -> None:
         """Takes note of a gateway whose silence was announced."""
         self._silent[name] = now

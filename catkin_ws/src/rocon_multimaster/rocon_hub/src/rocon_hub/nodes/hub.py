@@ -133,6 +133,8 @@ class HubNode:
     def _look(self) -> None:
         for name in self._registry.look(time.monotonic()):
             rospy.logwarn("gateway %r is not heard of any more", name)
+        for name in sorted(self._registry.returned):
+            rospy.loginfo("gateway %r is heard of again", name)
         if time.monotonic() < self._next_clear:
             return
         self._next_clear = time.monotonic() + 1.0 / self._config.watcher_thread_rate
@@ -156,6 +158,8 @@ class HubNode:
     def _announce(self) -> None:
         try:
             self._announcement.refresh()
+            if self._unannounced:
+                rospy.loginfo("announced by mDNS")
             self._unannounced = ""
         except AnnouncementError as error:
             if str(error) != self._unannounced:

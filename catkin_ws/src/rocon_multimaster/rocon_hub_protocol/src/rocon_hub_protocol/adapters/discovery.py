@@ -1,9 +1,9 @@
 """Hubs that announce themselves by mDNS, looked for as long as we need one."""
 
-import contextlib
 import hashlib
 import logging
 import os
+import random
 import threading
 import time
 from collections.abc import Callable
@@ -18,6 +18,12 @@ REOPEN = 5.0
 
 RESOLVE = 3000
 """For how long an announced hub may keep its address to itself [ms]."""
+
+MOST_ASKED = 8
+"""Hubs that are asked for their address at once. An announcement of ours has it, and waits for none of these."""
+
+MOST_SIGHTINGS, MOST_ADDRESSES = 1024, 8
+"""Announced hubs that are remembered, and addresses of each; of more hubs any is forgotten."""
 
 
 def own_interfaces() -> frozenset[IPv4Interface]:
@@ -50,6 +56,7 @@ class Discovery:
         self._on_change = on_change
         self._lock = threading.Lock()
         self._sightings: dict[str, Sighting] = {}
+        self._asking = threading.Semaphore(MOST_ASKED)
         self._zeroconf: Any = None
         self._question: Any = None
         self._next_look = 0.0
@@ -96,15 +103,34 @@ class Discovery:
             self._sightings.clear()
 
     def _take(self, zeroconf: Any, service_type: str, name: str, state_change: Any) -> None:
-        sighting = None
-        if state_change.name != "Removed":
-            with contextlib.suppress(OSError):
-                sighting = _sighting(zeroconf.get_service_info(service_type, name, RESOLVE, self._question))
+        from zeroconf import ServiceInfo
+
+        info = ServiceInfo(service_type, name)
+        if state_change.name == "Removed":
+            self._keep(zeroconf, name, None)
+        elif info.load_from_cache(zeroconf):
+            self._keep(zeroconf, name, _sighting(info))
+        elif self._asking.acquire(blocking=False):
+            # In a thread of its own: announcements wait for this one, and who never answers must hold none of them up.
+            threading.Thread(target=self._ask, args=(zeroconf, info), name="hub address", daemon=True).start()
+
+    def _ask(self, zeroconf: Any, info: Any) -> None:
+        try:
+            if info.request(zeroconf, RESOLVE, self._question):
+                self._keep(zeroconf, info.name, _sighting(info))
+        except OSError:
+            return  # it is closed, or the network is gone
+        finally:
+            self._asking.release()
+
+    def _keep(self, zeroconf: Any, name: str, sighting: Sighting | None) -> None:
         with self._lock:
             if sighting is None:
                 self._sightings.pop(name, None)
             elif zeroconf is self._zeroconf:
                 self._sightings[name] = sighting
+                if len(self._sightings) > MOST_SIGHTINGS:
+                    del self._sightings[random.choice(list(self._sightings))]
         self._on_change()
 
 
@@ -117,11 +143,11 @@ def close_zeroconf(instance: Any) -> None:
 
 def _sighting(info: Any) -> Sighting | None:
     """Returns what an announcement says, None if it names no address and port."""
-    if info is None or not info.port:
+    if not info.port:
         return None
     import zeroconf
 
-    addresses = tuple(info.parsed_addresses(zeroconf.IPVersion.V4Only))
+    addresses = tuple(info.parsed_addresses(zeroconf.IPVersion.V4Only))[:MOST_ADDRESSES]
     stack = (info.properties.get(b"stack") or b"").decode(errors="replace")
     tls = info.properties.get(b"tls") == b"1"
     return Sighting(info.name.removesuffix(f".{SERVICE}"), info.port, addresses, stack, tls) if addresses else None

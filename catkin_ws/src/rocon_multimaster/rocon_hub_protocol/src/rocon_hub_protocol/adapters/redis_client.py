@@ -2,6 +2,7 @@
 
 import socket
 import ssl
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
@@ -62,7 +63,6 @@ class HubConnection(redis.Connection):
             if self._access.certificates:
                 sock = self._access.certificates.client.wrap_socket(sock)
             if self._access.password:
-                sock.settimeout(PROOF_TIMEOUT)
                 prove(sock, self._access.password())
                 sock.settimeout(self.socket_timeout)
         except BaseException:
@@ -76,7 +76,7 @@ def prove(sock: socket.socket, password: str) -> None:
 
     Raises:
         NotOurHubError: one of us does not know it, or it is no hub with a password.
-        OSError: the hub does not answer.
+        OSError: the hub does not answer, or too slowly. The socket's time-out is another one afterwards.
     """
     # Costs 2 MB, so only for gateways with a password.
     from rocon_hub_protocol.core.admission import REFUSED, GatewaySide
@@ -103,8 +103,10 @@ def prove(sock: socket.socket, password: str) -> None:
 
 def _line(sock: socket.socket) -> bytes:
     # The hub says one line, and then nothing until it is answered.
-    line = b""
+    line, deadline = b"", time.monotonic() + PROOF_TIMEOUT
     while not line.endswith(b"\n"):
+        # Of the whole line: one byte after the other would keep us for an hour.
+        sock.settimeout(max(0.001, deadline - time.monotonic()))
         part = sock.recv(LONGEST_LINE - len(line))
         if not part:  # closed, or too long for a line of ours
             raise ConnectionError("Connection closed by server.")

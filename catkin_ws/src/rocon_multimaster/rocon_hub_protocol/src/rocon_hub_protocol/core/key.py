@@ -32,6 +32,11 @@ def lost_key(gateway: str) -> str:
     return f"rocon:lost:{gateway}"
 
 
+def kept_key(gateway: str) -> str:
+    """Returns the key of what a gateway has the hub keep for the next one of its name."""
+    return f"rocon:kept:{gateway}"
+
+
 def examined_key(request: str) -> str:
     """Returns the channel on which gateways answer the request of that number."""
     return f"rocon:examined:{request}"

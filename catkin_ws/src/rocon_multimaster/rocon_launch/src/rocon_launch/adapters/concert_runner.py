@@ -24,11 +24,13 @@ class ConcertRunner:
     Args:
         launches: what to run.
         screen: give roslaunch `--screen`.
+        program: roslaunch.
     """
 
-    def __init__(self, launches: Sequence[Launch], screen: bool) -> None:
+    def __init__(self, launches: Sequence[Launch], screen: bool, program: str = "roslaunch") -> None:
         self._launches = launches
         self._screen = screen
+        self._program = program
         self._stop = EndRequest()
         self._lock = threading.Lock()
         self._processes: list[RoslaunchProcess] = []
@@ -74,7 +76,7 @@ class ConcertRunner:
 
     def _start(self, launch: Launch) -> RoslaunchProcess:
         flags = [*(["--screen"] if self._screen else []), *(["--wait"] if launch.waits else [])]
-        command = ["roslaunch", "--no-summary", *flags, "-p", str(launch.port)]
+        command = [self._program, "--no-summary", *flags, "-p", str(launch.port)]
         command += [*([launch.package] if launch.package else []), launch.name]
         command += [f"{name}:={value}" for name, value in launch.arguments.items()]
         return RoslaunchProcess(launch, command, _environment(launch), self._show)

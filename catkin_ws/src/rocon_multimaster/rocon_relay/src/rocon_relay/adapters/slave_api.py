@@ -58,7 +58,7 @@ class SlaveApi:
             return xmlrpc.client.dumps(fault).encode()
         try:
             answer = function(*arguments)
-        except TypeError:
+        except NONSENSE:
             answer = (-1, f"wrong arguments for {method}", 0)
         return xmlrpc.client.dumps((answer,), methodresponse=True).encode()
 

@@ -4,6 +4,7 @@ Network errors are OSErrors. The classes of services and messages are those that
 through their methods, so this module imports no ROS package.
 """
 
+import contextlib
 import socket
 import struct
 import xmlrpc.client
@@ -55,6 +56,28 @@ class Connection:
     def __exit__(self, *_: object) -> None:
         self._socket.close()
 
+    def be_patient(self) -> None:
+        """Waits for further frames without limit; `interrupt` ends that."""
+        self._socket.settimeout(None)
+
+    def interrupt(self) -> None:
+        """Ends a `read_frame` of another thread, by a ConnectionError there."""
+        with contextlib.suppress(OSError):  # it is closed already
+            self._socket.shutdown(socket.SHUT_RDWR)
+
+    def call_raw(self, body: bytes) -> bytes:
+        """Calls the service at the other end with a serialized request; returns the serialized response.
+
+        Raises:
+            ClientError: the call failed in the server.
+        """
+        self._socket.sendall(struct.pack("<I", len(body)) + body)
+        succeeded = self._read(1) == b"\x01"
+        answer = self.read_frame()
+        if not succeeded:
+            raise ClientError(answer.decode(errors="replace"))
+        return answer
+
     def call(self, kind: Any, **fields: Any) -> Any:
         """Calls the service of type `kind` at the other end; returns its response.
 
@@ -63,12 +86,11 @@ class Connection:
         """
         body = BytesIO()
         kind._request_class(**fields).serialize(body)
-        self._socket.sendall(struct.pack("<I", len(body.getvalue())) + body.getvalue())
-        succeeded = self._read(1) == b"\x01"
-        answer = self.read_frame()
-        if not succeeded:
-            raise ClientError(answer.decode(errors="replace"))
-        return kind._response_class().deserialize(answer)
+        return kind._response_class().deserialize(self.call_raw(body.getvalue()))
+
+    def wait_for_ever(self) -> None:
+        """Takes the time-out from reading: a publisher may be silent as long as it likes."""
+        self._socket.settimeout(None)
 
     def read_frame(self) -> bytes:
         """Returns the next message, or header, without its length."""

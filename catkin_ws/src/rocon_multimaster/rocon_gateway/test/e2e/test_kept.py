@@ -1,0 +1,59 @@
+"""What a hub keeps for a gateway: its files, for the next gateway of its name, on whichever computer."""
+
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hub_seat import Bench
+
+from pioneer_harness.wait import wait_until
+from rocon_gateway.adapters.kept_folder import KeptFolder
+from rocon_hub_protocol.core.key import kept_key
+
+KEY = kept_key("aadi1_gateway")
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(tmp_path)
+    yield made
+    made.close()
+
+
+def folder(path: Path) -> KeptFolder:
+    return KeptFolder(path, logging.getLogger("rosout"))
+
+
+def test_files_of_a_gateway_that_left_are_there_before_the_next_of_its_name_has_joined(
+    bench: Bench, tmp_path: Path
+) -> None:
+    here, there = folder(tmp_path / "here"), folder(tmp_path / "there")
+    first = bench.seat("aadi1_gateway", restore=here.restore)
+    (tmp_path / "here" / "correction.json").write_text("somewhere")
+    first.keep(here.text())
+    wait_until(lambda: bench.client.get(KEY) == here.text(), "the copy on the hub", 5)
+    first.leave()
+    bench.seat("aadi1_gateway", "2", restore=there.restore)
+    assert (tmp_path / "there" / "correction.json").read_text() == "somewhere"
+    assert bench.client.get(KEY) == there.text()
+
+
+def test_an_emptied_hub_gets_the_files_again_and_loses_those_that_are_removed(bench: Bench, tmp_path: Path) -> None:
+    here = folder(tmp_path / "here")
+    (tmp_path / "here" / "correction.json").write_text("somewhere")
+    seat = bench.seat("aadi1_gateway", restore=here.restore)
+    wait_until(lambda: bench.client.get(KEY) == here.text(), "the copy on the hub", 5)
+    seat.lose()
+    bench.client.delete(KEY)
+    seat.find()
+    wait_until(lambda: bench.client.get(KEY) == here.text(), "the copy on the hub again", 5)
+    (tmp_path / "here" / "correction.json").unlink()
+    seat.keep(here.text())
+    wait_until(lambda: bench.client.get(KEY) is None, "nothing on the hub", 5)
+
+
+def test_something_else_in_its_place_does_not_keep_a_gateway_from_the_hub(bench: Bench, tmp_path: Path) -> None:
+    bench.client.sadd(KEY, "no text")
+    bench.seat("aadi1_gateway", restore=folder(tmp_path / "here").restore)
+    assert not list((tmp_path / "here").iterdir())

@@ -1,0 +1,48 @@
+"""The folder whose files the hubs keep."""
+
+import json
+import logging
+from pathlib import Path
+
+import pytest
+
+from rocon_gateway.adapters.kept_folder import LARGEST, KeptFolder
+
+LOGGER = logging.getLogger("rosout")
+
+
+def test_files_go_from_one_computers_folder_to_anothers(tmp_path: Path) -> None:
+    first, second = (KeptFolder(tmp_path / name, LOGGER) for name in ("a", "b"))
+    assert first.text() == ""
+    (tmp_path / "a" / "correction.json").write_text("{}\n")
+    (tmp_path / "a" / ".correction.json.77").write_text("half")
+    assert second.restore(first.text()) == first.text()
+    assert [one.name for one in (tmp_path / "b").iterdir()] == ["correction.json"]
+    assert (tmp_path / "b" / "correction.json").read_text() == "{}\n"
+
+
+def test_files_that_are_here_win_over_those_of_the_hub(tmp_path: Path) -> None:
+    folder = KeptFolder(tmp_path, LOGGER)
+    (tmp_path / "own").write_text("new")
+    assert folder.restore(json.dumps({"own": "old", "other": "old"})) == json.dumps({"own": "new"})
+
+
+@pytest.mark.parametrize("name", ["../out", "/etc/passwd", "..", ".hidden", "a/b", "", "x" * 200, "a\n"])
+def test_names_that_lead_elsewhere_are_not_written(tmp_path: Path, name: str) -> None:
+    folder = KeptFolder(tmp_path / "in" / "kept", LOGGER)
+    assert folder.restore(json.dumps({name: "text"})) == ""
+    assert [str(one.relative_to(tmp_path)) for one in sorted(tmp_path.rglob("*"))] == ["in", "in/kept"]
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "3", '{"a": 1}', "[" * 100_000, "x" * (LARGEST + 1)])
+def test_what_another_client_wrote_in_its_place_is_left_out(tmp_path: Path, text: str) -> None:
+    assert KeptFolder(tmp_path, LOGGER).restore(text) == ""
+    assert not list(tmp_path.iterdir())
+
+
+def test_too_much_is_not_kept_and_logged_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    folder = KeptFolder(tmp_path, LOGGER)
+    (tmp_path / "large").write_text("x" * LARGEST)
+    with caplog.at_level(logging.WARNING, "rosout"):
+        assert [folder.text(), folder.text()] == ["", ""]
+    assert caplog.text.count("not kept by the hub: more than") == 1
