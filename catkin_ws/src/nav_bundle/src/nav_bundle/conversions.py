@@ -44,8 +44,10 @@ from nav_bundle.core.transform import Transform
 from pioneer_node.core.frame import stripped
 
 
-class GridMessage(OccupancyGrid):  # type: ignore[misc]
-    """An OccupancyGrid whose ``data`` is read as an int8 array, and may be one when it is written."""
+class _Cells(genpy.Message):  # type: ignore[misc]
+    """Mixed into a message that ends in int8 ``data``, which may then be an array when it is written."""
+
+    data: Any
 
     def serialize(self, buff: io.BytesIO) -> None:
         """Writes the message; ``data`` may be any sequence of int8."""
@@ -58,6 +60,10 @@ class GridMessage(OccupancyGrid):  # type: ignore[misc]
         buff.seek(-4, io.SEEK_CUR)
         buff.write(struct.pack("<I", cells.size))
         buff.write(np.ascontiguousarray(cells).data)
+
+
+class GridMessage(_Cells, OccupancyGrid):  # type: ignore[misc]
+    """An OccupancyGrid whose ``data`` is read as an int8 array, and may be one when it is written."""
 
     def deserialize(self, data: bytes) -> Self:
         """Reads the message from ``data``."""
@@ -292,7 +298,7 @@ def points_from_cloud(message: PointCloud2) -> NDArray[np.float64]:
     shape, steps = (message.height, message.width), (message.row_step, message.point_step)
     try:
         kind = np.dtype({"names": list("xyz"), "formats": formats, "offsets": offsets, "itemsize": message.point_step})
-        records = np.ndarray(shape, kind, bytes(message.data), strides=steps).ravel()
+        records: NDArray[np.void] = np.ndarray(shape, kind, bytes(message.data), strides=steps).ravel()
     except (TypeError, ValueError):
         size = f"{len(message.data)} bytes for {message.width} x {message.height} points of {message.point_step}"
         raise ObservationError(f"a point cloud came with {size} bytes") from None
@@ -333,20 +339,8 @@ def message_from_grid(grid: Grid, frame: str, stamp: Any, load_time: Any | None 
     return GridMessage(Header(0, stamp, stripped(frame)), info, grid.cells.reshape(-1))
 
 
-class GridUpdateMessage(OccupancyGridUpdate):  # type: ignore[misc]
+class GridUpdateMessage(_Cells, OccupancyGridUpdate):  # type: ignore[misc]
     """An OccupancyGridUpdate whose ``data`` may be an int8 array when it is written. For publishers."""
-
-    def serialize(self, buff: io.BytesIO) -> None:
-        """Writes the message; ``data`` may be any sequence of int8."""
-        cells = np.asarray(self.data, np.int8)
-        self.data, kept = (), self.data
-        try:
-            super().serialize(buff)
-        finally:
-            self.data = kept
-        buff.seek(-4, io.SEEK_CUR)
-        buff.write(struct.pack("<I", cells.size))
-        buff.write(cells.tobytes())
 
 
 class PathMessage(Path):  # type: ignore[misc]

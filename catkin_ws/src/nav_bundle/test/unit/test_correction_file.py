@@ -2,28 +2,30 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+import rospy
 
-from nav_bundle.adapters.correction_file import CorrectionFileError, read_correction, write_correction
+from nav_bundle.adapters.correction_file import CorrectionFile, CorrectionFileError
 from nav_bundle.core.pose import Pose
 from nav_bundle.nodes.amcl import AmclNode
+from nav_bundle.nodes.pose_store import PoseStore
 
 
 def test_what_was_written_is_read(tmp_path: Path) -> None:
     path = tmp_path / "correction"
-    write_correction(path, Pose(1.5, -2.25, 0.75), "odom")
-    write_correction(path, Pose(1.0, -2.0, 0.5), "odom")
-    assert read_correction(path, "odom") == Pose(1.0, -2.0, 0.5)
+    CorrectionFile(str(path)).write(Pose(1.5, -2.25, 0.75), "odom")
+    CorrectionFile(str(path)).write(Pose(1.0, -2.0, 0.5), "odom")
+    assert CorrectionFile(str(path)).read("odom") == Pose(1.0, -2.0, 0.5)
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_of_another_robot_nothing_is_remembered(tmp_path: Path) -> None:
     path = tmp_path / "correction"
-    write_correction(path, Pose(1.5, -2.25, 0.75), "pioneer1/odom")
-    assert read_correction(path, "pioneer2/odom") is None
+    CorrectionFile(str(path)).write(Pose(1.5, -2.25, 0.75), "pioneer1/odom")
+    assert CorrectionFile(str(path)).read("pioneer2/odom") is None
 
 
 def test_no_file_is_no_memory(tmp_path: Path) -> None:
-    assert read_correction(tmp_path / "correction", "odom") is None
+    assert CorrectionFile(str(tmp_path / "correction")).read("odom") is None
 
 
 @pytest.mark.parametrize(
@@ -42,19 +44,30 @@ def test_a_file_of_something_else_is_named(tmp_path: Path, text: str) -> None:
     path = tmp_path / "correction"
     path.write_text(text)
     with pytest.raises(CorrectionFileError, match="correction"):
-        read_correction(path, "odom")
+        CorrectionFile(str(path)).read("odom")
 
 
 def test_amcl_starts_at_its_initial_pose_where_the_file_holds_something_else(tmp_path: Path) -> None:
     """It ended, and was started again every few seconds."""
     path = tmp_path / "correction"
-    node = SimpleNamespace(_config=SimpleNamespace(correction_file=str(path)), _odom_frame="odom")
+    node = SimpleNamespace(_correction=CorrectionFile(str(path)), _odom_frame="odom")
     path.write_text("")
     assert AmclNode._read_correction(node) is None  # type: ignore[arg-type]
-    write_correction(path, Pose(1.0, -2.0, 0.5), "odom")
+    node._correction.write(Pose(1.0, -2.0, 0.5), "odom")
     assert AmclNode._read_correction(node) == Pose(1.0, -2.0, 0.5)  # type: ignore[arg-type]
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(CorrectionFileError, match="absent"):
-        write_correction(tmp_path / "absent" / "correction", Pose(), "odom")
+        CorrectionFile(str(tmp_path / "absent" / "correction")).write(Pose(), "odom")
+
+
+def test_a_correction_is_forgotten_when_time_jumps_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An amcl that started before the next one was written resumed where the robot had been before the reset."""
+    file = CorrectionFile(str(tmp_path / "correction"))
+    file.write(Pose(1.0, -2.0, 0.5), "odom")
+    node = SimpleNamespace(_now=50.0, _correction=file, _store=PoseStore(1.0), _start_at_initial_pose=lambda: None)
+    monkeypatch.setattr(rospy, "get_time", lambda: 3.0)
+    AmclNode._restart_if_time_jumped(node)  # type: ignore[arg-type]
+    assert file.read("odom") is None
+    file.forget()

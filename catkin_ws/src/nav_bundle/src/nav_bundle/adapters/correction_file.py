@@ -10,36 +10,58 @@ from nav_bundle.core.pose import Pose
 
 
 class CorrectionFileError(NavigationError):
-    """The file cannot be read or written, or holds something else."""
+    """The file cannot be read, written or removed, or holds something else."""
 
 
-def read_correction(path: Path, odom_frame: str) -> Pose | None:
-    """Returns the pose of ``odom_frame`` in ``map``; None where there is no file, or it is about another robot's.
+class CorrectionFile:
+    """One file, or none where its path is empty: then nothing is read, written or removed."""
 
-    Raises:
-        CorrectionFileError: see there.
-    """
-    try:
-        content = json.loads(path.read_text())
-        pose, frame = Pose(*(float(content[key]) for key in ("x", "y", "yaw"))), content["odom"]
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise CorrectionFileError(f"{path} does not hold x, y and yaw in map of an odom frame: {error}") from None
-    if not all(map(math.isfinite, (pose.x, pose.y, pose.yaw))):
-        raise CorrectionFileError(f"{path} holds a number that is none")
-    return pose if frame == odom_frame else None
+    def __init__(self, path: str) -> None:
+        self._path = Path(path) if path else None
 
+    def read(self, odom_frame: str) -> Pose | None:
+        """Returns the pose of ``odom_frame`` in ``map``; None where there is no file, or it is about another robot's.
 
-def write_correction(path: Path, pose: Pose, odom_frame: str) -> None:
-    """Replaces the file as a whole, so that a kill at any moment leaves the old one or the new one.
+        Raises:
+            CorrectionFileError: see there.
+        """
+        if self._path is None:
+            return None
+        try:
+            content = json.loads(self._path.read_text())
+            pose, frame = Pose(*(float(content[key]) for key in ("x", "y", "yaw"))), content["odom"]
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            text = f"{self._path} does not hold x, y and yaw in map of an odom frame: {error}"
+            raise CorrectionFileError(text) from None
+        if not all(map(math.isfinite, (pose.x, pose.y, pose.yaw))):
+            raise CorrectionFileError(f"{self._path} holds a number that is none")
+        return pose if frame == odom_frame else None
 
-    Raises:
-        CorrectionFileError: see there.
-    """
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        beside.write_text(json.dumps({"odom": odom_frame, "x": pose.x, "y": pose.y, "yaw": pose.yaw}) + "\n")
-        beside.replace(path)
-    except OSError as error:
-        raise CorrectionFileError(f"cannot remember the pose in {path}: {error}") from None
+    def write(self, pose: Pose, odom_frame: str) -> None:
+        """Replaces the file as a whole, so that a kill at any moment leaves the old one or the new one.
+
+        Raises:
+            CorrectionFileError: see there.
+        """
+        if self._path is None:
+            return
+        beside = self._path.with_name(f".{self._path.name}.{os.getpid()}")
+        try:
+            beside.write_text(json.dumps({"odom": odom_frame, "x": pose.x, "y": pose.y, "yaw": pose.yaw}) + "\n")
+            beside.replace(self._path)
+        except OSError as error:
+            raise CorrectionFileError(f"cannot remember the pose in {self._path}: {error}") from None
+
+    def forget(self) -> None:
+        """Removes the file, if there is one.
+
+        Raises:
+            CorrectionFileError: see there.
+        """
+        try:
+            if self._path is not None:
+                self._path.unlink(missing_ok=True)
+        except OSError as error:
+            raise CorrectionFileError(f"cannot remove {self._path}, which no longer holds: {error}") from None

@@ -5,7 +5,6 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from nav_msgs.srv import SetMapResponse
 from std_msgs.msg import Header
 from std_srvs.srv import Empty, EmptyResponse
 
-from nav_bundle.adapters.correction_file import CorrectionFileError, read_correction, write_correction
+from nav_bundle.adapters.correction_file import CorrectionFile, CorrectionFileError
 from nav_bundle.conversions import (
     GetMapArray,
     GridMessage,
@@ -45,11 +44,10 @@ from pioneer_node.core.live import Value
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 from pioneer_node.nodes import entry
 from pioneer_node.nodes.reconfigure import ReconfigureServer
+from pioneer_node.nodes.standing_warning import StandingWarning
 
 TRANSFORM_TIMEOUT = 0.5
 """Wall time [s] a scan waits for the odometry of its stamp."""
-WARNING_PERIOD = 5.0
-"""Least time [s] between two equal warnings."""
 DIAGNOSIS_PERIOD = 1.0
 """Time [s] between two messages on /diagnostics."""
 REMEMBERED_COVARIANCE = np.diag([0.1**2, 0.1**2, 0.05**2])
@@ -100,9 +98,11 @@ class AmclNode:
         self._map_from_odom: Pose | None = None
         self._now = self._next_cloud = self._next_diagnosis = 0.0
         self._lost = False
+        self._dropping = StandingWarning("scans are used now")
         self._start_at_initial_pose()
         self._listener = TransformListener(future_limit=config.transform_future_limit)
         self._map_frame, self._odom_frame, self._base_frame = self._listen()
+        self._correction = CorrectionFile(config.correction_file)
         self._remembered = self._read_correction()
         self._broadcaster = TransformBroadcaster()
         self._pose_publisher = rospy.Publisher("amcl_pose", PoseWithCovarianceStamped, queue_size=2, latch=True)
@@ -110,10 +110,10 @@ class AmclNode:
         self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=2)
         self._serve()
         self._maps = self._ask_for_map()
-        rospy.Subscriber("initialpose", PoseWithCovarianceStamped, self._on_initial_pose, queue_size=2)
+        rospy.Subscriber("initialpose", PoseWithCovarianceStamped, self._queued(self._set_initial_pose), queue_size=2)
         self._scans = rospy.Subscriber("scan", ScanMessage, self._on_scan, queue_size=1, tcp_nodelay=True)
         self._reconfiguration = ReconfigureServer("~", config, self._on_reconfigure, (ParameterError,))
-        entry.on_shutdown(self._wake)
+        entry.on_shutdown(lambda: self._post(lambda: None))
 
     def _listen(self) -> tuple[str, str, str]:
         """Listens to odometry's transforms; returns the names of the frames of map, odometry and base."""
@@ -132,22 +132,17 @@ class AmclNode:
     def _ask_for_map(self) -> rospy.Subscriber | None:
         """Returns the map's subscriber; without one asks the map server, in a thread."""
         if self._config.use_map_topic:
-            return rospy.Subscriber("map", GridMessage, self._on_map, queue_size=1)
+            return rospy.Subscriber("map", GridMessage, self._queued(self._set_map), queue_size=1)
         threading.Thread(target=self._fetch_map, name="static_map", daemon=True).start()
         return None
-
-    # Callbacks: store and wake.
 
     def _on_scan(self, message: ScanMessage) -> None:
         with self._arrived:
             self._scan = message
             self._arrived.notify()
 
-    def _on_map(self, message: GridMessage) -> None:
-        self._post(lambda: self._set_map(message))
-
-    def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
-        self._post(lambda: self._set_initial_pose(message))
+    def _queued(self, command: Callable[[Any], None]) -> Callable[[Any], None]:
+        return lambda message: self._post(functools.partial(command, message))
 
     def _on_set_map(self, request: SetMapArrayRequest) -> SetMapResponse:
         def change() -> None:
@@ -188,10 +183,6 @@ class AmclNode:
             raise rospy.ServiceException(str(errors[0]))
         return response
 
-    def _wake(self) -> None:
-        with self._arrived:
-            self._arrived.notify()
-
     # The loop.
 
     def spin(self) -> None:
@@ -199,31 +190,41 @@ class AmclNode:
         while not rospy.is_shutdown():
             with self._arrived:
                 self._arrived.wait_for(lambda: self._commands or self._scan or rospy.is_shutdown())
-                commands, scan = list(self._commands), self._scan
-                self._commands.clear()
-                self._scan = None
-            for command in commands:
-                self._guarded(command)
-            if scan is not None:
-                self._guarded(functools.partial(self._use_scan, scan))
+            self.step()
+
+    def step(self) -> None:
+        """Does what has been commanded, and works on the newest scan."""
+        with self._arrived:
+            commands, scan = list(self._commands), self._scan
+            self._commands.clear()
+            self._scan = None
+        for command in commands:
+            self._guarded(command)
+        if scan is not None:
+            self._guarded(functools.partial(self._use_scan, scan))
+
+    def ready(self) -> bool:
+        """Returns whether the map and the robot's fixed transforms have come; called where ``step`` is."""
+        self.step()
+        return self._localisation.has_map and self._listener.has_fixed(self._base_frame)
 
     def _guarded(self, work: Callable[[], None]) -> None:
         try:
             work()
         except NavigationError as error:
-            if not rospy.is_shutdown():
-                self._warn(error)
-
-    def _warn(self, error: NavigationError) -> None:
-        text = f"scans are dropped: {error}" if isinstance(error, TransformError | ObservationError) else str(error)
-        rospy.logwarn_throttle(WARNING_PERIOD, "%s", text)
+            if rospy.is_shutdown():
+                return
+            if isinstance(error, TransformError | ObservationError | NoMapError):
+                self._dropping.warn(f"scans are dropped: {error}")
+            else:
+                rospy.logwarn("%s", error)
 
     def _use_scan(self, message: ScanMessage) -> None:
         self._restart_if_time_jumped()
         if not self._localisation.has_map:
             source = "topic" if self._config.use_map_topic else "service"
             name = rospy.resolve_name("map" if self._config.use_map_topic else "static_map")
-            raise NoMapError(f"waiting for a map from {source} {name}; scans are dropped until it comes")
+            raise NoMapError(f"waiting for a map from {source} {name}")
         stamp = message.header.stamp
         laser = self._laser(stripped(message.header.frame_id))
         odom = self._listener.wait(self._odom_frame, self._base_frame, stamp.to_sec(), TRANSFORM_TIMEOUT).planar()
@@ -236,10 +237,12 @@ class AmclNode:
                 self._publish_estimate(update.estimate, stamp)
                 self._tell_if_lost()
             self._publish_cloud(stamp)
+        self._dropping.end()
         self._broadcast(stamp)
         self._diagnose()
-        if self._estimate is not None and self._store.save(self._estimate, self._now):
-            self._write_correction()
+        saved = self._estimate is not None and self._store.save(self._estimate, self._now)
+        if saved and self._map_from_odom is not None:
+            self._correction.write(self._map_from_odom, self._odom_frame)
 
     def _tell_if_lost(self) -> None:
         lost, before = self._localisation.lost, self._lost
@@ -265,6 +268,7 @@ class AmclNode:
             rospy.logwarn("time jumped back: localisation starts again at the initial pose")
             self._remembered = None
             self._start_at_initial_pose()
+            self._correction.forget()  # it belongs to odometry that has started again
             self._store.restart()
             self._next_cloud = self._next_diagnosis = 0.0
         self._now = now
@@ -296,16 +300,11 @@ class AmclNode:
 
     def _read_correction(self) -> Pose | None:
         """A file of something else is a warning: an amcl that ended would be started again, and end, for ever."""
-        path = self._config.correction_file
         try:
-            return read_correction(Path(path), self._odom_frame) if path else None
+            return self._correction.read(self._odom_frame)
         except CorrectionFileError as error:
             rospy.logwarn("%s; starting at the initial pose", error)
             return None
-
-    def _write_correction(self) -> None:
-        if self._config.correction_file and self._map_from_odom is not None:
-            write_correction(Path(self._config.correction_file), self._map_from_odom, self._odom_frame)
 
     def _go_on(self, pose: Pose) -> None:
         """Starts where odometry says the robot is by now, once: it was somewhere when another amcl ended."""

@@ -1,5 +1,7 @@
 """A costmap with its topics: what Costmap2DROS is in C++."""
 
+from typing import TypeAlias
+
 import numpy as np
 import rospy
 from geometry_msgs.msg import Point32, Polygon, PolygonStamped
@@ -32,8 +34,9 @@ from nav_bundle.core.transform import ExtrapolationError, TransformError
 from nav_bundle.nodes.sensor import Newest, newest_clouds, newest_scans
 from nav_bundle.nodes.transform import TransformListener, robot_frame
 from pioneer_node.core.frame import stripped
+from pioneer_node.nodes.standing_warning import StandingWarning
 
-Seen = ScanMessage | PointCloud2
+Seen: TypeAlias = "ScanMessage | PointCloud2"
 
 _WORLD_FRAME = "map"
 
@@ -79,6 +82,8 @@ class CostmapNode:
         self._listen_to(config)
         self._subscribe_map()
         self._listener_flag = _NewListener()
+        self._outdated = StandingWarning(f"{name}: transforms are up to date again")
+        self._unplaced = StandingWarning(f"{name}: the map can be placed again")
         self._grid_publisher = rospy.Publisher(
             f"~{name}/costmap", OccupancyGrid, subscriber_listener=self._listener_flag, queue_size=1
         )
@@ -133,10 +138,15 @@ class CostmapNode:
             return
         self._map_frame = costmap_frame(message.header.frame_id or _WORLD_FRAME)
 
+    @property
+    def has_map(self) -> bool:
+        """Whether a map has come, if the costmap needs one."""
+        return self.costmap.ready or self._new_map is not None
+
     def missing(self, now: float) -> list[str]:
         """Returns what the costmap still waits for, in words."""
         found = []
-        if not self.costmap.ready and self._new_map is None:
+        if not self.has_map:
             found.append(f"the map on {rospy.resolve_name(self._map_topic)}")
         if self.pose(now) is None:
             found.append(f"a transform from {self.base_frame} to {self.frame}")
@@ -147,13 +157,14 @@ class CostmapNode:
         try:
             newest = self._listener.latest(self.frame, self.base_frame)
             if now - newest > self._config.transform_tolerance:
-                rospy.logwarn_throttle(
-                    5.0,
+                self._outdated.warn(
                     f"Costmap2DROS transform timeout. Current time: {now:.4f}, global_pose stamp: {newest:.4f}, "
-                    f"tolerance: {self._config.transform_tolerance:.4f}",
+                    f"tolerance: {self._config.transform_tolerance:.4f}"
                 )
                 return None
-            return self._listener.lookup(self.frame, self.base_frame).planar()
+            pose = self._listener.lookup(self.frame, self.base_frame).planar()
+            self._outdated.end()
+            return pose
         except TransformError as error:
             rospy.logdebug("%s: %s", self.name, error)
             return None
@@ -202,10 +213,12 @@ class CostmapNode:
         if not (self._config.rolling_window and self._map_topic):
             return Pose()
         try:
-            return self._listener.lookup(self.frame, self._map_frame).planar()
+            place = self._listener.lookup(self.frame, self._map_frame).planar()
         except TransformError as error:
-            rospy.logwarn_throttle(5.0, f"{self.name}: the map cannot be placed: {error}")
+            self._unplaced.warn(f"{self.name}: the map cannot be placed: {error}")
             return None
+        self._unplaced.end()
+        return place
 
     def _other_robots(self, now: float) -> list[Pose]:
         """Returns where the other robots stand, as far as that is known and recent."""
@@ -235,15 +248,17 @@ class CostmapNode:
 
     def _place_newest(self, source: SourceConfig, scans: list[Seen], buffer: ObservationBuffer) -> None:
         """Buffers the first of ``scans``, newest first, whose transform has come."""
+        unusable = self._scans[source.topic, source.data_type].unusable
         for scan in scans:
             try:
                 buffer.add(scan.header.stamp.to_sec(), self._placed(source, scan))
+                unusable.end()
                 return
             except ExtrapolationError as error:
                 if not error.future:
                     return
             except (TransformError, ObservationError) as error:
-                rospy.logwarn_throttle(5.0, f"{self.name}: cannot use what came on {source.topic}: {error}")
+                unusable.warn(f"{self.name}: cannot use what came on {source.topic}: {error}")
                 return
 
     def _placed(self, source: SourceConfig, scan: Seen) -> Observation:
@@ -314,13 +329,13 @@ def _is_current(source: SourceConfig, scans: Newest[Seen], now: float) -> bool:
         return True
     age = scans.age(now)
     if age is None:
-        rospy.logwarn_throttle(5.0, f"no scans on {scans.topic} yet")
+        scans.overdue.warn(f"no scans on {scans.topic} yet")
         return False
     if age <= source.expected_update_rate:
+        scans.overdue.end()
         return True
-    rospy.logwarn_throttle(
-        5.0,
+    scans.overdue.warn(
         f"The {scans.topic} observation buffer has not been updated for {age:.2f} seconds, "
-        f"and it should be updated every {source.expected_update_rate:.2f} seconds.",
+        f"and it should be updated every {source.expected_update_rate:.2f} seconds."
     )
     return False

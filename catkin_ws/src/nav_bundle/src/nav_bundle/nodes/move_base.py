@@ -39,6 +39,7 @@ from nav_bundle.nodes.move_base_reconfigure import Reconfiguration
 from nav_bundle.nodes.sensor import Newest, newest_odometry
 from nav_bundle.nodes.transform import TransformListener
 from pioneer_node.nodes import entry
+from pioneer_node.nodes.standing_warning import StandingWarning
 
 _COMPLAIN_EVERY = 5.0
 _BUSY = "move_base must be in an inactive state to make a plan for an external user"
@@ -100,12 +101,15 @@ class MoveBaseNode:
         self._listener.listen(self._local.frame, self._global.frame)
         self._navigator = Navigator(self._setup, self._global.costmap, self._local.costmap, self._refresh)
         self._warned: dict[str, float] = {}
+        self._in_trouble = False
+        self._blind = StandingWarning("odometry and transforms have come again: driving on")
         self._turn = threading.RLock()
         self._rate = rospy.Rate(self._setup.base.controller_frequency, reset=True)
         self._velocity = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
         self._shown = _Shown.of(self._setup)
         self._recovery_status = rospy.Publisher("~recovery_status", RecoveryStatus, queue_size=1)
-        # From ``spin`` on: they are offered once navigation has what it needs.
+        self._last, self._heard, self._complete = -np.inf, False, False
+        # From ``_offer`` on: they are offered once navigation has what it needs.
         self._goals: GoalServer
         self._odometry: Newest[Odometry]
         self._planner_service: rospy.Service
@@ -125,8 +129,9 @@ class MoveBaseNode:
                 self._rate = rospy.Rate(setup.base.controller_frequency, reset=True)
             names = ("local_planner_name", "global_planner_name", "potential_scale")
             if any(getattr(setup, name) != getattr(before, name) for name in names):
-                for publisher in filter(None, self._shown):
-                    publisher.unregister()
+                for publisher in self._shown:
+                    if publisher:
+                        publisher.unregister()
                 self._shown = _Shown.of(setup)
             if setup.global_planner_name != before.global_planner_name:
                 self._planner_service.shutdown("another planner")
@@ -134,8 +139,35 @@ class MoveBaseNode:
 
     def spin(self) -> None:
         """Waits for what navigation needs, then runs the loop until shutdown."""
-        if not self._wait():
+        while not rospy.is_shutdown() and not self._has_all(rospy.get_time()):
+            self._rate.sleep()
+        if rospy.is_shutdown():
             return
+        self._offer()
+        while not rospy.is_shutdown():
+            self._turn_at(rospy.get_time())
+            self._rate.sleep()
+        self._velocity.publish(Twist())
+
+    def step(self) -> None:
+        """Does one period's work in lockstep: a cycle where ``controller_frequency`` has it due."""
+        now = rospy.get_time()
+        if 0.0 <= now - self._last < 1.0 / self._setup.base.controller_frequency - 1.0e-6:
+            return
+        self._complete = self._complete or self._has_all(now)
+        if self._complete:
+            self._turn_at(now)
+
+    def ready(self) -> bool:
+        """Returns whether the maps and the robot's fixed transforms have come; goals are taken from then on."""
+        maps = self._global.has_map and self._local.has_map
+        if not (maps and self._listener.has_fixed(self._global.base_frame)):
+            return False
+        if not hasattr(self, "_goals"):
+            self._offer()
+        return True
+
+    def _offer(self) -> None:
         limit = self._setup.base.transform_future_limit
         self._goals = GoalServer("move_base", self._global.frame, self._listener, limit, self._goal_fault)
         self._odometry = newest_odometry("odom")
@@ -143,34 +175,26 @@ class MoveBaseNode:
         rospy.Service("~clear_costmaps", Empty, self._clear_costmaps)
         self._planner_service = self._serve_planner()
         self._reconfiguration = Reconfiguration(self._parameters, self._setup, self._adopt)
-        last, heard = 0.0, False
-        while not rospy.is_shutdown():
-            now = rospy.get_time()
-            with self._turn:
-                if now < last:
-                    self._forget(now)
-                self._cycle(now)
-            if not heard and self._odometry.received is not None:
-                heard = True
-                rospy.loginfo("odom received!")
-            last = now
-            self._rate.sleep()
-        self._velocity.publish(Twist())
 
-    def _wait(self) -> bool:
-        """Updates the costmaps until both are complete, and says what they wait for; False at shutdown."""
-        while not rospy.is_shutdown():
-            now = rospy.get_time()
-            missing = self._global.missing(now) + self._local.missing(now)
-            self._global.update(now)
-            self._local.update(now)
-            if not missing and self._global.costmap.ready and self._local.costmap.ready:
-                return True
-            if missing:
-                words = ", ".join(dict.fromkeys(missing))
-                rospy.loginfo_throttle(_COMPLAIN_EVERY, f"waiting for {words}")
-            self._rate.sleep()
-        return False
+    def _turn_at(self, now: float) -> None:
+        with self._turn:
+            if now < self._last:
+                self._forget(now)
+            self._cycle(now)
+        if not self._heard and self._odometry.received is not None:
+            self._heard = True
+            rospy.loginfo("odom received!")
+        self._last = now
+
+    def _has_all(self, now: float) -> bool:
+        """Updates the costmaps; returns whether both are complete, and logs what they wait for."""
+        missing = self._global.missing(now) + self._local.missing(now)
+        self._global.update(now)
+        self._local.update(now)
+        if missing:
+            words = ", ".join(dict.fromkeys(missing))
+            rospy.loginfo_throttle(_COMPLAIN_EVERY, f"waiting for {words}")
+        return not missing and self._global.costmap.ready and self._local.costmap.ready
 
     def _forget(self, now: float) -> None:
         """Starts over after a clock that jumped back; the goal under way stays."""
@@ -186,10 +210,10 @@ class MoveBaseNode:
             self._navigator.look_around(self._global.pose(now))
         if self._local.update(now) and (picture := self._local.picture()):
             self._navigator.look_at(picture)
-        goal = self._goals.take()
+        goal, idle = self._goals.take(), self._navigator.phase is Phase.IDLE
         if goal is not None:
             self._carry_out(self._navigator.begin(goal, self._global.pose(now), now), now)
-        elif self._navigator.phase is Phase.IDLE:
+        elif idle:
             return
         elif not self._goals.active or self._goals.cancelled():
             self._carry_out(self._navigator.cancel(now), now)
@@ -212,15 +236,16 @@ class MoveBaseNode:
             transform = self._listener.lookup(self._local.frame, self._global.frame).planar()
             velocity = velocity_from_odometry(odometry[0])
         except (TransformError, MessageError) as error:
-            rospy.logwarn_throttle(_COMPLAIN_EVERY, str(error))
+            self._blind.warn(str(error))
             return Sight(pose)
+        self._blind.end()
         return Sight(pose, local_pose, transform, velocity, True)
 
     def _is_current(self, now: float) -> bool:
         age = self._odometry.age(now)
         timeout = self._setup.base.odom_timeout
         if age is None or (0.0 < timeout < age):
-            rospy.logwarn_throttle(_COMPLAIN_EVERY, "no odometry on %s: standing still", self._odometry.topic)
+            self._blind.warn(f"no odometry on {self._odometry.topic}: standing still")
             return False
         return self._global.is_current(now) and self._local.is_current(now)
 
@@ -248,7 +273,11 @@ class MoveBaseNode:
             self._warn(text, now)
         if cycle.recovery is not None:
             self._report_recovery(cycle.recovery)
+        if self._in_trouble and cycle.decision is not None and not cycle.warnings:
+            self._in_trouble = False
+            rospy.loginfo("following the plan again")
         if cycle.finish is not None:
+            self._in_trouble = False
             self._goals.finish(cycle.finish.outcome, cycle.finish.text)
 
     def _warn(self, text: str, now: float) -> None:
@@ -256,6 +285,7 @@ class MoveBaseNode:
         if not 0.0 <= now - self._warned.get(text, -_COMPLAIN_EVERY) < _COMPLAIN_EVERY:
             self._warned = {old: time for old, time in self._warned.items() if 0.0 <= now - time < _COMPLAIN_EVERY}
             self._warned[text] = now
+            self._in_trouble = True
             rospy.logwarn("%s", text)
 
     def _show_potential(self, search: Search) -> None:
@@ -277,6 +307,7 @@ class MoveBaseNode:
 
     def _report_recovery(self, started: StartRecovery) -> None:
         name, count = self._setup.recoveries[started.index].name, len(self._setup.recoveries)
+        self._in_trouble = True
         rospy.logwarn("recovery behavior %d of %d: %s", started.index + 1, count, name)
         if self._recovery_status.get_num_connections():
             self._recovery_status.publish(self._status(started.index, started.trigger.name))

@@ -9,6 +9,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import PointCloud2
 
 from nav_bundle.conversions import ScanMessage
+from pioneer_node.nodes.standing_warning import StandingWarning
 
 _WARNING_PERIOD = 5.0
 
@@ -40,6 +41,8 @@ class Newest(Generic[Message]):
 
     def __init__(self, topic: str, kind: type[Message], depth: int) -> None:
         self.topic = topic
+        self.overdue = StandingWarning(f"messages come on {topic} again")
+        self.unusable = StandingWarning(f"what comes on {topic} is used again")
         self._kind = kind
         self._kept: deque[Any] = deque(maxlen=depth)
         self.received: float | None = None

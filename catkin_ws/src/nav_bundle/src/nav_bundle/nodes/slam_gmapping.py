@@ -22,9 +22,11 @@ from nav_bundle.core.pose import Pose
 from nav_bundle.core.slam import Slam
 from nav_bundle.core.transform import Transform, TransformError
 from nav_bundle.nodes.transform import TransformBroadcaster, TransformListener, robot_frame
+from pioneer_node.core.count import counted
 from pioneer_node.core.frame import stripped
 from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes import entry
+from pioneer_node.nodes.standing_warning import StandingWarning
 
 TRANSFORM_TIMEOUT = 0.5
 """Wall time [s] a scan waits for the odometry of its stamp."""
@@ -59,6 +61,7 @@ class SlamGmappingNode:
         self._scan: ScanMessage | None = None
         self._scans = 0
         self._lasers: dict[str, Transform] = {}
+        self._dropping = StandingWarning("scans are used now")
         self._map: GridMessage | None = None
         self._now = 0.0
         self._slam = Slam(config, np.random.default_rng(config.seed))
@@ -104,9 +107,10 @@ class SlamGmappingNode:
                 continue
             try:
                 self._use(scan)
+                self._dropping.end()
             except (TransformError, ObservationError) as error:
                 if not rospy.is_shutdown():
-                    rospy.logwarn_throttle(WARNING_PERIOD, "scans are dropped: %s", error)
+                    self._dropping.warn(f"scans are dropped: {error}")
 
     def _use(self, message: ScanMessage) -> None:
         self._restart_if_time_jumped()
@@ -116,9 +120,9 @@ class SlamGmappingNode:
         if not self._slam.observe(odom, scan_from_message(message, laser), stamp.to_sec()):
             return
         self._map_from_odom = self._slam.map_from_odom
-        if self._slam.unmatched:
+        if count := self._slam.unmatched:
             rospy.logwarn_throttle(
-                WARNING_PERIOD, "%d particles found no match for the scan and follow odometry", self._slam.unmatched
+                WARNING_PERIOD, f"{counted(count, 'particle')} found no match for the scan: only odometry moves them"
             )
         if stamp.to_sec() >= self._next_map:
             self._next_map = stamp.to_sec() + self._config.map_update_interval

@@ -74,6 +74,7 @@ class TransformListener:
         self._picker = TransformPicker(_warn)
         self._future_limit = future_limit
         self._pairs: dict[tuple[str, str], None] = {}
+        self._fixed: set[str] = set()
         self._clock = ClockJump()
         self._arrived = threading.Condition()
         # A robot's edges may be published one a message by several nodes: a short queue would lose some.
@@ -98,6 +99,11 @@ class TransformListener:
         with self._arrived:
             target, source = self._listen(target, source)
             return self._tree.lookup(target, source, stamp)
+
+    def has_fixed(self, frame: str) -> bool:
+        """Returns whether /tf_static has told of a frame fixed to this one."""
+        with self._arrived:
+            return frame in self._fixed
 
     def latest(self, target: str, source: str) -> float:
         """Returns the newest stamp [s] at which the frames can be joined (inf: static); raises DisconnectedError."""
@@ -172,7 +178,9 @@ class TransformListener:
 
     def _on_static(self, message: RawTFMessage) -> None:
         with self._arrived:
-            self._insert(transforms_of(message.buffer, _warn), static=True)
+            records = transforms_of(message.buffer, _warn)
+            self._fixed.update(record.parent for record in records)
+            self._insert(records, static=True)
 
     def _is_timely(self, record: StampedTransform) -> bool:
         if self._clock.is_of_before(record.stamp):

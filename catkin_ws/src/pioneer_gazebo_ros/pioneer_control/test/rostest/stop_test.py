@@ -78,7 +78,7 @@ class StopTest(unittest.TestCase):
         with ProcessGroup() as group:
             log = Path(tempfile.mkdtemp()) / "estop.log"
             pid = group.start("ESTOP", ["rosrun", "pioneer_control", "ESTOP"], log=log, may_end=True)
-            wait_until(lambda: "holding 1 robots still" in log.read_text(), "ESTOP to hold", TIMEOUT)
+            wait_until(lambda: "robots held still: 1" in log.read_text(), "ESTOP to hold", TIMEOUT)
             self.driven.clear()
             self.commands.publish(Twist(Vector3(1.0, 0.0, 0.0), Vector3()))
             wait_until(lambda: Twist(Vector3(1.0, 0.0, 0.0), Vector3()) in self.driven, "the command", TIMEOUT)

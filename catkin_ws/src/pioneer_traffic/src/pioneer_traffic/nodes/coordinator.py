@@ -20,6 +20,7 @@ from nav_bundle.nodes.transform import TransformListener, robot_frame
 from pioneer_node.core.frame import stripped
 from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes import entry
+from pioneer_node.nodes.standing_warning import StandingWarning
 from pioneer_traffic.conversions import message_from_report, report_from_message
 from pioneer_traffic.core.coordinator import Coordinator, CoordinatorConfig
 from pioneer_traffic.core.roadmap import FreeSpace, Roadmap, roadmap_from_space
@@ -66,6 +67,7 @@ class CoordinatorNode:
         self._robot = self._config.robot or rospy.get_namespace().strip("/") or "robot"
         self._fleet = [name for name in self._config.fleet.split() if name != self._robot]
         self._base = robot_frame("base_link")
+        self._lost = StandingWarning("the transform to map has come", _COMPLAIN_EVERY)
         self._listener = TransformListener()
         self._listener.listen("map", self._base)
         for name in self._fleet:
@@ -116,8 +118,9 @@ class CoordinatorNode:
                 coordinator.receive(report, now)
         position = self._position(self._base)
         if position is None:
-            rospy.logwarn_throttle(_COMPLAIN_EVERY, "waiting for the transform from %s to map", self._base)
+            self._lost.warn(f"waiting for the transform from {self._base} to map")
             return
+        self._lost.end()
         silent = (self._position(f"{name}/base_link") for name in self._fleet if name not in self._reporting)
         coordinator.set_obstacles([point for point in silent if point is not None])
         self._take_goal(coordinator)

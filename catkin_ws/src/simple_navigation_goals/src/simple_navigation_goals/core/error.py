@@ -7,3 +7,7 @@ class WaypointError(ValueError):
 
 class PatrolError(ValueError):
     """A patrol that cannot be read."""
+
+
+class QueueFileError(ValueError):
+    """The file of waypoints cannot be read or written, or holds something else."""

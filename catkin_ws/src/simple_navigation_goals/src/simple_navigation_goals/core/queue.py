@@ -109,6 +109,11 @@ class WaypointQueue:
             return Phase.WAITING_FOR_MOVE_BASE
         return Phase.IDLE
 
+    @property
+    def remaining(self) -> list[Waypoint]:
+        """The current waypoint and those after it."""
+        return [*([self.current] if self.current else []), *self.waiting]
+
     def add(self, waypoint: Waypoint) -> None:
         """Appends a waypoint; a queue that was held continues."""
         self.received += 1
@@ -159,7 +164,7 @@ class WaypointQueue:
     def server_found(self) -> None:
         """Notes that move_base answers."""
         self._server = True
-        self._say("move_base is there")
+        self._say("move_base is running")
 
     def server_lost(self) -> None:
         """Notes that move_base is gone; a waypoint under way will be due again when it is back."""

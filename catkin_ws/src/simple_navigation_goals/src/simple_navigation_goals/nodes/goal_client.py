@@ -11,19 +11,21 @@ from typing import Any
 
 import rospy
 from geometry_msgs.msg import PoseStamped, Twist
+from std_msgs.msg import Empty as EmptyMessage
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse, Trigger, TriggerRequest, TriggerResponse
 
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 from pioneer_node.nodes.entry import is_ending, on_shutdown, parameters
 from simple_navigation_goals.adapters.move_base import MoveBase
 from simple_navigation_goals.adapters.patrol_file import read_patrol
+from simple_navigation_goals.adapters.queue_file import QueueFile
 from simple_navigation_goals.conversions import (
     goal_from_waypoint,
     message_from_queue,
     waypoint_from_pose,
     waypoint_from_twist,
 )
-from simple_navigation_goals.core.error import PatrolError, WaypointError
+from simple_navigation_goals.core.error import PatrolError, QueueFileError, WaypointError
 from simple_navigation_goals.core.patrol import Patrol
 from simple_navigation_goals.core.queue import Outcome, QueueConfig, WaypointQueue
 from simple_navigation_goals.core.waypoint import Waypoint
@@ -35,9 +37,14 @@ _PATIENCE = 2.0  # [s of wall time] before it says that it waits for a transform
 
 @dataclass(frozen=True)
 class GoalClientConfig(QueueConfig):
-    """``patrol``: YAML file of a patrol to begin with; see ``core.patrol``. Empty for none."""
+    """Files, empty for none.
+
+    ``patrol``: YAML file of a patrol to begin with; see ``core.patrol``. ``queue_file``: where the waypoints that are
+    left are written at each change, and read from at the start.
+    """
 
     patrol: str = ""
+    queue_file: str = ""
 
 
 class GoalClientNode:
@@ -46,6 +53,7 @@ class GoalClientNode:
     Subscribes:
         <topic> (geometry_msgs/Twist): linear.x, linear.y [m], angular.z heading [DEGREES], in ``frame``.
         <topic>_pose (geometry_msgs/PoseStamped): the same as a pose in the frame of its header.
+        ~cancel (std_msgs/Empty): as the service ~clear; a topic crosses gateways by one flip from the other side.
 
     Publishes:
         ~queue (WaypointQueue, latched): on every change.
@@ -74,7 +82,7 @@ class GoalClientNode:
         self, topic: str, frame: str, locate: Callable[[Waypoint], Waypoint | None] = lambda waypoint: waypoint
     ) -> None:
         config = config_from_mapping(GoalClientConfig, parameters(), rospy.get_name())
-        self._queue = WaypointQueue(config)
+        self._queue, self._file = WaypointQueue(config), QueueFile(config.queue_file)
         self._frame = frame
         self._locate = locate
         self._events: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
@@ -87,9 +95,11 @@ class GoalClientNode:
         self._inputs = [
             rospy.Subscriber(topic, Twist, partial(self._on_waypoint, waypoint_from_twist)),
             rospy.Subscriber(f"{topic}_pose", PoseStamped, partial(self._on_waypoint, waypoint_from_pose)),
+            rospy.Subscriber("~cancel", EmptyMessage, lambda _: self._events.put(self._clear), queue_size=10),
             rospy.Service("~clear", Empty, self._on_clear),
             rospy.Service("~patrol", Trigger, self._on_patrol),
         ]
+        self._resume()
         if config.patrol:
             self._queue.patrol(self._read_patrol(config.patrol))
         # CPython 3.11 waits for ever in SimpleQueue.get where a signal handler outlasts the timeout: feed it.
@@ -104,11 +114,27 @@ class GoalClientNode:
             # A shutdown closes move_base's connections first; reconnecting then would wait for a master for ever.
             if is_ending():
                 return
-            self._tell()
-            self._rest()
-            self._look_for_server()
-            self._send_due()
-            self._tell()
+            self._act()
+
+    def step(self) -> None:
+        """Does one period's work in lockstep: handles all events."""
+        while not self._events.empty():
+            self._events.get()()
+        self._act()
+
+    def _act(self) -> None:
+        self._tell()
+        self._rest()
+        self._look_for_server()
+        self._send_due()
+        self._tell()
+
+    def _resume(self) -> None:
+        try:
+            for waypoint in self._file.read():
+                self._queue.add(waypoint)
+        except QueueFileError as error:
+            rospy.logwarn("%s; starting without", error)
 
     def _on_waypoint(self, convert: Callable[[Any, str], Waypoint], message: Any) -> None:
         try:
@@ -212,4 +238,8 @@ class GoalClientNode:
         self._publish()
 
     def _publish(self) -> None:
+        try:
+            self._file.write(self._queue.remaining)
+        except QueueFileError as error:
+            rospy.logwarn_throttle(30, "%s", error)
         self._publisher.publish(message_from_queue(self._queue, self._frame, rospy.Time.now()))

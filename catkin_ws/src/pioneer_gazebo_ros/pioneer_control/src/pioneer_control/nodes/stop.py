@@ -35,7 +35,7 @@ def _report(fleet: Fleet) -> int:
     for action in unended:
         rospy.logerr("%s has not confirmed within %.0f s that its goals are cancelled", action, _TIMEOUT)
     count = len(fleet.targets.actions) - len(unended)
-    rospy.loginfo("goals cancelled at %d move_base, %d queues cleared", count, len(fleet.targets.clears))
+    rospy.loginfo("goals cancelled at %d move_base; waypoint queues cleared: %d", count, len(fleet.targets.clears))
     return 1 if unended else 0
 
 
@@ -69,7 +69,7 @@ def estop() -> int:
     fleet.cancel()
     if options.once:
         return _report(fleet)
-    rospy.logwarn("holding %d robots still; Ctrl-C releases them", len(fleet.targets.commands))
+    rospy.logwarn("robots held still: %d; Ctrl-C releases them", len(fleet.targets.commands))
     while not ended.wait(_SCAN_EVERY):
         fleet.discover()
         fleet.cancel()

@@ -1,0 +1,49 @@
+"""The waypoints that a robot has still to drive to, on disk, for a client that starts in place of one that ended."""
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from simple_navigation_goals.core.error import QueueFileError, WaypointError
+from simple_navigation_goals.core.waypoint import Waypoint
+
+
+class QueueFile:
+    """One file, or none where its path is empty: then nothing is read or written."""
+
+    def __init__(self, path: str) -> None:
+        self._path = Path(path) if path else None
+        self._written: tuple[Waypoint, ...] = ()
+
+    def read(self) -> list[Waypoint]:
+        """Returns the waypoints; none where there is no file.
+
+        Raises:
+            QueueFileError: it cannot be read, or holds something else.
+        """
+        if self._path is None:
+            return []
+        try:
+            return [Waypoint(**one) for one in json.loads(self._path.read_text())]
+        except FileNotFoundError:
+            return []
+        except (OSError, ValueError, TypeError, WaypointError) as error:
+            raise QueueFileError(f"{self._path} holds no waypoints: {error}") from None
+
+    def write(self, waypoints: Sequence[Waypoint]) -> None:
+        """Replaces the file as a whole if these are others than the last.
+
+        Raises:
+            QueueFileError: it cannot be written.
+        """
+        if self._path is None or tuple(waypoints) == self._written:
+            return
+        beside = self._path.with_name(f".{self._path.name}.{os.getpid()}")
+        try:
+            beside.write_text(json.dumps([asdict(one) for one in waypoints]) + "\n")
+            beside.replace(self._path)
+        except OSError as error:
+            raise QueueFileError(f"cannot remember the waypoints in {self._path}: {error}") from None
+        self._written = tuple(waypoints)

@@ -1,0 +1,40 @@
+"""Waypoints on disk, for a client that starts in place of one that ended."""
+
+from pathlib import Path
+
+import pytest
+
+from simple_navigation_goals.adapters.queue_file import QueueFile
+from simple_navigation_goals.core.error import QueueFileError
+from simple_navigation_goals.core.queue import Outcome, WaypointQueue
+from simple_navigation_goals.core.waypoint import Waypoint
+
+PLACES = [Waypoint(1.0, -2.5, 0.5, "map"), Waypoint(3.0, 0.0, 0.0, "map", 2.0)]
+
+
+def test_what_is_left_of_a_queue_is_read_by_the_next_client(tmp_path: Path) -> None:
+    queue, file = WaypointQueue(), QueueFile(str(tmp_path / "waypoints.json"))
+    queue.server_found()
+    for place in PLACES:
+        queue.add(place)
+    assert queue.remaining == PLACES
+    queue.sent(queue.due())
+    file.write(queue.remaining)
+    assert QueueFile(str(tmp_path / "waypoints.json")).read() == PLACES, "the one under way, too"
+    queue.finished(Outcome.REACHED)
+    file.write(queue.remaining)
+    assert QueueFile(str(tmp_path / "waypoints.json")).read() == PLACES[1:]
+    assert [one.name for one in tmp_path.iterdir()] == ["waypoints.json"]
+
+
+def test_no_path_and_no_file_are_no_waypoints(tmp_path: Path) -> None:
+    QueueFile("").write(PLACES)
+    assert QueueFile("").read() == QueueFile(str(tmp_path / "none")).read() == []
+
+
+@pytest.mark.parametrize("text", ["", "3", "[1]", '[{"x": 1}]', '[{"x": "a", "y": 0, "yaw": 0, "frame": "map"}]'])
+def test_a_file_of_something_else_is_named(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "waypoints.json"
+    path.write_text(text)
+    with pytest.raises(QueueFileError, match=r"waypoints.json holds no waypoints"):
+        QueueFile(str(path)).read()
