@@ -7,7 +7,7 @@ made once, in which only the numbers change.
 import io
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -100,10 +100,20 @@ class TransformTemplate:
         return bytes(self._bytes)
 
 
-def transforms_frame(transforms: Sequence[bytes]) -> bytes:
+def transforms_frame(transforms: Collection[bytes]) -> bytes:
     """Returns a TFMessage's frame of the transforms' bytes."""
-    body = b"".join(transforms)
-    return struct.pack("<II", len(body) + 4, len(transforms)) + body
+    body = joined_transforms(transforms)
+    return struct.pack("<I", len(body)) + body
+
+
+def joined_transforms(transforms: Collection[bytes]) -> bytes:
+    """Returns a TFMessage of the transforms' bytes."""
+    return struct.pack("<I", len(transforms)) + b"".join(transforms)
+
+
+def name_of_transform(transform: bytes) -> bytes:
+    """Returns the part of a transform's bytes that has the names of its frames."""
+    return transform[_SEQ_STAMP.size : -_POSE.size]
 
 
 class ScanTemplate(_Stamped):

@@ -35,6 +35,22 @@ def test_bad_argument_is_refused(words, message):
         run_simulation.options_from(words, {})
 
 
+def test_lockstep_stands_in_the_place_of_a_real_time_factor():
+    for options in (
+        run_simulation.options_from(["real_time_factor:=lockstep", "lockstep_rings:=a b"], {}),
+        run_simulation.options_from(["lockstep_rings:=a b"], {"REAL_TIME_FACTOR": "lockstep"}),
+    ):
+        files = run_simulation.launch_files(
+            options, Path("w.world"), Path("w.yaml"), run_simulation.fleet_robots(options)
+        )
+        assert files[0][2]["real_time_factor"] == "lockstep"
+        assert files[0][2]["lockstep_rings"] == "a b"
+    assert (
+        run_navigation.options_from(["robot_name:=a"], {"REAL_TIME_FACTOR": "lockstep"}, "x").real_time_factor
+        == "lockstep"
+    )
+
+
 def test_robots_name_comes_from_argument_then_environment_then_host():
     words, environ = ["robot_name:=pioneer9"], {"ROBOT_NAME": "pioneer4"}
     assert run_navigation.options_from(words, environ, "aadi3").robot_name == "pioneer9"

@@ -1,11 +1,9 @@
 """Topics of drives: commands, odometry and its transform."""
 
-import rospy
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
 from pioneer_gazebo import conversions
-from pioneer_gazebo.core.drive import CommandError
 from pioneer_gazebo.core.engine import Velocity
 from pioneer_gazebo.core.entity import Driven
 from pioneer_gazebo.core.pose import planar_pose
@@ -58,10 +56,7 @@ def drive_topics(port: Port, config: DiffDrive) -> None:
             transforms.add(transform.fill(time, pose))
 
     def command(message: Twist) -> None:
-        try:
-            driven.command(port.context.now(), message.linear.x, message.angular.z)
-        except CommandError as error:
-            rospy.logerr_throttle(1.0, f"{port.entity.name}: {error}; the last command holds")
+        driven.command(port.context.now(), message.linear.x, message.angular.z)
 
     port.every(config.updateRate, config.odometryTopic, publish, topic, transforms=sends_transform)
     if config.publishWheelTF:
@@ -69,4 +64,4 @@ def drive_topics(port: Port, config: DiffDrive) -> None:
     if config.publishWheelJointState:
         names = tuple(joint for side in config.joints() for joint in side)
         joint_state_topics(port, JointStatePublisher(config.name, names, config.updateRate))
-    port.subscribe(config.commandTopic, Twist, command)
+    port.take_commands(config.commandTopic, Twist, command)

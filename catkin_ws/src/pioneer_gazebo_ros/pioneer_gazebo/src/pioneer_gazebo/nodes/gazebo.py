@@ -1,6 +1,7 @@
 """The simulator as the node ``/gazebo``."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import rospy
 from std_msgs.msg import Bool, Float64
@@ -15,6 +16,7 @@ from pioneer_gazebo.core.schedule import TICK_RATE
 from pioneer_gazebo.core.simulation import Simulation
 from pioneer_gazebo.nodes.diagnostics import Diagnostics
 from pioneer_gazebo.nodes.link_services import LinkServices
+from pioneer_gazebo.nodes.lockstep import LockstepConfig, LockstepGate
 from pioneer_gazebo.nodes.mailbox import Mailbox
 from pioneer_gazebo.nodes.model_services import ModelServices
 from pioneer_gazebo.nodes.robots import Robots, with_controllers
@@ -47,6 +49,7 @@ class GazeboConfig:
     odometry_scale: float = 1.0
     spawn_search: float = 0.5
     gui: bool = False
+    lockstep: dict[str, Any] | None = None
 
     def __post_init__(self) -> None:
         """Refuses what makes no sense."""
@@ -92,6 +95,7 @@ class GazeboNode:
             SimulatorError: the world cannot be loaded.
         """
         mailbox = Mailbox()
+        gate = None if config.lockstep is None else self._gate(config.lockstep, mailbox)
         path = world_path(config.world_name)
         world = world_from_sdf(path, model_path())
         for line in world.warnings:
@@ -106,7 +110,7 @@ class GazeboNode:
         self._simulation.spawn_search = config.spawn_search
         self._simulation.load(replace(world, models=tuple(map(with_controllers, world.models))))
         self._timeline = Timeline(
-            self._simulation, mailbox, config.real_time_factor, config.paused, config.clock_rate, self._after_tick
+            self._simulation, mailbox, config.real_time_factor, config.paused, config.clock_rate, self._after_tick, gate
         )
         self._transforms = TransformTopic(self._timeline.schedule.review)
         self._robots = Robots(self._simulation, self._timeline, self._transforms)
@@ -122,6 +126,15 @@ class GazeboNode:
         LinkServices(mailbox, self._simulation)
         rospy.on_shutdown(mailbox.close)
         rospy.loginfo("world %s: %d models", world.name, len(world.models))
+
+    def _gate(self, parameters: dict[str, Any], mailbox: Mailbox) -> LockstepGate:
+        """Returns what holds time in lockstep; before any publisher: it replaces rospy's."""
+
+        def namespaces() -> set[str]:
+            return {entity.namespace for entity in self._simulation.entities() if entity.robot is not None}
+
+        config = config_from_mapping(LockstepConfig, parameters, f"{rospy.get_name()}/lockstep")
+        return LockstepGate(config, mailbox, namespaces)
 
     def spin(self) -> None:
         """Runs the simulation until the node shuts down."""

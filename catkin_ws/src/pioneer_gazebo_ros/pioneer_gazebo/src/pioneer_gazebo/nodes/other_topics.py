@@ -8,7 +8,6 @@ from sensor_msgs.msg import NavSatFix, NavSatStatus
 
 from pioneer_gazebo import conversions
 from pioneer_gazebo.core.device import Gps, Imu, PlanarMove
-from pioneer_gazebo.core.drive import CommandError
 from pioneer_gazebo.core.inertial import InertialUnit, Receiver
 from pioneer_gazebo.core.schedule import nanoseconds
 from pioneer_gazebo.nodes.port import Port
@@ -32,13 +31,10 @@ def planar_topics(port: Port, config: PlanarMove) -> None:
             transforms.add(transform.fill(nanoseconds(tick), pose))
 
     def command(message: Twist) -> None:
-        try:
-            mover.command(port.context.now(), message.linear.x, message.linear.y, message.angular.z)
-        except CommandError as error:
-            rospy.logerr_throttle(1.0, f"{port.entity.name}: {error}; the last command holds")
+        mover.command(port.context.now(), message.linear.x, message.linear.y, message.angular.z)
 
     port.every(config.odometryRate, config.odometryTopic, publish, topic, transforms=True)
-    port.subscribe(config.commandTopic, Twist, command)
+    port.take_commands(config.commandTopic, Twist, command)
 
 
 def imu_topics(port: Port, config: Imu) -> None:

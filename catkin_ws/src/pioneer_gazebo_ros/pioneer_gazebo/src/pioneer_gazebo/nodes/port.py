@@ -7,6 +7,7 @@ from typing import Any
 import rospy
 
 from pioneer_gazebo.core.camera import Renderer
+from pioneer_gazebo.core.drive import CommandError
 from pioneer_gazebo.core.entity import Entity
 from pioneer_gazebo.core.schedule import Schedule, Task
 from pioneer_gazebo.core.simulation import Simulation
@@ -14,6 +15,7 @@ from pioneer_gazebo.nodes.budget import Budget
 from pioneer_gazebo.nodes.topic import Topic, publish_while_alive
 from pioneer_gazebo.nodes.transform_topic import TransformTopic
 from pioneer_node.core.frame import resolved
+from pioneer_node.nodes.standing_warning import StandingWarning
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +81,17 @@ class Port:
         publish_while_alive(publisher, message)
         return publisher
 
-    def subscribe(self, name: str, message_class: type, callback: Callable[[Any], None]) -> None:
-        """Subscribes to a topic; only the newest message is kept."""
+    def take_commands(self, name: str, message_class: type, take: Callable[[Any], None]) -> None:
+        """Subscribes to a topic of commands; only the newest is kept. ``take`` may raise ``CommandError``."""
+        refusing = StandingWarning(f"{self.entity.name}: commands are valid again")
+
+        def callback(message: Any) -> None:
+            try:
+                take(message)
+                refusing.end()
+            except CommandError as error:
+                refusing.warn(f"{self.entity.name}: {error}; the last command holds")
+
         self._connections.append(
             rospy.Subscriber(self.name(name), message_class, callback, queue_size=1, tcp_nodelay=True)
         )

@@ -14,6 +14,7 @@ from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses, robots
 from pioneer_gazebo.adapters.resource import package_directory
 from pioneer_gazebo.core.argument import ArgumentError, options_from_arguments, usage
 from pioneer_gazebo.core.fleet import FleetError, InitialPose, pose_of_entry, robot_of_host
+from pioneer_gazebo.core.lockstep import LOCKSTEP
 from pioneer_gazebo.core.placement import check_place
 from pioneer_gazebo.nodes.session import LaunchFile, Session, SessionError, host_name, run_session
 from pioneer_node.core.fleet_file import RobotEntry
@@ -35,6 +36,8 @@ class NavigationOptions:
     fleet: str = ""
     gateway: bool = True
     traffic: bool = False
+    parameters: str = ""
+    real_time_factor: str = ""
 
 
 DOCS = {
@@ -44,6 +47,8 @@ DOCS = {
     "fleet": "fleet file that has the robot's pose, laser topic and move_base parameters; environment: FLEET",
     "gateway": "pull and flip the robot's topics through this master's gateway",
     "traffic": "keep the right of way with the other robots that do (pioneer_traffic)",
+    "parameters": "YAML file of parameters that replace those of the robot's nodes, named as amcl/min_particles",
+    "real_time_factor": "lockstep where the simulator runs so, else ignored; environment: REAL_TIME_FACTOR",
 }
 
 
@@ -58,6 +63,8 @@ def options_from(arguments: Sequence[str], environ: Mapping[str, str], host: str
         defaults["world_name"] = environ["WORLD"]
     if environ.get("FLEET"):
         defaults["fleet"] = environ["FLEET"]
+    if environ.get("REAL_TIME_FACTOR"):
+        defaults["real_time_factor"] = environ["REAL_TIME_FACTOR"]
     options = options_from_arguments(NavigationOptions, arguments, **defaults)
     if not options.robot_name:
         raise ArgumentError(f"which robot? Give robot_name:= or ROBOT_NAME: host {host} is not called aadiX")
@@ -81,10 +88,20 @@ def entry_of(options: NavigationOptions) -> tuple[RobotEntry, int]:
     )
 
 
-def launch_files(robot: RobotEntry, pose: InitialPose, poses: str, traffic: bool = False) -> list[LaunchFile]:
+def launch_files(
+    robot: RobotEntry,
+    pose: InitialPose,
+    poses: str,
+    traffic: bool = False,
+    parameters: str = "",
+    lockstep: bool = False,
+) -> list[LaunchFile]:
     """Returns the launch files of one robot's computer."""
     start = {"robot_name": robot.name, "x": str(pose.x), "y": str(pose.y), "yaw": str(pose.a)}
     start |= {"laser": robot.laser, "navigation": robot.navigation, "traffic": str(traffic).lower()}
+    start |= {"parameters": parameters}
+    if lockstep:
+        start["real_time_factor"] = LOCKSTEP
     return [
         ("pioneer_description", "robot_description.launch", {"poses": poses}),
         ("nav_bundle", "single_navigation.launch", start),
@@ -128,11 +145,14 @@ def navigate(session: Session, options: NavigationOptions) -> None:
     master.setParam("/use_sim_time", True)
     session.say(f"starting the navigation of {options.robot_name} in {world}")
     robot, _ = entry_of(options)
-    session.launch(launch_files(robot, pose, str(poses), options.traffic))
+    lockstep = options.real_time_factor == LOCKSTEP
+    session.launch(launch_files(robot, pose, str(poses), options.traffic, options.parameters, lockstep))
     if options.gateway:
         session.run("rocon_flip", "flip-from-remote", *(["--pull"] if wanted else []), robot.name, robot.laser)
         if options.traffic:
             session.run("rocon_flip", "flip-traffic")
+        if lockstep:
+            session.run("rocon_flip", "flip-lockstep", robot.name)
         session.say("topics are pulled and flipped")
         _check_world(world, _world_here(session, master))
     session.spin()

@@ -17,6 +17,7 @@ from pioneer_gazebo.adapters.resource import map_path, package_directory, world_
 from pioneer_gazebo.core.argument import ArgumentError, options_from_arguments, usage, value_from_text
 from pioneer_gazebo.core.error import SimulatorError, SpawnError
 from pioneer_gazebo.core.fleet import InitialPose, pose_of_entry, robot_names
+from pioneer_gazebo.core.lockstep import LOCKSTEP
 from pioneer_gazebo.core.placement import PlacementError, check_place
 from pioneer_gazebo.nodes.session import LaunchFile, Session, SessionError, run_session
 from pioneer_gazebo.nodes.simulator_client import SimulatorClient
@@ -49,12 +50,18 @@ class SimulationOptions:
     camera: bool = False
     sonar: bool = False
     driver: bool = False
+    parameters: str = ""
+    lockstep: bool = False
+    lockstep_rings: str = ""
 
 
 DOCS = {
     "world_name": "name of a world or path of a .world file; environment: WORLD",
     "robots": "number of robots; environment: ROBOTS",
-    "real_time_factor": "speed of simulated time; 0 for as fast as possible; environment: REAL_TIME_FACTOR",
+    "real_time_factor": "speed of simulated time; 0 for as fast as possible; lockstep to wait for the robots' nodes in "
+    "each period (docs/lockstep.md); environment: REAL_TIME_FACTOR",
+    "lockstep": "the same as real_time_factor:=lockstep",
+    "lockstep_rings": "rings of nodes that lockstep waits for, with blanks between; empty for the robots",
     "seed": "of every random number of the simulation",
     "map_name": "map in pioneer_gazebo/map; empty for the world's, which is beside a .world file of your own",
     "map_file": "path of a map's YAML file, for a map from elsewhere",
@@ -70,6 +77,7 @@ DOCS = {
     "camera": "robots carry cameras",
     "sonar": "robots carry sonars",
     "driver": "robots have the topics of a real Pioneer's driver: battery, bumpers, sonar ring",
+    "parameters": "YAML file of parameters that replace those of the simulator; names without namespaces inside",
 }
 
 
@@ -80,6 +88,9 @@ def options_from(arguments: Sequence[str], environ: Mapping[str, str]) -> Simula
         ArgumentError: an unknown name, a bad value, or two maps.
     """
     defaults: dict[str, str | int | float] = {}
+    if environ.get("REAL_TIME_FACTOR") == LOCKSTEP:
+        defaults["lockstep"], environ = True, {**environ, "REAL_TIME_FACTOR": ""}
+    arguments = ["lockstep:=true" if word == f"real_time_factor:={LOCKSTEP}" else word for word in arguments]
     if environ.get("WORLD"):
         defaults["world_name"] = environ["WORLD"]
     if environ.get("ROBOTS"):
@@ -125,8 +136,10 @@ def launch_files(options: SimulationOptions, world: Path, grid: Path, robots: Se
     simulator = {
         # Nodes run in another directory than this command.
         "world_name": str(world) if given_by_path else options.world_name,
-        "real_time_factor": str(options.real_time_factor),
+        "real_time_factor": LOCKSTEP if options.lockstep else str(options.real_time_factor),
+        "lockstep_rings": options.lockstep_rings,
         "seed": str(options.seed),
+        "parameters": options.parameters,
         "paused": "true",
     }
     description = {
@@ -136,14 +149,17 @@ def launch_files(options: SimulationOptions, world: Path, grid: Path, robots: Se
     return [
         ("pioneer_gazebo", "multi_pioneer_world.launch", simulator),
         ("pioneer_description", "robot_description.launch", description),
-        *(("pioneer_description", "generic_pioneer.launch", _robot_arguments(robot)) for robot in robots),
+        *(
+            ("pioneer_description", "generic_pioneer.launch", _robot_arguments(robot, options.lockstep))
+            for robot in robots
+        ),
         ("nav_bundle", "map_server.launch", {"map_file": str(grid)}),
     ]
 
 
-def _robot_arguments(robot: RobotEntry) -> dict[str, str]:
+def _robot_arguments(robot: RobotEntry, lockstep: bool) -> dict[str, str]:
     own = {"description": robot.description} if robot.description else {}
-    return {"name": robot.name, "spawn": "false", **own}
+    return {"name": robot.name, "spawn": "false", **({"lockstep": "true"} if lockstep else {}), **own}
 
 
 def map_file(options: SimulationOptions, world: Path) -> Path:
@@ -239,7 +255,8 @@ def _check_master(session: Session) -> None:
     """Raises SessionError on the hub's own master, warns where the gateway is another than the robots pull from."""
     uri, master = rosgraph.get_master_uri(), rosgraph.Master(f"/{NAME.replace('-', '_')}")
     parameter = f"{GATEWAY}/name"
-    name = str(master.getParam(parameter)) if master.hasParam(parameter) else ""
+    # Of a gateway that has ended the parameter is left.
+    name = str(master.getParam(parameter)) if master.hasParam(parameter) and _has_node(master, GATEWAY) else ""
     if not name and _has_node(master, "/hub"):
         port = (urllib.parse.urlsplit(uri).port or 11311) + 1
         raise SessionError(

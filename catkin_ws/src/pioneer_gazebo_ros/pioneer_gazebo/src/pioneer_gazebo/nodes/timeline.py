@@ -7,12 +7,16 @@ from rosgraph_msgs.msg import Clock
 from pioneer_gazebo import conversions
 from pioneer_gazebo.core.schedule import TICK_RATE, Schedule, nanoseconds
 from pioneer_gazebo.core.simulation import Simulation
+from pioneer_gazebo.nodes.lockstep import LockstepGate
 from pioneer_gazebo.nodes.mailbox import Mailbox
 from pioneer_gazebo.nodes.pace import Pacer
 from pioneer_gazebo.nodes.topic import Topic
 
 LONGEST = TICK_RATE // 10
 """The world advances at least this often [ticks of simulated time], whether or not anything looks at it."""
+
+GATE_PATIENCE = 0.1
+"""How often a period in lockstep that is under way is looked at [s of wall time]."""
 
 
 class Timeline:
@@ -31,9 +35,9 @@ class Timeline:
 
     def __init__(
         self, simulation: Simulation, mailbox: Mailbox, factor: float, paused: bool, clock_rate: float,
-        after_tick: Callable[[], None],
+        after_tick: Callable[[], None], gate: LockstepGate | None = None,
     ) -> None:  # fmt: skip
-        """Starts at tick 0; ``after_tick`` is called when all tasks of a tick have run.
+        """Starts at tick 0; ``after_tick`` is called when all tasks of a tick have run, and ``gate`` holds time.
 
         Raises:
             RateError: a clock rate that does not divide the tick rate.
@@ -41,20 +45,25 @@ class Timeline:
         self.mailbox, self.simulation, self.paused = mailbox, simulation, paused
         self.pacer = Pacer(factor)
         self.schedule = Schedule()
+        if gate is not None:
+            gate.changed = self.schedule.review
         self.tick = self._target = 0
         self._after_tick = after_tick
+        self._gate = gate
         self._clock = Topic("/clock", Clock, self.schedule.review)
         self.schedule.add("/clock", clock_rate, self._publish_clock, lambda: self._clock.wanted, False)
 
     def present(self) -> int:
         """Returns the tick that it is now, or the target of the current step if simulation lags. Any thread may ask."""
+        if self._gate is not None:
+            return self.tick
         reached = self.pacer.reached() * TICK_RATE
         return 0 if self.paused else int(min(reached, self._target))
 
     def serve(self) -> None:
         """Does the work in the mailbox, in the world as it is by now."""
         if self.mailbox.pending:
-            if not self.paused:
+            if not self.paused and self._gate is None:
                 self.tick = max(self.tick, min(self.present(), self._target - 1))
             self.simulation.advance(self.tick)
             self.mailbox.serve()
@@ -64,7 +73,12 @@ class Timeline:
         if self.paused:
             self.mailbox.wait(patience)
             return
+        if self._gate is not None and self._gate.holds(self.tick):
+            self.mailbox.wait(min(patience, GATE_PATIENCE))
+            return
         tick = self._target = min(self.schedule.next_after(self.tick), self.tick + LONGEST)
+        if self._gate is not None:
+            tick = self._target = min(tick, self._gate.until)
         wait = self.pacer.wait_for(tick / TICK_RATE)
         if wait > 0 and (self.mailbox.wait(min(wait, patience)) or wait > patience):
             return
@@ -79,6 +93,8 @@ class Timeline:
         for task in due:
             task.action(tick)
         self._after_tick()
+        if self._gate is not None:
+            self._gate.reached(tick)
 
     def publish_now(self) -> None:
         """Publishes the time, for subscribers that connected while it stood still."""
@@ -110,3 +126,5 @@ class Timeline:
         """Sets time back to 0."""
         self.tick = self._target = 0
         self.pacer.restart()
+        if self._gate is not None:
+            self._gate.restart()

@@ -13,7 +13,11 @@ from typing import Any
 
 import rospy
 
+from pioneer_node.nodes.exchange import Exchange
+
 FRAMES_KEPT = 5
+_LENGTH = 4
+"""Bytes of a frame before its message."""
 
 
 def _bear_late_goodbyes(implementation: Any) -> None:
@@ -96,6 +100,7 @@ class Topic(rospy.SubscribeListener):
 
     Attributes:
         dropped: frames that a slow subscriber did not get.
+        exchange: what carries messages to nodes in lockstep; None without.
     """
 
     def __init__(self, name: str, message_class: type, changed: Callable[[], None] = lambda: None) -> None:
@@ -104,6 +109,8 @@ class Topic(rospy.SubscribeListener):
         self._outlets: dict[Any, _Outlet] = {}
         self._stale = True
         self.dropped = 0
+        self.exchange = Exchange.current
+        self._name = rospy.resolve_name(name)
         # A queue size keeps rospy from writing, and so from waiting, in this thread; its queues stay empty.
         self._publisher = rospy.Publisher(name, message_class, subscriber_listener=self, queue_size=FRAMES_KEPT)
         _bear_late_goodbyes(self._publisher.impl)
@@ -123,11 +130,19 @@ class Topic(rospy.SubscribeListener):
     @property
     def wanted(self) -> bool:
         """Whether anybody subscribes."""
+        if self.exchange is not None and self.exchange.wants(self._name):
+            return True
         implementation = self._publisher.impl
         return implementation is not None and bool(implementation.connections)
 
     def send(self, frame: bytes | bytearray) -> None:
-        """Sends a frame (length and message) to every subscriber."""
+        """Sends a frame (length and message) to every subscriber, and to those in lockstep."""
+        if self.exchange is not None and self.exchange.wants(self._name):
+            self.exchange.sample(self._name, bytes(frame[_LENGTH:]))
+        self.write(frame)
+
+    def write(self, frame: bytes | bytearray) -> None:
+        """Sends a frame to every subscriber that has a connection."""
         if self._stale:
             self._renew()
         gone = []

@@ -28,5 +28,8 @@ class TransformTopic:
     def send(self) -> None:
         """Sends what has been collected, if anything has."""
         if self._transforms:
-            self._topic.send(conversions.transforms_frame(self._transforms))
+            if self._topic.exchange is not None:
+                for one in self._transforms:
+                    self._topic.exchange.sample("/tf", one, conversions.name_of_transform(one))
+            self._topic.write(conversions.transforms_frame(self._transforms))
             self._transforms.clear()

@@ -1,0 +1,294 @@
+"""Learning environments over the simulator's core: PettingZoo's ``ParallelEnv`` and Gymnasium's ``Env``, without ROS.
+
+    from pioneer_gazebo.adapters.learning import PioneerEnv, PioneerParallelEnv
+
+    env = PioneerParallelEnv(world="small_world", robots=4)
+    observations, _ = env.reset(seed=1)
+
+Each robot sees its laser, its goal and its own motion, and commands its body's velocities. Both packages are optional.
+"""
+
+import dataclasses
+import math
+import subprocess
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pioneer_gazebo.adapters.bullet import BulletEngine
+from pioneer_gazebo.adapters.drawn_map import read_map
+from pioneer_gazebo.adapters.mesh import triangles_of_mesh
+from pioneer_gazebo.adapters.resource import map_path, model_path, package_directory, world_path
+from pioneer_gazebo.adapters.sdf import world_from_sdf
+from pioneer_gazebo.adapters.urdf import robot_from_urdf
+from pioneer_gazebo.core.engine import Physics
+from pioneer_gazebo.core.entity import Entity
+from pioneer_gazebo.core.error import DescriptionError
+from pioneer_gazebo.core.pose import Pose, quaternion_from_rpy
+from pioneer_gazebo.core.robot import Robot
+from pioneer_gazebo.core.schedule import TICK_RATE
+from pioneer_gazebo.core.simulation import Simulation
+
+try:
+    from gymnasium import Env, spaces
+    from pettingzoo import ParallelEnv
+except ImportError as error:
+    raise ImportError(f"learning needs gymnasium and pettingzoo (pip install gymnasium pettingzoo): {error}") from error
+
+Array = NDArray[np.float32]
+EXTRA = 5
+"""Values of an observation after the laser's: distance, sine and cosine of the goal's direction, speed, turn rate."""
+
+_CLEARANCE, _APART = 0.45, 1.2
+
+
+@dataclasses.dataclass(frozen=True)
+class State:
+    """A robot after a step, for rewards.
+
+    Attributes:
+        pose: in the world.
+        distance: to its goal [m].
+        progress: by how much that has become less in this step [m].
+        speed: of the body [m/s].
+        turn: of the body [rad/s].
+        reached: whether it is at its goal.
+        collided: whether it began to touch something in this step.
+        nearest: smallest range of its scan [m].
+    """
+
+    pose: Pose
+    distance: float
+    progress: float
+    speed: float
+    turn: float
+    reached: bool
+    collided: bool
+    nearest: float
+
+
+Reward = Callable[[State], float]
+
+
+def progress_reward(state: State) -> float:
+    """Returns the progress, 10 for the goal and -5 for a collision: what is used where no other is given."""
+    return state.progress + 10.0 * state.reached - 5.0 * state.collided
+
+
+class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
+    """Several robots in one world, each on its way to a goal of its own.
+
+    An observation is float32: the scan's ranges as parts of the laser's greatest one (1 for nothing met), then `EXTRA`
+    values. An action is two values in -1 … 1: parts of the greatest speed and turn rate. An agent is terminated at its
+    goal, and truncated with all others after ``limit`` steps. The same seed gives the same bits.
+    """
+
+    metadata = {"name": "pioneer_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012 - PettingZoo's form
+
+    def __init__(
+        self, world: str = "small_world", robots: int = 2, *, description: Robot | None = None,
+        starts: Sequence[tuple[float, float, float]] = (), goals: Sequence[tuple[float, float]] = (),
+        reward: Reward = progress_reward, step: float = 0.1, limit: int = 600, tolerance: float = 0.3,
+        fastest: float = 0.7, quickest: float = 1.5,
+    ) -> None:  # fmt: skip
+        """Reads world and robot.
+
+        Args:
+            world: name of a world, or path of a ``.world`` file; without ``starts`` and ``goals`` it needs its map.
+            robots: how many.
+            description: of all robots, with a drive and a laser; the Pioneer where None.
+            starts: x, y [m] and heading [rad] of each robot; random where empty.
+            goals: x, y [m] of each robot; random, and within reach, where empty.
+            reward: of a robot's step.
+            step: simulated time of a step [s], a whole number of hundredths.
+            limit: steps of an episode.
+            tolerance: distance to a goal at which it is reached [m].
+            fastest: speed of the action 1 [m/s].
+            quickest: turn rate of the action 1 [rad/s].
+
+        Raises:
+            SimulatorError: there is no such world, or it cannot be read.
+            ValueError: numbers of robots, starts and goals that do not fit.
+        """
+        for name, given in (("starts", starts), ("goals", goals)):
+            if given and len(given) != robots:
+                raise ValueError(f"{name} must be {robots}, one a robot, not {len(given)}")
+        path = world_path(world)
+        self._world, self._free = world_from_sdf(path, model_path()), None if starts and goals else _free_space(path)
+        self._robot = description or pioneer()
+        self._starts, self._goals_given, self._reward = starts, goals, reward
+        self._ticks, self._limit, self._tolerance = round(step * TICK_RATE), limit, tolerance
+        self._most = np.array([fastest, quickest])
+        self.possible_agents = [f"pioneer{number}" for number in range(1, robots + 1)]
+        self.agents = list[str]()
+        laser = self._robot.lasers[0]
+        self._reach = laser.max_range
+        low = np.concatenate([np.zeros(laser.samples + 1), np.full(EXTRA - 1, -1.0)])
+        high = np.concatenate([np.ones(laser.samples), [np.inf], np.ones(EXTRA - 1)])
+        low[-2:], high[-2:] = -np.inf, np.inf
+        self._observations = spaces.Box(low.astype("f4"), high.astype("f4"))
+        self._actions = {agent: spaces.Box(-1.0, 1.0, (2,), np.float32) for agent in self.possible_agents}
+        self._engine: BulletEngine | None = None
+        self._rng = np.random.default_rng()
+
+    def observation_space(self, agent: str) -> spaces.Box:
+        """Returns the space of observations, one for all."""
+        del agent
+        return self._observations
+
+    def action_space(self, agent: str) -> spaces.Box:
+        """Returns a robot's space of actions."""
+        return self._actions[agent]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Array], dict[str, dict[str, Any]]]:
+        """Starts an episode in a new world; without a seed with one that follows from the last."""
+        del options
+        if seed is not None:
+            self._rng = np.random.default_rng(seed)
+        self.close()
+        physics = Physics()
+        self._engine = BulletEngine(physics)
+        self._simulation = Simulation(self._engine, triangles_of_mesh, physics, int(self._rng.integers(2**31)))
+        self._simulation.load(self._world)
+        self.agents = list(self.possible_agents)
+        self._entities = dict[str, Entity]()
+        self._goals = dict[str, tuple[float, float]]()
+        places: list[tuple[Any, Any]] = []
+        if self._free is not None:
+            places = self._free.places(self._rng, len(self.agents))
+        for number, agent in enumerate(self.agents):
+            turned = float(self._rng.uniform(-math.pi, math.pi))
+            x, y, yaw = self._starts[number] if self._starts else (*places[number][0], turned)
+            pose = Pose((float(x), float(y), 0.0), quaternion_from_rpy(0.0, 0.0, float(yaw)))
+            self._entities[agent] = self._simulation.add_robot(agent, agent, self._robot, pose)
+            self._goals[agent] = self._goals_given[number] if self._goals_given else places[number][1]
+        self._count, self._distances = 0, {agent: self._distance(agent) for agent in self.agents}
+        return {agent: self._observation(agent) for agent in self.agents}, {agent: {} for agent in self.agents}
+
+    def step(
+        self, actions: dict[str, Array]
+    ) -> tuple[dict[str, Array], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
+        """Moves all robots on; returns observations, rewards, terminations, truncations and infos (``state``)."""
+        for agent in self.agents:
+            speed, turn = np.clip(actions[agent], -1.0, 1.0) * self._most
+            self._entities[agent].drives[0].command(self._simulation.tick, float(speed), float(turn))
+        self._simulation.advance(self._simulation.tick + self._ticks)
+        self._count += 1
+        touched = {entity.name for entity in self._simulation.collided()}
+        observations = {agent: self._observation(agent) for agent in self.agents}
+        states = {agent: self._state(agent, observations[agent], agent in touched) for agent in self.agents}
+        ended = {agent: state.reached for agent, state in states.items()}
+        late = dict.fromkeys(self.agents, self._count >= self._limit)
+        rewards = {agent: float(self._reward(state)) for agent, state in states.items()}
+        infos: dict[str, dict[str, Any]] = {agent: {"state": state} for agent, state in states.items()}
+        for agent in [agent for agent in self.agents if ended[agent]]:
+            self._entities[agent].drives[0].command(self._simulation.tick, 0.0, 0.0)
+        self.agents = [agent for agent in self.agents if not (ended[agent] or late[agent])]
+        return observations, rewards, ended, late, infos
+
+    def close(self) -> None:
+        """Frees the world."""
+        if self._engine is not None:
+            self._engine.close()
+            self._engine = None
+
+    def _distance(self, agent: str) -> float:
+        x, y, _ = self._simulation.pose(self._entities[agent]).position
+        return math.dist((x, y), self._goals[agent])
+
+    def _observation(self, agent: str) -> Array:
+        entity, goal = self._entities[agent], self._goals[agent]
+        pose = self._simulation.pose(entity)
+        x, y, _ = pose.position
+        bearing = math.atan2(goal[1] - y, goal[0] - x) - pose.yaw
+        motion = entity.drives[0].drive.odometry
+        ranges = np.clip(self._simulation.ranges(entity, entity.lasers[0]) / self._reach, 0.0, 1.0)
+        extra = (math.dist((x, y), goal), math.sin(bearing), math.cos(bearing), motion.speed, motion.turn)
+        return np.concatenate([ranges, extra], dtype=np.float32)
+
+    def _state(self, agent: str, observation: Array, collided: bool) -> State:
+        distance, _, _, speed, turn = map(float, observation[-EXTRA:])
+        progress, self._distances[agent] = self._distances[agent] - distance, distance
+        pose, nearest = self._simulation.pose(self._entities[agent]), float(observation[:-EXTRA].min()) * self._reach
+        return State(pose, distance, progress, speed, turn, distance <= self._tolerance, collided, nearest)
+
+
+class PioneerEnv(Env[Array, Array]):  # type: ignore[misc]
+    """One robot, as Gymnasium has it; arguments as `PioneerParallelEnv`, but for ``robots``."""
+
+    def __init__(self, world: str = "small_world", **options: Any) -> None:
+        self._env = PioneerParallelEnv(world, 1, **options)
+        (self._agent,) = self._env.possible_agents
+        self.observation_space = self._env.observation_space(self._agent)
+        self.action_space = self._env.action_space(self._agent)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """Starts an episode."""
+        super().reset(seed=seed)
+        observations, infos = self._env.reset(seed, options)
+        return observations[self._agent], infos[self._agent]
+
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Moves the robot on."""
+        seen, rewards, ended, late, infos = self._env.step({self._agent: action})
+        return seen[self._agent], rewards[self._agent], ended[self._agent], late[self._agent], infos[self._agent]
+
+    def close(self) -> None:
+        """Frees the world."""
+        self._env.close()
+
+
+def pioneer() -> Robot:
+    """Returns the Pioneer of pioneer_description, by the workspace's xacro.
+
+    Raises:
+        DescriptionError: there is no such package in this environment.
+    """
+    folder = package_directory("pioneer_description")
+    if folder is None:
+        raise DescriptionError("package pioneer_description, which has the robot, is not found")
+    command = ["xacro", str(folder / "urdf" / "pioneer3dx.xacro")]
+    return robot_from_urdf(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+
+class _FreeSpace:
+    """Where robots can stand, as cells of a map."""
+
+    def __init__(self, xy: NDArray[np.float64], part: NDArray[np.intp]) -> None:
+        self._xy, self._part = xy, part
+
+    def places(self, rng: np.random.Generator, robots: int) -> list[tuple[tuple[float, float], tuple[float, float]]]:
+        """Returns a start and a goal that it can reach for each robot, all starts and all goals apart."""
+        starts, goals = list[int](), list[int]()
+        for _ in range(robots):
+            starts.append(self._far(rng, starts, np.ones(len(self._xy), bool)))
+            goals.append(self._far(rng, goals, self._part == self._part[starts[-1]]))
+        where = [(float(x), float(y)) for x, y in self._xy]
+        return [(where[start], where[goal]) for start, goal in zip(starts, goals, strict=True)]
+
+    def _far(self, rng: np.random.Generator, taken: list[int], allowed: NDArray[np.bool_]) -> int:
+        for other in taken:
+            allowed = allowed & (np.hypot(*(self._xy - self._xy[other]).T) >= _APART)
+        cells = np.flatnonzero(allowed)
+        if not len(cells):
+            raise ValueError("the world has no room for so many robots")
+        return int(rng.choice(cells))
+
+
+def _free_space(world: Path) -> _FreeSpace:
+    """Returns where robots can stand in a world, by its map; cells that a way joins have one part."""
+    drawn = read_map(map_path(world))
+    if drawn is None:
+        raise DescriptionError(f"{map_path(world)} is no map as world_to_map draws it")
+    pixels = np.frombuffer(drawn.pixels, np.uint8, drawn.rows * drawn.cols).reshape(drawn.rows, drawn.cols)[::-1]
+    clear = ndimage.distance_transform_edt(np.pad(pixels >= drawn.free, 1))[1:-1, 1:-1] * drawn.resolution >= _CLEARANCE
+    parts, _ = ndimage.label(clear)
+    rows, cols = np.nonzero(clear)
+    xy = np.column_stack([drawn.x + (cols + 0.5) * drawn.resolution, drawn.y + (rows + 0.5) * drawn.resolution])
+    return _FreeSpace(xy, parts[rows, cols])

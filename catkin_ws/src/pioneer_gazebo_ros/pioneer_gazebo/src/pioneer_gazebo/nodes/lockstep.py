@@ -1,0 +1,197 @@
+"""Lockstep: simulated time waits at each period's end until every member has done its work (docs/lockstep.md)."""
+
+import time
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from functools import partial
+
+import rospy
+from pioneer_msgs.msg import LockstepToken
+
+from pioneer_gazebo import conversions
+from pioneer_gazebo.core.lockstep import Lockstep, LockstepError, Ring
+from pioneer_gazebo.core.schedule import nanoseconds, period_of
+from pioneer_gazebo.nodes.mailbox import Mailbox
+from pioneer_node.core.parameter import ParameterError
+from pioneer_node.nodes.exchange import Exchange
+from pioneer_node.nodes.lockstep import INLET, OUTLET, PROBE, ring_publisher, ring_subscriber, ring_topic
+
+_ASK_EVERY = 0.2
+"""How often rings that are absent are asked to join [s of wall time]."""
+_ANSWER = 2.0
+"""How long members may take to answer a probe [s of wall time]."""
+_SAY_AFTER = 5.0
+"""How often a start that waits for rings is reported [s of wall time]."""
+
+
+@dataclass(frozen=True, slots=True)
+class LockstepConfig:
+    """Parameters ``~lockstep/…``.
+
+    Attributes:
+        rings: names of the rings that the first period waits for, with blanks between; empty for those of all robots.
+        rate: periods a simulated second [Hz].
+        deadline: how long a period may take [s of wall time]; 0 for any time.
+        silence: what follows then: ``abort`` ends the simulator, ``drop`` continues without that ring.
+    """
+
+    rings: str = ""
+    rate: float = 20.0
+    deadline: float = 60.0
+    silence: str = "abort"
+
+    def __post_init__(self) -> None:
+        """Refuses what makes no sense."""
+        if self.silence not in ("abort", "drop"):
+            raise ParameterError(f"~lockstep/silence must be abort or drop, not {self.silence!r}")
+        if not self.deadline >= 0:
+            raise ParameterError(f"~lockstep/deadline must not be negative, not {self.deadline:g}")
+
+
+class LockstepGate:
+    """Holds simulated time at the end of each period until all rings have returned their tokens.
+
+    Subscribes: ``RING/lockstep/done`` of each ring. Publishes: ``RING/lockstep/period``, ``RING/lockstep/probe``.
+
+    Threads: that of the simulation, but for `Exchange` and subscribers, which put tokens into the mailbox.
+
+    Attributes:
+        until: the tick at which the period under way ends.
+        changed: called when other topics are wanted than before.
+    """
+
+    def __init__(self, config: LockstepConfig, mailbox: Mailbox, namespaces: Callable[[], Collection[str]]) -> None:
+        """Replaces rospy's publishers and subscribers from now on.
+
+        Args:
+            config: parameters.
+            mailbox: of the simulation.
+            namespaces: returns those of the robots in the world.
+
+        Raises:
+            RateError: a rate that does not divide the tick rate.
+        """
+        self.exchange = Exchange(rospy.get_name()).install(follows=False)
+        self.period = self.until = period_of(config.rate, "~lockstep/rate")
+        self._config, self._mailbox, self._namespaces = config, mailbox, namespaces
+        self.changed: Callable[[], None] = lambda: None
+        self._state = Lockstep()
+        self._inlets: dict[str, rospy.Publisher] = {}
+        self._probes: dict[str, rospy.Publisher] = {}
+        self._outlets: list[rospy.Subscriber] = []
+        self._began = self._asked = self._said = time.monotonic()
+        self._probed: float | None = None
+        self._answers: dict[str, LockstepToken] = {}
+
+    def holds(self, tick: int) -> bool:
+        """Returns whether time stands at ``tick``; asks absent rings to join, and members that are late to answer.
+
+        Raises:
+            LockstepError: a member is silent, which ends the run.
+        """
+        state = self._state
+        if not state.rings:
+            self._listen()
+        if state.absent and time.monotonic() - self._asked > _ASK_EVERY:
+            self._asked = time.monotonic()
+            self._ask(tick)
+        if state.late:
+            self._watch()
+        return bool(state.late or (not state.begun and (state.absent or not state.rings)))
+
+    def reached(self, tick: int) -> None:
+        """Sends the tokens of the period that ends at ``tick``."""
+        if tick < self.until:
+            return
+        self.until = tick + self.period
+        state, exchange = self._state, self.exchange
+        state.subscribe(exchange.topics())
+        exchange.partners = tuple(state.members)
+        if any(not ring.told for ring in state.rings.values()):
+            exchange.set_wanted(state.wants)
+            self.changed()
+        stamp, own = _time(tick), exchange.take(conversions.joined_transforms)
+        self._began, self._probed = time.monotonic(), None
+        for ring, messages in state.begin_period(own):
+            members, wants = ([], []) if ring.told else ([exchange.name, *state.members], sorted(state.wants))
+            ring.told = True
+            token = LockstepToken(LockstepToken.PERIOD, state.period, stamp, members, wants, messages)
+            self._inlets[ring.name].publish(token)
+
+    def restart(self) -> None:
+        """Begins again at tick 0; members see time jump back."""
+        self.until = self.period
+
+    def _listen(self) -> None:
+        """Connects the rings that are expected."""
+        self._state.expect(self._config.rings.split() or self._namespaces())
+        for name in self._state.rings:
+            self._inlets[name] = ring_publisher(ring_topic(name, INLET))
+            self._probes[name] = ring_publisher(ring_topic(name, PROBE))
+            self._outlets.append(ring_subscriber(ring_topic(name, OUTLET), partial(self._receive, name)))
+
+    def _receive(self, ring: str, token: LockstepToken) -> None:
+        self._mailbox.post(partial(self._take, ring, token))
+
+    def _take(self, name: str, token: LockstepToken) -> None:
+        if token.kind == LockstepToken.JOIN:
+            if self._state.join(name, token.members, token.wants):
+                rospy.loginfo("lockstep: %s takes part: %s", name or "/", ", ".join(token.members))
+        elif token.kind != LockstepToken.PERIOD:
+            self._answers.update(dict.fromkeys(token.members, token))
+        elif self._state.take(name, token.period, token.messages):
+            self.exchange.deliver(self._state.end_period())
+
+    def _ask(self, tick: int) -> None:
+        for ring in self._state.absent:
+            token = LockstepToken(LockstepToken.JOIN, self._state.period, _time(tick), [], [], [])
+            self._inlets[ring.name].publish(token)
+        if not self._state.begun and time.monotonic() - self._said > _SAY_AFTER:
+            self._said = time.monotonic()
+            rospy.loginfo("lockstep waits for %s", ", ".join(ring.name or "/" for ring in self._state.absent))
+
+    def _watch(self) -> None:
+        """Probes the rings that are late after the deadline, and then decides on them."""
+        now, deadline = time.monotonic(), self._config.deadline
+        if not deadline or now - self._began < deadline:
+            return
+        if self._probed is None:
+            self._probed, self._answers = now, {}
+            for ring in self._state.late:
+                self._probes[ring.name].publish(
+                    LockstepToken(LockstepToken.PROBE, self._state.period, rospy.Time(), [], [], [])
+                )
+        elif now - self._probed > _ANSWER:
+            self._decide()
+
+    def _decide(self) -> None:
+        """Ends the run, or continues without the rings that are late.
+
+        Raises:
+            LockstepError: the run is to end.
+        """
+        late = self._state.late
+        text = "; ".join(self._fault(ring) for ring in late)
+        text = f"lockstep: period {self._state.period} was not done within {self._config.deadline:g} s: {text}"
+        if self._config.silence == "abort":
+            raise LockstepError(text)
+        rospy.logerr("%s; continuing without %s", text, ", ".join(ring.name or "/" for ring in late))
+        for ring in late:
+            self._state.drop(ring)
+        self.exchange.deliver(self._state.end_period())
+
+    def _fault(self, ring: Ring) -> str:
+        """Returns which member of a ring is at fault, and how."""
+        for member in ring.members:
+            answer = self._answers.get(member)
+            if answer is None:
+                return f"{member} does not answer"
+            if answer.kind == LockstepToken.WORKING:
+                return f"{member} is still at work"
+            if answer.period < self._state.period:
+                return f"{member} has not received the token"
+        return f"the token of {ring.name or '/'} is lost on its way back"
+
+
+def _time(tick: int) -> rospy.Time:
+    return rospy.Time(*conversions.seconds_nanoseconds(nanoseconds(tick)))

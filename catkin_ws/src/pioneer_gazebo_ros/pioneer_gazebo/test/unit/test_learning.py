@@ -1,0 +1,96 @@
+"""Learning environments: PettingZoo's and Gymnasium's own checks, seeds, rewards, and what a step costs."""
+
+import math
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from pettingzoo.test import parallel_api_test, parallel_seed_test
+
+from pioneer_gazebo.adapters.learning import EXTRA, PioneerEnv, PioneerParallelEnv
+from pioneer_gazebo.adapters.learning import pioneer as pioneer_description
+from pioneer_gazebo.core.robot import Robot
+
+STRAIGHT: dict[str, Any] = {"starts": [(-4.5, 3.5, -math.pi / 2)], "goals": [(-4.5, 2.0)]}
+
+
+@pytest.fixture(scope="module")
+def pioneer() -> Robot:
+    return pioneer_description()
+
+
+def test_pettingzoos_own_checks_pass(pioneer: Robot) -> None:
+    env = PioneerParallelEnv(robots=3, description=pioneer, limit=40)
+    parallel_api_test(env, num_cycles=100)
+    env.close()
+    parallel_seed_test(lambda: PioneerParallelEnv(robots=2, description=pioneer, limit=30), num_cycles=40)
+
+
+@pytest.mark.filterwarnings("ignore")  # gymnasium's advice on spaces
+def test_gymnasiums_own_check_passes(pioneer: Robot) -> None:
+    env = PioneerEnv(description=pioneer, limit=20)
+    check_env(env, skip_render_check=True)
+    env.close()
+
+
+def test_a_robot_that_drives_to_its_goal_is_rewarded_for_the_way_and_terminated(pioneer: Robot) -> None:
+    env = PioneerEnv(description=pioneer, **STRAIGHT)
+    observation, _ = env.reset(seed=1)
+    assert observation[-EXTRA] == pytest.approx(1.5)
+    rewards, terminated = [], False
+    while not terminated:
+        observation, reward, terminated, truncated, info = env.step(np.array([1.0, 0.0], np.float32))
+        rewards.append(reward)
+        assert not truncated
+    assert info["state"].reached
+    assert sum(rewards) == pytest.approx(10.0 + 1.5 - info["state"].distance, abs=0.01)
+    env.close()
+
+
+def test_a_reward_of_ones_own_counts_collisions(pioneer: Robot) -> None:
+    env = PioneerEnv(description=pioneer, starts=[(-4.5, 3.5, 0.0)], goals=[(-4.5, -3.0)], limit=40,
+                     reward=lambda state: -float(state.collided))  # fmt: skip
+    env.reset(seed=1)
+    total = sum(env.step(np.array([1.0, 0.0], np.float32))[1] for _ in range(30))
+    assert total <= -1.0, "it drives against the block to its right"
+    env.close()
+
+
+def test_the_same_seed_gives_the_same_bits_also_in_an_environment_that_was_used(pioneer: Robot) -> None:
+    def course(env: PioneerParallelEnv) -> bytes:
+        seen, _ = env.reset(seed=7)
+        found = [seen[agent].tobytes() for agent in env.agents]
+        for _ in range(15):
+            seen, *_ = env.step(dict.fromkeys(env.agents, np.array([0.8, 0.3], np.float32)))
+            found += [one.tobytes() for one in seen.values()]
+        return b"".join(found)
+
+    fresh, used = (PioneerParallelEnv(robots=2, description=pioneer) for _ in range(2))
+    course(used)
+    assert course(fresh) == course(used)
+    fresh.close()
+    used.close()
+
+
+def test_numbers_of_starts_and_robots_must_fit(pioneer: Robot) -> None:
+    with pytest.raises(ValueError, match="starts must be 2, one a robot, not 1"):
+        PioneerParallelEnv(robots=2, description=pioneer, starts=[(0.0, 0.0, 0.0)])
+
+
+def test_a_second_of_processor_takes_many_steps_of_many_agents(pioneer: Robot, record_property) -> None:  # type: ignore[no-untyped-def]
+    """The goal, 1,200, is a bench's; this bound holds on a machine that is busy with other things."""
+    assert len(pioneer.lasers) == 1
+    assert pioneer.lasers[0].samples == 180
+    env = PioneerParallelEnv("utm_0", robots=10, description=pioneer)
+    env.reset(seed=1)
+    actions = dict.fromkeys(env.possible_agents, np.array([0.5, 0.4], np.float32))
+    began, count = time.process_time(), 0
+    for _ in range(100):
+        count += len(env.agents)
+        env.step(actions)
+    rate = count / (time.process_time() - began)
+    record_property("agent_steps_per_cpu_second", rate)
+    env.close()
+    assert rate > 600
