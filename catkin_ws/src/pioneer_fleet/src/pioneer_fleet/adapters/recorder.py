@@ -1,0 +1,125 @@
+"""``python3 -m pioneer_fleet.adapters.recorder FILE NAME=URI …``: what nodes publish on several masters, in one file.
+
+Each message is recorded once: where its node is, and not where gateways carry it to. Its topic stands under the name of
+its master: ``/aadi1/pioneer1/amcl_pose``. What arrives is written as it is.
+"""
+
+import queue
+import signal
+import sys
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from pioneer_fleet.adapters.recording import Kind, Message, created
+from rocon_relay.core.connection import is_proxy_uri
+from tcpros.adapters.client import Client, Connection
+from tcpros.core.error import TcprosError
+
+NAME = "/fleet_recorder"
+_LOOK = 1.0
+"""How often new publishers are looked for [s]."""
+_LEFT_OUT = ("/rosout_agg",)
+_WAITING = 20_000
+"""Messages that may wait to be written; when there are more, the newest are dropped, and counted."""
+
+
+class Recorder:
+    """Records all publishers of several masters until it is closed.
+
+    Threads: one that looks for publishers and one that writes; one a publisher, which waits for its messages.
+    """
+
+    def __init__(self, path: Path, masters: Mapping[str, str]) -> None:
+        """``masters`` are addresses by name."""
+        self._masters = {name: Client(uri, NAME) for name, uri in masters.items()}
+        self._writer = created(path)
+        self._connected: dict[tuple[str, str, str], Connection] = {}
+        self._proxies: set[tuple[str, str]] = set()
+        self._lock = threading.Lock()
+        self._waiting: queue.Queue[Message | None] = queue.Queue(_WAITING)
+        self._end = threading.Event()
+        self.written = self.dropped = 0
+
+    def run(self) -> None:
+        """Records until `end` is called, and completes the file."""
+        looking = threading.Thread(target=self._look, name="publishers", daemon=True)
+        looking.start()
+        while (message := self._waiting.get()) is not None:
+            self._writer.add(message)
+            self.written += 1
+        self._writer.close()
+
+    def end(self) -> None:
+        """Ends `run` after what has arrived; may be called from a signal handler."""
+        threading.Thread(target=self._stop, daemon=True).start()
+
+    def _stop(self) -> None:
+        self._end.set()
+        self._waiting.put(None)
+
+    def _look(self) -> None:
+        while not self._end.is_set():
+            for name, client in self._masters.items():
+                try:
+                    publishers, _, _ = client.ask_master("getSystemState")
+                except (OSError, TcprosError):
+                    continue  # not up yet, or no longer
+                for topic, nodes in publishers:
+                    for node in nodes:
+                        if topic not in _LEFT_OUT:
+                            self._connect(name, client, topic, node)
+            self._end.wait(_LOOK)
+
+    def _connect(self, name: str, client: Client, topic: str, node: str) -> None:
+        key = (name, topic, node)
+        with self._lock:
+            if key in self._connected or (name, node) in self._proxies:
+                return
+        try:
+            if is_proxy_uri(str(client.ask_master("lookupNode", node))):
+                self._proxies.add((name, node))
+                return
+            connection = client.subscribe(node, topic)
+        except (OSError, TcprosError):
+            return  # it has just ended; the next look knows
+        with self._lock:
+            self._connected[key] = connection
+        threading.Thread(target=self._receive, args=(key, connection), name=topic, daemon=True).start()
+
+    def _receive(self, key: tuple[str, str, str], connection: Connection) -> None:
+        name, topic, _ = key
+        header = connection.header
+        latching = header.get("latching") == "1"
+        kind = Kind(header["type"], header["md5sum"], header.get("message_definition", ""), latching)
+        connection.wait_for_ever()
+        try:
+            with connection:
+                while True:
+                    data = connection.read_frame()
+                    self._take(Message(f"/{name}{topic}", kind, time.time_ns(), data))
+        except OSError:
+            with self._lock:
+                del self._connected[key]
+
+    def _take(self, message: Message) -> None:
+        try:
+            self._waiting.put_nowait(message)
+        except queue.Full:
+            self.dropped += 1
+
+
+def main(words: Sequence[str]) -> int:
+    """Records until SIGINT or SIGTERM; returns the exit status."""
+    path, *masters = words
+    recorder = Recorder(Path(path), dict(word.split("=", 1) for word in masters))
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: recorder.end())
+    recorder.run()
+    sys.stdout.write(f"{path}: {recorder.written} messages, {recorder.dropped} dropped\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

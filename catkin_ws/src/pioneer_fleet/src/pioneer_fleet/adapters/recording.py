@@ -1,0 +1,144 @@
+"""Recordings: bytes of messages as they came, in MCAP files (``.mcap``) or ROS 1 bags (``.bag``)."""
+
+import struct
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+_ENCODING = "ros1msg"
+
+
+class Kind(NamedTuple):
+    """A topic's type as a publisher's connection header has it."""
+
+    type: str
+    md5sum: str
+    definition: str
+    latching: bool
+
+
+class Message(NamedTuple):
+    """A recorded message; the topic begins with its master's name, and the time is the wall clock's [ns]."""
+
+    topic: str
+    kind: Kind
+    time: int
+    data: bytes
+
+
+class RecordingError(Exception):
+    """A file that is no recording; the message is one line."""
+
+
+class Writer(Protocol):
+    """Writes messages to a file, which ``close`` completes."""
+
+    def add(self, message: Message) -> None:
+        """Writes one message."""
+
+    def close(self) -> None:
+        """Completes the file."""
+
+
+class McapFile:
+    """Writes MCAP."""
+
+    def __init__(self, path: Path) -> None:
+        from mcap.writer import Writer as Mcap
+
+        self._file = path.open("wb")
+        self._mcap = Mcap(self._file)
+        self._mcap.start("ros1", "pioneer_fleet")
+        self._schemas: dict[tuple[str, str], int] = {}
+        self._channels: dict[tuple[str, Kind], int] = {}
+
+    def add(self, message: Message) -> None:
+        """Writes one message."""
+        topic, kind, time, data = message
+        if (topic, kind) not in self._channels:
+            own = (kind.type, kind.md5sum)
+            if own not in self._schemas:
+                self._schemas[own] = self._mcap.register_schema(kind.type, _ENCODING, kind.definition.encode())
+            about = {"md5sum": kind.md5sum, "latching": str(int(kind.latching))}
+            self._channels[topic, kind] = self._mcap.register_channel(topic, "ros1", self._schemas[own], about)
+        self._mcap.add_message(self._channels[topic, kind], time, data, time)
+
+    def close(self) -> None:
+        """Completes the file."""
+        self._mcap.finish()
+        self._file.close()
+
+
+class BagFile:
+    """Writes a ROS 1 bag; it takes one type a topic."""
+
+    def __init__(self, path: Path) -> None:
+        import genpy
+        import rosbag
+
+        self._bag, self._time = rosbag.Bag(str(path), "w"), genpy.Time
+        self._types: dict[Kind, Any] = {}
+
+    def add(self, message: Message) -> None:
+        """Writes one message."""
+        kind = message.kind
+        fields = {"_type": kind.type, "_md5sum": kind.md5sum, "_full_text": kind.definition}
+        known = self._types.setdefault(kind, type("Recorded", (), fields))
+        header = {"topic": message.topic, "type": kind.type, "md5sum": kind.md5sum}
+        header |= {"message_definition": kind.definition, "latching": str(int(kind.latching))}
+        raw = (kind.type, message.data, kind.md5sum, known)
+        self._bag.write(message.topic, raw, self._time(0, message.time), raw=True, connection_header=header)
+
+    def close(self) -> None:
+        """Completes the file."""
+        self._bag.close()
+
+
+def created(path: Path) -> Writer:
+    """Returns a new recording, of the form that the path's suffix names."""
+    if path.suffix == ".bag":
+        return BagFile(path)
+    return McapFile(path)
+
+
+def messages_of(path: Path) -> Iterator[Message]:
+    """Yields a recording's messages in the order of time.
+
+    Raises:
+        RecordingError: it is no recording.
+        OSError: it cannot be read.
+    """
+    return _of_bag(path) if path.suffix == ".bag" else _of_mcap(path)
+
+
+def _of_mcap(path: Path) -> Iterator[Message]:
+    from mcap.exceptions import McapError
+    from mcap.reader import make_reader
+
+    try:
+        with path.open("rb") as file:
+            for schema, channel, message in make_reader(file).iter_messages():
+                if schema is not None and schema.encoding == _ENCODING:
+                    about: Mapping[str, str] = channel.metadata
+                    latching = about.get("latching") == "1"
+                    kind = Kind(schema.name, about.get("md5sum", "*"), schema.data.decode(), latching)
+                    yield Message(channel.topic, kind, message.log_time, message.data)
+    except (McapError, struct.error) as error:
+        raise RecordingError(f"{path} is no complete MCAP file: {error}") from None
+
+
+def _of_bag(path: Path) -> Iterator[Message]:
+    import rosbag
+
+    try:
+        with rosbag.Bag(str(path)) as bag:
+            for topic, raw, time, header in bag.read_messages(raw=True, return_connection_header=True):
+                text = {key: _text(value) for key, value in header.items()}
+                kind = Kind(raw[0], raw[2], text["message_definition"], text.get("latching") == "1")
+                yield Message(topic, kind, time.to_nsec(), raw[1])
+    except rosbag.ROSBagException as error:
+        raise RecordingError(f"{path} is no complete bag: {error}") from None
+
+
+def _text(value: str | bytes) -> str:
+    return value.decode() if isinstance(value, bytes) else value

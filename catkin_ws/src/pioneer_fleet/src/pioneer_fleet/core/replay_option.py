@@ -1,0 +1,20 @@
+"""The command line of ``./pioneer replay``."""
+
+import argparse
+from pathlib import Path
+
+
+def parser() -> argparse.ArgumentParser:
+    """Returns the command line's parser."""
+    made = argparse.ArgumentParser(
+        "./pioneer replay",
+        description="Publishes a recording's messages again, on one ROS master of its own, whose address it prints.\n"
+        "Topics have their names of the fleet: those of all masters together.",
+        epilog="Example: ./pioneer replay run.mcap, and with the ROS_MASTER_URI that it prints:\n"
+        "  ./pioneer run rviz -d $(rospack find pioneer_description)/rviz/multi_pioneer.rviz",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    made.add_argument("file", type=Path, metavar="FILE", help="a recording, .mcap or .bag")
+    made.add_argument("--rate", type=float, default=1.0, metavar="R", help="recorded seconds a second (default 1)")
+    made.add_argument("--stay", action="store_true", help="keep the master, with its latched topics, until Ctrl-C")
+    return made

@@ -1,0 +1,103 @@
+"""Recordings: what is published on several masters lands in one file, and comes back as it was."""
+
+import os
+import signal
+import subprocess
+import sys
+import xmlrpc.client
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros1.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from std_msgs.msg import String
+
+from pioneer_fleet.adapters.recording import RecordingError, messages_of
+from pioneer_harness.masters import Master
+from pioneer_harness.process import ProcessGroup
+from pioneer_harness.wait import START, wait_until
+from tcpros.adapters.client import Client
+from tcpros.core.error import TcprosError
+
+TALK = """
+import sys, rospy
+from std_msgs.msg import String
+rospy.init_node("talker", disable_signals=True)
+publisher = rospy.Publisher("words", String, queue_size=100, latch=True)
+publisher.publish(sys.argv[1])
+rospy.spin()
+"""
+
+
+def module(name: str, *words: object) -> list[str]:
+    return [sys.executable, "-m", name, *map(str, words)]
+
+
+@pytest.mark.parametrize("suffix", ["mcap", "bag"])
+def test_two_masters_are_recorded_under_their_names_and_replayed_as_one(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"run.{suffix}"
+    with Master() as one, Master() as two, ProcessGroup() as group:
+        for master, word in ((one, "hello"), (two, "world")):
+            group.start("talker", [sys.executable, "-c", TALK, word], master.environment)
+        environment = {**one.environment, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        words = module("pioneer_fleet.adapters.recorder", path, f"one={one.uri}", f"two={two.uri}")
+        recorder = subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True)
+        # What the recorder is connected to is seen by its being among the talker's receivers.
+        for master in (one, two):
+            wait_until(lambda m=master: receives(m, "/fleet_recorder"), "the recorder's connection", START)  # type: ignore[misc]
+        recorder.send_signal(signal.SIGINT)
+        said, _ = recorder.communicate(timeout=START)
+    assert "0 dropped" in said
+    found = {message.topic: message for message in messages_of(path)}
+    assert {topic: String().deserialize(one.data).data for topic, one in found.items() if topic.endswith("words")} == {
+        "/one/words": "hello", "/two/words": "world",
+    }  # fmt: skip
+    assert found["/one/words"].kind.latching
+    assert opened_by_others(path) == {"/one/words", "/two/words"}
+    assert_replayed(path, environment)
+
+
+def receives(master: Master, name: str) -> bool:
+    """Whether the talker of a master sends to the node ``name``."""
+    try:
+        uri = Client(master.uri, "/test").ask_master("lookupNode", "/talker")
+        with xmlrpc.client.ServerProxy(uri) as talker:
+            return any(row[1] == name and row[4] == "/words" for row in talker.getBusInfo("/test")[2])
+    except (OSError, TcprosError):
+        return False
+
+
+def opened_by_others(path: Path) -> set[str]:
+    """Returns the topics of words that readers of users find: rosbags in a bag, MCAP's own library in its files."""
+    if path.suffix == ".bag":
+        with AnyReader([path]) as reader:
+            words = [one for one in reader.connections if one.msgtype == "std_msgs/msg/String"]
+            read = [(one.topic, reader.deserialize(data, one.msgtype)) for one, _, data in reader.messages(words)]
+    else:
+        with path.open("rb") as file:
+            found = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+            read = [(channel.topic, message) for schema, channel, _, message in found if schema.name == String._type]
+    assert {message.data for _, message in read} == {"hello", "world"}
+    return {topic for topic, _ in read}
+
+
+def assert_replayed(path: Path, environment: dict[str, str]) -> None:
+    """Sees that the words come again, without the masters' names."""
+    replay = subprocess.Popen(
+        module("pioneer_fleet.nodes.replay", path, "--stay"), env=environment, stdout=subprocess.PIPE, text=True
+    )
+    assert replay.stdout is not None
+    uri = replay.stdout.readline().strip().partition("=")[2]
+    assert "messages were published" in replay.stdout.readline()
+    assert Client(uri, "/test").latched("/replay", "/words", String).data in ("hello", "world")
+    replay.send_signal(signal.SIGINT)
+    assert replay.wait(START) == 130
+    replay.stdout.close()
+
+
+def test_a_file_that_is_no_recording_is_named(tmp_path: Path) -> None:
+    for name in ("a.mcap", "a.bag"):
+        (tmp_path / name).write_bytes(b"nothing")
+        with pytest.raises(RecordingError, match=f"{name} is no complete"):
+            next(messages_of(tmp_path / name))

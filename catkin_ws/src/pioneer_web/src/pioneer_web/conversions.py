@@ -1,0 +1,58 @@
+"""ROS messages to values of the core."""
+
+import base64
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Point, PoseStamped, Quaternion
+from geometry_msgs.msg import Pose as PoseMessage
+
+from pioneer_fleet.conversions import frame_from_message, points_from_path, pose_from_message
+from pioneer_fleet.core.geometry import Points, Pose
+from pioneer_web.core.picture import COSTS, png
+from pioneer_web.core.robot import BEAMS, Image
+
+
+def scan_from_message(message: Any) -> tuple[float, float, list[int]]:
+    """Returns ranges of a ``sensor_msgs/LaserScan`` [cm], some 180 of them, 0 for none; first angle and step [rad]."""
+    every = max(1, len(message.ranges) // BEAMS)
+    ranges = np.asarray(message.ranges[::every], np.float32)
+    valid = (ranges >= message.range_min) & (ranges <= message.range_max)
+    lengths = np.where(valid, ranges * 100, 0).astype(np.int32).tolist()
+    return message.angle_min, message.angle_increment * every, lengths
+
+
+def line_from_path(message: Any) -> tuple[str, Points]:
+    """Returns frame and points of a ``nav_msgs/Path``."""
+    return frame_from_message(message.header.frame_id), points_from_path(message)
+
+
+def costs_from_grid(message: Any) -> tuple[str, Image]:
+    """Returns frame and picture of a ``nav_msgs/OccupancyGrid`` whose ``data`` is an array."""
+    info = message.info
+    cells = message.data.reshape(info.height, info.width)
+    text = base64.b64encode(png(cells, COSTS)).decode()
+    size = info.width * info.resolution, info.height * info.resolution
+    return frame_from_message(message.header.frame_id), Image(pose_from_message(info.origin), *size, text)
+
+
+def goals_from_queue(message: Any) -> tuple[Pose, ...]:
+    """Returns the waypoints of a ``simple_navigation_goals/WaypointQueue`` in ``map``, the one under way first."""
+    return tuple(
+        pose_from_message(one.pose)
+        for one in (message.current, *message.waiting)
+        if frame_from_message(one.header.frame_id) == "map"
+    )
+
+
+def message_from_pose(pose: Pose) -> PoseMessage:
+    """Returns a pose in the plane as ``geometry_msgs/Pose``."""
+    turn = Quaternion(0.0, 0.0, np.sin(pose.yaw / 2), np.cos(pose.yaw / 2))
+    return PoseMessage(Point(pose.x, pose.y, 0.0), turn)
+
+
+def goal_from_pose(pose: Pose) -> PoseStamped:
+    """Returns a waypoint in ``map``."""
+    message = PoseStamped(pose=message_from_pose(pose))
+    message.header.frame_id = "map"
+    return message

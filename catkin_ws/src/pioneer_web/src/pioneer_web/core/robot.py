@@ -1,0 +1,153 @@
+"""What is known of one robot at the base station, and what of it a page gets."""
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from pioneer_fleet.core.geometry import Points, Pose
+from pioneer_fleet.core.monitor import RobotMonitor
+
+STALE = 2.0
+"""Odometry or scans older than this [s] are a fault."""
+BEAMS = 180
+"""Of each scan, about."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Image:
+    """A costmap as a picture.
+
+    Attributes:
+        corner: of its lower left, in ``frame``.
+        width, height: [m].
+        png: encoded, base64.
+    """
+
+    corner: Pose
+    width: float
+    height: float
+    png: str
+
+
+@dataclasses.dataclass(kw_only=True)
+class Robot(RobotMonitor):
+    """The newest of everything; what was never received is None or empty.
+
+    Attributes:
+        name: its namespace.
+        gateway: of its computer.
+        correction: of its odometry, in ``map``.
+        odometry: the pose in its odometry's frame.
+        mount: of its laser, on its base.
+        scan: ranges [cm], 0 for none, with the first angle and the step [rad].
+        plan, local_plan: frame and points [m].
+        costs: frame and picture of the local costmap.
+        goals: the waypoint under way and those that wait, in ``map``.
+        battery: charge, 0 … 1.
+        held: whether it is stopped from here.
+    """
+
+    name: str
+    gateway: str
+    correction: Pose | None = None
+    odometry: Pose | None = None
+    mount: Pose = dataclasses.field(default_factory=lambda: Pose(0.0, 0.0))
+    scan: tuple[float, float, list[int]] | None = None
+    plan: tuple[str, Points] = ("", [])
+    local_plan: tuple[str, Points] = ("", [])
+    costs: tuple[str, Image] | None = None
+    goals: Sequence[Pose] = ()
+    battery: float | None = None
+    held: bool = False
+
+    @property
+    def place(self) -> Pose | None:
+        """Where it is in ``map``; None until it is localised."""
+        if self.correction is None or self.odometry is None:
+            return None
+        return self.correction.compose(self.odometry)
+
+    def fault(self, rules: Mapping[str, Sequence[tuple[str, str]]], now: float) -> str:
+        """Returns what is wrong, in words; empty for nothing.
+
+        Args:
+            rules: for each gateway, state and reason of each rule towards it.
+            now: monotonic [s].
+        """
+        for state, reason in rules.get(self.gateway, ()):
+            if state.startswith(_FAULTS):
+                return f"{self.gateway}: {state}" + (f", {reason}" if reason else "")
+        for what, at in (("odometry", self.odom_at), ("scan", self.scan_at)):
+            if at is None:
+                return f"no {what} has come"
+            if now - at > STALE:
+                return f"no {what} for {now - at:.0f} s"
+        return "" if self.correction else "amcl has not localised it"
+
+    def values(self, fault: str, now: float) -> dict[str, Any]:
+        """Returns what a page draws of it: poses as [x, y, yaw], lines as [x, y, …] in cm."""
+        return {
+            "pose": _numbers(self.place),
+            "scan": self.scan and [*self.scan, _numbers(self._seen_from())],
+            "mount": _numbers(self.mount),
+            "plan": self._line(self.plan),
+            "local": self._line(self.local_plan),
+            "costs": self._costs(),
+            "goals": [_numbers(goal) for goal in self.goals],
+            "row": self._row(fault, now),
+        }
+
+    def _seen_from(self) -> Pose | None:
+        """Returns where it was when its newest scan was taken, from where it is and how fast it moves."""
+        if self.place is None or self.odom_stamp is None or self.scan_stamp is None:
+            return self.place
+        since = max(0.0, min(1.0, self.odom_stamp - self.scan_stamp))
+        return self.place.compose(Pose(-self.linear * since, 0.0, -self.angular * since))
+
+    def _row(self, fault: str, now: float) -> dict[str, Any]:
+        shown = self.robot_json(now)
+        names = ("moving", "speed", "deviation", "waypoint", "waiting", "received", "reached", "aborted")
+        return {
+            **{name: shown[name] for name in names},
+            "state": self.queue.state.name.lower().replace("_", " ") if self.queue else "no waypoint client",
+            "odom": _tenths(shown["odom_age"]),
+            "scan": _tenths(shown["scan_age"]),
+            "battery": self.battery,
+            "held": self.held,
+            "fault": fault,
+        }
+
+    def _line(self, line: tuple[str, Points]) -> list[int]:
+        frame, points = line
+        pose = self._frame(frame)
+        if pose is None:
+            return []
+        cos, sin = 100 * math.cos(pose.yaw), 100 * math.sin(pose.yaw)
+        return [
+            round(part)
+            for x, y in points
+            for part in (100 * pose.x + cos * x - sin * y, 100 * pose.y + sin * x + cos * y)
+        ]
+
+    def _costs(self) -> dict[str, Any] | None:
+        if self.costs is None or (pose := self._frame(self.costs[0])) is None:
+            return None
+        image = self.costs[1]
+        return {"at": _numbers(pose.compose(image.corner)), "size": [image.width, image.height], "png": image.png}
+
+    def _frame(self, frame: str) -> Pose | None:
+        """Returns where a frame is in ``map``; None where that is not known."""
+        return Pose(0.0, 0.0) if frame == "map" else self.correction if frame == f"{self.name}/odom" else None
+
+
+_FAULTS = ("no such gateway", "unreachable", "refused", "firewalled", "type mismatch", "blacklisted")
+"""States of rules that no node of the robot's will end by starting."""
+
+
+def _numbers(pose: Pose | None) -> list[float] | None:
+    return None if pose is None else [round(pose.x, 3), round(pose.y, 3), round(pose.yaw, 3)]
+
+
+def _tenths(age: float | None) -> float | None:
+    return None if age is None else round(age, 1)

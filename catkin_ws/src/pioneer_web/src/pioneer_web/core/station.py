@@ -1,0 +1,123 @@
+"""What is known at the base station: the world, its robots, the network between them."""
+
+import math
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from pioneer_fleet.core.report import CARRYING
+from pioneer_web.core.robot import Robot
+
+LINES = 200
+"""Of the log that are kept."""
+MOVED = 0.05
+"""A model that has moved so far [m] is shown."""
+LEVELS = {1: "debug", 2: "info", 4: "warning", 8: "error", 16: "fatal"}
+STANDS = 1.0
+"""Simulated time that has not changed for so long [s] stands still."""
+
+
+class Station:
+    """The newest of everything.
+
+    Attributes:
+        robots: in the order of their computers.
+        gateway, hub: the base station's, empty while unknown.
+        real_time_factor: of the simulator, None without one.
+    """
+
+    def __init__(self, robots: Sequence[Robot]) -> None:
+        self.robots, self.gateway, self.hub = robots, "", ""
+        self.real_time_factor: float | None = None
+        self.rules: list[dict[str, str]] = []
+        self.links: dict[str, dict[str, dict[str, float]]] = {}
+        self._time, self._ticked = 0.0, -math.inf
+        self._map: dict[str, Any] | None = None
+        self._first: dict[str, tuple[float, float]] = {}
+        self._actors: list[list[Any]] = []
+        self._log: deque[list[Any]] = deque(maxlen=LINES)
+
+    def tick(self, simulated: float, now: float) -> None:
+        """Records simulated time at ``now`` (monotonic) [s]."""
+        if simulated != self._time:
+            self._time, self._ticked = simulated, now
+
+    def set_map(self, x: float, y: float, width: float, height: float) -> None:
+        """Records where the map's lower left corner is, and its size [m]; each call is a new map."""
+        version = 1 if self._map is None else self._map["version"] + 1
+        self._map = {"version": version, "x": x, "y": y, "width": width, "height": height}
+
+    def set_rules(self, rules: Iterable[Mapping[str, str]]) -> None:
+        """Records the gateway's rules: action, gateway, type, name, node, state, reason of each."""
+        self.rules = [dict(rule) for rule in rules if rule.get("action")]
+
+    def add_links(self, entries: Iterable[tuple[str, Mapping[str, str]]]) -> None:
+        """Records what flows on connections, from the gateway's diagnostics: name and values of each."""
+        for name, values in entries:
+            _, _, about = name.partition(": ")
+            way, _, rest = about.partition(" ")
+            other, _, topic = rest.partition(" ")
+            if way in ("to", "from") and "throughput [byte/s]" in values:
+                flow = {"rate": values["rate [Hz]"], "bytes": values["throughput [byte/s]"], "drops": values["dropped"]}
+                numbers = {key: float(value) for key, value in flow.items()}
+                self.links.setdefault(other, {})[f"{way} {topic}"] = numbers
+
+    def add_log(self, stamp: float, level: int, node: str, text: str) -> None:
+        """Adds a line of the log."""
+        self._log.append([round(stamp, 2), LEVELS.get(level, "info"), node, text[:500]])
+
+    def set_models(self, models: Iterable[tuple[str, float, float]]) -> None:
+        """Records where models are [m]; those that have moved, or came later than the first, are actors."""
+        names, robots, known = [], {robot.name for robot in self.robots}, bool(self._first)
+        for name, x, y in models:
+            if name in robots:
+                continue
+            if name not in self._first:
+                self._first[name] = (math.inf, math.inf) if known else (x, y)
+            if math.dist(self._first[name], (x, y)) > MOVED:
+                self._first[name] = (math.inf, math.inf)
+                names.append([name, round(x, 2), round(y, 2)])
+        self._actors = names
+
+    def faults(self) -> dict[str, list[tuple[str, str]]]:
+        """Returns state and reason of each rule by the gateway that it is about."""
+        found: dict[str, list[tuple[str, str]]] = {}
+        for rule in self.rules:
+            found.setdefault(rule["gateway"], []).append((rule["state"], rule["reason"]))
+        return found
+
+    def values(self, now: float) -> dict[str, Any]:
+        """Returns what a page shows, by name; those of robots begin with the robot's."""
+        faults = self.faults()
+        shown: dict[str, Any] = {
+            "map": self._map,
+            "time": round(self._time, 1),
+            "paused": now - self._ticked > STANDS,
+            "factor": self.real_time_factor,
+            "hub": self.hub,
+            "gateway": self.gateway,
+            "actors": self._actors,
+            "network": self._network(),
+            "rules": [rule for rule in self.rules if rule["state"] not in CARRYING],
+            "log": list(self._log),
+        }
+        for robot in self.robots:
+            for name, value in robot.values(robot.fault(faults, now), now).items():
+                shown[f"{robot.name}.{name}"] = value
+        return shown
+
+    def _network(self) -> dict[str, dict[str, Any]]:
+        """Returns, for each robot's gateway, its rules and what flows to and from it."""
+        found = {}
+        for robot in self.robots:
+            rules = [rule for rule in self.rules if rule["gateway"] == robot.gateway]
+            links = self.links.get(robot.gateway, {})
+            found[robot.gateway] = {
+                "robot": robot.name,
+                "rules": len(rules),
+                "active": sum(rule["state"] in CARRYING for rule in rules),
+                "rate": round(sum(link["rate"] for link in links.values())),
+                "bytes": round(sum(link["bytes"] for link in links.values())),
+                "drops": round(sum(link["drops"] for link in links.values())),
+            }
+        return found

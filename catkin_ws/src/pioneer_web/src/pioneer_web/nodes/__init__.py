@@ -1,0 +1,1 @@
+"""What needs rospy or serves pages."""

@@ -1,0 +1,182 @@
+"""What pages ask for, done: waypoints, initial poses, stops, boxes, the simulator's time."""
+
+import itertools
+import threading
+from collections.abc import Sequence
+from typing import Any
+
+import rospy
+from actionlib_msgs.msg import GoalID
+from gazebo_msgs.srv import SpawnModel
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist
+from std_msgs.msg import Empty as EmptyMessage
+from std_srvs.srv import Empty
+
+from pioneer_fleet.core.geometry import Pose
+from pioneer_web import conversions
+from pioneer_web.core.command import Cancel, Command, CommandError, Drive, Locate, Simulate, Spawn, Stop
+from pioneer_web.core.robot import Robot
+
+ZERO_EVERY = 0.05
+"""How often a robot that is held gets a zero [s]."""
+PATIENCE = 2.0
+"""For a service of the simulator [s]."""
+_SERVICES = {
+    "pause": "/gazebo/pause_physics",
+    "resume": "/gazebo/unpause_physics",
+    "step": "/gazebo/step",
+    "reset": "/gazebo/reset_world",
+}
+_VARIANCE = (0.25, 0.25, 0.07)
+"""Of an initial pose: x, y [m²], yaw [rad²], as RViz's tool sends it."""
+_BOX = """<sdf version="1.6"><model name="box"><link name="link"><inertial><mass>20</mass></inertial>
+<collision name="c"><geometry><box><size>0.5 0.5 0.6</size></box></geometry></collision>
+<visual name="v"><geometry><box><size>0.5 0.5 0.6</size></box></geometry></visual></link></model></sdf>"""
+
+
+class Commander:
+    """Publishes what RViz's tools and ``ESTOP`` publish.
+
+    Publishes, of each robot: map_goal_pose, initialpose, map_goal_client/cancel, move_base/cancel; these cross to the
+    robot's computer. pioneer/cmd_vel, which the simulator hears here: zero while the robot is held.
+    Calls: services of /gazebo.
+
+    Threads: one sends zeros while a robot is held; rospy's answer every command to move with a zero at once.
+    """
+
+    def __init__(self, robots: Sequence[Robot]) -> None:
+        self._robots = {robot.name: robot for robot in robots}
+        self._due: dict[str, Pose] = {}
+        self._boxes = itertools.count(1)
+        self._changed = threading.Condition()
+        self._publishers = {name: self._advertise(name) for name in self._robots}
+        self._guards: dict[str, rospy.Subscriber] = {}
+        threading.Thread(target=self._hold, name="hold", daemon=True).start()
+
+    def do(self, command: Command) -> str:
+        """Does it and returns what was done, in words.
+
+        Raises:
+            CommandError: it cannot be done.
+        """
+        match command:
+            case Drive(places, append):
+                return self._drive(places, append)
+            case Locate(robot, pose):
+                self._publish(robot, "initialpose", _initial(pose))
+                return f"{robot} is at ({pose.x:.2f}, {pose.y:.2f})"
+            case Cancel(robots):
+                for robot in robots:
+                    self._cancel(robot)
+                return f"waypoints of {', '.join(robots)} dropped"
+            case Stop(robots, release):
+                return self._release(robots) if release else self._stop(robots)
+            case Spawn(x, y):
+                return self._spawn(x, y)
+            case Simulate():
+                _call(_SERVICES[command.action], Empty)
+                return f"simulator: {command.action}"
+        raise CommandError("unknown command")
+
+    def on_queue(self, robot: Robot) -> None:
+        """Sends the waypoint that was to replace the others, once these are gone."""
+        if robot.name in self._due and not robot.goals:
+            self._publish(robot.name, "map_goal_pose", conversions.goal_from_pose(self._due.pop(robot.name)))
+
+    def _advertise(self, name: str) -> dict[str, rospy.Publisher]:
+        kinds: dict[str, Any] = {
+            "map_goal_pose": PoseStamped,
+            "initialpose": PoseWithCovarianceStamped,
+            "map_goal_client/cancel": EmptyMessage,
+            "move_base/cancel": GoalID,
+            "pioneer/cmd_vel": Twist,
+        }
+        return {
+            topic: rospy.Publisher(f"/{name}/{topic}", kind, queue_size=10, tcp_nodelay=True)
+            for topic, kind in kinds.items()
+        }
+
+    def _publish(self, robot: str, topic: str, message: Any) -> None:
+        self._publishers[robot][topic].publish(message)
+
+    def _drive(self, places: Any, append: bool) -> str:
+        held = [name for name in places if self._robots[name].held]
+        if held:
+            raise CommandError(f"{', '.join(held)}: stopped; release first")
+        for name, place in places.items():
+            if self._publishers[name]["map_goal_pose"].get_num_connections() == 0:
+                raise CommandError(f"{name} cannot be reached: its gateway does not take waypoints")
+            self._due.pop(name, None)
+            if append or not self._robots[name].goals:
+                self._publish(name, "map_goal_pose", conversions.goal_from_pose(place))
+            else:
+                self._due[name] = place
+                self._cancel(name)
+        return ", ".join(f"{name} to ({place.x:.2f}, {place.y:.2f})" for name, place in places.items())
+
+    def _cancel(self, robot: str) -> None:
+        self._publish(robot, "map_goal_client/cancel", EmptyMessage())
+
+    def _stop(self, robots: Sequence[str]) -> str:
+        # The zeros first, to all: they alone decide how far a robot still rolls.
+        for name in robots:
+            self._publish(name, "pioneer/cmd_vel", Twist())
+        for name in robots:
+            self._due.pop(name, None)
+            self._robots[name].held = True
+            self._cancel(name)
+            self._publish(name, "move_base/cancel", GoalID())
+        with self._changed:
+            self._changed.notify()
+        for name in robots:
+            if name not in self._guards:
+                topic = f"/{name}/pioneer/cmd_vel"
+                self._guards[name] = rospy.Subscriber(topic, Twist, self._on_command, name, queue_size=1)
+        return f"{', '.join(robots)} stopped and held"
+
+    def _release(self, robots: Sequence[str]) -> str:
+        for name in robots:
+            self._robots[name].held = False
+            if name in self._guards:
+                self._guards.pop(name).unregister()
+        return f"{', '.join(robots)} released"
+
+    def _on_command(self, message: Twist, robot: str) -> None:
+        if message != Twist() and self._robots[robot].held:
+            self._publish(robot, "pioneer/cmd_vel", Twist())
+
+    def _hold(self) -> None:
+        while not rospy.is_shutdown():
+            held = [name for name, robot in self._robots.items() if robot.held]
+            for name in held:
+                self._publish(name, "pioneer/cmd_vel", Twist())
+            with self._changed:
+                self._changed.wait(ZERO_EVERY if held else None)
+
+    def _spawn(self, x: float, y: float) -> str:
+        name = f"box_{next(self._boxes)}"
+        pose = conversions.message_from_pose(Pose(x, y))
+        pose.position.z = 0.3
+        fields = {"model_name": name, "model_xml": _BOX, "initial_pose": pose, "reference_frame": "world"}
+        answer = _call("/gazebo/spawn_sdf_model", SpawnModel, **fields)
+        if not answer.success:
+            raise CommandError(f"{name}: {answer.status_message}")
+        return f"{name} stands at ({x:.2f}, {y:.2f})"
+
+
+def _initial(pose: Pose) -> PoseWithCovarianceStamped:
+    message = PoseWithCovarianceStamped()
+    message.header.frame_id = "map"
+    message.pose.pose = conversions.message_from_pose(pose)
+    covariance = [0.0] * 36
+    covariance[0], covariance[7], covariance[35] = _VARIANCE
+    message.pose.covariance = covariance
+    return message
+
+
+def _call(name: str, kind: Any, **fields: Any) -> Any:
+    try:
+        rospy.wait_for_service(name, PATIENCE)
+        return rospy.ServiceProxy(name, kind)(**fields)
+    except (rospy.ServiceException, rospy.ROSException) as error:
+        raise CommandError(f"the simulator does not answer: {error}") from None

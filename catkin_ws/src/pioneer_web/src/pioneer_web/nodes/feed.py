@@ -1,0 +1,218 @@
+"""What pages show, taken from the base station's master only while somebody looks."""
+
+import functools
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+from gateway_msgs.msg import GatewayInfo
+from gazebo_msgs.msg import ModelStates
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_msgs.msg import OccupancyGrid, Odometry, Path
+from rosgraph_msgs.msg import Clock, Log
+from rospy.numpy_msg import numpy_msg
+from sensor_msgs.msg import BatteryState, LaserScan
+from simple_navigation_goals.msg import WaypointQueue
+from std_msgs.msg import Float64
+from tf2_msgs.msg import TFMessage
+
+from pioneer_fleet.conversions import (
+    frame_from_message,
+    mount_of,
+    pose_from_message,
+    pose_from_transform,
+    queue_from_message,
+)
+from pioneer_fleet.core.monitor import deviation_from_covariance
+from pioneer_web import conversions
+from pioneer_web.core.picture import MAP, png
+from pioneer_web.core.robot import Robot
+from pioneer_web.core.station import Station
+
+BEAT = 0.2
+"""How often pages are brought up to date [s]."""
+ROOM = 1 << 18
+"""Bytes read at once, more than a topic carries between two beats."""
+_FROM_MAP = b"\x03\x00\x00\x00map"
+"""A frame's name as it stands in a message; with the slash of old nodes the length differs."""
+_FROM_OLD_MAP = b"\x04\x00\x00\x00/map"
+
+
+class Feed:
+    """Keeps a `Station` up to date between `open` and `close`.
+
+    Subscribes, while open: /clock, /map, /tf, /diagnostics, /rosout_agg, /gateway/gateway_info, /gateway/rules,
+    /gazebo/model_states, /gazebo/real_time_factor; of each robot its scan, odom, battery_state, amcl_pose,
+    map_goal_client/queue, and move_base's plans and local costmap.
+
+    Threads: rospy's, one a connection. Each takes the newest message only, then waits for the next beat while the
+    kernel keeps what comes: odometry at 100 Hz costs as much as at 5 Hz.
+
+    On error: none of its own; what does not come stays unknown.
+    """
+
+    def __init__(self, station: Station, on_queue: Callable[[Robot], None]) -> None:
+        """``on_queue`` is called when a robot's waypoints have changed."""
+        self.station, self.lock, self.map_png = station, threading.Lock(), b""
+        self._on_queue_changed = on_queue
+        self._robots = {robot.name: robot for robot in station.robots}
+        self._frames = {f"{name}/odom": robot for name, robot in self._robots.items()}
+        self._mounts: dict[str, str] = {}
+        self._subscribers: list[rospy.Subscriber] = []
+        self._beaten, self._beats = threading.Condition(), 0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether anything is subscribed."""
+        return bool(self._subscribers)
+
+    def open(self) -> None:
+        """Subscribes to everything; does nothing if it has.
+
+        Raises:
+            OSError: the master does not answer.
+            rospy.ROSException: it refuses.
+        """
+        if self.is_open:
+            return
+        scans = sorted(topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/LaserScan")
+        listen = functools.partial(self._listen, paced=False)
+        listen("/tf", rospy.AnyMsg, self._on_tf, queue_size=None)
+        listen("/map", numpy_msg(OccupancyGrid), self._on_map)
+        listen("/gateway/gateway_info", GatewayInfo, self._on_info)
+        listen("/gateway/rules", DiagnosticArray, self._on_rules)
+        listen("/diagnostics", DiagnosticArray, self._on_diagnostics, queue_size=20)
+        listen("/rosout_agg", Log, self._on_log, queue_size=100)
+        self._listen("/clock", Clock, self._on_clock)
+        self._listen("/gazebo/real_time_factor", Float64, self._on_factor)
+        self._listen("/gazebo/model_states", ModelStates, self._on_models)
+        for robot in self.station.robots:
+            # Whatever the robot calls it.
+            scan = next((topic for topic in scans if topic.startswith(f"/{robot.name}/")), "base_scan")
+            self._open_robot(robot, scan)
+
+    def _open_robot(self, robot: Robot, scan: str) -> None:
+        topics: dict[str, tuple[Any, Callable[[Robot, Any], None], bool]] = {
+            "odom": (Odometry, self._on_odom, True),
+            scan: (numpy_msg(LaserScan), self._on_scan, True),
+            "move_base/TrajectoryPlannerROS/local_plan": (Path, self._on_local_plan, True),
+            "move_base/NavfnROS/plan": (Path, self._on_plan, True),
+            "move_base/local_costmap/costmap": (numpy_msg(OccupancyGrid), self._on_costs, True),
+            "battery_state": (BatteryState, self._on_battery, True),
+            "amcl_pose": (PoseWithCovarianceStamped, self._on_estimate, False),
+            "map_goal_client/queue": (WaypointQueue, self._on_queue, False),
+        }
+        for topic, (kind, callback, paced) in topics.items():
+            name = topic if topic.startswith("/") else f"/{robot.name}/{topic}"
+            self._listen(name, kind, functools.partial(callback, robot), paced=paced)
+
+    def close(self) -> None:
+        """Ends all subscriptions."""
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+        self._subscribers.clear()
+        self.beat()
+
+    def beat(self) -> None:
+        """Lets each topic's newest message in."""
+        with self._beaten:
+            self._beats += 1
+            self._beaten.notify_all()
+
+    def _listen(
+        self, topic: str, kind: Any, callback: Callable[[Any], None], paced: bool = True, queue_size: int | None = 1
+    ) -> None:
+        def locked(message: Any) -> None:
+            with self.lock:
+                callback(message)
+            if paced:
+                self._pause()
+
+        one = rospy.Subscriber(topic, kind, locked, queue_size=queue_size, buff_size=ROOM, tcp_nodelay=True)
+        self._subscribers.append(one)
+
+    def _pause(self) -> None:
+        with self._beaten:
+            beats = self._beats
+            self._beaten.wait_for(lambda: self._beats != beats or not self.is_open, 5 * BEAT)
+
+    def _on_tf(self, message: Any) -> None:
+        """Takes the corrections out of what is mostly odometry and wheels, which is not even decoded."""
+        if _FROM_MAP not in message._buff and _FROM_OLD_MAP not in message._buff:
+            return
+        for transform in TFMessage().deserialize(message._buff).transforms:
+            robot = self._frames.get(frame_from_message(transform.child_frame_id))
+            if robot is not None and frame_from_message(transform.header.frame_id) == "map":
+                robot.correction = pose_from_transform(transform.transform)
+
+    def _on_map(self, message: Any) -> None:
+        info = message.info
+        self.map_png = png(message.data.reshape(info.height, info.width), MAP)
+        corner, size = info.origin.position, (info.width * info.resolution, info.height * info.resolution)
+        self.station.set_map(corner.x, corner.y, *size)
+
+    def _on_info(self, message: Any) -> None:
+        self.station.hub = ", ".join(message.hub_names) if message.connected else ""
+        self.station.gateway = message.name
+
+    def _on_rules(self, message: Any) -> None:
+        self.station.set_rules({one.key: one.value for one in status.values} for status in message.status)
+
+    def _on_diagnostics(self, message: Any) -> None:
+        self.station.add_links(
+            (status.name, {one.key: one.value for one in status.values}) for status in message.status
+        )
+
+    def _on_log(self, message: Any) -> None:
+        self.station.add_log(message.header.stamp.to_sec(), message.level, message.name, message.msg)
+
+    def _on_clock(self, message: Any) -> None:
+        self.station.tick(message.clock.to_sec(), time.monotonic())
+
+    def _on_factor(self, message: Any) -> None:
+        self.station.real_time_factor = round(message.data, 2)
+
+    def _on_models(self, message: Any) -> None:
+        self.station.set_models(
+            (name, pose.position.x, pose.position.y) for name, pose in zip(message.name, message.pose, strict=True)
+        )
+
+    def _on_odom(self, robot: Robot, message: Any) -> None:
+        robot.add_odom(time.monotonic(), message.header.stamp.to_sec())
+        robot.odometry = pose_from_message(message.pose.pose)
+        robot.linear, robot.angular = message.twist.twist.linear.x, message.twist.twist.angular.z
+
+    def _on_scan(self, robot: Robot, message: Any) -> None:
+        robot.add_scan(time.monotonic(), message.header.stamp.to_sec())
+        robot.scan = conversions.scan_from_message(message)
+        frame = message.header.frame_id
+        if self._mounts.get(robot.name) != frame:
+            self._mounts[robot.name] = frame
+            own = f"/{robot.name}/robot_description"
+            model = rospy.get_param(own if rospy.has_param(own) else "/robot_description")
+            robot.mount = mount_of(model, frame.rpartition("/")[2])
+
+    def _on_local_plan(self, robot: Robot, message: Any) -> None:
+        robot.local_plan = conversions.line_from_path(message)
+
+    def _on_plan(self, robot: Robot, message: Any) -> None:
+        robot.plan = conversions.line_from_path(message)
+
+    def _on_costs(self, robot: Robot, message: Any) -> None:
+        robot.costs = conversions.costs_from_grid(message)
+
+    def _on_battery(self, robot: Robot, message: Any) -> None:
+        robot.battery = round(message.percentage, 2)
+
+    def _on_estimate(self, robot: Robot, message: Any) -> None:
+        robot.deviation = deviation_from_covariance(message.pose.covariance)
+
+    def _on_queue(self, robot: Robot, message: Any) -> None:
+        robot.queue = queue_from_message(message)
+        robot.goals = conversions.goals_from_queue(message)
+        if not robot.goals:
+            robot.plan = robot.local_plan = ("", [])
+        self._on_queue_changed(robot)

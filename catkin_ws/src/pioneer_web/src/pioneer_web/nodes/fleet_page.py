@@ -1,0 +1,132 @@
+"""``fleet_page``: the fleet in the browser, a node of Hub_Gateway's master."""
+
+import dataclasses
+import os
+import secrets
+import threading
+from pathlib import Path
+
+import rospkg
+import rospy
+
+from pioneer_node.core.parameter import ParameterError, config_from_mapping
+from pioneer_node.nodes.entry import is_ending, on_shutdown, parameters, run, wait
+from pioneer_web.core.access import Access, Role
+from pioneer_web.core.robot import Robot
+from pioneer_web.core.station import Station
+from pioneer_web.nodes.commander import Commander
+from pioneer_web.nodes.feed import Feed
+from pioneer_web.nodes.server import Server
+from rocon_flip.core.rule_set import Action, Wish, flipped_from_hub, topic_in
+from rocon_flip.nodes.gateway_client import GatewayClient
+
+NAME = "fleet_page"
+TOKENS = {Role.OPERATOR: "PIONEER_WEB_TOKEN", Role.VIEWER: "PIONEER_WEB_VIEWER_TOKEN"}
+"""Environment variables with the secrets; without, they are made up and printed."""
+SHORTEST = 16
+"""Of a token [characters]."""
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+_SEEN = ("map_goal_client/queue", "amcl_pose")
+_SENT = ("map_goal_pose", "initialpose", "map_goal_client/cancel", "move_base/cancel")
+
+
+@dataclasses.dataclass(frozen=True)
+class PageConfig:
+    """Parameters.
+
+    Attributes:
+        host: address to listen on; others than the loopback want TLS.
+        port: TCP port.
+        session_hours: after which a session must log in again [h].
+        tls_directory: with the machine's ``tls.crt`` and ``tls.key``, as ``make_certificates`` makes them.
+        insecure: listens on other addresses without TLS too.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 8090
+    session_hours: float = 12.0
+    tls_directory: str = ""
+    insecure: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0 < self.port < 65536:
+            raise ParameterError(f"~port must be 1 to 65535, not {self.port}")
+        if not 0 < self.session_hours <= 720:
+            raise ParameterError(f"~session_hours must be more than 0, at most 720, not {self.session_hours:g}")
+        if self.host not in LOOPBACK and not self.tls_directory and not self.insecure:
+            raise ParameterError(
+                f"~host {self.host} is reachable from other machines: give ~tls_directory, or ~insecure:=true where "
+                "nobody else reads the network"
+            )
+
+
+class FleetPageNode:
+    """Serves the fleet page.
+
+    Subscribes, publishes, calls: as `Feed`, `Commander` and `Foxglove` say; asks the gateway for flips to and from this
+    node. Parameters: `PageConfig`; /robot_names (waited for). Environment: ``TOKENS``.
+    Threads: the main one serves; another one asks the gateway; rospy's.
+    On error: a port that is taken ends the node.
+    """
+
+    def __init__(self) -> None:
+        self._config = config_from_mapping(PageConfig, parameters(), rospy.get_name())
+        self._tokens = {role: _token(name) for role, name in TOKENS.items()}
+        self._access = Access(self._tokens, 3600 * self._config.session_hours)
+
+    def spin(self) -> None:
+        """Waits for the fleet, then serves until shutdown."""
+        names = _robot_names()
+        if is_ending():
+            return
+        robots = [Robot(name=name, gateway=f"aadi{number}_gateway") for number, name in enumerate(names, 1)]
+        commander = Commander(robots)
+        feed = Feed(Station(robots), commander.on_queue)
+        threading.Thread(target=_ask_for_flips, args=(names,), name="flips", daemon=True).start()
+        config, static = self._config, Path(rospkg.RosPack().get_path("pioneer_web")) / "static"
+        folder = Path(config.tls_directory).expanduser()
+        files = (folder / "tls.crt", folder / "tls.key") if config.tls_directory else (None, None)
+        server = Server(feed, commander, self._access, static, config.host, config.port, *files)
+        on_shutdown(server.end)
+        scheme = "https" if config.tls_directory else "http"
+        for role, what in ((Role.OPERATOR, "to drive"), (Role.VIEWER, "only to look")):
+            if TOKENS[role] not in os.environ:
+                rospy.loginfo(
+                    "fleet page, %s: %s://%s:%d/#%s", what, scheme, config.host, config.port, self._tokens[role]
+                )
+        server.run()
+
+
+def _token(variable: str) -> str:
+    token = os.environ.get(variable) or secrets.token_urlsafe(SHORTEST)
+    if len(token) < SHORTEST:
+        raise ParameterError(f"{variable} must have {SHORTEST} characters at least")
+    return token
+
+
+def _robot_names() -> list[str]:
+    """Waits for step 3, which sets the robots' names."""
+    while not rospy.has_param("/robot_names"):
+        if wait(0.2):
+            return []
+    return list(map(str, rospy.get_param("/robot_names")))
+
+
+def _ask_for_flips(robots: list[str]) -> None:
+    """Asks for what pages show and send; it costs nothing until this node subscribes."""
+    node, client = f"/{NAME}", GatewayClient()
+    wishes = flipped_from_hub(robots)
+    for number, robot in enumerate(robots, 1):
+        gateway = f"aadi{number}_gateway"
+        wishes += [Wish("subscriber", topic_in(robot, topic), node, gateway) for topic in _SEEN]
+        wishes += [Wish("publisher", topic_in(robot, topic), node, gateway) for topic in _SENT]
+    try:
+        client.wait()
+        client.ask(Action.FLIP, wishes)
+    except rospy.ROSException:
+        return  # the node ends
+
+
+def main() -> int:
+    """Runs the node; returns its exit status."""
+    return run(NAME, FleetPageNode, wall_time=True)

@@ -1,0 +1,102 @@
+"""The one door to everything that is served: sessions, tokens, origins."""
+
+import http.cookies
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from starlette.responses import HTMLResponse, Response
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from pioneer_web.core.access import Access, Role, same_origin
+
+LOGIN = "/login"
+LONGEST_LOGIN = 1000
+"""Of a request to log in [bytes]."""
+_POLICY = {"X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY", "Referrer-Policy": "no-referrer"}
+
+
+class Guard:
+    """ASGI middleware that lets through requests with a session's cookie or a token, with their role in the scope.
+
+    Args:
+        app: what is guarded.
+        access: sessions and tokens.
+        login_page: shown, with status 401, to who has neither.
+        port: part of the cookie's name, since browsers send cookies to every port of a host.
+        encrypted: whether the server speaks TLS.
+    """
+
+    def __init__(self, app: ASGIApp, access: Access, login_page: str, port: int, encrypted: bool) -> None:
+        self._app, self._access, self._login_page, self._encrypted = app, access, login_page, encrypted
+        self.cookie = f"pioneer_{port}"
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serves one request or connection."""
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+        headers = {key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]}
+        writes = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
+        foreign = not same_origin(headers.get("origin", ""), headers.get("host", ""), self._encrypted)
+        session = self._session(headers)
+        bearer = self._role_of_bearer(headers, scope)
+        if scope["type"] == "http" and scope["path"] == LOGIN and scope["method"] == "POST":
+            answer = Response("another origin", 403) if foreign else await self._login(receive)
+            await answer(scope, receive, send)
+            return
+        # A token in the request is known to who asks; a cookie comes with any request that a page makes a browser send.
+        role = bearer or (None if writes and foreign else self._access.role(session, time.monotonic()))
+        if role is None:
+            await self._refuse(scope, receive, send)
+            return
+        scope["role"] = role
+        scope["still"] = (lambda: True) if bearer else lambda: self._access.role(session, time.monotonic()) is not None
+        await self._app(scope, receive, _with_policy(send))
+
+    def _session(self, headers: Mapping[str, str]) -> str:
+        try:
+            jar: http.cookies.SimpleCookie[str] = http.cookies.SimpleCookie(headers.get("cookie", ""))
+        except http.cookies.CookieError:
+            return ""
+        return jar[self.cookie].value if self.cookie in jar else ""
+
+    def _role_of_bearer(self, headers: Mapping[str, str], scope: Scope) -> Role | None:
+        kind, _, token = headers.get("authorization", "").partition(" ")
+        if kind.lower() == "bearer":
+            return self._access.role_of_token(token)
+        # Foxglove can set neither header nor cookie; of a connection nothing is logged here.
+        path, _, token = scope["path"].rpartition("/")
+        return self._access.role_of_token(token) if path == "/foxglove" else None
+
+    async def _login(self, receive: Receive) -> Response:
+        body, more = b"", True
+        while more and len(body) <= LONGEST_LOGIN:
+            message = await receive()
+            body, more = body + message.get("body", b""), message.get("more_body", False)
+        session = self._access.login(body[:LONGEST_LOGIN].decode(errors="replace").strip(), time.monotonic())
+        if session is None:
+            return Response("unknown token", 401)
+        answer = Response(status_code=204)
+        answer.set_cookie(
+            self.cookie, session, int(self._access.lifetime), httponly=True, samesite="strict", secure=self._encrypted
+        )
+        return answer
+
+    async def _refuse(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": 4401})
+            return
+        await HTMLResponse(self._login_page, 401, _POLICY)(scope, receive, send)
+
+
+def _with_policy(send: Send) -> Send:
+    async def sent(message: Any) -> None:
+        if message["type"] == "http.response.start":
+            message["headers"] = [
+                *message["headers"],
+                *((key.lower().encode(), value.encode()) for key, value in _POLICY.items()),
+            ]
+        await send(message)
+
+    return sent

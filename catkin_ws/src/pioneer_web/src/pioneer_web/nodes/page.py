@@ -1,0 +1,124 @@
+"""The page: NiceGUI lays it out, ``static/fleet.js`` draws what comes over the socket ``/live``."""
+
+import asyncio
+import json
+import subprocess
+from collections.abc import Sequence
+from typing import Any
+
+import yaml
+from nicegui import ui
+
+from pioneer_description.core.fleet_view import turned
+from pioneer_description.nodes.rviz_snapshot import TEMPLATE
+
+DOCTOR_LIMIT = 60.0
+"""For the examination of all gateways [s]."""
+_TOOLS = (
+    ("view", "pan_tool", "Move the view; click a robot to select it"),
+    ("drive", "near_me", "Send the selected robots: press at the place, drag to the heading"),
+    ("append", "playlist_add", "Append a waypoint for the selected robots"),
+    ("locate", "pin_drop", "Set the selected robot's initial pose: press, drag"),
+    ("spawn", "add_box", "Put a box into the simulated world"),
+)
+_ACTIONS = (("pause", "pause"), ("resume", "play_arrow"), ("step", "skip_next"), ("reset", "restart_alt"))
+
+
+def colours(count: int) -> list[str]:
+    """Returns each robot's colour in RViz, as ``rgb(r, g, b)``."""
+    groups = [
+        one for one in yaml.safe_load(TEMPLATE.read_text())["Visualization Manager"]["Displays"] if "Displays" in one
+    ]
+    scans = [next(one["Color"] for one in group["Displays"] if one["Name"] == "Scan") for group in groups]
+    parts = (turned(scans[number % len(scans)], 0.065 * (number // len(scans))) for number in range(count))
+    return [f"rgb({part.replace(';', ',')})" for part in parts]
+
+
+def build(robots: Sequence[str]) -> None:
+    """Registers the page of a fleet."""
+    fleet = dict(zip(robots, colours(len(robots)), strict=True))
+
+    @ui.page("/")
+    def fleet_page() -> None:
+        ui.add_head_html('<link rel="stylesheet" href="/static/fleet.css">')
+        ui.add_body_html(
+            f'<script>window.FLEET = {json.dumps(fleet)};</script><script src="/static/fleet.js" defer></script>'
+        )
+        dark = ui.dark_mode(None)
+        _header(dark)
+        _tools()
+        with ui.element("main").props("id=main"):
+            ui.html('<canvas id="map" tabindex="0" aria-label="Map of the fleet"></canvas>', sanitize=False).props(
+                "id=stage"
+            )
+            with ui.element("section").props("id=side"):
+                _tabs()
+        ui.html('<div id="answers" role="status"></div>', sanitize=False)
+
+
+def _header(dark: ui.dark_mode) -> None:
+    with ui.header().props("id=header"):
+        ui.html('<b>Fleet</b> <span id="clock">connecting …</span>', sanitize=False)
+        ui.space()
+        ui.button(icon="contrast", on_click=lambda: dark.set_value(not dark.value)).props(
+            'flat dense color=white aria-label="dark or light"'
+        )
+        _act("RELEASE", "release-all", "outline dense color=white")
+        _act("STOP ALL", "stop-all", "dense color=negative")
+
+
+def _act(label: str, act: str, props: str, icon: str | None = None, tip: str = "") -> None:
+    button = ui.button(label, icon=icon).props(f'{props} data-act={act} aria-label="{tip or label}"')
+    if tip:
+        button.tooltip(tip)
+
+
+def _tools() -> None:
+    with ui.row().props("id=tools"):
+        for name, icon, tip in _TOOLS:
+            _act("", f"tool-{name}", "flat dense", icon, tip)
+        _act("", "cancel", "flat dense", "playlist_remove", "Drop the waypoints of the selected robots")
+        _act("", "follow", "flat dense", "gps_fixed", "Follow the selected robot")
+        _act("", "fit", "flat dense", "fit_screen", "Show the whole map")
+        _act("STOP", "stop", "dense color=negative", None, "Stop the selected robots and hold them")
+        _act("RELEASE", "release", "outline dense", None, "Release the selected robots")
+        ui.space()
+        for name, icon in _ACTIONS:
+            _act("", f"simulate-{name}", "flat dense", icon, f"Simulator: {name}")
+
+
+def _tabs() -> None:
+    with ui.tabs().props("dense align=left no-caps") as tabs:
+        for name in ("Robots", "Network", "Log"):
+            ui.tab(name)
+    with ui.tab_panels(tabs, value="Robots").props("keep-alive"):
+        with ui.tab_panel("Robots"):
+            ui.html('<div id="robots"></div>', sanitize=False)
+        with ui.tab_panel("Network"):
+            ui.html('<div id="network"></div>', sanitize=False)
+            ui.button("Ask the doctor", icon="medical_services", on_click=_doctor).props("dense outline no-caps")
+        with ui.tab_panel("Log"):
+            ui.html('<input id="filter" placeholder="filter" aria-label="filter"><div id="log"></div>', sanitize=False)
+
+
+async def _doctor() -> None:
+    """Has all gateways examined, and shows the faults with what to do about them."""
+    with ui.dialog(value=True) as dialog, ui.card():
+        ui.label("What keeps gateways from working").classes("text-h6")
+        waiting = ui.spinner()
+        findings = await asyncio.to_thread(_examine)
+        waiting.delete()
+        for one in findings:
+            ui.label(f"{one['level']}: {one['what']}").classes(f"finding {one['level']}")
+            if one["fix"]:
+                ui.label(one["fix"]).classes("fix")
+        ui.button("Close", on_click=dialog.close).props("dense")
+
+
+def _examine() -> list[dict[str, Any]]:
+    command = ["rosrun", "rocon_gateway", "doctor", "--json"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=DOCTOR_LIMIT, check=False)
+        return list(json.loads(done.stdout)["findings"])
+    except (subprocess.TimeoutExpired, ValueError) as error:
+        return [{"level": "fault", "what": f"the doctor does not answer: {error}", "fix": ""}]

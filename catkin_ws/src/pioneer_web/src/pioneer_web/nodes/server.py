@@ -1,0 +1,200 @@
+"""Serves the page, its stream of changes, the map and the figures; subscribes while somebody looks."""
+
+import asyncio
+import contextlib
+import ssl
+import time
+from collections.abc import AsyncIterator, Iterator
+from pathlib import Path
+from typing import Any
+
+import rospy
+import uvicorn
+from fastapi import FastAPI, Request, WebSocket, WebSocketDisconnect
+from fastapi.staticfiles import StaticFiles
+from nicegui import ui
+from starlette.responses import Response
+
+from pioneer_web.core.access import Access, Role
+from pioneer_web.core.command import CommandError, command_from_text
+from pioneer_web.core.stream import Stream
+from pioneer_web.nodes import page
+from pioneer_web.nodes.commander import Commander
+from pioneer_web.nodes.feed import BEAT, Feed
+from pioneer_web.nodes.figures import figures
+from pioneer_web.nodes.foxglove import Foxglove
+from pioneer_web.nodes.guard import Guard
+
+TAKEN_IN = 0.04
+"""From a beat until what it let in is shown [s]."""
+RETRY = 1.0
+"""Until a master that did not answer is asked again [s]."""
+LINGER = 5.0
+"""For how long subscriptions outlast the last page [s]: a reload finds everything there."""
+SCRAPED = 60.0
+"""For how long they outlast a look at the figures [s]."""
+
+
+class Viewer:
+    """A page's end of the stream.
+
+    Attributes:
+        lags: whether it has missed a change since the last whole picture.
+    """
+
+    def __init__(self, socket: WebSocket) -> None:
+        self._socket, self.lags = socket, True
+        self._next: asyncio.Queue[bytes] = asyncio.Queue(maxsize=1)
+
+    def offer(self, changes: bytes) -> None:
+        """Sends changes, unless the last ones are still on their way."""
+        try:
+            self._next.put_nowait(changes)
+        except asyncio.QueueFull:
+            self.lags = True
+
+    @property
+    def is_free(self) -> bool:
+        """Whether it takes something now."""
+        return self._next.empty()
+
+    async def forward(self) -> None:
+        """Sends what is offered, for ever."""
+        while True:
+            await self._socket.send_bytes(await self._next.get())
+
+
+class Server:
+    """The web server of one fleet.
+
+    Args:
+        feed: what is shown.
+        commander: what is done.
+        access: who may.
+        static: folder of the page's files.
+        host, port: where it listens.
+        certificate, key: files for TLS; None for none.
+    """
+
+    def __init__(
+        self, feed: Feed, commander: Commander, access: Access, static: Path, host: str, port: int,
+        certificate: Path | None = None, key: Path | None = None,
+    ) -> None:  # fmt: skip
+        self._feed, self._commander = feed, commander
+        self._stream, self._viewers = Stream(), set[Viewer]()
+        self._wanted_until, self._woken = 0.0, asyncio.Event()
+        self.foxglove = Foxglove()
+        app = FastAPI(lifespan=self._lifespan, docs_url=None, redoc_url=None, openapi_url=None)
+        app.mount("/static", StaticFiles(directory=static))
+        app.add_api_route("/map.png", self._map)
+        app.add_api_route("/metrics", self._metrics)
+        app.add_api_websocket_route("/live", self._live)
+        app.add_api_websocket_route("/foxglove", self.foxglove.serve)
+        app.add_api_websocket_route("/foxglove/{token}", self.foxglove.serve)
+        page.build([robot.name for robot in feed.station.robots])
+        ui.run_with(app, title="Pioneer fleet", dark=None, show_welcome_message=False, tailwind=False)
+        guard = Guard(app, access, (static / "login.html").read_text(), port, certificate is not None)
+        self._uvicorn = _Uvicorn(
+            uvicorn.Config(
+                guard, host, port, log_level="warning", access_log=False, ws_per_message_deflate=False,
+                ws_max_size=1 << 20, server_header=False, proxy_headers=False,
+                ssl_certfile=certificate, ssl_keyfile=key, timeout_graceful_shutdown=1,
+                ssl_version=ssl.PROTOCOL_TLS_SERVER,
+            )
+        )  # fmt: skip
+
+    def run(self) -> None:
+        """Serves until `end`."""
+        self._uvicorn.run()
+
+    def end(self) -> None:
+        """Ends `run` soon; from any thread."""
+        self._uvicorn.should_exit = True
+
+    @contextlib.asynccontextmanager
+    async def _lifespan(self, _: FastAPI) -> AsyncIterator[None]:
+        beating = asyncio.create_task(self._beat())
+        yield
+        beating.cancel()
+        self.foxglove.close()
+
+    async def _beat(self) -> None:
+        """Brings all pages up to date, five times a second while there are any; rests otherwise."""
+        while not rospy.is_shutdown():
+            if not self._is_wanted():
+                await asyncio.to_thread(self._feed.close)
+                self._woken.clear()
+                await self._woken.wait()
+            try:
+                await asyncio.to_thread(self._feed.open)
+            except (OSError, rospy.ROSException) as error:
+                rospy.logwarn_throttle(10.0, f"the master does not answer, trying again: {error}")
+                await asyncio.sleep(RETRY)
+                continue
+            began = time.monotonic()
+            self._feed.beat()
+            await asyncio.sleep(TAKEN_IN)
+            if self._viewers:
+                self._send()
+            await asyncio.sleep(max(0.01, BEAT - (time.monotonic() - began)))
+
+    def _is_wanted(self) -> bool:
+        return bool(self._viewers) or time.monotonic() < self._wanted_until
+
+    def _send(self) -> None:
+        with self._feed.lock:
+            values = self._feed.station.values(time.monotonic())
+        changes = self._stream.update(values)
+        for viewer in self._viewers:
+            if viewer.lags and viewer.is_free:
+                viewer.lags = False
+                viewer.offer(self._stream.whole())
+            elif not viewer.lags and changes:
+                viewer.offer(changes)
+
+    async def _live(self, socket: WebSocket) -> None:
+        """One page: changes out, commands in."""
+        await socket.accept()
+        viewer = Viewer(socket)
+        self._viewers.add(viewer)
+        self._woken.set()
+        forwarding = asyncio.create_task(viewer.forward())
+        try:
+            while socket.scope["still"]():
+                with contextlib.suppress(TimeoutError):
+                    text = await asyncio.wait_for(socket.receive_text(), LINGER)
+                    await socket.send_json({"answer": await self._answer(text, socket.scope["role"])})
+            await socket.close(4401)
+        except (WebSocketDisconnect, KeyError):  # KeyError: a frame that is no text
+            pass
+        finally:
+            forwarding.cancel()
+            self._viewers.discard(viewer)
+            self._wanted_until = max(self._wanted_until, time.monotonic() + LINGER)
+
+    async def _answer(self, text: str, role: Role) -> dict[str, Any]:
+        try:
+            command = command_from_text(text, [robot.name for robot in self._feed.station.robots])
+            if role < Role.OPERATOR:
+                raise CommandError("this session may only look")
+            return {"good": True, "text": await asyncio.to_thread(self._commander.do, command)}
+        except CommandError as error:
+            return {"good": False, "text": str(error)}
+
+    async def _map(self) -> Response:
+        return Response(self._feed.map_png, media_type="image/png", headers={"Cache-Control": "no-cache"})
+
+    async def _metrics(self, _: Request) -> Response:
+        self._wanted_until = max(self._wanted_until, time.monotonic() + SCRAPED)
+        self._woken.set()
+        with self._feed.lock:
+            text = figures(self._feed.station, len(self._viewers), time.monotonic())
+        return Response(text, media_type="text/plain; version=0.0.4")
+
+
+class _Uvicorn(uvicorn.Server):
+    """Leaves signals to the node."""
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield

@@ -1,0 +1,184 @@
+"""A client of Foxglove's protocol reads topics as they are, publishes, calls services."""
+
+import json
+import struct
+import threading
+from contextlib import contextmanager
+from io import BytesIO
+from types import SimpleNamespace
+
+import foxglove
+import genpy.dynamic
+import pytest
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import LaserScan
+from simple_navigation_goals.msg import WaypointQueue
+from std_msgs.msg import String
+from std_srvs.srv import EmptyRequest
+from tf2_msgs.msg import TFMessage
+from websockets.sync.client import connect
+
+pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+
+WAIT = 60
+
+
+class Client:
+    def __init__(self, socket):
+        self.socket, self.channels, self.services, self.status = socket, {}, {}, []
+        self.info = self.await_op("serverInfo")
+
+    def take(self):
+        frame = self.socket.recv(WAIT)
+        if isinstance(frame, bytes):
+            return frame
+        fields = json.loads(frame)
+        if fields["op"] == "advertise":
+            self.channels.update((one["topic"], one) for one in fields["channels"])
+        if fields["op"] == "advertiseServices":
+            self.services.update((one["name"], one) for one in fields["services"])
+        return fields
+
+    def await_op(self, op):
+        while True:
+            fields = self.take()
+            if isinstance(fields, dict) and fields["op"] == op:
+                return fields
+
+    def await_topic(self, *topics):
+        while not set(topics) <= self.channels.keys():
+            self.take()
+
+    def await_service(self, name):
+        while name not in self.services:
+            self.take()
+
+    def send(self, **fields):
+        self.socket.send(json.dumps(fields))
+
+    def messages(self, **topics):
+        """Returns the first message of each topic, by its number."""
+        wanted = {number: self.channels[topic] for number, topic in enumerate(topics.values(), 1)}
+        rows = [{"id": number, "channelId": channel["id"]} for number, channel in wanted.items()]
+        self.send(op="subscribe", subscriptions=rows)
+        found = {}
+        while len(found) < len(rows):
+            frame = self.take()
+            if isinstance(frame, bytes) and frame[0] == 1:
+                number, stamp = struct.unpack_from("<IQ", frame, 1)
+                assert stamp > 0
+                found.setdefault(number, frame[13:])
+        self.send(op="unsubscribe", subscriptionIds=list(wanted))
+        return [found[number] for number in sorted(found)]
+
+
+@contextmanager
+def client(fleet, token=""):
+    url = fleet.url.replace("http", "ws") + f"/foxglove/{token or fleet.token}"
+    with connect(url, subprotocols=["foxglove.websocket.v1"], max_size=None, open_timeout=WAIT) as socket:
+        assert socket.subprotocol == "foxglove.websocket.v1"
+        yield Client(socket)
+
+
+def body(message):
+    file = BytesIO()
+    message.serialize(file)
+    return file.getvalue()
+
+
+def test_tf_and_scans_come_as_raw_ros1_with_their_definition(fleet):
+    with client(fleet) as one:
+        one.await_topic("/tf", "/pioneer1/base_scan")
+        channel = one.channels["/pioneer1/base_scan"]
+        assert (channel["encoding"], channel["schemaEncoding"]) == ("ros1", "ros1msg")
+        # What a reader makes of the definition alone reads the bytes.
+        reader = genpy.dynamic.generate_dynamic("sensor_msgs/LaserScan", channel["schema"])["sensor_msgs/LaserScan"]
+        assert reader._md5sum == LaserScan._md5sum
+        tf, scan = one.messages(tf="/tf", scan="/pioneer1/base_scan")
+        assert TFMessage().deserialize(tf).transforms[0].header.frame_id == "map"
+        assert len(reader().deserialize(scan).ranges) == 180
+
+
+def test_a_goal_that_a_client_publishes_reaches_the_robot(fleet):
+    with client(fleet) as one:
+        one.send(
+            op="advertise",
+            channels=[
+                {
+                    "id": 7,
+                    "topic": "/pioneer2/map_goal_pose",
+                    "encoding": "ros1",
+                    "schemaName": "geometry_msgs/PoseStamped",
+                }
+            ],
+        )
+        goal = PoseStamped()
+        goal.header.frame_id, goal.pose.orientation.w = "map", 1.0
+        goal.pose.position.x = -1.0
+        one.socket.send(struct.pack("<BI", 1, 7) + body(goal))
+        one.await_topic("/pioneer2/map_goal_client/queue")
+        while not WaypointQueue().deserialize(one.messages(queue="/pioneer2/map_goal_client/queue")[0]).received:
+            pass
+
+
+def test_services_are_called_and_failures_are_answered(fleet):
+    with client(fleet) as one:
+        for name in ("/gazebo/pause_physics", "/gazebo/unpause_physics"):
+            one.await_service(name)
+            service = one.services[name]
+            request = struct.pack("<BIII", 2, service["id"], 5, 4) + b"ros1" + body(EmptyRequest())
+            one.socket.send(request)
+            while not (isinstance(frame := one.take(), bytes) and frame[0] == 3):
+                pass
+            assert struct.unpack_from("<III", frame, 1) == (service["id"], 5, 4)
+        one.socket.send(struct.pack("<BIII", 2, 9999, 6, 4) + b"ros1")
+        assert one.await_op("serviceCallFailure")["callId"] == 6
+
+
+def test_a_viewers_client_reads_and_cannot_publish(fleet):
+    with client(fleet, fleet.viewer) as one:
+        assert one.info["capabilities"] == []
+        one.await_topic("/pioneer1/base_scan")
+        assert one.messages(scan="/pioneer1/base_scan")
+        one.send(
+            op="advertise", channels=[{"id": 1, "topic": "/pioneer1/map_goal", "schemaName": "geometry_msgs/Twist"}]
+        )
+        assert "may only look" in one.await_op("status")["message"]
+
+
+def test_a_frame_that_breaks_the_protocol_is_answered_and_the_connection_lives(fleet):
+    with client(fleet) as one:
+        for frame in (
+            b"",
+            b"\x09",
+            b"\x01\x00",
+            b"\x02" + b"\xff" * 12,
+            "no json",
+            "[]",
+            '{"op": "subscribe", "subscriptions": [1]}',
+        ):
+            one.socket.send(frame)
+            assert one.await_op("status")["level"] == 2
+        one.await_topic("/tf")
+
+
+def test_the_makers_own_server_is_read_by_the_same_client():
+    """Holds the client of these tests to the protocol: what it reads of ours it reads of theirs."""
+    subscribed = threading.Event()
+    listener = SimpleNamespace(on_subscribe=lambda *_: subscribed.set())
+    server = foxglove.start_server(port=0, supported_encodings=["ros1"], server_listener=listener)
+    try:
+        schema = foxglove.Schema(name="std_msgs/String", encoding="ros1msg", data=b"string data")
+        channel = foxglove.Channel("/word", message_encoding="ros1", schema=schema)
+        with connect(f"ws://127.0.0.1:{server.port}", subprotocols=["foxglove.sdk.v1"], open_timeout=WAIT) as socket:
+            one = Client(socket)
+            one.await_topic("/word")
+            one.send(op="subscribe", subscriptions=[{"id": 1, "channelId": one.channels["/word"]["id"]}])
+            assert subscribed.wait(WAIT)
+            channel.log(body(String("raw")))
+            while not (isinstance(frame := one.take(), bytes) and frame[0] == 1):
+                pass
+            assert String().deserialize(frame[13:]).data == "raw"
+            assert one.channels["/word"].keys() >= {"encoding", "schemaName", "schema", "schemaEncoding"}
+    finally:
+        server.stop()

@@ -1,0 +1,127 @@
+"""The fleet page in a browser: it shows the robots, drives them, stops them, and tells what is wrong."""
+
+import math
+import os
+import subprocess
+import time
+
+import pytest
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import WebDriverWait
+
+from pioneer_harness.wait import wait_until
+
+# Selenium leaves a connection to its driver open.
+pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+SOON = 60.0
+MOVE = """
+const [x, y] = arguments, box = document.getElementById("map").getBoundingClientRect();
+const [u, v] = fleetPage.pixel(x, y);
+const at = {clientX: box.left + u, clientY: box.top + v, pointerId: 1, bubbles: true, button: 0};
+const event = kind => new PointerEvent(kind, at);
+document.getElementById("map").dispatchEvent(event("pointerdown"));
+document.getElementById("map").dispatchEvent(event("pointerup"));
+"""
+
+
+def press(driver, act):
+    button = WebDriverWait(driver, SOON).until(lambda _: driver.find_element(By.CSS_SELECTOR, f'[data-act="{act}"]'))
+    driver.execute_script("arguments[0].click()", button)
+
+
+def place(opened, robot="pioneer1"):
+    return opened.state(f"{robot}.pose")
+
+
+def send_to(driver, x, y):
+    """Clicks on the map, as a mouse or a finger does."""
+    press(driver, "tool-drive")
+    driver.execute_script(MOVE, x, y)
+
+
+def publish(fleet, topic, kind, value):
+    command = ["rostopic", "pub", "-1", topic, kind, value]
+    subprocess.run(command, env={**os.environ, **fleet.master.environment}, check=True, capture_output=True, timeout=60)
+
+
+def test_a_click_on_the_map_drives_the_robot_there(driver, opened, shot):
+    goal, others = (2.0, 1.5), opened.state("pioneer2.row")["received"]
+    wait_until(lambda: driver.execute_script("return fleetPage.view.scale") > 0, "the map", SOON)
+    send_to(driver, *goal)
+    wait_until(lambda: opened.state("pioneer1.plan"), "its plan", SOON)
+    shot("driving")
+    wait_until(lambda: math.dist(place(opened)[:2], goal) < 0.4, "the robot at the place", SOON)
+    assert opened.state("pioneer2.row")["received"] == others
+
+
+def test_stop_all_holds_the_robots_until_they_are_released(driver, opened, shot):
+    send_to(driver, -4.0, 2.0)
+    wait_until(lambda: opened.state("pioneer1.row")["speed"] > 0.5, "the robot under way", SOON)
+    press(driver, "stop-all")
+    wait_until(lambda: opened.state("pioneer1.row")["speed"] == 0.0, "its stop", SOON)
+    before = place(opened)
+    shot("stopped")
+    send_to(driver, 3.0, 0.0)
+    wait_until(lambda: "release first" in driver.find_element(By.ID, "answers").text, "the refusal", SOON)
+    assert math.dist(place(opened)[:2], before[:2]) < 0.05
+    assert opened.state("pioneer1.row")["held"]
+    press(driver, "release-all")
+    wait_until(lambda: not opened.state("pioneer1.row")["held"], "the release", SOON)
+    send_to(driver, 0.0, 0.0)
+    wait_until(lambda: math.dist(place(opened)[:2], (0.0, 0.0)) < 0.4, "the robot that obeys again", SOON)
+
+
+def test_a_waypoint_replaces_those_that_wait_and_append_does_not(driver, opened):
+    send_to(driver, 4.0, 2.0)
+    wait_until(lambda: len(opened.state("pioneer1.goals")) == 1, "one waypoint", SOON)
+    press(driver, "tool-append")
+    driver.execute_script(MOVE, -4.0, -3.0)
+    wait_until(lambda: len(opened.state("pioneer1.goals")) == 2, "two waypoints", SOON)
+    send_to(driver, 0.5, 0.5)
+    wait_until(
+        lambda: [goal[0] for goal in opened.state("pioneer1.goals")] == [pytest.approx(0.5, abs=0.1)], "one", SOON
+    )
+    press(driver, "cancel")
+    wait_until(lambda: opened.state("pioneer1.goals") == [], "none", SOON)
+
+
+def test_a_lost_gateway_is_red_with_its_reason(driver, opened, fleet, shot):
+    publish(fleet, "/stand_in/lose", "std_msgs/String", "aadi2_gateway")
+    began = time.monotonic()
+    wait_until(lambda: "no such gateway" in driver.find_element(By.ID, "robots").text, "its reason", SOON)
+    row = driver.find_element(By.CSS_SELECTOR, '[data-robot="pioneer2"] .bad')
+    assert "aadi2_gateway is not on the hub" in row.text
+    shot("lost")
+    publish(fleet, "/stand_in/lose", "std_msgs/String", "nobody")
+    wait_until(lambda: not opened.state("pioneer2.row")["fault"], "its return", SOON)
+    assert time.monotonic() - began < SOON
+
+
+def test_a_reload_changes_nothing(driver, opened):
+    press(driver, "cancel")
+    wait_until(lambda: not opened.state("pioneer1.row")["moving"], "the robot's rest", SOON)
+    before = place(opened)
+    driver.refresh()
+    wait_until(lambda: place(opened), "the pose after a reload", SOON)
+    assert place(opened)[:2] == pytest.approx(before[:2], abs=0.1)
+
+
+def test_a_phone_shows_map_table_and_stop(driver, opened, shot):
+    try:
+        driver.execute_cdp_cmd(
+            "Emulation.setDeviceMetricsOverride", {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
+        )
+        driver.refresh()
+        wait_until(lambda: place(opened), "the pose", SOON)
+        send_to(driver, 1.0, 2.0)
+        wait_until(lambda: opened.state("pioneer1.plan"), "a plan", SOON)
+        width = driver.execute_script("return document.documentElement.scrollWidth")
+        assert width <= 390, f"the page is {width} pixels wide"
+        for act in ("stop-all", "tool-drive", "stop"):
+            box = driver.find_element(By.CSS_SELECTOR, f'[data-act="{act}"]').rect
+            assert box["x"] >= 0
+            assert box["x"] + box["width"] <= 390
+            assert box["height"] >= 24
+        shot("phone")
+    finally:
+        driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
