@@ -1,4 +1,4 @@
-"""``python -m pioneer_demo``: the commands behind ``./pioneer demo`` and ``./pioneer fleet``."""
+"""``python -m pioneer_demo``: the commands behind ``./pioneer demo``, ``fleet``, ``run-scenario``, ``experiment``."""
 
 import sys
 
@@ -6,6 +6,10 @@ from pioneer_demo.adapters.interrupt import Interrupt
 
 if __name__ == "__main__":
     interrupt = Interrupt()  # first, so that Ctrl-C during the imports below ends the command in order, too
+    if sys.argv[1:2] == ["experiment"]:
+        from pioneer_demo.nodes import experiment
+
+        sys.exit(experiment.main(sys.argv[2:], interrupt))
     from pioneer_demo.nodes.main import main
 
     sys.exit(main(sys.argv[1:], interrupt))

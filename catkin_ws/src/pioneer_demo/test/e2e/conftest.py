@@ -30,7 +30,7 @@ class Running:
             _MARK: self.mark,
             "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
         }
-        folder = ["--report" if command == "demo" else "--log", str(report)]
+        folder = ["--log" if command == "fleet" else "--report", str(report)]
         command = [sys.executable, "-m", "pioneer_demo", command, *folder, *map(str, options)]
         with self.output.open("wb") as output:
             self.process = subprocess.Popen(

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 import rospkg
+from mcap.reader import make_reader
+from mcap_ros1.decoder import DecoderFactory
 
 _START_UP, _WHOLE = 120.0, 300.0
 
@@ -20,8 +22,8 @@ def assert_all_gone(demo):
 
 
 def test_two_robots_reach_their_waypoints_through_the_gateways_and_are_filmed(start, tmp_path):
-    film = tmp_path / "run.mp4"
-    demo = start("--robots", 2, "--waypoints", 1, "--seed", 4, "--video", film)
+    film, recording = tmp_path / "run.mp4", tmp_path / "run.mcap"
+    demo = start("--robots", 2, "--waypoints", 1, "--seed", 4, "--video", film, "--record", recording)
     assert demo.process.wait(_WHOLE) == 0, demo.text()
     assert_all_gone(demo)
     numbers = json.loads((demo.report / "report.json").read_text())
@@ -41,6 +43,20 @@ def test_two_robots_reach_their_waypoints_through_the_gateways_and_are_filmed(st
         "from the robots' first sight to the end"
     )
     assert_quiet(demo)
+    assert_opens(recording)
+
+
+def assert_opens(recording):
+    """MCAP's own library finds every message of each computer once, where it was published."""
+    with recording.open("rb") as file:
+        summary = make_reader(file).get_summary()
+        counts = {one.topic: summary.statistics.channel_message_counts[key] for key, one in summary.channels.items()}
+        decoded = make_reader(file, decoder_factories=[DecoderFactory()])
+        *_, scan = next(decoded.iter_decoded_messages(topics=["/base/pioneer1/base_scan"]))
+    assert len(scan.ranges) == 180
+    assert counts["/base/clock"] > 500
+    assert all(counts[f"/aadi{number}/pioneer{number}/amcl_pose"] for number in (1, 2))
+    assert not any(topic.endswith("/clock") for topic in counts if topic != "/base/clock"), "not what gateways carry"
 
 
 def assert_quiet(demo):

@@ -22,7 +22,7 @@ def status(fleet):
     """Returns what ``./pioneer status`` says of this fleet; others may run beside it."""
     command = [PIONEER, "status", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=COMMAND, check=False)
-    fleets = json.loads(done.stdout)["fleets"] if done.returncode == 0 else []
+    fleets = json.loads(done.stdout)["fleets"] if done.stdout else []
     return next((one for one in fleets if one["pid"] == fleet.process.pid), None)
 
 
@@ -34,6 +34,10 @@ def send(environment, x, y):
 
 def kill_while_driving(fleet, node):
     wait_until(lambda: abs(status(fleet)["robots"][0]["speed"]) > 0.2, "the robot under way", DRIVE)
+    kill(fleet, node)
+
+
+def kill(fleet, node):
     (victim,) = [pid for pid, line in fleet.processes().items() if f"__name:={node} " in line]
     os.kill(victim, signal.SIGKILL)
 
@@ -47,7 +51,7 @@ def keyboard():
     os.close(theirs)
 
 
-def test_a_fleet_stays_up_for_status_goals_killed_nodes_and_teleop_until_ctrl_c(start, keyboard):
+def test_a_fleet_stays_up_for_status_goals_killed_nodes_cmd_vel_and_teleop_until_ctrl_c(start, keyboard):
     fleet = start("--robots", 1, "--world", "small_world", command="fleet")
     fleet.await_words("1 robot is ready in small_world", START_UP)
     (robot,) = status(fleet)["robots"]
@@ -70,6 +74,13 @@ def test_a_fleet_stays_up_for_status_goals_killed_nodes_and_teleop_until_ctrl_c(
         assert robot["localisation_error"] < GOAL
         assert f"pioneer1/{node} has died and is started again" in fleet.text()
 
+    turn = ["/pioneer1/cmd_vel", "geometry_msgs/Twist", "[0.0, 0.0, 0.0]", "[0.0, 0.0, 0.5]"]
+    publisher = subprocess.Popen(["rostopic", "pub", "-r", "10", *turn], env=environment)
+    wait_until(lambda: status(fleet)["robots"][0]["moving"], "the robot that a command on cmd_vel turns", DRIVE)
+    publisher.send_signal(signal.SIGINT)
+    publisher.wait(COMMAND)
+    wait_until(lambda: not status(fleet)["robots"][0]["moving"], "its stop, since no more commands come", DRIVE)
+
     ours, theirs = keyboard
     teleop = subprocess.Popen(
         ["rosrun", "pioneer_fleet", "teleop", "pioneer1"], env=environment, stdin=theirs, stdout=subprocess.DEVNULL
@@ -79,6 +90,14 @@ def test_a_fleet_stays_up_for_status_goals_killed_nodes_and_teleop_until_ctrl_c(
     os.write(ours, b"q")
     assert teleop.wait(COMMAND) == 0
     wait_until(lambda: not status(fleet)["robots"][0]["moving"], "the robot's stop", DRIVE)
+
+    subprocess.run(["rosparam", "set", "/pioneer1/amcl/odom_model_type", "hover"], env=environment, check=True)
+    kill(fleet, "amcl")
+    wait_until(lambda: status(fleet)["faults"], "the fault of an amcl that cannot start", DRIVE)
+    assert "pioneer1/amcl keeps dying" in fleet.text()
+    assert "hover" in fleet.text()
+    assert "odom_model_type" in status(fleet)["faults"][0]
+    subprocess.run(["rosparam", "set", "/pioneer1/amcl/odom_model_type", "diff"], env=environment, check=True)
 
     fleet.interrupt()
     assert status(fleet) is None

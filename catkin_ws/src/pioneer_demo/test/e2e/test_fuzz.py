@@ -24,8 +24,8 @@ from tcpros.adapters.client import Client
 MB = 1_000_000
 FUZZERS = Path(__file__).parent.parent / "fuzz"
 START_UP = 120.0
-LEG = 90.0
-"""Within which each robot must reach its next waypoint, 4 m away [s of simulated time]."""
+LEG = 45.0
+"""Within which each robot must reach its next waypoint, 4 m away [s of simulated time]; it takes 9 to 15 s."""
 CLOCK_STANDS_STILL = 20.0
 """[s of wall time]"""
 GROWTH, GROWTH_AT_FIRST = 12 * MB, 40 * MB
@@ -54,7 +54,8 @@ class Fleet:
         self.processes = {pid: line for pid, line in running.processes().items() if "/rocon_flip/" not in line}
         self.memory = {pid: [] for pid in self.processes}
         self.reached = dict.fromkeys(self.masters, 0)
-        self.due = dict.fromkeys(self.masters, LEG + self.first["simulated_seconds"])
+        self.left = dict.fromkeys(self.masters, self.first["simulated_seconds"])
+        self.longest = dict.fromkeys(self.masters, 0.0)
         self.clock, self.clock_seen = 0.0, time.monotonic()
         for robot, places in PATROLS.items():
             self._patrol(robot, places, folder / f"{robot}.yaml")
@@ -94,9 +95,11 @@ class Fleet:
         assert moment - self.clock_seen < CLOCK_STANDS_STILL, f"simulated time stands still at {self.clock} s"
         for robot in status["robots"]:
             name = robot["robot"]
+            leg = self.clock - self.left[name]
+            self.longest[name] = max(leg, self.longest[name])
+            assert leg < LEG, f"{name} has been on its way for {leg:.0f} s: {robot}"
             if robot["reached"] > self.reached[name]:
-                self.reached[name], self.due[name] = robot["reached"], self.clock + LEG
-            assert self.clock < self.due[name], f"{name} makes no progress: {robot}"
+                self.reached[name], self.left[name] = robot["reached"], self.clock
 
     def sample(self) -> None:
         """Notes the memory of every process."""
@@ -200,7 +203,8 @@ def verdict(fleet: Fleet, met: Counter[str], most: float, record_property) -> No
     for robot, count in fleet.reached.items():
         record_property(f"waypoints of {robot}", count)
     seconds = fleet.clock - fleet.first["simulated_seconds"]
-    say(f"waypoints reached: {fleet.reached} in {seconds:.0f} s of simulated time, each within {LEG:g} s")
+    longest = {robot: round(leg) for robot, leg in fleet.longest.items()}
+    say(f"waypoints reached: {fleet.reached} in {seconds:.0f} s of simulated time; longest ways {longest} s of {LEG:g}")
     grown = {}
     for pid, taken in fleet.memory.items():
         quarter = max(1, len(taken) // 4)

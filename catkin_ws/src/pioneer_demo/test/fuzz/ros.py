@@ -23,7 +23,7 @@ from dynamic_reconfigure.srv import Reconfigure
 
 NODES = ("amcl", "move_base", "map_goal_client", "pioneer_ros", "controller_spin_recover", "gazebo")
 """Whose topics are used."""
-OBEYED = ("/clock", "/status")
+OBEYED = ("/clock", "/status", "/map_goal_client/cancel")
 """Ends of topics that nobody can tell from the true ones: ROS 1 has no senders."""
 ORDERS = ("pause_physics", "unpause_physics", "reset_world", "reset_simulation", "step", "global_localization", "clear")
 ORDERS += ("patrol", "set_logger_level", "clear_costmaps", "set_watcher_period")

@@ -40,7 +40,27 @@ def test_the_simulator_gets_world_robots_speed_and_seed():
     assert {"world_name:=utm_0", "robots:=2", "real_time_factor:=0", "seed:=9"} <= set(words)
 
 
+def test_lockstep_is_asked_of_the_simulator_and_of_each_robot():
+    config = DemoConfig(real_time_factor=0.0, lockstep=True)
+    found = {command.name: command.argv for command in commands(config, TUTORIAL)}
+    rings = "lockstep_rings:=fleet_observer pioneer1 pioneer2"
+    assert {"real_time_factor:=lockstep", rings} <= set(found["simulator"])
+    assert "real_time_factor:=lockstep" in found["navigation of pioneer2"]
+    assert not any("lockstep" in word for command in started().values() for word in command.argv)
+
+
 def test_the_tutorials_ports_are_known_as_such():
     assert TUTORIAL.are_the_tutorials
     assert not dataclasses.replace(TUTORIAL, hub_master=12311).are_the_tutorials
     assert str(TUTORIAL) == "hub 6380, masters: hub 11311, Hub_Gateway 11312, robots 11313, 11314"
+
+
+def test_the_page_runs_on_the_base_station_and_its_secret_in_no_command_line():
+    assert "fleet page" not in started()
+    page = started(DemoConfig(web=True, token="secret-of-the-page"), dataclasses.replace(TUTORIAL, page=9090))[
+        "fleet page"
+    ]
+    assert page.environment["ROS_MASTER_URI"] == "http://127.0.0.1:11312"
+    assert page.environment["PIONEER_WEB_TOKEN"] == "secret-of-the-page"
+    assert "_port:=9090" in page.argv
+    assert not any("secret" in word for word in page.argv)

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from pioneer_demo.core.fleet import Fleet, faults, stuck_report, time_limit
-from pioneer_demo.core.geometry import Pose
+from pioneer_demo.core.scenario import Success
 from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.view import live_lines, state_word
 from pioneer_demo.core.waypoint import Leg
+from pioneer_fleet.core.geometry import Pose
 from pioneer_fleet.core.monitor import ClientState, Queue
 
 
@@ -29,7 +30,7 @@ def test_a_fleet_that_reached_everything_without_collision_has_no_fault(fleet):
     for robot in fleet.robots:
         report(robot, reached=1)
     assert fleet.finished
-    assert faults(fleet) == []
+    assert faults(fleet, Success()) == []
 
 
 def test_missed_waypoints_and_collisions_are_faults(fleet):
@@ -37,7 +38,7 @@ def test_missed_waypoints_and_collisions_are_faults(fleet):
     report(fleet.robots[1], aborted=1)
     fleet.robots[0].collisions = 2
     assert fleet.finished
-    assert faults(fleet) == ["pioneer1 collided twice", "pioneer2 reached 0 of 1 waypoints"]
+    assert faults(fleet, Success()) == ["pioneer1 collided twice", "pioneer2 reached 0 of 1 waypoints"]
 
 
 def test_who_is_stuck_is_named_with_what_it_says(fleet):
@@ -72,3 +73,17 @@ def test_the_state_says_what_a_robot_waits_for(fleet):
     assert state_word(robot) == "driving"
     report(robot, reached=1)
     assert state_word(robot) == "done"
+
+
+def test_a_scenario_may_ask_for_more_or_less_than_a_demo(fleet):
+    report(fleet.robots[0], reached=1)
+    report(fleet.robots[1], aborted=1)
+    fleet.began, fleet.ended = 1.0, 41.0
+    fleet.robots[1].pose = Pose(0.3, 0.4)
+    fleet.note_distance(fleet.robots[1])
+    assert fleet.closest == pytest.approx(0.5)
+    assert faults(fleet, Success(reached=0.0)) == []
+    told = faults(fleet, Success(reached=0.0, seconds=30.0, closest_approach=0.6, localisation_error=0.1))
+    assert "it took 40.0 s, above 30 s" in told
+    assert "two robots came within 0.50 m, below 0.6 m" in told
+    assert "pioneer1: localisation error of nan m (95th percentile), above 0.1 m" in told

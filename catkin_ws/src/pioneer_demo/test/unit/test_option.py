@@ -51,6 +51,13 @@ def test_every_option_arrives():
     )  # fmt: skip
 
 
+def test_lockstep_excludes_what_it_cannot_keep_to():
+    assert (parsed("--lockstep").real_time_factor, parsed("--lockstep").choice) == (0.0, "")
+    for other in (["--rtf", "1"], ["--traffic"]):
+        with pytest.raises(OptionError, match="give one of them"):
+            parsed("--lockstep", *other)
+
+
 def test_a_fleet_has_the_options_of_a_demo_but_for_waypoints_and_report():
     machine = Machine(PLACES, ELSEWHERE, 2)
     expected = FleetConfig(robots=3, real_time_factor=0.5, log=Path("logs"), names=names(3))

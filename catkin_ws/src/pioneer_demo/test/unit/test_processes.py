@@ -45,3 +45,28 @@ def test_a_node_that_stays_dead_ends_a_fleet_whatever_another_masters_node_of_it
         monkeypatch.setattr(processes, "_RESTART", 0.0)
         with pytest.raises(ProcessDiedError, match="gateway"):
             running.check()
+
+
+def test_a_node_that_keeps_dying_is_named_once_with_its_last_lines_and_the_fleet_continues(tmp_path: Path) -> None:
+    node_log = tmp_path / "amcl.log"
+    node_log.write_text("[rosout][FATAL]: ~odom_model_type must be diff or omni\nsignal_shutdown\n")
+    text = DIED.format("pioneer1/amcl", "amcl") + f"log file: {node_log}\n" + AGAIN.format("pioneer1/amcl")
+    with fleet(tmp_path, FleetConfig(), one=2 * text) as running:
+        assert running.check() == 2 * ["pioneer1/amcl has died and is started again"]
+        for count in (3, 4):
+            with (tmp_path / "one").open("a") as log:
+                log.write(text)
+            lines = running.check()
+            assert [line.partition(";")[0] for line in lines] == ["pioneer1/amcl keeps dying"][count - 3 :]
+            assert all("~odom_model_type must be" in line for line in lines)
+            (fault,) = running.faults()
+            assert f"{count} times so far, exit code -9: [rosout][FATAL]: ~odom_model_type must be" in fault
+
+
+def test_a_node_that_keeps_dying_ends_a_fleet_that_is_still_starting(tmp_path: Path) -> None:
+    text = DIED.format("pioneer1/amcl", "amcl") + AGAIN.format("pioneer1/amcl")
+    with (
+        fleet(tmp_path, FleetConfig(), one=3 * text) as running,
+        pytest.raises(ProcessDiedError, match="pioneer1/amcl keeps dying"),
+    ):
+        running.check(starting=True)

@@ -1,5 +1,6 @@
 """The numbers, the table and the picture that a demo leaves."""
 
+import dataclasses
 import json
 import math
 import types
@@ -12,10 +13,10 @@ from pioneer_demo.adapters.picture import draw_fleet
 from pioneer_demo.conversions import floor_from_grid
 from pioneer_demo.core.cost import Cost
 from pioneer_demo.core.fleet import Fleet
-from pioneer_demo.core.geometry import Pose
-from pioneer_demo.core.report import Outcome, columns, report, table, verdict_line
+from pioneer_demo.core.report import Outcome, columns, report, reproducible, table, verdict_line
 from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.waypoint import Leg
+from pioneer_fleet.core.geometry import Pose
 from pioneer_fleet.core.monitor import ClientState, Queue
 
 
@@ -63,6 +64,15 @@ def test_the_table_names_robots_costs_and_the_real_time_factor(fleet, outcome):
     assert "pioneer1        1/1  20.0 s" in text
     assert "real-time factor 2.00" in text
     assert "amcl" in text
+
+
+def test_what_the_machine_decides_is_apart_from_what_the_run_does(fleet, outcome):
+    numbers = report(fleet, outcome, {"seed": 1, "ports": "hub 6380"})
+    slower = report(fleet, dataclasses.replace(outcome, drive_wall=99.0, milestones={}), {"seed": 1, "ports": "other"})
+    (run, machine), (again, other) = reproducible(numbers), reproducible(slower)
+    assert run == again
+    assert machine != other
+    assert machine["drive"] == numbers["drive"]
 
 
 def test_the_verdict_is_one_line(fleet, outcome):

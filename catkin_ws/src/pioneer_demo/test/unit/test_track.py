@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from pioneer_demo.core.geometry import Pose
 from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.waypoint import Leg
+from pioneer_fleet.core.geometry import Pose
 from pioneer_fleet.core.monitor import ClientState, Queue
 
 

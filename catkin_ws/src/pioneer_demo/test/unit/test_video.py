@@ -13,10 +13,11 @@ from pioneer_demo import conversions
 from pioneer_demo.adapters import colour, video
 from pioneer_demo.core.error import VideoError
 from pioneer_demo.core.floor import Floor
-from pioneer_demo.core.geometry import Pose
 from pioneer_demo.core.recording import Recording
 from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.waypoint import Leg
+from pioneer_fleet.conversions import mount_of
+from pioneer_fleet.core.geometry import Pose
 
 FREE = np.ones((60, 100), bool)
 FREE[0] = FREE[-1] = FREE[:, 0] = FREE[:, -1] = False
@@ -127,7 +128,7 @@ def test_without_ffmpeg_one_line_says_what_to_do(monkeypatch, tmp_path):
 
 def test_hits_are_given_on_the_robot_whose_laser_sits_ahead():
     joint = "<joint name='j'><origin xyz='0.1 0 0.2' rpy='0 0 0'/><parent link='base'/><child link='laser'/></joint>"
-    mount = conversions.mount_of(f"<robot name='r'>{joint}</robot>", "laser")
+    mount = mount_of(f"<robot name='r'>{joint}</robot>", "laser")
     scan = types.SimpleNamespace(
         ranges=(1.0, float("inf"), 2.0), angle_min=0.0, angle_increment=np.pi / 2, range_min=0.1, range_max=9.0
     )

@@ -7,8 +7,8 @@ import pytest
 
 from pioneer_demo.core.error import NoWaypointError
 from pioneer_demo.core.floor import Floor
-from pioneer_demo.core.geometry import Pose
 from pioneer_demo.core.waypoint import WaypointConfig, fleet_waypoints
+from pioneer_fleet.core.geometry import Pose
 
 CONFIG = WaypointConfig()
 STARTS = [Pose(1.5, 1.5), Pose(18.5, 1.5)]

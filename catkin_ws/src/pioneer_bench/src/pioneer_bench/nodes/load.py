@@ -117,7 +117,7 @@ def cpu_and_rss(pid: int) -> tuple[float, float]:
 
 
 class Bench:
-    """One run on a master that is there already."""
+    """One run on a running master."""
 
     def __init__(self, config: LoadConfig, pid: int) -> None:
         self._config, self._pid = config, pid

@@ -25,11 +25,11 @@ from nav_bundle.core import pose as navigation
 from pioneer_bench.core.tour import CONDITIONS, Condition, Tour
 from pioneer_demo.core.fleet import Fleet, stuck_report, time_limit
 from pioneer_demo.core.floor import Floor, floor_from_cells
-from pioneer_demo.core.geometry import Pose
 from pioneer_demo.core.kind import COMMAND, kind
 from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.waypoint import WaypointConfig, fleet_waypoints
 from pioneer_demo.nodes.observer import ObserverNode
+from pioneer_fleet.core.geometry import Pose
 from pioneer_harness.accounting import Account
 from pioneer_harness.error import HarnessError
 from pioneer_harness.masters import Master

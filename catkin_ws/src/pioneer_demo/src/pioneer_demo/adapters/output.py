@@ -3,12 +3,15 @@
 import os
 from pathlib import Path
 
+import yaml
+
+from pioneer_demo.core.command import written_files
 from pioneer_demo.core.error import OptionError
 from pioneer_demo.core.option import DemoConfig, FleetConfig
 
 
 def make_outputs(config: FleetConfig) -> None:
-    """Creates the folders that are written, after a check of where a film goes.
+    """Creates the folders that are written, after a check of where a film goes, and the files that commands read.
 
     Raises:
         OptionError: one of them cannot be written.
@@ -19,6 +22,8 @@ def make_outputs(config: FleetConfig) -> None:
         from pioneer_demo.adapters.video import encoder
 
         encoder()
+    if config.record is not None:
+        _check_folder("--record", config.record.parent)
     for option, folder in config.outputs:
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -27,6 +32,9 @@ def make_outputs(config: FleetConfig) -> None:
         except OSError as error:
             raise OptionError(f"{option}: cannot create the folder {folder} ({error.strerror})") from None
         _check_folder(option, folder)
+    for name, content in written_files(config).items():
+        config.log.mkdir(exist_ok=True)
+        (config.log / name).write_text(yaml.safe_dump(content))
 
 
 def _check_folder(option: str, folder: Path) -> None:

@@ -4,8 +4,9 @@ import glob
 import os
 import re
 import shutil
+import signal
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -14,16 +15,20 @@ from pioneer_demo.core.command import (
     HUB,
     HUB_GATEWAY_MASTER,
     HUB_MASTER,
+    PAGE,
+    Command,
     Ports,
     commands,
 )
 from pioneer_demo.core.cost import Cost
 from pioneer_demo.core.kind import COMMAND, kind
-from pioneer_demo.core.launch_log import NodeDeath, node_deaths, restarted_nodes
+from pioneer_demo.core.launch_log import NodeDeath, node_deaths, plain, restarted_nodes
 from pioneer_demo.core.option import FleetConfig
+from pioneer_demo.core.relapse import Relapses
 from pioneer_harness.accounting import Account
 from pioneer_harness.error import ProcessDiedError
 from pioneer_harness.port import PortReservation
+from pioneer_harness.proc import arguments, descendants
 from pioneer_harness.process import ProcessGroup, last_lines
 
 # A Python process of a fleet does one thing at a time; threads of its matrix library would only get in others' way.
@@ -31,6 +36,8 @@ _SINGLE = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 _LAST_GRACE = 3.0
 _RESTART = 10.0
 """Within which roslaunch starts a node again [s]: launch files have it wait 2 s."""
+_ERROR = re.compile(r"\b(FATAL|CRITICAL|ERROR|\w*Error)\b")
+"""What marks a line of a node that says why it ends."""
 
 
 class FleetProcesses:
@@ -43,7 +50,9 @@ class FleetProcesses:
         self.group = ProcessGroup()
         self._account = Account(kind, short=COMMAND)
         self._read: dict[Path, int] = {}
+        self._pids: dict[str, int] = {}
         self._dead: dict[tuple[Path, str], tuple[float, str]] = {}
+        self._relapses = Relapses()
 
     def start(self) -> None:
         """Starts everything at once; the parts wait for each other.
@@ -54,35 +63,79 @@ class FleetProcesses:
         self._log.mkdir(exist_ok=True)
         shutil.rmtree(self._log / "ros", ignore_errors=True)  # the last run's
         # Absolute: some nodes run in another directory.
-        ros = self._log.resolve() / "ros"
-        home = {"ROS_HOME": str(ros), "ROS_LOG_DIR": str(ros / "log")}
         for command in commands(self._config, self.ports):
-            log = self._log / f"{re.sub(r'[^A-Za-z0-9_]+', '-', command.name)}.log"
+            log = self._log_of(command)
             log.write_bytes(b"")
             self._read[log] = 0
-            environment = {**_SINGLE, **os.environ, **home, **command.environment}
-            self.group.start(command.name, _found(command.argv), environment, log)
+            self._start(command)
 
-    def check(self) -> list[str]:
+    def kill(self, names: Sequence[str]) -> None:
+        """Ends these commands by SIGKILL, with all that they started."""
+        for name in names:
+            self.group.kill(name)
+
+    def restart(self, names: Sequence[str]) -> None:
+        """Starts commands again that were killed."""
+        for command in commands(self._config, self.ports):
+            if command.name in names:
+                self._start(command)
+
+    def freeze(self, name: str, frozen: bool) -> None:
+        """Stops the gateway that a command has started, or lets it continue."""
+        for pid in descendants(self.group.states(), {self._pids[name]}):
+            if "__name:=gateway" in arguments(pid):
+                os.kill(pid, signal.SIGSTOP if frozen else signal.SIGCONT)
+
+    def run(self, name: str, argv: Sequence[str], environment: Mapping[str, str]) -> None:
+        """Starts a command that ends by itself."""
+        self._start(Command(name, tuple(argv), environment), may_end=True)
+
+    def _start(self, command: Command, may_end: bool = False) -> None:
+        ros = self._log.resolve() / "ros"
+        home = {"ROS_HOME": str(ros), "ROS_LOG_DIR": str(ros / "log")}
+        environment = {**_SINGLE, **os.environ, **home, **command.environment}
+        argv = _found(command.argv)
+        self._pids[command.name] = self.group.start(command.name, argv, environment, self._log_of(command), may_end)
+
+    def _log_of(self, command: Command) -> Path:
+        return self._log / f"{re.sub(r'[^A-Za-z0-9_]+', '-', command.name)}.log"
+
+    def check(self, starting: bool = False) -> list[str]:
         """Returns a line for each node that has died and is started again, where nodes may.
+
+        A node that keeps dying is named once, with its last lines, and once more when it lives: the others continue.
+
+        Args:
+            starting: the fleet is not up yet, and never will be with a node that keeps dying.
 
         Raises:
             ProcessDiedError: another process has ended that was to live, a node under roslaunch included.
         """
         self.group.check()
-        lines = []
+        lines = self._relapses.recovered(time.monotonic())
         for log in self._read:
             news = self._news(log)
             for death in node_deaths(news):
-                self._dead[log, death.name] = time.monotonic(), _told(death, log)
+                text = _told(death, log)
+                self._dead[log, death.name] = time.monotonic(), text
+                if self._relapses.died((log, death.name), death.name, _reason(death, log), time.monotonic()):
+                    text = f"{death.name} keeps dying; the last time: {text}"
+                    if starting:
+                        raise ProcessDiedError(text)
+                    lines.append(text)
             for name in restarted_nodes(news):
-                lines.append(f"{name} has died and is started again")
+                if not self._relapses.fails((log, name)):
+                    lines.append(f"{name} has died and is started again")
                 self._dead.pop((log, name), None)
         patience = _RESTART if self._config.restarts_nodes else 0.0
         for died, text in self._dead.values():
             if time.monotonic() - died >= patience:
                 raise ProcessDiedError(text)
         return lines
+
+    def faults(self) -> list[str]:
+        """Returns a line for each node that keeps dying."""
+        return self._relapses.faults()
 
     def sample(self) -> None:
         """Takes in what the processes have used so far."""
@@ -142,12 +195,25 @@ def _ports(reservation: PortReservation, robots: int) -> Ports:
         hub_master=reservation.take(HUB_MASTER),
         hub_gateway_master=reservation.take(HUB_GATEWAY_MASTER),
         robot_masters=tuple(reservation.take(FIRST_ROBOT_MASTER + index) for index in range(robots)),
+        page=reservation.take(PAGE),
     )
+
+
+def _logs(death: NodeDeath) -> list[Path]:
+    return [Path(name) for name in sorted(glob.glob(death.log))] if death.log else []
+
+
+def _reason(death: NodeDeath, launch_log: Path) -> str:
+    """Returns how a node died and the last error that it logged, in a line."""
+    how = "no exit code" if death.status is None else f"exit code {death.status}"
+    lines = "\n".join(map(last_lines, [*_logs(death), launch_log])).splitlines()
+    errors = [plain(line).strip() for line in lines if _ERROR.search(line)]
+    return f"{how}: {errors[-1]}" if errors else how
 
 
 def _told(death: NodeDeath, launch_log: Path) -> str:
     how = "" if death.status is None else f", exit code {death.status}"
-    logs = [Path(name) for name in sorted(glob.glob(death.log))] if death.log else []
+    logs = _logs(death)
     # What goes to the screen, a traceback say, is in roslaunch's own output; the rest in the node's file.
     ends = ((path, last_lines(path)) for path in [*logs, launch_log])
     text = "\n".join(f"  the last lines of {path}:\n{lines}" for path, lines in ends if lines)

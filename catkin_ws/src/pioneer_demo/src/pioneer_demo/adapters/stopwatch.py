@@ -19,5 +19,5 @@ class Stopwatch:
         return (time.monotonic() if moment is None else moment) - self._zero
 
     def note(self, name: str, moment: float | None = None) -> None:
-        """Keeps the time of a milestone; of one that is there already, the first."""
+        """Keeps the time of a milestone: the first one wins."""
         self.milestones.setdefault(name, round(self.seconds(moment), 3))

@@ -14,9 +14,9 @@ from PIL import Image, ImageColor, ImageDraw, ImageFont
 from pioneer_demo.adapters import colour
 from pioneer_demo.core.error import VideoError
 from pioneer_demo.core.floor import Floor
-from pioneer_demo.core.geometry import Points, Pose
 from pioneer_demo.core.recording import Recording
 from pioneer_demo.core.track import RobotTrack, Visit
+from pioneer_fleet.core.geometry import Points, Pose
 
 RATE = 10
 """Frames a simulated second, and a second of film."""

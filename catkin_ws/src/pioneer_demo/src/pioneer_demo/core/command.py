@@ -1,29 +1,36 @@
 """The tutorial's commands, as one machine runs them side by side."""
 
 import dataclasses
+import shlex
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from pioneer_demo.core.option import FleetConfig
+from pioneer_node.core.fleet_file import RobotEntry
 
 HUB_MASTER, HUB_GATEWAY_MASTER, FIRST_ROBOT_MASTER, HUB = 11311, 11312, 11313, 6380
+HUB_COMMAND, HUB_GATEWAY_COMMAND = "hub", "Hub_Gateway"
+PAGE = 8090
 _LOOPBACK = "127.0.0.1"
+FLEET, ROBOT_PARAMETERS, SIMULATOR_PARAMETERS = "fleet.yaml", "robot_parameters.yaml", "simulator_parameters.yaml"
 
 
 @dataclasses.dataclass(frozen=True)
 class Ports:
-    """Where everything listens: the hub's redis and master, the hub gateway's master, one master a robot."""
+    """Where everything listens: the hub's redis and master, the hub gateway's master, one master a robot, the page."""
 
     hub: int
     hub_master: int
     hub_gateway_master: int
     robot_masters: Sequence[int]
+    page: int = PAGE
 
     @property
     def are_the_tutorials(self) -> bool:
         """Whether all are those of the tutorial."""
         robots = range(FIRST_ROBOT_MASTER, FIRST_ROBOT_MASTER + len(self.robot_masters))
         wanted = Ports(HUB, HUB_MASTER, HUB_GATEWAY_MASTER, tuple(robots))
-        return dataclasses.replace(self, robot_masters=tuple(self.robot_masters)) == wanted
+        return dataclasses.replace(self, robot_masters=tuple(self.robot_masters), page=PAGE) == wanted
 
     def __str__(self) -> str:
         robots = ", ".join(map(str, self.robot_masters))
@@ -49,9 +56,9 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
         "GATEWAY_HUB_URI": f"http://{_LOOPBACK}:{ports.hub}",
     }
     found = [
-        _launch("hub", ports.hub_master, ("pioneer_hub.launch", f"hub_port:={ports.hub}"), shared),
+        _launch(HUB_COMMAND, ports.hub_master, ("pioneer_hub.launch", f"hub_port:={ports.hub}"), shared),
         _launch(
-            "Hub_Gateway",
+            HUB_GATEWAY_COMMAND,
             ports.hub_gateway_master,
             ("pioneer_gateway.launch", "gateway_name:=Hub_Gateway", "gateway_disable_zeroconf:=true"),
             shared,
@@ -63,23 +70,68 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
                 "run-multi-pioneer-gazebo-master",
                 f"world_name:={config.world}",
                 f"robots:={config.robots}",
-                f"real_time_factor:={config.real_time_factor:g}",
+                f"real_time_factor:={'lockstep' if config.lockstep else f'{config.real_time_factor:g}'}",
+                *((f"lockstep_rings:={' '.join(config.rings)}",) if config.rings else ()),
                 f"seed:={config.seed}",
                 "skip:=false",
+                *_parameters(config, SIMULATOR_PARAMETERS),
             ),
             shared,
         ),
     ]
+    if config.web:
+        page = ("rosrun", "pioneer_web", "fleet_page", f"_port:={ports.page}")
+        own = {**shared, "ROS_MASTER_URI": master_uri(ports.hub_gateway_master), "PIONEER_WEB_TOKEN": config.token}
+        found.append(Command("fleet page", page, own))
     for number, (name, port) in enumerate(zip(config.names, ports.robot_masters, strict=True), 1):
-        own = {**shared, "HOSTNAME": f"aadi{number}", "ROBOT_NAME": name}
+        # amcl finds itself again by this file after its computer was killed.
+        correction = str(config.log.absolute() / "ros" / f"{name}-correction.json")
+        own = {**shared, "HOSTNAME": f"aadi{number}", "ROBOT_NAME": name, "AMCL_CORRECTION_FILE": correction}
         gateway = ("pioneer_gateway.launch", "gateway_disable_zeroconf:=true")
+        navigation = ["run-pioneer-nav-local", f"traffic:={str(config.traffic).lower()}"]
+        if config.lockstep:
+            navigation.append("real_time_factor:=lockstep")
+        navigation += _parameters(config, ROBOT_PARAMETERS)
         found += [
             _launch(gateway_name(number), port, gateway, own),
-            _run(
-                f"navigation of {name}", port, ("run-pioneer-nav-local", f"traffic:={str(config.traffic).lower()}"), own
-            ),
+            _run(f"navigation of {name}", port, tuple(navigation), own),
         ]
-    return found
+        for index, line in enumerate(config.programs, 1):
+            argv = tuple(word.replace("{robot}", name) for word in shlex.split(line))
+            found.append(Command(f"program {index} of {name}", argv, {**own, "ROS_MASTER_URI": master_uri(port)}))
+    return [*found, *_recorder(config, ports)]
+
+
+def _recorder(config: FleetConfig, ports: Ports) -> list[Command]:
+    if config.record is None:
+        return []
+    named = [("hub", ports.hub_master), ("base", ports.hub_gateway_master)]
+    named += [(f"aadi{number}", port) for number, port in enumerate(ports.robot_masters, 1)]
+    words = [f"{name}={master_uri(port)}" for name, port in named]
+    module = ("python3", "-m", "pioneer_fleet.adapters.recorder", str(config.record.absolute()))
+    return [Command("recorder", (*module, *words), {})]
+
+
+def written_files(config: FleetConfig) -> dict[str, Any]:
+    """Returns the content of the files in the log folder that the commands read, by name."""
+    files = dict[str, Any]()
+    if config.entries:
+        fields = [field.name for field in dataclasses.fields(RobotEntry)]
+        files[FLEET] = {"robots": [{name: getattr(one, name) for name in fields} for one in config.entries]}
+    own = {name: value for name, value in config.parameters.items() if not name.startswith("/")}
+    rest = {name: value for name, value in config.parameters.items() if name.startswith("/")}
+    return {**files, **{name: said for name, said in ((ROBOT_PARAMETERS, own), (SIMULATOR_PARAMETERS, rest)) if said}}
+
+
+def on_computer(config: FleetConfig, robot: str) -> list[str]:
+    """Returns the names of the commands of a robot's computer."""
+    number = config.names.index(robot) + 1
+    programs = [f"program {index} of {robot}" for index in range(1, len(config.programs) + 1)]
+    return [gateway_name(number), f"navigation of {robot}", *programs]
+
+
+def _parameters(config: FleetConfig, name: str) -> tuple[str, ...]:
+    return (f"parameters:={config.log.absolute() / name}",) if name in written_files(config) else ()
 
 
 def gateway_name(number: int) -> str:
@@ -93,7 +145,7 @@ def master_uri(port: int) -> str:
 
 
 def _launch(name: str, port: int, words: tuple[str, ...], environment: Mapping[str, str]) -> Command:
-    argv = ("roslaunch", "--no-summary", "-p", str(port), "pioneer_networking", *words)
+    argv = ("rosrun", "rocon_launch", "roslaunch", "--no-summary", "-p", str(port), "pioneer_networking", *words)
     return Command(name, argv, {**environment, "ROS_MASTER_URI": master_uri(port)})
 
 

@@ -27,3 +27,7 @@ class FlipError(DemoError):
 
 class StuckError(DemoError):
     """The fleet did not finish in time; the message says which robots, and what is known of the reason."""
+
+
+class FaultError(DemoError):
+    """A fault of a scenario that could not be brought about."""

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 
+from pioneer_demo.core.scenario import Success
 from pioneer_demo.core.track import RobotTrack
 
 
@@ -24,12 +25,20 @@ class Fleet:
         simulator: its newest figures.
         began: simulated time when the waypoints were sent [s]; nan before.
         ended: simulated time when the last of them was dealt with, or the demo ended otherwise [s]; nan before.
+        closest: smallest distance between the middles of two robots so far [m]; infinite with one.
     """
 
     robots: list[RobotTrack]
     simulator: Simulator = dataclasses.field(default_factory=Simulator)
     began: float = math.nan
     ended: float = math.nan
+    closest: float = math.inf
+
+    def note_distance(self, robot: RobotTrack) -> None:
+        """Takes in how far a robot, which has just moved, is from the others."""
+        others = [other.pose for other in self.robots if other is not robot and other.pose]
+        if robot.pose and others:
+            self.closest = min(self.closest, *(robot.pose.distance(other) for other in others))
 
     @property
     def finished(self) -> bool:
@@ -37,14 +46,21 @@ class Fleet:
         return all(robot.finished for robot in self.robots)
 
 
-def faults(fleet: Fleet) -> list[str]:
+def faults(fleet: Fleet, success: Success) -> list[str]:
     """Returns what keeps a demo from being a success, a line each; none when it is one."""
     lines = []
     for robot in fleet.robots:
-        if robot.reached < len(robot.visits):
+        if robot.reached < success.reached * len(robot.visits):
             lines.append(f"{robot.name} reached {robot.reached} of {len(robot.visits)} waypoints")
-        if robot.collisions:
+        if robot.collisions > success.collisions:
             lines.append(f"{robot.name} collided {times(robot.collisions)}")
+        most, (_, error, _) = success.localisation_error, robot.error_statistics()
+        if most is not None and not error <= most:
+            lines.append(f"{robot.name}: localisation error of {error:.3f} m (95th percentile), above {most:g} m")
+    if success.seconds is not None and not fleet.ended - fleet.began <= success.seconds:
+        lines.append(f"it took {fleet.ended - fleet.began:.1f} s, above {success.seconds:g} s")
+    if fleet.closest < success.closest_approach:
+        lines.append(f"two robots came within {fleet.closest:.2f} m, below {success.closest_approach:g} m")
     return lines
 
 

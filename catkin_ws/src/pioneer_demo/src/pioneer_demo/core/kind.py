@@ -21,7 +21,10 @@ _BY_NAME = {
     "run-multi-pioneer-gazebo-master": "roslaunch",
     "run-pioneer-nav-local": "roslaunch",
     "run-pioneer-hub": "roslaunch",
+    "fork_server": "roslaunch",
     "map_server": "map server",
+    "pioneer_fleet.adapters.recorder": "recorder",
+    "fleet_page": "fleet page",
     "robot_state_publisher": "robot state publishers",
     "map_goal_client": "waypoint clients, control",
     "pioneer_ros": "waypoint clients, control",
@@ -43,5 +46,6 @@ def _names(argv: Sequence[str]) -> list[str]:
     """Returns the names a process goes by: as a ROS node, as a script, as a program (redis rewrites its first word)."""
     node = [word.removeprefix("__name:=") for word in argv if word.startswith("__name:=")]
     scripts = [os.path.basename(word) for word in argv[1:2] if not word.startswith("-")]
+    scripts += argv[2:3] if list(argv[1:2]) == ["-m"] else []
     program = [os.path.basename(word.split(" ")[0]) for word in argv[:1]]
     return node + scripts + program

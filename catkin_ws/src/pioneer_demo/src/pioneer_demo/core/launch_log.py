@@ -30,9 +30,14 @@ class NodeDeath:
     log: str
 
 
+def plain(text: str) -> str:
+    """Returns roslaunch's output without colours and window titles."""
+    return _COLOUR.sub("", text)
+
+
 def node_deaths(text: str) -> list[NodeDeath]:
     """Returns the deaths that a piece of roslaunch's output reports, in order."""
-    text = _COLOUR.sub("", text)
+    text = plain(text)
     deaths = []
     for match in _DIED.finditer(text):
         log = _LOG.match(text[match.end() :])
@@ -43,4 +48,4 @@ def node_deaths(text: str) -> list[NodeDeath]:
 
 def restarted_nodes(text: str) -> list[str]:
     """Returns the names of the nodes that a piece of roslaunch's output reports as being started again."""
-    return [match["name"] for match in _RESTART.finditer(_COLOUR.sub("", text))]
+    return [match["name"] for match in _RESTART.finditer(plain(text))]

@@ -8,6 +8,11 @@ from typing import Any, NoReturn
 
 from pioneer_demo.core.capacity import factor_held
 from pioneer_demo.core.error import OptionError
+from pioneer_demo.core.scenario import Fault, Goal, Scenario, Success
+from pioneer_node.core.fleet_file import RobotEntry
+
+OBSERVER = "fleet_observer"
+"""The node that watches the fleet, and its ring in lockstep."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -24,6 +29,13 @@ class FleetConfig:
         fleet: file that describes the robots; None for Pioneers.
         names: the robots' names, in order.
         traffic: whether the robots keep the right of way with one another.
+        record: file that the topics of all masters are recorded in; None for none.
+        web: whether the fleet page is served.
+        token: the secret by which a browser gets in there.
+        entries: the robots of a scenario; written as the fleet file.
+        parameters: of nodes, by names in a robot's namespace, or ``/gazebo/NAME``.
+        programs: command lines that also run on each robot's computer; ``{robot}`` is its name.
+        lockstep: whether simulated time waits for the robots' nodes in each period; the factor is 0 then.
     """
 
     robots: int = 2
@@ -35,6 +47,13 @@ class FleetConfig:
     fleet: Path | None = None
     names: tuple[str, ...] = ("pioneer1", "pioneer2")
     traffic: bool = False
+    record: Path | None = None
+    web: bool = False
+    token: str = ""
+    entries: tuple[RobotEntry, ...] = ()
+    parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    programs: tuple[str, ...] = ()
+    lockstep: bool = False
 
     @property
     def choice(self) -> str:
@@ -50,6 +69,11 @@ class FleetConfig:
     def restarts_nodes(self) -> bool:
         """Whether a node may die that its launch file starts again; a demo reports that as a fault."""
         return True
+
+    @property
+    def rings(self) -> tuple[str, ...]:
+        """The rings that lockstep waits for, where they are not the robots' alone."""
+        return ()
 
     @property
     def is_own_world(self) -> bool:
@@ -76,6 +100,10 @@ class DemoConfig(FleetConfig):
         report: directory for report.json and fleet.png; the logs are in it.
         limit: simulated time after which the fleet counts as stuck [s]; 0 is in proportion to the way.
         video: where a film of the run goes; None for none.
+        goals: of each robot; empty for random waypoints.
+        faults: what goes wrong on purpose.
+        success: what the run must reach.
+        scenario: file that all this is from; None for the command line.
     """
 
     waypoints: int = 3
@@ -83,6 +111,15 @@ class DemoConfig(FleetConfig):
     log: Path = Path("demo-report/log")
     limit: float = 0.0
     video: Path | None = None
+    goals: tuple[tuple[Goal, ...], ...] = ()
+    faults: tuple[Fault, ...] = ()
+    success: Success = dataclasses.field(default_factory=Success)
+    scenario: Path | None = None
+
+    @property
+    def rings(self) -> tuple[str, ...]:
+        """The rings that lockstep waits for, where they are not the robots' alone."""
+        return (OBSERVER, *self.names) if self.lockstep else ()
 
     @property
     def restarts_nodes(self) -> bool:
@@ -103,8 +140,11 @@ def _map_name(world: str) -> str:
     return world.rpartition("/")[2].removesuffix(".world")
 
 
-class _Parser(argparse.ArgumentParser):
+class Parser(argparse.ArgumentParser):
+    """Raises what is wrong as `OptionError`."""
+
     def error(self, message: str) -> NoReturn:
+        """Raises `OptionError`."""
         raise OptionError(f"{message} (see {self.prog} --help)")
 
 
@@ -117,12 +157,14 @@ class Machine:
         places_elsewhere: how many have one in any other world.
         processors: how many there are, by which the real-time factor is chosen unless the options do.
         names_of: returns the names of the robots in a fleet file.
+        scenario_of: returns what a scenario's file says; raises OptionError where it is wrong.
     """
 
     places: Mapping[str, int]
     places_elsewhere: int
     processors: float
     names_of: Callable[[Path], Sequence[str]] = lambda _: ()
+    scenario_of: Callable[[Path], Scenario] = lambda _: Scenario()
 
 
 def demo_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
@@ -142,6 +184,36 @@ def fleet_config(arguments: Sequence[str], machine: Machine) -> FleetConfig:
     return FleetConfig(**_chosen(vars(_fleet_parser(list(machine.places)).parse_args(arguments)), machine))
 
 
+def scenario_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
+    """The same for ``./pioneer run-scenario``: what its file says, but for what the options say otherwise."""
+    given = vars(_scenario_parser().parse_args(arguments))
+    file, log = given.pop("scenario"), given["report"] / "log"
+    said = machine.scenario_of(file)
+    count = said.robots if isinstance(said.robots, int) else len(said.robots)
+    options = {name: given.pop(name) if given[name] is not None else getattr(said, name) for name in _OVERRIDDEN}
+    given["lockstep"] = given["lockstep"] or said.lockstep
+    if given["lockstep"]:
+        options["real_time_factor"] = None
+        if said.faults:
+            raise OptionError(f"--lockstep: {file} has disturbances, which come at moments of wall time")
+    fields = ("world", "waypoints", "traffic", "limit")
+    values = {**given, **options, **{name: getattr(said, name) for name in fields}, "robots": count, "fleet": None}
+    chosen: dict[str, Any] = {**_chosen(values, machine), "names": said.names}
+    if said.entries:
+        chosen |= {"entries": said.entries, "fleet": (log / "fleet.yaml").absolute()}
+    extras = {name: getattr(said, name) for name in ("parameters", "programs", "goals", "faults", "success")}
+    config = DemoConfig(**chosen, **extras, log=log, scenario=file)
+    _check_demo(config)
+    return config
+
+
+_OVERRIDDEN = ("seed", "real_time_factor")
+
+
+CONFIGS = {"demo": demo_config, "fleet": fleet_config, "run-scenario": scenario_config}
+"""Each command's configuration, from its arguments."""
+
+
 def _chosen(values: dict[str, Any], machine: Machine) -> dict[str, Any]:
     """Returns checked values with a real-time factor: the one given, else what the processors carry."""
     _check(values)
@@ -156,6 +228,8 @@ def _chosen(values: dict[str, Any], machine: Machine) -> dict[str, Any]:
         count = len(values["names"])
     values["robots"] = count
     check_fleet(count, values["world"], machine.places, machine.places_elsewhere)
+    if values["lockstep"]:
+        return {**values, "real_time_factor": 0.0}
     if values["real_time_factor"] is None:
         factor = factor_held(values["robots"], machine.processors)
         return {**values, "real_time_factor": factor, "processors": machine.processors}
@@ -184,15 +258,22 @@ def check_fleet(robots: int, world: str, places: Mapping[str, int], places_elsew
 
 
 def _check(values: Mapping[str, Any]) -> None:
-    for name in ("world", "log", "report", "video", "fleet"):
+    for name in ("world", "log", "report", "video", "fleet", "record"):
         try:
             str(values.get(name, "")).encode()
         except UnicodeEncodeError:
             shown = str(values[name]).encode(errors="surrogateescape")
             raise OptionError(f"--{name} must be UTF-8, not {shown!r}: ROS cannot handle other names") from None
+    record = values["record"]
+    if record is not None and record.suffix not in (".mcap", ".bag"):
+        raise OptionError(f"--record must name a file such as run.mcap or run.bag, not '{record}'")
     factor = values["real_time_factor"]
     if factor is not None and not 0.0 <= factor < float("inf"):
         raise OptionError(f"--rtf must be 0 (as fast as possible) or more, not {factor:g}")
+    if values["lockstep"] and factor is not None:
+        raise OptionError("--rtf and --lockstep both say how fast time passes: give one of them")
+    if values["lockstep"] and values["traffic"]:
+        raise OptionError("--traffic does not take part in --lockstep: give one of them")
     if not 0 <= values["seed"] < 2**31:
         raise OptionError(f"--seed must be 0 to {2**31 - 1}, not {values['seed']}")
 
@@ -206,10 +287,10 @@ def _check_demo(config: DemoConfig) -> None:
         raise OptionError(f"--limit must be 0 (in proportion to the way) or more seconds, not {config.limit:g}")
 
 
-def _parser(prog: str, description: str, epilog: str, worlds: Sequence[str]) -> _Parser:
+def _parser(prog: str, description: str, epilog: str, worlds: Sequence[str]) -> Parser:
     """Returns a parser of the options that every fleet has."""
     default = FleetConfig()
-    parser = _Parser(
+    parser = Parser(
         prog=prog,
         description=description,
         epilog=epilog,
@@ -226,11 +307,21 @@ def _parser(prog: str, description: str, epilog: str, worlds: Sequence[str]) -> 
     add("--rtf", dest="real_time_factor", type=float, metavar="R",
         help="real-time factor to hold, 0 = as fast as possible (default: 1, or less where that is more than the "
         "processors carry)")  # fmt: skip
+    add("--lockstep", action="store_true",
+        help="time waits for every robot's nodes: as fast as the machine can, and the same run for the same seed "
+        "(docs/lockstep.md)")  # fmt: skip
     add("--traffic", action="store_true", help="the robots keep the right of way with one another (docs/traffic.md)")
+    _add_record(parser)
+    add("--web", action="store_true", help="serve the fleet in the browser, on this machine only (docs/web.md)")
     return parser
 
 
-def _fleet_parser(worlds: Sequence[str]) -> _Parser:
+def _add_record(parser: Parser) -> None:
+    parser.add_argument("--record", type=Path, metavar="FILE",
+        help="record the topics of all masters, .mcap or .bag (./pioneer replay FILE)")  # fmt: skip
+
+
+def _fleet_parser(worlds: Sequence[str]) -> Parser:
     parser = _parser(
         "./pioneer fleet",
         "Starts a fleet of simulated Pioneers on this machine and keeps it up: a hub, a hub gateway with\n"
@@ -247,7 +338,35 @@ def _fleet_parser(worlds: Sequence[str]) -> _Parser:
     return parser
 
 
-def _demo_parser(worlds: Sequence[str]) -> _Parser:
+def _scenario_parser() -> Parser:
+    parser = Parser(
+        prog="./pioneer run-scenario",
+        description="Runs what a scenario's file describes: world, robots, tasks, faults, and what counts as success.\n"
+        "FILE is a path, or the name of one that pioneer_demo ships in scenarios/.",
+        epilog="Exit status: 0 for a success, 1 for none, 2 for a wrong file or option, 130 after Ctrl-C.\n"
+        "Example: ./pioneer run-scenario doorway",
+        allow_abbrev=False,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("scenario", type=Path, metavar="FILE", help="the scenario (pioneer_demo's README has its fields)")
+    add("--seed", type=int, metavar="S", help="instead of the file's")
+    add("--rtf", dest="real_time_factor", type=float, metavar="R", help="instead of the file's")
+    _add_record(parser)
+    add("--lockstep", action="store_true", help="instead of the file's factor: time waits for every robot's nodes")
+    _add_outputs(parser)
+    return parser
+
+
+def _add_outputs(parser: Parser) -> None:
+    """Adds what a run leaves."""
+    add = parser.add_argument
+    add("--report", type=Path, default=DemoConfig().report, metavar="DIR",
+        help="numbers, picture, logs (default %(default)s)")  # fmt: skip
+    add("--video", type=Path, metavar="FILE", help="a film of the run from above, mp4 (needs ffmpeg)")
+
+
+def _demo_parser(worlds: Sequence[str]) -> Parser:
     default = DemoConfig()
     parser = _parser(
         "./pioneer demo",
@@ -260,9 +379,7 @@ def _demo_parser(worlds: Sequence[str]) -> _Parser:
     )
     add = parser.add_argument
     add("--waypoints", type=int, default=default.waypoints, metavar="K", help="a robot (default %(default)s)")
-    add("--report", type=Path, default=default.report, metavar="DIR",
-        help="numbers, picture, logs (default %(default)s)")  # fmt: skip
     add("--limit", type=float, default=default.limit, metavar="T",
         help="simulated seconds until a fleet counts as stuck (default: in proportion to the way)")  # fmt: skip
-    add("--video", type=Path, metavar="FILE", help="a film of the run from above, mp4 (needs ffmpeg)")
+    _add_outputs(parser)
     return parser

@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pioneer_demo.core.geometry import Points, Pose
+from pioneer_fleet.core.geometry import Points, Pose
 
 INTERVAL = 0.1
 """Simulated seconds between two poses, and two scans, that are kept of a robot."""

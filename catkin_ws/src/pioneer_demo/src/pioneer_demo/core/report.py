@@ -50,6 +50,7 @@ def report(fleet: Fleet, outcome: Outcome, settings: Mapping[str, Any]) -> dict[
             "start_up": dict(outcome.milestones),
             "drive": {
                 "simulated_seconds": drive,
+                "closest_approach": fleet.closest if math.isfinite(fleet.closest) else math.nan,
                 "wall_seconds": outcome.drive_wall,
                 "real_time_factor": drive / outcome.drive_wall if outcome.drive_wall else math.nan,
                 "cpu_seconds_per_simulated_second": outcome.drive_cpu / drive if drive else math.nan,
@@ -61,6 +62,15 @@ def report(fleet: Fleet, outcome: Outcome, settings: Mapping[str, Any]) -> dict[
             },
         }
     )
+
+
+def reproducible(numbers: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Returns what of a ``report`` a run in lockstep decides, and what the machine does: time, processes, ports."""
+    machine: dict[str, Any] = {name: numbers[name] for name in ("seconds_to_moving", "start_up", "processes")}
+    rest = {name: value for name, value in numbers.items() if name not in machine}
+    rest["settings"] = {name: value for name, value in numbers["settings"].items() if name != "ports"}
+    rest["drive"] = {"simulated_seconds": numbers["drive"]["simulated_seconds"]}
+    return rest, {"ports": numbers["settings"]["ports"], "drive": numbers["drive"], **machine}
 
 
 def table(numbers: Mapping[str, Any]) -> str:

@@ -11,11 +11,23 @@ from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.view import state_word
 
 
-def fleet_status(fleet: Fleet, config: FleetConfig, ports: Ports, phase: str, now: float) -> dict[str, Any]:
-    """Returns the state of a fleet for ``json.dumps``; ``now`` is monotonic [s]. SI units; null for unknown."""
+def fleet_status(
+    fleet: Fleet, config: FleetConfig, ports: Ports, phase: str, faults: list[str], now: float
+) -> dict[str, Any]:
+    """Returns the state of a fleet for ``json.dumps``. SI units; null for unknown.
+
+    Args:
+        fleet: what is known of it.
+        config: what it was asked to be.
+        ports: where it listens.
+        phase: what it does, in words.
+        faults: what is wrong with it, a line each.
+        now: monotonic time [s].
+    """
     masters = zip((robot.name for robot in fleet.robots), ports.robot_masters, strict=True)
     return {
         "phase": phase,
+        "faults": faults,
         "world": config.world,
         "log": str(Path.cwd() / config.log),
         "hub": f"http://127.0.0.1:{ports.hub}",

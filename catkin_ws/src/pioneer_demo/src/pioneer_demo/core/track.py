@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from pioneer_demo.core.geometry import Points, Pose, remaining_length
 from pioneer_demo.core.waypoint import Leg
+from pioneer_fleet.core.geometry import Points, Pose, remaining_length
 from pioneer_fleet.core.monitor import ClientState, Queue, RobotMonitor
 
 _MOVED = 0.05

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pioneer_demo.core.error import NoWaypointError
 from pioneer_demo.core.floor import Floor, distances, drivable, route
-from pioneer_demo.core.geometry import Pose
+from pioneer_fleet.core.geometry import Pose
 
 # A Pioneer turns in a circle of 0.36 m radius.
 _PASSABLE = 0.42
@@ -51,9 +51,10 @@ class Leg:
 
 
 def fleet_waypoints(
-    floor: Floor, starts: Sequence[Pose], config: WaypointConfig, rng: np.random.Generator
-) -> list[list[Leg]]:
-    """Returns ``config.count`` legs for each robot.
+    floor: Floor, starts: Sequence[Pose], config: WaypointConfig, rng: np.random.Generator,
+    goals: Sequence[Sequence[Sequence[float]]] = (),
+) -> list[list[Leg]]:  # fmt: skip
+    """Returns ``config.count`` legs for each robot, or those to its ``goals``: x, y [m], and maybe a heading [degrees].
 
     Of several random candidates the one is taken whose way comes least near to other robots' ways and parking places,
     so that robots meet seldom; where they do, they have to manage.
@@ -62,10 +63,14 @@ def fleet_waypoints(
         NoWaypointError: a robot starts where it cannot move, or there is no room left.
     """
     chooser = _Chooser(floor.cropped(), starts, config, rng)
+    for robot, own in enumerate(goals):
+        for goal in own:
+            chooser.append(robot, goal)
     # Round by round, so that the first robot does not take all the room.
     for _ in range(config.count):
         for robot in range(len(starts)):
-            chooser.extend(robot)
+            if not (goals and goals[robot]):
+                chooser.extend(robot)
     return chooser.legs
 
 
@@ -76,10 +81,24 @@ class _Chooser:
         self._roomy = drivable(floor, config.clearance, _CELL).free
         self.legs: list[list[Leg]] = [[] for _ in starts]
 
+    def append(self, robot: int, goal: Sequence[float]) -> None:
+        """Adds the leg to a given place to a robot's list."""
+        steps = self._steps(robot)
+        x, y = float(goal[0]), float(goal[1])
+        row, col = self._cell_near(Pose(x, y), f"a goal of robot {robot + 1} is")
+        if not np.isfinite(steps[row, col]):
+            raise NoWaypointError(f"robot {robot + 1} cannot reach its goal ({x:g}, {y:g})")
+        leg = self._leg(steps, row, col)
+        yaw = math.radians(goal[2]) if len(goal) > 2 else leg.goal.yaw
+        self.legs[robot].append(dataclasses.replace(leg, goal=Pose(x, y, yaw)))
+
+    def _steps(self, robot: int) -> NDArray[np.float64]:
+        last = self.legs[robot][-1].goal if self.legs[robot] else self._starts[robot]
+        return distances(self._passable, *self._cell_near(last, f"robot {robot + 1} stands"))
+
     def extend(self, robot: int) -> None:
         """Adds one leg to a robot's list."""
-        last = self.legs[robot][-1].goal if self.legs[robot] else self._starts[robot]
-        steps = distances(self._passable, *self._cell_near(robot, last))
+        steps = self._steps(robot)
         candidates = self._candidates(robot, steps)
         if not len(candidates):
             raise NoWaypointError(
@@ -130,12 +149,12 @@ class _Chooser:
         corner = np.array([self._passable.x, self._passable.y])
         return corner + (cells[:, ::-1] + 0.5) * self._passable.resolution
 
-    def _cell_near(self, robot: int, pose: Pose) -> tuple[int, int]:
+    def _cell_near(self, pose: Pose, what: str) -> tuple[int, int]:
         """Returns the free cell nearest to ``pose``, at most half a metre away."""
         row, col = self._passable.cell(pose.x, pose.y)
         reach = math.ceil(0.5 / self._passable.resolution)
         cells = [(r, c) for r in range(row - reach, row + reach + 1) for c in range(col - reach, col + reach + 1)]
         free = [cell for cell in cells if self._passable.contains(*cell) and self._passable.free[cell]]
         if not free:
-            raise NoWaypointError(f"robot {robot + 1} stands at ({pose.x:.2f}, {pose.y:.2f}), where it cannot move")
+            raise NoWaypointError(f"{what} at ({pose.x:.2f}, {pose.y:.2f}), where it cannot move")
         return min(free, key=lambda cell: math.dist(cell, (row, col)))

@@ -15,9 +15,10 @@ from pioneer_demo.core.error import DemoError, StuckError, VideoError
 from pioneer_demo.core.fleet import faults, stuck_report, time_limit
 from pioneer_demo.core.option import DemoConfig
 from pioneer_demo.core.recording import Recording
-from pioneer_demo.core.report import Outcome, report, table, verdict_line
+from pioneer_demo.core.report import Outcome, report, reproducible, table, verdict_line
 from pioneer_demo.core.view import live_lines
 from pioneer_demo.core.waypoint import WaypointConfig, fleet_waypoints
+from pioneer_demo.nodes.fault import FaultRunner
 from pioneer_demo.nodes.fleet import FleetRun
 from pioneer_demo.nodes.flip import COURSE
 from pioneer_harness.error import HarnessError
@@ -35,6 +36,7 @@ class Demo:
         self._run = FleetRun(config, watch, interrupt, processes)
         self._fleet = self._run.fleet
         self._recording = Recording() if config.video else None
+        self._disturbances: FaultRunner | None = None
         self._sent_at = self._ended_at = math.nan
         self._cpu_at_start = self._cpu_at_end = math.nan
 
@@ -60,6 +62,8 @@ class Demo:
         """Takes the last figures and ends everything; returns the command lines of what had to be killed."""
         self._fleet.ended, self._ended_at = self._fleet.simulator.time, time.monotonic()
         self._cpu_at_end = self._run.processes.cpu()
+        if self._disturbances is not None:
+            self._disturbances.close()
         return self._run.stop(in_order)
 
     def _drive(self) -> None:
@@ -67,18 +71,27 @@ class Demo:
 
         Raises:
             StuckError: the fleet is too slow, or simulated time stands still.
+            FaultError: the simulator refuses a fault of the scenario.
         """
         self._send()
-        limit = self._config.limit or time_limit(self._fleet)
+        disturbances = self._disturbances = FaultRunner(self._config, self._run)
+        limit = self._limit
         simulator, last, since = self._fleet.simulator, -1.0, time.monotonic()
-        while not self._fleet.finished:
+        course = self._run.course
+        while not (self._fleet.finished if course is None else course.ended.is_set() and self._fleet.finished):
             self._run.look(live_lines, "driving")
+            disturbances.advance(simulator.time - self._fleet.began)
             if simulator.time > last:
                 last, since = simulator.time, time.monotonic()
-            if simulator.time - self._fleet.began > limit:
+            if simulator.time - self._fleet.began > limit and (course is None or course.ended.is_set()):
                 raise StuckError("\n".join([stuck_report(self._fleet, limit), *self._run.seen.waiting_flips()]))
-            if time.monotonic() - since > _CLOCK_STANDS_STILL:
+            if course is None and time.monotonic() - since > _CLOCK_STANDS_STILL:
                 raise StuckError(f"simulated time has stood still at {last:.1f} s for {_CLOCK_STANDS_STILL:.0f} s")
+
+    @property
+    def _limit(self) -> float:
+        """Simulated time after which the fleet counts as stuck [s]."""
+        return self._config.limit or time_limit(self._fleet)
 
     def _send(self) -> None:
         self._sent_at, self._cpu_at_start = time.monotonic(), self._run.processes.cpu()
@@ -88,6 +101,8 @@ class Demo:
             for visit in robot.visits:
                 self._run.seen.send(robot, visit.leg.goal)
         self._run.watch.note("waypoints sent")
+        if self._run.course is not None:
+            self._run.course.release(self._fleet.began + self._limit)
 
         def arrived() -> bool:
             return all(robot.queue and robot.queue.received >= len(robot.visits) for robot in self._fleet.robots)
@@ -101,7 +116,7 @@ class Demo:
         assert floor is not None, "just waited for"
         starts = [robot.pose for robot in self._fleet.robots if robot.pose]
         rng = np.random.default_rng(self._config.seed)
-        legs = fleet_waypoints(floor, starts, WaypointConfig(count=self._config.waypoints), rng)
+        legs = fleet_waypoints(floor, starts, WaypointConfig(count=self._config.waypoints), rng, self._config.goals)
         with self._run.lock:
             for robot, own in zip(self._fleet.robots, legs, strict=True):
                 robot.assign(own)
@@ -110,11 +125,17 @@ class Demo:
         """Prints table and verdict, writes the report, and returns the exit status."""
         numbers = report(self._fleet, self._outcome(failure, killed), self._settings())
         folder = self._config.report
-        (folder / "report.json").write_text(json.dumps(numbers, indent=2) + "\n")
+        written = [folder / "report.json"]
+        result = numbers
+        if self._run.course is not None:
+            result, machine = reproducible(numbers)
+            written += [*self._run.course.write(folder), folder / "machine.json"]
+            written[-1].write_text(json.dumps(machine, indent=2) + "\n")
+        written[0].write_text(json.dumps(result, indent=2) + "\n")
         print(self._run.display.painted(verdict_line(numbers), numbers["success"]))
         if self._fleet.robots[0].visits:
             print(table(numbers))
-        written = [folder / "report.json", *self._draw()]
+        written += self._draw()
         print(f"Written: {', '.join(map(str, written))}; logs in {self._config.log}")
         return 0 if numbers["success"] else 1
 
@@ -139,7 +160,7 @@ class Demo:
 
     def _outcome(self, failure: Exception | None, killed: tuple[str, ...]) -> Outcome:
         problems = [str(failure)] if failure else []
-        problems += faults(self._fleet)
+        problems += faults(self._fleet, self._config.success)
         if not failure:
             problems += [f"had to be killed at the end: {line}" for line in killed]
         moving = self._run.observer.moving_since if self._run.observer else {}
@@ -162,8 +183,10 @@ class Demo:
             "robots": config.robots,
             "world": config.world,
             "seed": config.seed,
-            "real_time_factor": config.real_time_factor,
+            "real_time_factor": "lockstep" if config.lockstep else config.real_time_factor,
             "waypoints": config.waypoints,
+            "scenario": str(config.scenario or ""),
+            "disturbances": [f"{fault.at:g} s: {fault}" for fault in config.faults],
             "ports": str(self._run.processes.ports),
         }
 

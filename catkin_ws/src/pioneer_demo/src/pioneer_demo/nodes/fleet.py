@@ -4,7 +4,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Sequence
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import rospy
 
@@ -15,15 +15,18 @@ from pioneer_demo.adapters.terminal import Display
 from pioneer_demo.core.command import master_uri
 from pioneer_demo.core.error import StartError
 from pioneer_demo.core.fleet import Fleet
-from pioneer_demo.core.option import FleetConfig
+from pioneer_demo.core.option import OBSERVER, FleetConfig
 from pioneer_demo.core.recording import Recording
 from pioneer_demo.core.status import fleet_status
 from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.view import fleet_lines, guide
 from pioneer_demo.nodes.flip import STATE, FlipRequest
-from pioneer_demo.nodes.observer import NAME, ObserverNode
+from pioneer_demo.nodes.observer import ObserverNode
 from pioneer_fleet.adapters.registry import Entry
 from pioneer_harness.masters import is_running
+
+if TYPE_CHECKING:  # only a demo in lockstep loads it
+    from pioneer_demo.nodes.course import Course
 
 _LOOK = 0.05
 _SAMPLE = 1.0
@@ -40,6 +43,7 @@ class FleetRun:
         fleet: what is known of it; guarded by ``lock``.
         processes: its processes.
         observer: its node on the hub gateway's master; None until that master runs.
+        course: what holds simulated time, for a demo in lockstep; None until the observer runs.
     """
 
     def __init__(self, config: FleetConfig, watch: Stopwatch, interrupt: Interrupt, processes: FleetProcesses) -> None:
@@ -49,6 +53,7 @@ class FleetRun:
         self.lock = threading.Lock()
         self.display = Display()
         self.observer: ObserverNode | None = None
+        self.course: Course | None = None
         self._flips: FlipRequest | None = None
         self._config, self._interrupt = config, interrupt
         self._entry, self._started = Entry(), time.time()
@@ -73,12 +78,14 @@ class FleetRun:
         """
         uri = master_uri(self.processes.ports.hub_gateway_master)
         self._starting(lambda: is_running(uri, _LOOK), "Hub_Gateway's ROS master", "hub gateway's master up")
-        flips = self._join_ros(uri, topics, recording)
+        flipped = self._join_ros(uri, topics, recording)
         simulator, robots = self.fleet.simulator, self.fleet.robots
         self._starting(lambda: simulator.ready, "the simulator", "simulator ready")
+        if self.course is not None:
+            self.wait_for(self.course.arrived.is_set, "all nodes in lockstep", "nodes in lockstep", self._patience)
         self._starting(lambda: all(robot.pose for robot in robots), "the robots' spawning", "robots spawned")
         meanwhile()
-        self._starting(flips.accepted, "the hub gateway's flips", "flips accepted")
+        self._starting(flipped, "the hub gateway's flips", "flips accepted")
         self._starting(lambda: all(robot.localised for robot in robots), "amcl on each robot", "robots localised")
         self._starting(lambda: all(robot.queue for robot in robots), "each robot's waypoint client", "clients up")
         self._starting(
@@ -116,10 +123,10 @@ class FleetRun:
     def look(self, lines: Callable[[Fleet], list[str]] | None, phase: str) -> None:
         """One turn of every loop: check whether to end, show and publish the state, account, then rest a moment."""
         self._interrupt.check()
-        for line in self.processes.check():
+        for line in self.processes.check(starting=bool(self._step)):
             self.display.say(line)
         with self.lock:
-            text = lines(self.fleet) if lines else []
+            text = [*lines(self.fleet), *self.processes.faults()] if lines else []
         if lines:
             self.display.show(text, phase)
         if time.monotonic() - self._sampled > _SAMPLE or phase != self._phase:
@@ -149,21 +156,34 @@ class FleetRun:
 
     def _starting(self, condition: Callable[[], object], what: str, milestone: str) -> None:
         self._step += 1
-        self.wait_for(condition, what, milestone, _START_UP + _START_UP_PER_ROBOT * self._config.robots)
+        self.wait_for(condition, what, milestone, self._patience)
         if self._step == _STEPS:
             self._step = 0
 
-    def _join_ros(self, uri: str, topics: Sequence[str], recording: Recording | None) -> FlipRequest:
+    @property
+    def _patience(self) -> float:
+        return _START_UP + _START_UP_PER_ROBOT * self._config.robots
+
+    def _join_ros(self, uri: str, topics: Sequence[str], recording: Recording | None) -> Callable[[], bool]:
+        """Starts the observer; returns whether what it sees of the robots' masters can reach it."""
         os.environ.update(ROS_MASTER_URI=uri, ROS_IP="127.0.0.1", ROS_LOG_DIR=str(self._config.log.resolve() / "ros"))
-        rospy.init_node(NAME, disable_signals=True)
+        rospy.init_node(OBSERVER, disable_signals=True)
+        if self._config.rings:
+            from pioneer_demo.nodes.course import Course
+
+            self.course = Course(OBSERVER, self.fleet, self.lock)
         self.observer = ObserverNode(self.fleet, self.lock, recording)
-        self._flips = FlipRequest(NAME, self._config.names, topics)
+        if self.course is not None:
+            self.course.start()  # tokens carry what flips would
+            return lambda: True
+        self._flips = FlipRequest(OBSERVER, self._config.names, topics)
         self._flips.start()
-        return self._flips
+        return self._flips.accepted
 
     def _publish(self) -> None:
         self.processes.sample()
         with self.lock:
-            status = fleet_status(self.fleet, self._config, self.processes.ports, self._phase, time.monotonic())
+            faults, ports = self.processes.faults(), self.processes.ports
+            status = fleet_status(self.fleet, self._config, ports, self._phase, faults, time.monotonic())
         self._entry.write({**status, "started": self._started})
         self._sampled = time.monotonic()

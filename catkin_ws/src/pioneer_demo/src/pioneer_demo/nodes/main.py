@@ -1,7 +1,8 @@
-"""The commands ``fleet`` and ``demo``: arguments in, exit status out."""
+"""The commands ``fleet``, ``demo`` and ``run-scenario``: arguments in, exit status out."""
 
 import dataclasses
 import os
+import secrets
 import shlex
 import sys
 from collections.abc import Sequence
@@ -12,10 +13,11 @@ import rospkg
 from pioneer_demo.adapters.interrupt import Interrupt, Interrupted, mute
 from pioneer_demo.adapters.output import make_outputs
 from pioneer_demo.adapters.processes import FleetProcesses
+from pioneer_demo.adapters.scenario_file import read_scenario
 from pioneer_demo.adapters.stopwatch import Stopwatch
 from pioneer_demo.adapters.world_folder import place_count, places_by_world
 from pioneer_demo.core.error import DemoError, OptionError
-from pioneer_demo.core.option import DemoConfig, FleetConfig, Machine, demo_config, fleet_config
+from pioneer_demo.core.option import CONFIGS, DemoConfig, FleetConfig, Machine
 from pioneer_harness.error import HarnessError
 from pioneer_harness.proc import processors
 from pioneer_node.adapters.fleet_file import read_fleet
@@ -30,7 +32,7 @@ _FOREIGN = (
 
 
 def main(words: Sequence[str], interrupt: Interrupt) -> int:
-    """Runs a command, ``fleet`` or ``demo``, with its options.
+    """Runs a command, ``fleet``, ``demo`` or ``run-scenario``, with its options.
 
     Returns:
         The exit status: 0, 1 for a failure, 2 for bad arguments, 130 after Ctrl-C.
@@ -68,6 +70,8 @@ def _run(config: FleetConfig, watch: Stopwatch, interrupt: Interrupt) -> int:
     with FleetProcesses(config) as processes:
         ports = processes.ports
         print(f"Ports: {ports}" + ("" if ports.are_the_tutorials else " (some of the tutorial's are busy)"), flush=True)
+        if config.web:
+            print(f"Fleet page, once it is up: http://127.0.0.1:{ports.page}/#{config.token}", flush=True)
         if config.choice:
             print(config.choice, flush=True)
         processes.start()
@@ -94,10 +98,13 @@ def _configured(command: str, arguments: Sequence[str]) -> FleetConfig:
     try:
         simulator = Path(packages.get_path("pioneer_gazebo"))
         poses = Path(packages.get_path("pioneer_description")) / "config"
-        machine = Machine(places_by_world(simulator / "map", poses), place_count(poses), processors(), _names_of)
+        places = places_by_world(simulator / "map", poses)
+        machine = Machine(places, place_count(poses), processors(), _names_of, read_scenario)
     except (rospkg.ResourceNotFound, OSError) as error:
         raise DemoError(f"the workspace is not built or not sourced: {error}") from error
-    config = demo_config(arguments, machine) if command == "demo" else fleet_config(arguments, machine)
+    config = CONFIGS[command](arguments, machine)
+    if config.web:
+        config = dataclasses.replace(config, token=secrets.token_urlsafe(16))
     if not config.is_own_world:
         return config
     world = Path(config.world).expanduser().resolve()

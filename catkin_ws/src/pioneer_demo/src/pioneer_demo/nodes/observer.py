@@ -20,12 +20,18 @@ from tf2_msgs.msg import TFMessage
 from pioneer_demo import conversions
 from pioneer_demo.core.fleet import Fleet
 from pioneer_demo.core.floor import Floor
-from pioneer_demo.core.geometry import Pose
+from pioneer_demo.core.option import OBSERVER
 from pioneer_demo.core.recording import Recording
 from pioneer_demo.core.track import RobotTrack
-from pioneer_fleet.conversions import queue_from_message
-
-NAME = "fleet_observer"
+from pioneer_fleet.conversions import (
+    frame_from_message,
+    mount_of,
+    points_from_path,
+    pose_from_message,
+    pose_from_transform,
+    queue_from_message,
+)
+from pioneer_fleet.core.geometry import Pose
 
 _MAP, _ODOM, _BASE = "map", "odom", "base_link"
 
@@ -39,7 +45,7 @@ class ObserverNode:
         move_base/NavfnROS/plan (the last three come through the gateway), and for a film base_scan.
 
     Publishes:
-        NAME/map_goal (geometry_msgs/Twist) for each robot; it crosses to the robot's master through the gateway.
+        <robot>/map_goal (geometry_msgs/Twist) for each robot; it crosses to the robot's master through the gateway.
 
     Threads: rospy's callbacks write under ``lock``; readers hold it too.
 
@@ -124,18 +130,19 @@ class ObserverNode:
 
     def _on_tf(self, message: TFMessage) -> None:
         for transform in message.transforms:
-            parent = conversions.frame_from_message(transform.header.frame_id)
-            child = conversions.frame_from_message(transform.child_frame_id)
+            parent = frame_from_message(transform.header.frame_id)
+            child = frame_from_message(transform.child_frame_id)
             if parent == _MAP and child in self._frames:
-                self._frames[child].add_correction(conversions.pose_from_transform(transform.transform))
+                self._frames[child].add_correction(pose_from_transform(transform.transform))
             elif child in self._bases and parent in self._frames:
-                stamp, pose = transform.header.stamp.to_sec(), conversions.pose_from_transform(transform.transform)
+                stamp, pose = transform.header.stamp.to_sec(), pose_from_transform(transform.transform)
                 self._bases[child].add_odometry(stamp, pose)
                 self._bases[child].monitor.add_odom(time.monotonic(), stamp)
 
     def _on_truth(self, robot: RobotTrack, message: Odometry) -> None:
-        robot.add_truth(message.header.stamp.to_sec(), conversions.pose_from_message(message.pose.pose))
+        robot.add_truth(message.header.stamp.to_sec(), pose_from_message(message.pose.pose))
         robot.monitor.linear, robot.monitor.angular = message.twist.twist.linear.x, message.twist.twist.angular.z
+        self._fleet.note_distance(robot)
         if robot.first_motion is not None:
             self.moving_since.setdefault(robot.name, time.monotonic())
         if self._recording is not None and robot.pose is not None:
@@ -147,7 +154,7 @@ class ObserverNode:
         if link not in self._mounts:
             own = f"/{robot.name}/robot_description"
             name = own if rospy.has_param(own) else "/robot_description"
-            self._mounts[link] = conversions.mount_of(rospy.get_param(name), link)
+            self._mounts[link] = mount_of(rospy.get_param(name), link)
         hits = conversions.hits_from_scan(message, self._mounts[link])
         self._recording.add_scan(robot.name, message.header.stamp.to_sec(), hits)
 
@@ -161,14 +168,14 @@ class ObserverNode:
         robot.status = conversions.status_from_message(message)
 
     def _on_plan(self, robot: RobotTrack, message: Path) -> None:
-        points = conversions.points_from_path(message)
+        points = points_from_path(message)
         robot.add_plan(points)
         if self._recording is not None:
             self._recording.add_plan(robot.name, self._fleet.simulator.time, points)
 
 
 def _is_ours(remote: RemoteRule) -> bool:
-    return bool(remote.rule.node.strip("/") == NAME)
+    return bool(remote.rule.node.strip("/") == OBSERVER)
 
 
 def _key(remote: RemoteRule) -> str:

@@ -1,0 +1,91 @@
+"""Runs of a study on dask.distributed: workers of this machine, or a scheduler's that exists."""
+
+import queue
+from collections.abc import Iterator, Mapping, Sequence
+from types import TracebackType
+from typing import Any
+
+import dask
+import distributed
+
+from pioneer_demo.adapters.study_run import run_scenario
+from pioneer_demo.core.error import DemoError
+from pioneer_demo.core.study import Run
+
+_CLOSING = 15.0
+
+
+class ClusterError(DemoError):
+    """A scheduler that cannot be reached, or a run that its workers do not finish."""
+
+
+class Cluster:
+    """Hands runs to workers; a run whose worker dies is given to another one. A context manager."""
+
+    def __init__(self, scheduler: str, jobs: int) -> None:
+        """Connects to ``scheduler``, or starts ``jobs`` workers here where it is empty.
+
+        Raises:
+            ClusterError: there is no such scheduler.
+        """
+        # A worker that is busy with a fleet may be slow to answer; that is no reason to give it up.
+        dask.config.set({"distributed.scheduler.allowed-failures": 5, "distributed.comm.timeouts.connect": "60s"})
+        self._local: distributed.LocalCluster | None = None
+        if not scheduler:
+            # A thread a worker: a fleet has a session of its own, but its parent's death is the thread's.
+            self._local = distributed.LocalCluster(
+                n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+            )
+        try:
+            self._client = distributed.Client(self._local or scheduler, timeout=30)
+        except (OSError, TimeoutError) as error:
+            raise ClusterError(f"no scheduler at {scheduler}: {error}") from None
+        self._done: queue.SimpleQueue[distributed.Future] = queue.SimpleQueue()
+        self._runs: dict[str, Run] = {}
+        self._futures = list[distributed.Future]()
+
+    @property
+    def workers(self) -> list[int]:
+        """The process numbers of the workers."""
+        return list(self._client.run(_pid).values())
+
+    def submit(self, program: Sequence[str], scenarios: Mapping[Run, str], keep: Mapping[Run, str]) -> None:
+        """Gives all runs to the workers, in order."""
+        for number, (run, scenario) in enumerate(scenarios.items()):
+            future = self._client.submit(
+                run_scenario, list(program), scenario, run, keep[run], key=run.name, pure=False, priority=-number,
+                retries=0,
+            )  # fmt: skip
+            self._runs[run.name] = run
+            self._futures.append(future)
+            future.add_done_callback(self._done.put)
+
+    def results(self, poll: float) -> Iterator[tuple[Run, dict[str, Any] | str] | None]:
+        """Yields each run with its row, or with the reason why it has none; None every ``poll`` [s] meanwhile."""
+        left = len(self._futures)
+        while left:
+            try:
+                future = self._done.get(timeout=poll)
+            except queue.Empty:
+                yield None
+                continue
+            left -= 1
+            error = future.exception()
+            yield self._runs[future.key], (future.result() if error is None else f"{type(error).__name__}: {error}")
+
+    def __enter__(self) -> "Cluster":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._client.cancel(self._futures, force=True)
+        self._client.close()
+        if self._local is not None:
+            self._local.close(timeout=_CLOSING)
+
+
+def _pid() -> int:
+    import os
+
+    return os.getpid()

@@ -1,0 +1,56 @@
+"""One run of a study, as a worker does it: a process of its own, in a folder of its own."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pioneer_demo.core.error import DemoError
+from pioneer_demo.core.study import Run, row_of
+from pioneer_harness.process import last_lines
+
+# A worker that is killed must not leave a fleet behind.
+_PREFIX = ("/usr/bin/setpriv", "--pdeathsig", "TERM", "--")
+OWN_PROGRAM = (sys.executable, "-m", "pioneer_demo", "run-scenario")
+
+
+class RunError(DemoError):
+    """A run that was interrupted, or ended without a report: it counts as not done."""
+
+
+def run_scenario(program: Sequence[str], scenario: str, run: Run, keep: str) -> dict[str, Any]:
+    """Runs a program on a scenario and returns the row of its figures.
+
+    Args:
+        program: command line; it gets ``FILE --seed S --report DIR``.
+        scenario: the file's content.
+        run: which run of the study it is.
+        keep: folder for what it writes; empty for one that is deleted.
+
+    Raises:
+        RunError: it was ended by a signal, or wrote no report.
+    """
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="pioneer-study-") as temporary:
+        folder = Path(keep) if keep else Path(temporary)
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "scenario.yaml").write_text(scenario)
+        words = [str(folder / "scenario.yaml"), "--seed", str(run.seed), "--report", str(folder)]
+        log, report = folder / "output.txt", folder / "report.json"
+        report.unlink(missing_ok=True)
+        with log.open("wb") as output:
+            status = subprocess.run(
+                [*_PREFIX, *(program or OWN_PROGRAM), *words], check=False, env=os.environ, stdin=subprocess.DEVNULL,
+                stdout=output, stderr=subprocess.STDOUT,
+            ).returncode  # fmt: skip
+        if status < 0 or status > 128:
+            raise RunError(f"{run.name} was interrupted")
+        if not report.is_file():
+            raise RunError(f"no report, exit status {status}:\n{last_lines(log)}")
+        content = json.loads(report.read_text())
+    return row_of(run, content, time.monotonic() - began)

@@ -1,0 +1,200 @@
+"""A scenario: what one file says of a run. Its README section lists the fields."""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from pioneer_node.core.document import DocumentError, nearest
+from pioneer_node.core.fleet_file import RobotEntry, check_robots
+
+HUB, BASE = "hub", "base station"
+"""What faults call the hub's computer, and the gateway of the base station, beside the robots' names."""
+
+Goal = tuple[float, ...]
+"""x, y [m] in ``map`` and a heading [degrees]; without one the robot arrives as it comes."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ScenarioRobot(RobotEntry):
+    """One robot: as in a fleet file, and where it is sent; without goals, to random waypoints."""
+
+    goals: tuple[Goal, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Fault:
+    """One disturbance; exactly one of the first five fields after ``at`` is given.
+
+    Attributes:
+        at: simulated time since the waypoints were sent [s].
+        kill: a robot, or ``hub``: all processes of its computer are killed, and started again after ``lasts``.
+        freeze: a robot, or ``base station``: its gateway gets no processor, so that nothing crosses, for ``lasts``.
+        blind: a robot whose scans do not reach its computer for ``lasts``.
+        move: a robot that is put ``to`` another place.
+        door: a wall that stands for ``lasts``: middle x, y [m], direction [degrees] and length [m].
+        to: x, y [m], heading [degrees].
+        lasts: simulated time [s].
+        every: the fault is repeated after this simulated time [s] …
+        times: … so often in all.
+    """
+
+    at: float = 0.0
+    kill: str = ""
+    freeze: str = ""
+    blind: str = ""
+    move: str = ""
+    door: tuple[float, ...] = ()
+    to: tuple[float, ...] = ()
+    lasts: float = 0.0
+    every: float = 0.0
+    times: int = 1
+
+    def __post_init__(self) -> None:
+        """Refuses what cannot be done."""
+        kinds = [name for name in ("kill", "freeze", "blind", "move", "door") if getattr(self, name)]
+        if len(kinds) != 1:
+            raise DocumentError(
+                f"a fault has one of kill, freeze, blind, move and door, not {' and '.join(kinds) or 'none'}"
+            )
+        if len(self.door) not in (0, 4):
+            raise DocumentError(f"a door is [x, y, degrees, length], not {list(self.door)}", "door")
+        if len(self.to) != (3 if self.move else 0):
+            raise DocumentError("'move' needs 'to: [x, y, degrees]', and nothing else has it", "to")
+        if not self.move and self.lasts <= 0.0:
+            raise DocumentError(f"lasts must be above 0 s, not {self.lasts:g}", "lasts")
+        if self.at < 0.0:
+            raise DocumentError(f"at must be 0 s or more, not {self.at:g}", "at")
+        if self.times < 1 or (self.times > 1 and self.every <= self.lasts):
+            raise DocumentError("a repeated fault needs times of 1 or more, and every above lasts", "every")
+
+    @property
+    def whom(self) -> str:
+        """The robot, or what else it strikes; empty for a door."""
+        return self.kill or self.freeze or self.blind or self.move
+
+    def __str__(self) -> str:
+        if self.door:
+            return f"a door at ({self.door[0]:g}, {self.door[1]:g}) is closed"
+        if self.kill:
+            return f"the computer of {self.kill} is killed" if self.kill != HUB else "the hub is killed"
+        if self.freeze:
+            return f"the gateway of {self.freeze} is frozen"
+        return f"{self.blind} gets no scans" if self.blind else f"{self.move} is moved"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Success:
+    """What a run must reach.
+
+    Attributes:
+        reached: share of each robot's waypoints.
+        collisions: of each robot, at most.
+        seconds: simulated time until all are done, at most; None for any.
+        localisation_error: 95th percentile of each robot's [m], at most; None for any.
+        closest_approach: distance between the middles of any two robots [m], at least.
+    """
+
+    reached: float = 1.0
+    collisions: int = 0
+    seconds: float | None = None
+    localisation_error: float | None = None
+    closest_approach: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuses what cannot be reached."""
+        if not 0.0 <= self.reached <= 1.0:
+            raise DocumentError(f"reached is a share of the waypoints, 0 to 1, not {self.reached:g}", "reached")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """One run.
+
+    Attributes:
+        about: what it shows, in a sentence.
+        world: name of a world, or a ``.world`` file with its map beside it.
+        robots: how many Pioneers, at the world's initial poses; or a list of robots.
+        waypoints: random ones of each robot that has no goals of its own.
+        rounds: how often a robot with goals drives them.
+        seed: of waypoints, sensors' noise and filters.
+        real_time_factor: simulated seconds a second; 0 is as fast as possible; None what the processors carry.
+        traffic: whether robots keep the right of way with one another.
+        lockstep: whether simulated time waits for the robots' nodes in each period.
+        navigation: YAML file of move_base parameters, for robots that have none of their own; empty for none.
+        parameters: of nodes, by names in each robot's namespace (``amcl/min_particles``), or ``/gazebo/NAME``.
+        programs: command lines that also run on each robot's computer; ``{robot}`` is its name.
+        faults: what goes wrong.
+        success: what the run must reach.
+        limit: simulated time after which it counts as stuck [s]; 0 is in proportion to the way.
+    """
+
+    about: str = ""
+    world: str = "closed_maze"
+    robots: int | tuple[ScenarioRobot, ...] = 2
+    waypoints: int = 3
+    rounds: int = 1
+    seed: int = 1
+    real_time_factor: float | None = None
+    traffic: bool = False
+    lockstep: bool = False
+    navigation: str = ""
+    parameters: dict[str, Any] = dataclasses.field(default_factory=dict)
+    programs: tuple[str, ...] = ()
+    faults: tuple[Fault, ...] = ()
+    success: Success = dataclasses.field(default_factory=Success)
+    limit: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Checks what depends on more than one field; names robots that have no name."""
+        if not isinstance(self.robots, int):
+            object.__setattr__(self, "robots", _named(self.robots))
+        if not 1 <= self.rounds <= 1000:
+            raise DocumentError(f"rounds must be 1 to 1000, not {self.rounds}", "rounds")
+        for number, fault in enumerate(self.faults):
+            special = ((HUB,) if fault.kill else ()) + ((BASE,) if fault.freeze else ())
+            known = (*self.names, *special)
+            if fault.whom and fault.whom not in known:
+                raise DocumentError(f"unknown robot '{fault.whom}'; {nearest(fault.whom, known)}", "faults", number)
+        for name in self.parameters:
+            if name.startswith("/") and not name.startswith("/gazebo/"):
+                raise DocumentError(f"{name} is no parameter of a robot's node, nor of /gazebo", "parameters", name)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The robots' names."""
+        if isinstance(self.robots, int):
+            return tuple(f"pioneer{number}" for number in range(1, self.robots + 1))
+        return tuple(robot.name for robot in self.robots)
+
+    @property
+    def entries(self) -> tuple[RobotEntry, ...]:
+        """The robots as a fleet file has them; none where they are the world's Pioneers."""
+        if isinstance(self.robots, int):
+            return tuple(RobotEntry(name, navigation=self.navigation) for name in self.names if self.navigation)
+        return tuple(dataclasses.replace(one, navigation=one.navigation or self.navigation) for one in self.robots)
+
+    @property
+    def goals(self) -> tuple[tuple[Goal, ...], ...]:
+        """Each robot's goals, all rounds; empty for random waypoints."""
+        robots: Sequence[Any] = [()] * self.robots if isinstance(self.robots, int) else self.robots
+        return tuple(robot.goals * self.rounds if robot else () for robot in robots)
+
+
+def _named(robots: tuple[ScenarioRobot, ...]) -> tuple[ScenarioRobot, ...]:
+    named = tuple(
+        robot if robot.name else dataclasses.replace(robot, name=f"pioneer{number}")
+        for number, robot in enumerate(robots, 1)
+    )
+    if not named:
+        raise DocumentError("there must be 1 robot or more", "robots")
+    try:
+        check_robots(named)
+    except DocumentError as error:
+        raise error.within("robots") from None
+    for number, robot in enumerate(named):
+        for index, goal in enumerate(robot.goals):
+            if len(goal) not in (2, 3) or not all(map(math.isfinite, goal)):
+                text = f"a goal is [x, y] or [x, y, degrees], not {list(goal)}"
+                raise DocumentError(text, "robots", number, "goals", index)
+    return named

@@ -1,0 +1,109 @@
+"""A study: variants of a scenario, each run with the same seeds, and one row of figures a run."""
+
+import dataclasses
+import statistics
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from pioneer_node.core.document import DocumentError
+
+METRICS = {
+    "seconds": "time until all are done [s]",
+    "path_length": "path length, mean of the robots [m]",
+    "localisation_error": "localisation error, mean of the robots [m]",
+    "collisions": "collisions, all robots",
+    "closest_approach": "closest approach of two robots [m]",
+    "cpu_seconds": "CPU time a simulated second [s]",
+}
+"""What is compared beside success, with what it is."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Study:
+    """A study's file.
+
+    Attributes:
+        scenario: name of a shipped scenario, or a file.
+        about: what it is to find out.
+        variants: by name, what each changes in the scenario; the first is what the others are compared with.
+        runs: of each variant, with seeds from ``first_seed`` on.
+        first_seed: of the first run of each variant.
+        program: command line in place of ``run-scenario``; it gets ``FILE --seed S --report DIR`` and writes
+            DIR/report.json as the demo does.
+    """
+
+    scenario: str
+    about: str = ""
+    variants: dict[str, dict[str, Any]] = dataclasses.field(default_factory=lambda: {"as it is": {}})
+    runs: int = 10
+    first_seed: int = 1
+    program: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuses what cannot be run."""
+        if not 1 <= self.runs <= 100_000:
+            raise DocumentError(f"runs must be 1 to 100000, not {self.runs}", "runs")
+        if not self.variants:
+            raise DocumentError("there must be 1 variant or more", "variants")
+        for name in self.variants:
+            if not name.replace("-", "").replace("_", "").replace(" ", "").isalnum():
+                raise DocumentError(f"a variant's name has letters, digits, blanks, - and _, not {name!r}", "variants")
+
+    def all_runs(self) -> list["Run"]:
+        """Returns all runs, seed by seed, so that a study that ends early still compares what it has."""
+        seeds = range(self.first_seed, self.first_seed + self.runs)
+        return [Run(variant, seed) for seed in seeds for variant in self.variants]
+
+
+@dataclasses.dataclass(frozen=True, order=True)
+class Run:
+    """One run of a study."""
+
+    variant: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Of its file, without suffix."""
+        return f"{self.variant.replace(' ', '_')}-{self.seed}"
+
+
+def merged(content: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the content with a variant's changes: mappings are merged, everything else is replaced."""
+    inner = {
+        name: merged(content[name], value)
+        for name, value in change.items()
+        if isinstance(value, Mapping) and isinstance(content.get(name), Mapping)
+    }
+    return {**content, **change, **inner}
+
+
+def row_of(run: Run, report: Mapping[str, Any], wall: float) -> dict[str, Any]:
+    """Returns a run's figures, from what the demo reports; what is unknown is None.
+
+    Args:
+        run: which.
+        report: the content of ``report.json``.
+        wall: how long it took [s].
+    """
+    robots, drive = list(report.get("robots", {}).values()), report.get("drive", {})
+    seconds = _known(robot.get("seconds") for robot in robots)
+    errors = _known((robot.get("localisation_error") or {}).get("mean") for robot in robots)
+    paths = _known(robot.get("path_length") for robot in robots)
+    collisions = _known(robot.get("collisions") for robot in robots)
+    return {
+        **dataclasses.asdict(run),
+        "success": bool(report.get("success")),
+        "seconds": max(seconds) if seconds and len(seconds) == len(robots) else None,
+        "path_length": statistics.fmean(paths) if paths else None,
+        "localisation_error": statistics.fmean(errors) if errors else None,
+        "collisions": sum(collisions) if collisions else None,
+        "closest_approach": drive.get("closest_approach"),
+        "cpu_seconds": drive.get("cpu_seconds_per_simulated_second"),
+        "wall_seconds": round(wall, 1),
+        "faults": "; ".join(report.get("faults", ())),
+    }
+
+
+def _known(values: Iterable[float | None]) -> list[float]:
+    return [value for value in values if value is not None]

@@ -1,0 +1,64 @@
+"""The command line of ``./pioneer experiment``."""
+
+import argparse
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+from pioneer_demo.core.error import OptionError
+from pioneer_demo.core.option import Machine, Parser
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ExperimentConfig:
+    """What an experiment is to do.
+
+    Attributes:
+        study: its file.
+        runs: of each variant; 0 for what the file says.
+        jobs: workers on this machine.
+        scheduler: address of a dask scheduler to use in their place; empty for none.
+        output: the study's folder.
+        keep: whether each run's own report and logs stay.
+    """
+
+    study: Path
+    runs: int = 0
+    jobs: int = 1
+    scheduler: str = ""
+    output: Path
+    keep: bool = False
+
+
+def experiment_config(arguments: Sequence[str], machine: Machine) -> ExperimentConfig:
+    """Returns the configuration; ``--help`` prints and exits as argparse does.
+
+    Raises:
+        OptionError: an unknown option, or a value out of its range.
+    """
+    values = vars(_parser().parse_args(arguments))
+    values["output"] = values["output"] or Path(f"{values['study'].stem}-study")
+    values["jobs"] = max(1, int(machine.processors)) if values["jobs"] is None else values["jobs"]
+    if not (values["jobs"] >= 1 and values["runs"] >= 0):
+        raise OptionError(f"--jobs must be 1 or more and --runs 0 or more, not {values['jobs']} and {values['runs']}")
+    return ExperimentConfig(**values)
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        prog="./pioneer experiment",
+        description="Runs a scenario many times: variants, each with the same seeds. Writes a table, a summary and a\n"
+        "page with figures. What is done is kept: the same command continues after Ctrl-C.",
+        epilog="Exit status: 0 when all runs are done, 1 when not, 2 for a wrong file or option, 130 after Ctrl-C.\n"
+        "Example: ./pioneer experiment head_on_planners.yaml --runs 100",
+        allow_abbrev=False,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("study", type=Path, metavar="STUDY", help="the study's file (pioneer_demo's README has its fields)")
+    add("--runs", type=int, default=0, metavar="N", help="of each variant, instead of the file's")
+    add("--jobs", type=int, metavar="J", help="runs at a time on this machine (default: its processors)")
+    add("--scheduler", default="", metavar="URL", help="a dask scheduler, tcp://…, whose workers do the runs")
+    add("--output", type=Path, metavar="DIR", help="the study's folder (default: STUDY-study)")
+    add("--keep", action="store_true", help="keep each run's report and logs, in DIR/reports")
+    return parser

@@ -1,0 +1,160 @@
+"""Faults at their simulated times: computers that die, gateways that hang, scans that stop, doors, robots moved."""
+
+import dataclasses
+import heapq
+import itertools
+import math
+from collections.abc import Callable, Sequence
+
+import rospy
+from gazebo_msgs.msg import ModelState
+from gazebo_msgs.srv import DeleteModel, SetModelState, SpawnModel
+from geometry_msgs.msg import Point, Pose, Quaternion
+
+from pioneer_demo.core.command import HUB_COMMAND, HUB_GATEWAY_COMMAND, gateway_name, master_uri, on_computer
+from pioneer_demo.core.error import FaultError
+from pioneer_demo.core.option import DemoConfig
+from pioneer_demo.core.scenario import BASE, HUB, Fault
+from pioneer_demo.core.track import RobotTrack
+from pioneer_demo.nodes.fleet import FleetRun
+
+_RESEND = 5.0
+"""A robot that has started again gets its waypoints again when it has none after this simulated time [s]."""
+_DOOR = """<sdf version="1.6"><model name="{name}"><static>true</static><link name="link">
+<collision name="collision"><geometry><box><size>{length} 0.1 1.0</size></box></geometry></collision>
+<visual name="visual"><geometry><box><size>{length} 0.1 1.0</size></box></geometry></visual>
+</link></model></sdf>"""
+
+
+@dataclasses.dataclass(order=True)
+class _Step:
+    """What is done at a simulated time since the start [s]."""
+
+    time: float
+    number: int
+    text: str = dataclasses.field(compare=False)
+    action: Callable[[], None] = dataclasses.field(compare=False)
+
+
+class FaultRunner:
+    """Brings about the faults of a scenario, and takes them back. Used from the command's main thread.
+
+    Services called: ``/gazebo/spawn_sdf_model``, ``/gazebo/delete_model``, ``/gazebo/set_model_state``.
+    """
+
+    def __init__(self, config: DemoConfig, run: FleetRun) -> None:
+        self._config, self._run = config, run
+        self._numbers = itertools.count()
+        self._steps = list[_Step]()
+        self._frozen = set[str]()
+        self._restarted = dict[str, float]()
+        for fault in config.faults:
+            for turn in range(fault.times):
+                self._plan(fault, fault.at + turn * fault.every)
+
+    def advance(self, time: float) -> None:
+        """Does what is due at a simulated time since the start [s].
+
+        Raises:
+            FaultError: the simulator refuses it.
+        """
+        while self._steps and self._steps[0].time <= time:
+            step = heapq.heappop(self._steps)
+            self._run.display.say(f"{time:.1f} s: {step.text}")
+            step.action()
+        for name, asked in list(self._restarted.items()):
+            self._resend(name, asked, time)
+
+    def close(self) -> None:
+        """Lets frozen gateways continue, so that they can end."""
+        for name in self._frozen:
+            self._run.processes.freeze(name, False)
+
+    def _plan(self, fault: Fault, time: float) -> None:
+        begin, end = self._actions(fault)
+        heapq.heappush(self._steps, _Step(time, next(self._numbers), str(fault), begin))
+        if end is not None:
+            text = f"over: {fault}"
+            heapq.heappush(self._steps, _Step(time + fault.lasts, next(self._numbers), text, end))
+
+    def _actions(self, fault: Fault) -> tuple[Callable[[], None], Callable[[], None] | None]:
+        """Returns what begins a fault and what ends it."""
+        processes = self._run.processes
+        if fault.kill:
+            names = [HUB_COMMAND] if fault.kill == HUB else on_computer(self._config, fault.kill)
+            return lambda: processes.kill(names), lambda: self._restart(fault.kill, names)
+        if fault.freeze:
+            gateway = HUB_GATEWAY_COMMAND if fault.freeze == BASE else gateway_name(self._number(fault.freeze))
+            return lambda: self._freeze(gateway, True), lambda: self._freeze(gateway, False)
+        if fault.blind:
+            return lambda: self._flip_scans(fault.blind, True), lambda: self._flip_scans(fault.blind, False)
+        if fault.move:
+            return lambda: self._move(fault.move, fault.to), None
+        name = f"door_{next(self._numbers)}"
+        return lambda: self._close_door(name, fault.door), lambda: _ask("delete_model", DeleteModel, name)
+
+    def _number(self, robot: str) -> int:
+        return self._config.names.index(robot) + 1
+
+    def _restart(self, whom: str, names: Sequence[str]) -> None:
+        self._run.processes.restart(names)
+        if whom != HUB:
+            with self._run.lock:
+                self._track(whom).monitor.queue = None
+            self._restarted[whom] = -math.inf
+
+    def _resend(self, name: str, asked: float, time: float) -> None:
+        """Sends a robot that has started again the waypoints that it has not reached, until it says it has them."""
+        with self._run.lock:
+            robot = self._track(name)
+            received = robot.queue.received if robot.queue else -1
+            left = [visit.leg.goal for visit in robot.visits if visit.reached is None]
+        if received > 0 or not left:
+            del self._restarted[name]
+        elif received == 0 and time - asked >= _RESEND and self._run.seen.can_be_sent(robot):
+            for goal in left:
+                self._run.seen.send(robot, goal)
+            self._restarted[name] = time
+
+    def _track(self, name: str) -> RobotTrack:
+        return self._run.fleet.robots[self._number(name) - 1]
+
+    def _freeze(self, gateway: str, frozen: bool) -> None:
+        (self._frozen.add if frozen else self._frozen.discard)(gateway)
+        self._run.processes.freeze(gateway, frozen)
+
+    def _flip_scans(self, robot: str, cancel: bool) -> None:
+        """Takes the rule back by which a robot's computer gets its scans, or asks for it again."""
+        port = self._run.processes.ports.robot_masters[self._number(robot) - 1]
+        laser = next((one.laser for one in self._config.entries if one.name == robot), "base_scan")
+        argv = ["rosrun", "rocon_flip", "flip_remote_subscriber.py", robot, laser, ""]
+        environment = {"ROS_IP": "127.0.0.1", "ROS_MASTER_URI": master_uri(port)}
+        self._run.processes.run(f"flip of {robot}'s scans", [*argv, *(["--cancel"] if cancel else [])], environment)
+
+    def _move(self, robot: str, to: Sequence[float]) -> None:
+        state = ModelState(model_name=robot, pose=_pose(*to), reference_frame="world")
+        _ask("set_model_state", SetModelState, state)
+
+    def _close_door(self, name: str, door: Sequence[float]) -> None:
+        x, y, direction, length = door
+        text = _DOOR.format(name=name, length=length)
+        _ask("spawn_sdf_model", SpawnModel, name, text, "", _pose(x, y, direction, 0.5), "world")
+
+
+def _pose(x: float, y: float, degrees: float, z: float = 0.0) -> Pose:
+    half = math.radians(degrees) / 2.0
+    return Pose(Point(x, y, z), Quaternion(0.0, 0.0, math.sin(half), math.cos(half)))
+
+
+def _ask(service: str, kind: type, *request: object) -> None:
+    """Calls a service of the simulator.
+
+    Raises:
+        FaultError: it refuses, or does not answer.
+    """
+    try:
+        answer = rospy.ServiceProxy(f"/gazebo/{service}", kind)(*request)
+    except (rospy.ServiceException, rospy.ROSException, OSError) as error:
+        raise FaultError(f"/gazebo/{service} did not answer: {error}") from None
+    if not answer.success:
+        raise FaultError(f"/gazebo/{service} refused: {answer.status_message}")

@@ -1,0 +1,101 @@
+"""Experiments: what a killed worker and Ctrl-C leave, and what the same command then does."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pioneer_harness.wait import wait_until
+
+PROGRAM = Path(__file__).with_name("study_program.py")
+PATIENCE = 120.0
+RUNS = 8
+
+
+@pytest.fixture
+def study(tmp_path):
+    journal = tmp_path / "journal"
+    journal.write_text("")
+    (tmp_path / "s.yaml").write_text(f"about: {journal}\nworld: small_world\nwaypoints: 1\n")
+    (tmp_path / "study.yaml").write_text(
+        f"scenario: s.yaml\nruns: {RUNS // 2}\nprogram: {sys.executable} {PROGRAM}\n"
+        "variants:\n  near: {}\n  far: {waypoints: 2, success: {reached: 0.5}}\n"
+    )
+    return tmp_path
+
+
+def experiment(study, **options):
+    command = [sys.executable, "-m", "pioneer_demo", "experiment", "study.yaml", "--jobs", "2", "--output", "out"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    return subprocess.Popen(
+        command, cwd=study, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        start_new_session=True, **options,
+    )  # fmt: skip
+
+
+def noted(study, word):
+    """Returns variant and seed, and the worker, of each run that has begun or ended."""
+    lines = [line.split(" ") for line in (study / "journal").read_text().splitlines()]
+    return [(line[1:3], int(line[3])) for line in lines if line[0] == word]
+
+
+def test_a_killed_worker_and_ctrl_c_lose_no_run_and_repeat_none_that_was_done(study):
+    first = experiment(study)
+    wait_until(lambda: noted(study, "begin"), "the first run", PATIENCE)
+    os.kill(noted(study, "begin")[-1][1], signal.SIGKILL)
+    results = study / "out" / "runs"
+    wait_until(lambda: len(list(results.glob("*.json"))) >= 3, "three results", PATIENCE)
+    first.send_signal(signal.SIGINT)
+    text, _ = first.communicate(timeout=PATIENCE)
+    assert first.returncode == 130, text
+    kept = {path.stem: path.read_text() for path in results.glob("*.json")}
+    assert 3 <= len(kept) < RUNS
+
+    second = experiment(study)
+    text, _ = second.communicate(timeout=PATIENCE)
+    assert second.returncode == 0, text
+    assert f"{len(kept)} of {RUNS} runs exist" in text
+    assert {name: (results / f"{name}.json").read_text() for name in kept} == kept
+    rows = list(csv.DictReader((study / "out" / "runs.csv").read_text().splitlines()))
+    assert [(row["variant"], row["seed"]) for row in rows] == [
+        (variant, str(seed)) for variant in ("near", "far") for seed in range(1, 5)
+    ]
+    ended = [run for run, _ in noted(study, "end")]
+    for name in kept:
+        variant, seed = name.split("-")
+        assert ended.count([{"near": "1", "far": "2"}[variant], seed]) == 1, "done once and not again"
+    variants = json.loads((study / "out" / "summary.json").read_text())["variants"]
+    assert variants["near"]["success"] == {"count": 3, "rate": 0.75, "low": pytest.approx(0.301, abs=1e-3),
+        "high": pytest.approx(0.954, abs=1e-3)}  # fmt: skip
+    assert variants["far"]["difference"]["seconds"] == {"count": 4, "mean": 10.0, "low": 10.0, "high": 10.0}
+    assert "base64" in (study / "out" / "report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("scenario: none", "there is no scenario none"),
+        ("scenario: head_on\nvariants:\n  a: {wrold: x}", "variant a: unknown field wrold; did you mean world?"),
+        ("scenario: head_on\nrunns: 3", "study.yaml:2: unknown field runns; did you mean runs?"),
+    ],
+)
+def test_a_wrong_study_is_one_line(study, text, told):
+    (study / "study.yaml").write_text(text)
+    done = experiment(study)
+    said, _ = done.communicate(timeout=PATIENCE)
+    assert (done.returncode, said.count("\n")) == (2, 1), said
+    assert told in said
+
+
+def test_a_folder_keeps_to_its_study(study):
+    (study / "out" / "runs").mkdir(parents=True)
+    (study / "out" / "study.json").write_text("{}")
+    done = experiment(study)
+    said, _ = done.communicate(timeout=PATIENCE)
+    assert done.returncode == 2
+    assert "are of another scenario or other variants" in said
