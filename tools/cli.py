@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from containers import SOURCE
 
 COMMANDS = (
-    "demo", "fleet", "status", "rviz", "teleop", "up", "down", "logs", "exec", "image", "run", "shell", "setup",
-    "test", "bench", "package", "docs",
+    "demo", "fleet", "run-scenario", "experiment", "replay", "status", "rviz", "teleop", "up", "down", "logs", "exec",
+    "image", "run", "shell", "setup", "test", "bench", "package", "docs",
 )  # fmt: skip
 
 
@@ -38,17 +38,23 @@ def show_help(command: str) -> None:
         import test
 
         test.arguments_from(["--help"])
+    elif command == "replay":
+        from pioneer_fleet.core.replay_option import parser
+
+        parser().parse_args(["--help"])
     elif command == "bench":
         sys.path.append(str(SOURCE / "pioneer_bench" / "src"))
         from pioneer_bench.__main__ import main as bench
 
         bench()
     else:
-        from pioneer_demo.core.option import Machine, demo_config, fleet_config
+        from pioneer_demo.core.option import CONFIGS, Machine
+        from pioneer_demo.core.study_option import experiment_config
 
         worlds = (SOURCE / "pioneer_gazebo_ros" / "pioneer_gazebo" / "worlds").glob("*.world")
         machine = Machine(dict.fromkeys(sorted(path.stem for path in worlds), 1), 0, 1.0)
-        (demo_config if command == "demo" else fleet_config)(["--help"], machine)
+        config = experiment_config if command == "experiment" else CONFIGS[command]
+        config(["--help"], machine)
 
 
 if __name__ == "__main__":

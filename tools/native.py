@@ -13,7 +13,8 @@ from typing import Any, NoReturn
 import containers
 from containers.engine import Computer, ContainerError
 from containers.report import follow
-from containers.state import project
+from containers.state import fleet as fleet_of
+from containers.state import stack
 from containers.subcommand import Subcommands
 from containers.table import aligned, status_table
 from pioneer_fleet.adapters.registry import running_fleets
@@ -39,20 +40,23 @@ def _status(options: argparse.Namespace) -> int:
     fleets, computers = running_fleets(), list[Computer]()
     latest: dict[str, dict[str, Any]] = {}
     if _has_containers(options.project):
-        computers = project(options.project).computers()
+        computers = fleet_of(options.project).computers()
         asked = [(one, ("--settled", "--timeout", "4")) for one in computers if one.running]
         follow(asked, lambda computer, line: latest.__setitem__(computer.name, line))
     if not fleets and not computers:
         raise ContainerError("no fleet runs: ./pioneer fleet starts one as processes, ./pioneer up as containers")
     if options.json:
+        for one in computers:
+            if one.node:
+                latest.setdefault(one.name, {"lacks": one.problem or one.state})["node"] = one.node
         print(json.dumps({"fleets": fleets, "computers": latest}))
     else:
         print("\n\n".join([*map(fleet_table, fleets), *([status_table(computers, latest)] if computers else [])]))
-    return 0 if all(one.running for one in computers) else 1
+    return 0 if all(one.running for one in computers) and not any(fleet["faults"] for fleet in fleets) else 1
 
 
 def fleet_table(fleet: Fleet) -> str:
-    """Returns a line on a fleet and one for each of its robots."""
+    """Returns a line on a fleet, one for each of its robots, and one for each fault."""
     factor = fleet["real_time_factor"]
     facts = [
         f"{fleet['world']}: {fleet['phase']}",
@@ -61,7 +65,7 @@ def fleet_table(fleet: Fleet) -> str:
         f"base station {fleet['master']}",
         f"pid {fleet['pid']}",
     ]
-    return "\n".join([", ".join(facts), aligned([HEADINGS, *map(_row, fleet["robots"])])])
+    return "\n".join([", ".join(facts), aligned([HEADINGS, *map(_row, fleet["robots"])]), *fleet["faults"]])
 
 
 def _row(robot: Mapping[str, Any]) -> tuple[str, ...]:
@@ -118,6 +122,8 @@ def _has_containers(project: str) -> bool:
     """Returns whether a fleet of containers exists, by the quickest question that Docker answers."""
     if shutil.which("docker") is None:
         return False
+    if stack(project).file.is_file():
+        return True
     question = ["docker", "ps", "-aq", "--filter", f"label=com.docker.compose.project={project}"]
     return bool(subprocess.run(question, capture_output=True, text=True, check=False).stdout.strip())
 

@@ -97,6 +97,11 @@ apt_install() {
   as_root env DEBIAN_FRONTEND=noninteractive RUNLEVEL=1 apt-get install -yq --no-install-recommends "$@"
 }
 
+# packages_of SECTION...: what these sections of apt-packages.txt list.
+packages_of() {
+  awk -v "names= $* " '/^## /{on = index(names, " "$2" ")} on && /^[a-z]/' "$root/apt-packages.txt"
+}
+
 # install_packages PACKAGE...: installs those that are missing.
 install_packages() {
   local missing
@@ -175,13 +180,15 @@ give_back() {
   chown -hR "$SUDO_UID:${SUDO_GID:-$SUDO_UID}" "$setup_dir" "$workspace/build" "$workspace/devel" "$workspace/src/CMakeLists.txt"
 }
 
+# setup [SECTION...]: the whole set-up, with these sections of the packages on demand.
 setup() {
   check_system
   mkdir -p "$setup_dir"
   exec {lock}>"$setup_dir/lock"
   flock -n "$lock" || { printf 'Waiting for another set-up of this checkout …\n'; flock "$lock"; }
   local before=$SECONDS
-  install_packages $(grep -vE '^\s*(#|$)' "$root/apt-packages.txt")
+  install_packages $(sed '/^# On demand/Q' "$root/apt-packages.txt" | grep -vE '^\s*(#|$)')
+  ((!$#)) || install_packages $(packages_of "$@")
   prepare_venv
   build_workspace
   ((SECONDS - before > 1)) && give_back

@@ -26,10 +26,11 @@ LAUNCH_FILES = ROOT / "tools" / "test" / "test_launch_files.py"
 SHOWN_LINES = 25
 MOST_AT_ONCE = 4
 TYPED = {
-    *("pioneer_bench", "pioneer_demo", "pioneer_fleet", "pioneer_harness", "pioneer_node"),
+    *("pioneer_bench", "pioneer_demo", "pioneer_fleet", "pioneer_harness", "pioneer_node", "pioneer_web"),
     "pioneer_gazebo",
     *("tcpros", "rocon_hub_protocol", "rocon_relay", "rocon_gateway", "rocon_hub", "rocon_flip", "rocon_launch"),
     *("pioneer_control", "pioneer_description", "pioneer_ros", "pioneer_traffic", "simple_navigation_goals"),
+    "nav_bundle",
 }
 """Packages whose types are checked whole, not only their cores."""
 LONGEST = "scenario"

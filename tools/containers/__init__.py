@@ -6,5 +6,5 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent.parent
 SOURCE = ROOT / "catkin_ws" / "src"
 # Read from the sources: this machine needs no workspace.
-for _package in ("pioneer_demo", "pioneer_fleet", "pioneer_harness"):
+for _package in ("pioneer_demo", "pioneer_fleet", "pioneer_harness", "pioneer_node", "rocon_multimaster/tcpros"):
     sys.path.append(str(SOURCE / _package / "src"))

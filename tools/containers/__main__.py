@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from containers.engine import DESKTOP, ContainerError
 from containers.fleet_plan import ROBOTS, WORLD, limits
 from containers.image import ensure_images
-from containers.state import project
+from containers.state import fleet, project
 from containers.subcommand import Subcommands
 from containers.up import up
 
@@ -46,29 +46,30 @@ def _add_up(parser: argparse.ArgumentParser) -> None:
         "than the processors carry)")  # fmt: skip
     add("--idle", action="store_true", help="start no steps, so that you can type them into ./pioneer exec")
     add("--desktop", action="store_true", help="with RViz of the fleet, in the browser")
+    add("--swarm", action="store_true", help="on all machines of the Docker Swarm that this one manages")
+    add("--registry", default="", metavar="HOST:PORT", help="from which the swarm's machines pull the image (default: "
+        "one that is started on this machine)")  # fmt: skip
+    add("--update", action="store_true", help="in a swarm: replace the robots' image, one at a time, while they drive")
 
 
 def _down(options: argparse.Namespace) -> int:
-    project(options.project, COMPOSE_PROFILES=DESKTOP).run("down", "--remove-orphans")
+    fleet(options.project, COMPOSE_PROFILES=DESKTOP).down()
     return 0
 
 
 def _logs(options: argparse.Namespace) -> int:
-    words = ["-f"] if options.follow else []
-    project(options.project, COMPOSE_PROFILES=DESKTOP).run("logs", *words, *options.computers)
+    fleet(options.project, COMPOSE_PROFILES=DESKTOP).logs(options.follow, options.computers)
     return 0
 
 
 def execute_on(options: argparse.Namespace) -> int:
     """Runs ``options.command`` on ``options.computer``; returns its exit status."""
-    computers = {one.name: one for one in project(options.project).computers() if one.running}
+    computers = {one.name: one for one in fleet(options.project).computers() if one.running}
     if options.computer not in computers:
         raise ContainerError(f"no computer {options.computer} runs; there are {', '.join(computers) or 'none'}")
     terminal = ["-it"] if sys.stdin.isatty() and sys.stdout.isatty() else ["-i"]
-    command = options.command or ["bash"]
-    return subprocess.run(
-        ["docker", "exec", *terminal, computers[options.computer].container, *command], check=False
-    ).returncode
+    found, command = computers[options.computer], options.command or ["bash"]
+    return subprocess.run([*found.docker, "exec", *terminal, found.container, *command], check=False).returncode
 
 
 def _image(options: argparse.Namespace) -> int:

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+DOCKER = ("docker",)
+"""The command that talks to this machine's engine."""
 DESKTOP = "desktop"
 """The service, and the profile that has it, whose container is no computer but a screen of the base station's."""
 
@@ -58,7 +60,20 @@ def output(*command: str) -> str:
 
 @dataclass(frozen=True)
 class Computer:
-    """A container: the service's name, the container's id, its state and health in Docker's words, and what it runs."""
+    """A container of the fleet.
+
+    Attributes:
+        name: the service's.
+        container: its id.
+        state: in Docker's words; in a swarm the task's.
+        health: likewise; empty in a swarm, where a task runs once it is healthy.
+        environment: of its processes.
+        image: what it runs.
+        node: the machine in the swarm; empty without one.
+        docker: the command that talks to the engine it is on.
+        task: the swarm's name for it.
+        problem: why the swarm does not have it run.
+    """
 
     name: str
     container: str
@@ -66,6 +81,10 @@ class Computer:
     health: str
     environment: Mapping[str, str]
     image: str
+    node: str = ""
+    docker: tuple[str, ...] = DOCKER
+    task: str = ""
+    problem: str = ""
 
     @property
     def running(self) -> bool:
@@ -101,6 +120,14 @@ class Project:
         status = subprocess.run(self._command(arguments), env=self._environment(), check=False).returncode
         if status:
             raise ContainerError(f"compose {arguments[0]} failed with exit status {status}; the lines above say why")
+
+    def down(self) -> None:
+        """Ends and removes containers and network."""
+        self.run("down", "--remove-orphans")
+
+    def logs(self, follow: bool, names: Sequence[str]) -> None:
+        """Prints what computers log, all by default, until Ctrl-C where it is to ``follow``."""
+        self.run("logs", *(["-f"] if follow else []), *names)
 
     def _command(self, arguments: Sequence[str]) -> list[str]:
         return [*self.compose, "-p", self.name, "-f", str(self.file), *arguments]

@@ -11,8 +11,9 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from containers.engine import Computer, Project, compose_command, output
+from containers.engine import Computer, output
 from containers.report import REPORT
+from containers.state import fleet as fleet_of
 
 ROOT = Path(__file__).parents[2]
 PATIENCE = 240.0
@@ -47,15 +48,14 @@ class Fleet:
         """Returns the last lines of every container."""
         found = []
         for name, one in self.computers().items():
-            command = ["docker", "logs", "--tail", "40", one.container]
+            command = [*one.docker, "logs", "--tail", "40", one.container]
             done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
             found.append(f"--- {name} ({one.state}, {one.health})\n{done.stdout}")
         return "\n".join(found)
 
     def computers(self) -> dict[str, Computer]:
         """Returns the containers by the computers' names."""
-        found = Project(self.project, tuple(compose_command()), Path(), {}).computers()
-        return {one.name: one for one in found}
+        return {one.name: one for one in fleet_of(self.project).computers()}
 
     def container(self, computer: str) -> str:
         """Returns a computer's container."""
@@ -63,11 +63,13 @@ class Fleet:
 
     def docker(self, verb: str, computer: str, *words: str) -> str:
         """Runs ``docker VERB WORDS CONTAINER``."""
-        return output("docker", verb, *words, self.container(computer))
+        one = self.computers()[computer]
+        return output(*one.docker, verb, *words, one.container)
 
     def execute(self, computer: str, *command: str) -> str:
         """Runs a command on a computer and returns what it prints; raises ContainerError where it fails."""
-        return output("docker", "exec", self.container(computer), *command)
+        one = self.computers()[computer]
+        return output(*one.docker, "exec", one.container, *command)
 
     @contextlib.contextmanager
     def meanwhile(self, computer: str, *command: str) -> Iterator[Callable[[], str]]:
@@ -75,7 +77,8 @@ class Fleet:
 
         That fails where the command fails.
         """
-        words = ["docker", "exec", self.container(computer), *command]
+        one = self.computers()[computer]
+        words = [*one.docker, "exec", one.container, *command]
         with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
 
             def result() -> str:
@@ -102,7 +105,7 @@ class Fleet:
     def report(self, computer: str, *words: str, timeout: float = PATIENCE) -> dict[str, Any]:
         """Returns a computer's last report; fails when it does not come as far as ``words`` ask."""
         one = self.computers()[computer]
-        command = ["docker", "exec", one.container, REPORT, "--robot", one.robot]
+        command = [*one.docker, "exec", one.container, REPORT, "--robot", one.robot]
         done = subprocess.run(
             [*command, "--settled", "--timeout", f"{timeout:g}", *words], capture_output=True, text=True, check=False
         )

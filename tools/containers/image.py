@@ -29,7 +29,7 @@ _PARTS = (
 )
 MACHINES = ("x86_64", "AMD64")
 """What x86-64 is called: Debian has its packages for others too, but what PyPI gives is fetched for this one."""
-_FLEET, _DESKTOP = "docker/Dockerfile", "docker/Dockerfile.desktop"
+_FLEET, _DESKTOP, _REGISTRY = "docker/Dockerfile", "docker/Dockerfile.desktop", "docker/Dockerfile.registry"
 _LONG_STAGES = ("packages", "build")
 """Of the fleet's image; neither needs the other."""
 
@@ -76,6 +76,19 @@ def ensure_desktop_image(name: str, base: str, say: Callable[[str], None]) -> No
     sources = found.hexdigest()[:32]
     if _label(name) != sources:
         _build(_DESKTOP, name, sources, _new_log(name, say), say, "--build-arg", f"IMAGE={base}")
+
+
+def ensure_registry_image(name: str, say: Callable[[str], None]) -> None:
+    """Builds the image ``name`` of the registry unless it was built from these very sources.
+
+    Raises:
+        ContainerError: a step failed.
+    """
+    sources = hashlib.sha256((ROOT / _REGISTRY).read_bytes()).hexdigest()[:32]
+    if _label(name) != sources:
+        log = _new_log(name, say)
+        run_step([str(ROOT / "docker" / "base")], log, say)
+        _build(_REGISTRY, name, sources, log, say)
 
 
 def _new_log(name: str, say: Callable[[str], None]) -> Path:

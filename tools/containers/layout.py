@@ -1,10 +1,12 @@
-"""The compose file for any number of robots: docker/compose.yaml with the block of aadi1 repeated."""
+"""The compose file for any number of robots: docker/compose.yaml with the block of aadi1 repeated; or a stack of it."""
 
 import re
 from pathlib import Path
 
 from containers.engine import ContainerError
 
+_BLOCKS = re.compile(r"(?:^  aadi\d+:\n(?:^    .*\n)+\n?)+", re.M)
+"""The robots' computers."""
 MOST = 150
 """Robots that fit the tutorial's addresses, 192.168.2.101 to 250."""
 
@@ -17,11 +19,10 @@ def compose_text(shipped: str, robots: int) -> str:
     """
     if not 1 <= robots <= MOST:
         raise ContainerError(f"--robots must be 1 to {MOST}, not {robots}")
-    blocks = re.compile(r"(?:^  aadi\d+:\n(?:^    .*\n)+\n?)+", re.M)
     first = re.search(r"^  aadi1:\n(?:^    .*\n)+\n?", shipped, re.M)
     assert first is not None, "the shipped file has a first robot"
     block = first[0]
-    return blocks.sub(lambda _: "".join(_block(block, number) for number in range(1, robots + 1)), shipped, count=1)
+    return _BLOCKS.sub(lambda _: "".join(_block(block, number) for number in range(1, robots + 1)), shipped, count=1)
 
 
 def _block(first: str, number: int) -> str:
@@ -34,3 +35,67 @@ def write_compose(shipped: Path, target: Path, robots: int) -> None:
     """Writes the compose file for so many robots."""
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_text(compose_text(shipped.read_text(), robots))
+
+
+BASE_CPUS, ROBOT_CPUS = 0.1, 0.3
+"""Of a processor at real time, reserved for each robot on the base station and on its computer (performance.md)."""
+BASE_MEMORY, ROBOT_MEMORY = 600, 400
+"""Likewise, for all robots and for one [MiB]."""
+START_PERIOD, RETRIES = 300, 24
+"""For so long a computer of a stack may be unhealthy after its start [s], and so often in a row later, each 5 s. One
+whose steps end has ended by itself long before."""
+TLS = ("ca.crt", "tls.crt", "tls.key")
+
+
+def stack_text(shipped: str, robots: int, base_on: str, factor: float) -> str:
+    """Returns the stack for a swarm, of the text of the shipped compose file: the same computers but for their places.
+
+    Robots are the tasks of one service, so that the swarm replaces them one at a time. All computers share the fleet's
+    certificate, and are on an overlay network without a way out; nothing is published.
+
+    Args:
+        shipped: docker/compose.yaml.
+        robots: how many.
+        base_on: the constraint on the base station's node.
+        factor: the world's real-time factor, by which reserved processors go; 0 as 1.
+    """
+    speed = factor or 1.0
+    computer, services, rest = re.split(r"\n\nservices:\n|  # Only with", shipped[shipped.index("x-computer:") :])
+    computer = computer.replace("  restart: on-failure\n", "").replace("interval: 15s", "interval: 5s")
+    # A task runs once it is healthy, and a swarm ends one that is not: a busy machine must not look like a fault.
+    computer = computer.replace("timeout: 5s", f"timeout: 20s\n    retries: {RETRIES}")
+    computer = computer.replace("start_period: 60s", f"start_period: {START_PERIOD}s")
+    computer = computer.replace("[hub_password]", f"[hub_password, {', '.join(TLS)}]")
+    services = _BLOCKS.sub(lambda found: _first(found[0]), services)
+    services = re.sub(r"    networks:\n      aadi\.robots:\n.*\n", "    networks: [robots]\n", services)
+    base = _deploy(1, base_on, (0.5 + BASE_CPUS * robots) * speed, BASE_MEMORY, "4g")
+    robot = _deploy(robots, "", ROBOT_CPUS * speed, ROBOT_MEMORY, "1g")
+    services = services.replace("    mem_limit: 4g\n", base).replace("    mem_limit: 1g\n", robot)
+    secrets = rest.partition("\nsecrets:\n")[2].partition("  desktop_token:")[0]
+    secrets += "".join(f"  {name}:\n    file: ${{PIONEER_TLS_DIRECTORY}}/{name}\n" for name in TLS)
+    return (
+        f'# Made of docker/compose.yaml by ./pioneer up --swarm.\nversion: "3.8"\n{computer}\n'
+        "  ROCON_TLS_DIRECTORY: /run/secrets\n  WAYPOINT_QUEUE_FILE: /var/lib/pioneer/kept/waypoints.json\n"
+        f"\nservices:\n{services}"
+        f"networks:\n  robots:\n    driver: overlay\n    internal: true\n\nsecrets:\n{secrets}"
+    )
+
+
+def _first(blocks: str) -> str:
+    """Returns the service of all robots, from the block of the first."""
+    block = re.split(r"^(?=  aadi2:)", blocks, flags=re.M)[0]
+    return block.replace("  aadi1:", "  aadi:").replace("hostname: aadi1", 'hostname: "aadi{{.Task.Slot}}"')
+
+
+def _deploy(replicas: int, constraint: str, cpus: float, memory: int, most: str) -> str:
+    placement = f'      placement: {{constraints: ["{constraint}"]}}\n' if constraint else ""
+    return f"""\
+    deploy:
+      endpoint_mode: dnsrr
+      replicas: {replicas}
+      restart_policy: {{condition: any, delay: 2s}}
+      update_config: {{parallelism: 1, order: stop-first, failure_action: pause}}
+      resources:
+        limits: {{memory: {most}}}
+        reservations: {{cpus: "{cpus:.2f}", memory: {memory}m}}
+{placement}"""

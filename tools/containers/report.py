@@ -22,7 +22,7 @@ def follow(
     lock, results = threading.Lock(), dict[str, bool]()
 
     def run(computer: Computer, arguments: Sequence[str]) -> None:
-        command = ["docker", "exec", computer.container, REPORT, "--robot", computer.robot, *arguments]
+        command = [*computer.docker, "exec", computer.container, REPORT, "--robot", computer.robot, *arguments]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None
             assert process.stderr is not None

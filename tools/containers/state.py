@@ -4,7 +4,11 @@ import secrets
 from pathlib import Path
 
 from containers import ROOT
-from containers.engine import Project, compose_command
+from containers.engine import ContainerError, Project, compose_command
+from containers.swarm import Stack
+from tcpros.adapters.authority import Authority
+from tcpros.adapters.tls import CERTIFICATE
+from tcpros.core.error import CertificateError
 
 SHIPPED = ROOT / "docker" / "compose.yaml"
 STATE = ROOT / ".setup" / "containers"
@@ -14,6 +18,20 @@ BASE = "aadiworkstation"
 def written_compose(name: str) -> Path:
     """Returns where the compose file of the project of that name is, once a fleet was started."""
     return STATE / name / "compose.yaml"
+
+
+def stack(name: str) -> Stack:
+    """Returns the fleet of that name as a stack of the swarm; its file exists once it was deployed."""
+    return Stack(name, STATE / name / "stack.yaml")
+
+
+def fleet(name: str, **variables: str) -> Project | Stack:
+    """Returns the fleet of that name, on the swarm where it was started there.
+
+    Raises:
+        ContainerError: no engine answers.
+    """
+    return stack(name) if stack(name).file.is_file() else project(name, **variables)
 
 
 def project(name: str, **variables: str) -> Project:
@@ -35,6 +53,21 @@ def hub_password() -> Path:
 def desktop_token() -> Path:
     """Returns the file with the word that opens the desktop, which is made at the first call."""
     return _secret(STATE / "desktop-token")
+
+
+def certificates() -> Path:
+    """Returns the directory with the certificate that all computers of a stack share, made at the first call.
+
+    Raises:
+        ContainerError: openssl is missing.
+    """
+    folder = STATE / "tls" / "fleet"
+    if not (folder / CERTIFICATE).exists():
+        try:
+            Authority(folder.parent).certify(folder.name)
+        except CertificateError as error:
+            raise ContainerError(str(error)) from None
+    return folder
 
 
 def _secret(path: Path) -> Path:

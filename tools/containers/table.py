@@ -26,7 +26,11 @@ def progress_line(name: str, report: Mapping[str, Any]) -> str:
 
 def status_table(computers: Sequence[Computer], reports: Mapping[str, Mapping[str, Any]]) -> str:
     """Returns one row a computer."""
-    return aligned([HEADINGS, *(_row(computer, reports.get(computer.name, {})) for computer in computers)])
+    rows = [HEADINGS, *(_row(computer, reports.get(computer.name, {})) for computer in computers)]
+    if any(computer.node for computer in computers):
+        nodes = ["NODE", *(computer.node or "-" for computer in computers)]
+        rows = [(row[0], node, *row[1:]) for row, node in zip(rows, nodes, strict=True)]
+    return aligned(rows)
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> str:
@@ -39,7 +43,7 @@ def aligned(rows: Sequence[Sequence[str]]) -> str:
 
 def _row(computer: Computer, report: Mapping[str, Any]) -> tuple[str, ...]:
     state = computer.health if computer.running and computer.health else computer.state
-    words = str(report.get("lacks") or report.get("waypoint") or "")
+    words = str(report.get("lacks") or report.get("waypoint") or computer.problem)
     if not report.get("gateway"):
         return (computer.name, state, *["-"] * 7, words)
     rules = f"{report['active']}/{report['rules']}"

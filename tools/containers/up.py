@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from containers import image
+from containers.deployment import Deployment, is_on_swarm
 from containers.engine import DESKTOP, Computer, ContainerError, output
 from containers.fleet_plan import FleetPlan, is_idle, make_fleet_plan
 from containers.layout import write_compose
@@ -37,13 +38,20 @@ def up(options: Namespace) -> int:
     """
     began = time.monotonic()
     # An engine that does not answer and impossible options are reported before anything is built or written.
-    plan = make_fleet_plan(options, project(options.project).computers(), processors())
+    swarm = Deployment(options, _say) if is_on_swarm(options) else None
+    there = swarm.stack.computers() if swarm else project(options.project).computers()
+    plan = make_fleet_plan(options, there, swarm.processors if swarm else processors())
     if plan.remark:
         _say(plan.remark)
-    image.ensure_images(_say, options.desktop, fleet=not plan.base)
-    write_compose(SHIPPED, written_compose(options.project), plan.robots)
-    built = time.monotonic()
-    computers = _start(plan, options)
+    image.ensure_images(_say, options.desktop, fleet=options.update or not plan.base)
+    if swarm:
+        name = swarm.image(plan)
+        built = time.monotonic()
+        computers = swarm.start(plan, name)
+    else:
+        write_compose(SHIPPED, written_compose(options.project), plan.robots)
+        built = time.monotonic()
+        computers = _start(plan, options)
     if options.desktop:
         _await_page(next(one for one in computers if one.name == BASE))
         _say(f"desktop with RViz: {_desktop_address()}")
@@ -109,12 +117,13 @@ def _join(base: Computer, robots: Sequence[str]) -> None:
     if not robots:
         return
     count = robots[-1].removeprefix("pioneer")
-    output("docker", "exec", base.container, "sh", "-c", f"echo {count} >{JOINED}")
+    on_base = (*base.docker, "exec")
+    output(*on_base, base.container, "sh", "-c", f"echo {count} >{JOINED}")
     for robot in robots:
         pose = " ".join(f"-{option} $(rosparam get /{robot}/{key})" for option, key in zip("xyY", "xya", strict=True))
         launch = f'exec roslaunch pioneer_description generic_pioneer.launch name:={robot} pose:="{pose}"'
-        output("docker", "exec", "-d", base.container, "bash", "-c", f"{launch} >/proc/1/fd/1 2>&1")
-    output("docker", "exec", base.container, "rosrun", "rocon_flip", "flip-from-hub", count)
+        output(*on_base, "-d", base.container, "bash", "-c", f"{launch} >/proc/1/fd/1 2>&1")
+    output(*on_base, base.container, "rosrun", "rocon_flip", "flip-from-hub", count)
 
 
 def _say_idle(plan: FleetPlan, computers: Sequence[Computer]) -> None:

@@ -1,4 +1,4 @@
-"""docker/base where an image is there already, and where it can be had in no way: one line that says what to do."""
+"""docker/base with an existing image, and with no way to get one: one line that says what to do."""
 
 import os
 import subprocess

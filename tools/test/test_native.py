@@ -10,7 +10,7 @@ from containers.engine import Computer
 
 FLEET = {
     "world": "utm_0", "phase": "up", "started": 0.0, "real_time_factor": 1.0, "master": "http://localhost:11312",
-    "pid": 7,
+    "pid": 7, "faults": [],
     "robots": [
         {
             "robot": "rover", "state": "waiting", "pose": [1.0, 2.0, 0.0], "localisation_error": 0.01, "aborted": 0,
@@ -33,7 +33,7 @@ def both(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(native, "running_fleets", lambda: [FLEET])
     monkeypatch.setattr(native, "_has_containers", lambda _: True)
-    monkeypatch.setattr(native, "project", lambda _: FakeProject())
+    monkeypatch.setattr(native, "fleet_of", lambda _: FakeProject())
     monkeypatch.setattr(native, "follow", follow)
 
 
@@ -51,6 +51,16 @@ def test_the_table_has_both(capsys: pytest.CaptureFixture[str]) -> None:
     text = capsys.readouterr().out
     assert "rover" in text
     assert "aadi1" in text
+
+
+@pytest.mark.usefixtures("both")
+def test_a_fault_of_a_fleet_is_a_line_below_its_robots_and_the_exit_status(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fault = "rover/amcl keeps dying and is started again: 3 times so far, exit code 1"
+    monkeypatch.setattr(native, "running_fleets", lambda: [{**FLEET, "faults": [fault]}])
+    assert native.main(["status"]) == 1
+    assert f"\n{fault}\n" in capsys.readouterr().out
 
 
 def test_without_a_fleet_one_line_says_how_to_start_one(

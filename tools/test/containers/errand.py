@@ -38,11 +38,11 @@ class Errand:
     """One robot's round, and what its computer hears of it meanwhile."""
 
     def __init__(self, computer: Computer, places: Sequence[tuple[float, float]]) -> None:
-        self.name, self._count, self._container = computer.name, len(places), computer.container
+        self.name, self._count, self._computer = computer.name, len(places), computer
         self._began = time.time()
         words = ["--until", "ready", "--timeout", f"{PATIENCE:g}", *(f"--to={x},{y}" for x, y in places)]
         self._process = subprocess.Popen(
-            ["docker", "exec", computer.container, REPORT, "--robot", computer.robot, *words],
+            [*computer.docker, "exec", computer.container, REPORT, "--robot", computer.robot, *words],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -106,7 +106,15 @@ class Errand:
 
     def _told(self, report: Report) -> str:
         """Returns a report with what its computer has said since."""
-        command = ["docker", "logs", "--since", f"{self._began:.0f}", "--tail", "12", self._container]
+        command = [
+            *self._computer.docker,
+            "logs",
+            "--since",
+            f"{self._began:.0f}",
+            "--tail",
+            "12",
+            self._computer.container,
+        ]
         said = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
         return f"{self.name}: {report}\n{said.stdout}"
 

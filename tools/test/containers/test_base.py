@@ -34,4 +34,4 @@ def test_where_no_registry_answers_the_base_image_is_made_with_debootstrap(no_im
     assert [line.split()[2] for line in sources] == ["bookworm", "bookworm-updates", "bookworm-security"]
     assert int(output("docker", "image", "inspect", "-f", "{{.Size}}", IMAGE)) < 100e6
     again = subprocess.run([BASE, IMAGE], capture_output=True, text=True, timeout=60, check=False)
-    assert (again.returncode, again.stdout) == (0, ""), "it is there already"
+    assert (again.returncode, again.stdout) == (0, ""), "the image exists"

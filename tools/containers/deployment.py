@@ -1,0 +1,121 @@
+"""The part of ``./pioneer up`` that differs on a swarm: its nodes, the image's way to them, and the stack."""
+
+from argparse import Namespace
+from collections.abc import Callable
+
+from containers.engine import Computer, ContainerError
+from containers.fleet_plan import DOWN, FleetPlan
+from containers.layout import stack_text
+from containers.registry import distribute
+from containers.state import SHIPPED, certificates, hub_password, project, stack
+from containers.swarm import BASE_LABEL, awaited, check_engines, nodes
+
+RUNNING, RUNNING_PER_ROBOT = 180.0, 10.0
+"""Longest wait for computers to run: a node that has no image of the fleet yet pulls it first [s]."""
+
+
+def is_on_swarm(options: Namespace) -> bool:
+    """Returns whether the fleet is, or is to be, on a swarm.
+
+    Raises:
+        ContainerError: it is on this machine alone, or an option does not go with that.
+    """
+    there = stack(options.project).file.is_file()
+    if not (options.swarm or there):
+        if options.update or options.registry:
+            option = "update" if options.update else "registry"
+            raise ContainerError(f"--{option} is for a fleet on a swarm: up --swarm")
+        return False
+    if options.desktop:
+        raise ContainerError("--desktop is for a fleet on one machine; on a swarm nothing is published")
+    if not there and project(options.project).computers():
+        raise ContainerError(f"a fleet runs on this machine alone: {DOWN}")
+    if options.update and not there:
+        raise ContainerError("--update is for a fleet that runs; none does")
+    return True
+
+
+class Deployment:
+    """A fleet on the swarm that this machine manages.
+
+    Attributes:
+        stack: the fleet.
+
+    Raises:
+        ContainerError: this machine manages no swarm, or the engine of a node does not answer.
+    """
+
+    def __init__(self, options: Namespace, say: Callable[[str], None]) -> None:
+        self.stack = stack(options.project)
+        self._options, self._say = options, say
+        found = nodes()
+        self._manager, self._nodes = found[0], [one for one in found if one.works]
+        check_engines(self._nodes)
+
+    @property
+    def processors(self) -> float:
+        """Of all nodes that take tasks."""
+        return sum(one.processors for one in self._nodes)
+
+    def image(self, plan: FleetPlan) -> str:
+        """Returns the image's name for the swarm, once it can be pulled by that; that of the running fleet if any."""
+        if plan.base and not self._options.update:
+            return plan.base.image
+        return distribute(self._registry(plan), self._manager, self._nodes, self._say)
+
+    def _registry(self, plan: FleetPlan) -> str:
+        if self._options.registry or not plan.base:
+            return str(self._options.registry)
+        used = plan.base.image.partition("/")[0]
+        return "" if used.startswith(f"{self._manager.address}:") else used
+
+    def start(self, plan: FleetPlan, image: str) -> list[Computer]:
+        """Starts what is missing, and replaces robots' computers where that is asked for; returns all, running.
+
+        Raises:
+            ContainerError: the swarm does not have them run, and why.
+        """
+        if plan.base is None:
+            self._deploy(plan, image)
+        else:
+            if self._options.update:
+                self._say(f"replacing {plan.robots} computers, one at a time")
+                self.stack.update(image)
+            self.stack.scale(plan.robots)
+        self._await(plan)
+        return self.stack.computers()
+
+    def _deploy(self, plan: FleetPlan, image: str) -> None:
+        base_on = f"node.labels.{BASE_LABEL}==base" if any(one.base for one in self._nodes) else "node.role==manager"
+        self.stack.file.parent.mkdir(parents=True, exist_ok=True)
+        self.stack.file.write_text(stack_text(SHIPPED.read_text(), plan.robots, base_on, plan.factor))
+        self.stack.deploy(
+            PIONEER_IMAGE=image,
+            PIONEER_WORLD=plan.world,
+            PIONEER_ROBOTS=str(plan.robots),
+            PIONEER_REAL_TIME_FACTOR=f"{plan.factor:g}",
+            PIONEER_HUB_PASSWORD_FILE=str(hub_password()),
+            PIONEER_TLS_DIRECTORY=str(certificates()),
+            **({"PIONEER_STEPS": "idle"} if plan.idle else {}),
+        )
+
+    def _await(self, plan: FleetPlan) -> None:
+        """Waits until every computer runs."""
+        seen: dict[str, Computer] = {}
+
+        def settled() -> bool:
+            seen.update({one.name: one for one in self.stack.computers()})
+            return self._refused(seen) != "" or (len(seen) > plan.robots and all(one.running for one in seen.values()))
+
+        timeout = RUNNING + RUNNING_PER_ROBOT * plan.robots
+        if not awaited(settled, timeout) or self._refused(seen):
+            late = [f"{one.name} ({one.problem or one.state})" for one in seen.values() if not one.running]
+            raise ContainerError(self._refused(seen) or f"not running after {timeout:g} s: {', '.join(late)}")
+
+    def _refused(self, seen: dict[str, Computer]) -> str:
+        """Returns a sentence on the computers for which the swarm has no place; empty if there are none."""
+        without = [one for one in seen.values() if one.state == "pending" and "no suitable node" in one.problem]
+        if not without:
+            return ""
+        names = ", ".join(one.name for one in sorted(without, key=lambda one: one.number))
+        return f"the swarm has no place for {names}: {without[0].problem}; what has one runs: ./pioneer status, {DOWN}"

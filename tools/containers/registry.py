@@ -1,0 +1,75 @@
+"""The registry from which a swarm's nodes have the fleet's image: the user's, or one that is started here."""
+
+import contextlib
+import http.client
+import json
+import os
+from collections.abc import Callable, Sequence
+
+from containers.engine import ContainerError, output
+from containers.image import ensure_registry_image
+from containers.swarm import Node, awaited
+
+PORT = 5000
+ANSWER = 60.0
+"""Longest wait for the registry's first answer [s]."""
+CONTAINER = "pioneer-registry"
+"""The registry's container on the manager, its image and its volume."""
+
+
+def distribute(address: str, manager: Node, nodes: Sequence[Node], say: Callable[[str], None]) -> str:
+    """Pushes the fleet's image to the registry at ``address``, HOST:PORT, else to ours; returns the image's name there.
+
+    Raises:
+        ContainerError: the registry cannot be started or refuses the image, or a node would not pull from it.
+    """
+    image = os.environ.get("PIONEER_IMAGE", "pioneer")
+    to = address
+    if not address:
+        address, to = f"{manager.address}:{PORT}", f"127.0.0.1:{PORT}"
+        for node in nodes:
+            if node != manager:
+                check_trust(node, address)
+        _start(manager.address, say)
+    # The tag tells images apart, so that an update is one and a node that has the image pulls nothing.
+    tag = output("docker", "image", "inspect", "-f", "{{.Id}}", image).strip().removeprefix("sha256:")[:12]
+    name = f"{address}/pioneer:{tag}"
+    output("docker", "tag", image, name)
+    say(f"pushing the image to {address}")
+    output("docker", "tag", image, f"{to}/pioneer:{tag}")
+    output("docker", "push", "-q", f"{to}/pioneer:{tag}")
+    return name
+
+
+def check_trust(node: Node, address: str) -> None:
+    """Raises ContainerError where a node's engine would ask our registry for TLS, which it does not speak."""
+    found = json.loads(output(*node.docker, "info", "-f", "{{json .RegistryConfig.IndexConfigs}}"))
+    if found.get(address, {}).get("Secure", True):
+        raise ContainerError(
+            f'{node.name} takes no image from {address}: add "insecure-registries": ["{address}"] to its '
+            "/etc/docker/daemon.json and restart Docker there, or name a registry with --registry HOST:PORT"
+        )
+
+
+def _start(address: str, say: Callable[[str], None]) -> None:
+    """Starts our registry, which outlives fleets, unless it runs."""
+    state = output("docker", "ps", "-aq", "--filter", f"name=^{CONTAINER}$", "--format", "{{.State}}").strip()
+    if not state:
+        ensure_registry_image(CONTAINER, say)
+        published = [word for host in ("127.0.0.1", address) for word in ("-p", f"{host}:{PORT}:{PORT}")]
+        words = ["--restart", "unless-stopped", "-v", f"{CONTAINER}:/var/lib/docker-registry"]
+        output("docker", "run", "-d", "--name", CONTAINER, *published, *words, CONTAINER)
+    elif state != "running":
+        output("docker", "start", CONTAINER)
+    if not awaited(_answers, ANSWER):
+        raise ContainerError(f"the registry does not answer after {ANSWER:g} s: docker logs {CONTAINER}")
+
+
+def _answers() -> bool:
+    line = http.client.HTTPConnection("127.0.0.1", PORT, timeout=5.0)
+    with contextlib.closing(line):
+        try:
+            line.request("GET", "/v2/")
+            return line.getresponse().status == http.client.OK
+        except (OSError, http.client.HTTPException):
+            return False

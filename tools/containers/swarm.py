@@ -1,0 +1,209 @@
+"""Docker Swarm: its nodes, how to reach the engine of each, and a fleet on them as a stack."""
+
+import json
+import os
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from containers.engine import DOCKER, Computer, ContainerError, output
+
+BASE_LABEL = "pioneer"
+"""The node label that, with the value ``base``, says where the base station may run."""
+BASE, ROBOTS = "aadiworkstation", "aadi"
+"""The stack's services; a robot's computer is a task of the second, aadi1 its first slot."""
+LOOK = 1.0
+"""Time between two questions to the swarm, whose command line reports no changes [s]."""
+REMOVAL = 120.0
+"""Longest wait for the end of a stack's containers, which get 20 s [s]."""
+
+
+@dataclass(frozen=True)
+class Node:
+    """A machine of the swarm.
+
+    Attributes:
+        name: its host name.
+        ident: Swarm's name for it.
+        address: where the swarm reaches it.
+        up: whether it is there.
+        works: whether it takes tasks, too.
+        base: whether it has the label of the base station.
+        processors: so many.
+        docker: the command that talks to its engine.
+    """
+
+    name: str
+    ident: str
+    address: str
+    up: bool
+    works: bool
+    base: bool
+    processors: float
+    docker: tuple[str, ...] = DOCKER
+
+
+def nodes() -> list[Node]:
+    """Returns all nodes, this one first.
+
+    Raises:
+        ContainerError: this engine manages no swarm.
+    """
+    swarm = json.loads(output("docker", "info", "-f", "{{json .Swarm}}"))
+    if not swarm.get("ControlAvailable"):
+        raise ContainerError(
+            "this engine is no manager of a swarm: docker swarm init --advertise-addr ADDRESS, then on each other "
+            "machine the command that it prints; docs/several-hosts.md has more"
+        )
+    contexts = set(output("docker", "context", "ls", "-q").split())
+    facts = _inspected("node", output("docker", "node", "ls", "-q").split())
+    found = [_node(fact, swarm, contexts) for fact in facts]
+    return sorted(found, key=lambda one: (one.docker != DOCKER, one.name))
+
+
+def _inspected(kind: str, names: Sequence[str]) -> list[dict[str, Any]]:
+    """Returns what the engine knows of things of a kind; of those that are gone meanwhile, nothing."""
+    if not names:
+        return []
+    command = ["docker", "inspect", "--type", kind, *names]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode and "no such" not in done.stderr.lower():
+        raise ContainerError(f"docker inspect of {kind}s failed: {done.stderr.strip()}")
+    return list(json.loads(done.stdout or "[]"))
+
+
+def _node(fact: Mapping[str, Any], swarm: Mapping[str, Any], contexts: set[str]) -> Node:
+    name, address = fact["Description"]["Hostname"], fact["Status"]["Addr"]
+    here, up = fact["ID"] == swarm["NodeID"], fact["Status"]["State"] == "ready"
+    other = ("docker", "--context", name) if name in contexts else ("docker", "-H", f"ssh://{address}")
+    return Node(
+        name,
+        fact["ID"],
+        swarm["NodeAddr"] if here else address,
+        up,
+        up and fact["Spec"]["Availability"] == "active",
+        fact["Spec"].get("Labels", {}).get(BASE_LABEL) == "base",
+        fact["Description"]["Resources"]["NanoCPUs"] / 1e9,
+        DOCKER if here else other,
+    )
+
+
+def check_engines(found: Sequence[Node]) -> None:
+    """Raises ContainerError for a node that takes tasks but whose engine cannot be asked about them."""
+    for node in found:
+        try:
+            output(*node.docker, "version", "-f", "{{.Server.Version}}")
+        except ContainerError as error:
+            raise ContainerError(
+                f"the engine of {node.name} does not answer ({error}); tell how to reach it, once: "
+                f"docker context create {node.name} --docker host=ssh://USER@{node.address}"
+            ) from None
+
+
+def awaited(condition: Callable[[], bool], timeout: float) -> bool:
+    """Waits until a condition of the swarm holds, at most ``timeout`` [s]; returns whether it does."""
+    deadline, pause = time.monotonic() + timeout, threading.Event()
+    while not condition():
+        if time.monotonic() >= deadline:
+            return False
+        pause.wait(LOOK)
+    return True
+
+
+@dataclass(frozen=True)
+class Stack:
+    """One fleet as a stack of that name, and the file that it was deployed from."""
+
+    name: str
+    file: Path
+
+    def deploy(self, **variables: str) -> None:
+        """Deploys the file, in which ``variables`` have these values.
+
+        Raises:
+            ContainerError: it failed.
+        """
+        command = ["docker", "stack", "deploy", "-c", str(self.file), "--resolve-image", "never"]
+        environment = {**os.environ, **variables}
+        done = subprocess.run(
+            [*command, "--with-registry-auth", self.name], env=environment, capture_output=True, text=True, check=False
+        )
+        if done.returncode:
+            raise ContainerError(f"docker stack deploy failed: {done.stderr.strip()}")
+
+    def scale(self, robots: int) -> None:
+        """Has so many robots' computers run; the others are left alone."""
+        output("docker", "service", "scale", "-d", f"{self.name}_{ROBOTS}={robots}")
+
+    def update(self, image: str) -> None:
+        """Replaces the robots' computers by such of another image, one at a time; returns once the last one runs."""
+        command = ["docker", "service", "update", "-q", "--with-registry-auth", "--no-resolve-image"]
+        output(*command, "--image", image, f"{self.name}_{ROBOTS}")
+
+    def computers(self) -> list[Computer]:
+        """Returns the fleet's computers, the base station first, then robots by number."""
+        wanted = ["--filter", "desired-state=running", "--no-trunc", "-q"]
+        services = self._services()
+        listed = output("docker", "service", "ps", *wanted, *services).split() if services else []
+        known = {node.ident: node for node in nodes()} if listed else {}
+        return sorted((_computer(fact, known) for fact in _inspected("task", listed)), key=lambda one: one.number)
+
+    def _services(self) -> list[str]:
+        label = f"label=com.docker.stack.namespace={self.name}"
+        return output("docker", "service", "ls", "--filter", label, "--format", "{{.Name}}").split()
+
+    def down(self) -> None:
+        """Removes the stack; returns once its containers and networks are gone."""
+        output("docker", "stack", "rm", self.name)
+        label = f"label=com.docker.stack.namespace={self.name}"
+        kinds = (("ps", "-aq"), ("network", "ls", "-q"))
+
+        def gone() -> bool:
+            return not any(output("docker", *words, "--filter", label).strip() for words in kinds)
+
+        if not awaited(gone, REMOVAL):
+            what = f"the stack {self.name} has not ended"
+            raise ContainerError(f"{what} after {REMOVAL:g} s: docker stack ps {self.name}")
+        self.file.unlink(missing_ok=True)
+
+    def logs(self, follow: bool, names: Sequence[str]) -> None:
+        """Prints what computers log, all by default, until Ctrl-C where it is to ``follow``.
+
+        Raises:
+            ContainerError: no such computer.
+        """
+        tasks = {one.name: one.task for one in self.computers()} if names else {}
+        for name in names:
+            if name not in tasks:
+                raise ContainerError(f"no computer {name} runs; there are {', '.join(tasks) or 'none'}")
+        sources = [tasks[name] for name in names] or self._services()
+        words = ["docker", "service", "logs", *(["-f"] if follow else [])]
+        running = [subprocess.Popen([*words, source]) for source in sources]
+        for process in running:
+            process.wait()
+
+
+def _computer(fact: Mapping[str, Any], known: Mapping[str, Node]) -> Computer:
+    spec, status = fact["Spec"]["ContainerSpec"], fact["Status"]
+    node = known.get(fact.get("NodeID", ""))
+    environment = dict(line.split("=", 1) for line in spec.get("Env", ()))
+    # Of the base station's service there is one task; robots' services have their role, too.
+    is_base = "ROS_MASTER_URI" in environment
+    name = BASE if is_base else f"{ROBOTS}{fact['Slot']}"
+    state = status["State"] if node is None or node.up else "unreachable"
+    return Computer(
+        name,
+        status.get("ContainerStatus", {}).get("ContainerID", ""),
+        state,
+        "",
+        environment,
+        spec["Image"],
+        node.name if node else "",
+        node.docker if node else DOCKER,
+        fact["ID"],
+        status.get("Err", ""),
+    )
