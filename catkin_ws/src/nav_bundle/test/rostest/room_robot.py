@@ -19,7 +19,7 @@ START = Pose(1.5, 1.5, 0.0)
 ODOM_START = Pose(-4.0, 3.0, 1.0)
 LASER = Pose(0.1, 0.0, 0.0)
 _MOST_TICKS = 600
-"""A node that does not answer gets one in 0.1 s of wall time."""
+"""A node that does not answer gets one in ``patience``."""
 
 
 class RoomRobot:
@@ -95,16 +95,25 @@ class RoomTest(unittest.TestCase):
         """Tells whether the node has answered the last tick."""
         raise NotImplementedError
 
-    def drive_until(self, condition: Callable[[], bool], what: str, length: float = 0.0, turn: float = 0.0) -> None:
+    def drive_until(
+        self, condition: Callable[[], bool], what: str, length: float = 0.0, turn: float = 0.0, patience: float = 0.1
+    ) -> None:
         """Ticks until the condition holds. The robot drives in a tick only where the node has answered the last.
 
         A node that is late so finds the robot where it would have been for one in time.
+
+        Args:
+            condition: looked at whenever a message has come.
+            what: what is awaited, for the failure's text.
+            length: driven in a tick [m].
+            turn: turned in a tick [rad].
+            patience: wall time [s] a tick is given.
         """
         drives = True
         for _ in range(_MOST_TICKS):
             self.robot.tick(*((length, turn) if drives else (0.0, 0.0)))
             with self.arrived:
-                if self.arrived.wait_for(condition, timeout=0.1):
+                if self.arrived.wait_for(condition, patience):
                     return
                 drives = self.answered()
         self.fail(f"{what} did not come; last tf {self.map_from_odom} at {self.stamp}")
