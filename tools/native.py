@@ -87,8 +87,12 @@ def _rviz(options: argparse.Namespace) -> NoReturn:
     fleets = running_fleets()
     if not fleets and _has_containers(options.project):
         raise ContainerError("the fleet runs in containers: ./pioneer up --desktop has its RViz in the browser")
+    master = _newest(fleets)["master"]
+    if not os.environ.get("DISPLAY"):
+        snapshot = f"ROS_MASTER_URI={master} ./pioneer run rosrun pioneer_description rviz_snapshot -o rviz.png"
+        raise ContainerError(f"RViz needs a display, and DISPLAY is not set; for a picture: {snapshot}")
     launch = ["roslaunch", "--no-summary", "pioneer_description", "multi_pioneer_rviz.launch", "description:=false"]
-    _become(_newest(fleets)["master"], launch)
+    _become(master, launch)
 
 
 def _teleop(options: argparse.Namespace) -> int:

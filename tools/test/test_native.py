@@ -63,6 +63,17 @@ def test_a_fault_of_a_fleet_is_a_line_below_its_robots_and_the_exit_status(
     assert f"\n{fault}\n" in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("both")
+def test_rviz_without_a_display_is_refused_with_the_command_for_a_picture(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    assert native.main(["rviz"]) == 1
+    told = capsys.readouterr().err
+    assert "DISPLAY is not set" in told
+    assert "ROS_MASTER_URI=http://localhost:11312 ./pioneer run rosrun pioneer_description rviz_snapshot" in told
+
+
 def test_without_a_fleet_one_line_says_how_to_start_one(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -68,6 +68,21 @@ def test_outputs_that_cannot_be_written_are_refused_before_anything_is_created(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["replay", "none.bag"], "there is no recording none.bag"),
+        (["run", "none"], "pioneer: run: there is no command 'none'"),
+        (["fleet", "--fleet", "none.yaml"], "cannot read the fleet file none.yaml: No such file or directory"),
+    ],
+)
+def test_what_does_not_exist_is_named_in_a_sentence(tmp_path: Path, words: list[str], told: str) -> None:
+    done = run(ROOT / "pioneer", *words, cwd=tmp_path)
+    assert done.returncode != 0
+    assert told in done.stderr
+    assert not done.stdout
+
+
 def test_a_reader_that_ends_is_told_in_one_line_and_ends_the_demo(tmp_path: Path) -> None:
     script = f"{ROOT}/pioneer demo --report {tmp_path}/report | true; exit ${{PIPESTATUS[0]}}"
     done = run("bash", "-c", script)

@@ -59,6 +59,11 @@ def test_a_file_that_is_missing_is_named(tmp_path: Path, text: str, told: str) -
         read_fleet(tmp_path / "fleet.yaml")
 
 
+def test_a_fleet_file_that_does_not_exist_is_named_in_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(FleetFileError, match=r"none\.yaml: No such file or directory$"):
+        read_fleet(tmp_path / "none.yaml")
+
+
 def test_the_shipped_fleet_file_can_be_read() -> None:
     import rospkg
 

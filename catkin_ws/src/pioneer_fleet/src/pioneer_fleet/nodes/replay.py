@@ -55,6 +55,8 @@ def main(words: Sequence[str]) -> int:
     options = command.parse_args(words)
     if not options.rate > 0.0:
         command.error(f"--rate must be above 0 (got {options.rate:g})")
+    if not options.file.is_file():
+        command.error(f"there is no recording {options.file}")
     end = threading.Event()
     numbers = list[int]()
 

@@ -22,7 +22,9 @@ def read_fleet(path: Path) -> tuple[RobotEntry, ...]:
     """
     try:
         content = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+    except OSError as error:
+        raise FleetFileError(f"cannot read the fleet file {path}: {error.strerror}") from None
+    except (UnicodeDecodeError, yaml.YAMLError) as error:
         raise FleetFileError(f"cannot read the fleet file {path}: {error}") from None
     return tuple(with_files(robot, path) for robot in fleet_from_mapping(content, str(path)))
 
