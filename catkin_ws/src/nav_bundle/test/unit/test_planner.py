@@ -17,9 +17,10 @@ from nav_bundle.core.global_planner import (
     global_planner_config_from_parameters,
 )
 from nav_bundle.core.grid import grid_from_text
-from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
+from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner, weights
 from nav_bundle.core.planner import GoalOutsideError, NoPathError, StartOutsideError, path_between
 from nav_bundle.core.pose import Pose
+from nav_bundle.kernels.navfn import coarsen
 from pioneer_node.core.parameter import ParameterError
 
 RESOLUTION = 0.1
@@ -252,6 +253,23 @@ def test_a_star_s_ways_are_at_most_two_hundredths_dearer_than_dijkstra_s():
         start, goal = Pose((c0 + 0.5) * 0.1, (r0 + 0.5) * 0.1), Pose((c1 + 0.5) * 0.1, (r1 + 0.5) * 0.1)
         dijkstra, a_star = (cheapest(planner, costmap, start, goal) for planner in PLANNERS[1:])
         assert a_star <= 1.02 * dijkstra
+
+
+def test_a_block_weighs_halfway_between_its_least_and_mean_passable_cell():
+    """Also at the edges, where blocks are smaller; what no cell of leads through stays closed."""
+    costs = np.random.default_rng(3).choice(np.array([0, 40, 252, 253, 254, 255], np.uint8), (11, 14))
+    costs[4:8, 4:8] = 254
+    table, closed = weights(True), 255
+    coarse = np.full((5, 6), closed, np.uint8)
+    coarsen(costs, table, coarse)
+    expected = np.full_like(coarse, closed)
+    for row, col in np.ndindex(3, 4):
+        added = table[costs[4 * row : 4 * row + 4, 4 * col : 4 * col + 4]]
+        if (added >= 0.0).any():
+            passable = added[added >= 0.0]
+            expected[row + 1, col + 1] = int((passable.min() + passable.mean()) / 2.0)
+    assert expected[2, 2] == closed
+    assert np.array_equal(coarse, expected)
 
 
 def test_a_star_finds_the_way_round_that_its_guide_does_not_know():

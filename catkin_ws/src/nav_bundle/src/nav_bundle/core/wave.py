@@ -76,7 +76,8 @@ class Guide:
         coarse = np.full(blocks, _CLOSED, np.uint8)
         coarsen(costs, weights, coarse)
         self._start = _block(start)
-        self._wave = Wave(coarse, _BLOCK_WEIGHTS, _block(goal), band)
+        # A step over a block is as much as BLOCK over cells: bands of less than that would be of one block each.
+        self._wave = Wave(coarse, _BLOCK_WEIGHTS, _block(goal), band * BLOCK)
 
     def advance(self, budget: int) -> bool:
         """Visits about ``budget`` blocks; returns whether the guide is ready."""

@@ -163,6 +163,25 @@ def spread(front: Front, goal: Cell, guide: Array2[np.float32], budget: int) -> 
     return RUNNING
 
 
+_ONE, _NONE = np.uint32(1 << 16), np.uint32(0xFFFFFFFF)
+
+
+@njit
+def _block_weight(costs, table, first_row, first_col, rows, cols):
+    """Returns halfway between the least and the mean weight of the cells that may be crossed, 0 where there is none."""
+    total = np.uint32(0)
+    least = _NONE
+    for row in range(rows):
+        for col in range(cols):
+            entry = table[costs[first_row + row, first_col + col]]
+            total += entry
+            least = min(least, np.uint32(entry - _ONE))  # what is barred wraps round, to more than any weight
+    if total < _ONE:
+        return np.uint8(0)
+    mean = np.float32(total & np.uint32(0xFFFF)) / np.float32(total >> np.uint32(16))
+    return np.uint8(np.float32(0.5) * (np.float32(least) + mean))
+
+
 @kernel
 def coarsen(costs: Array2[np.uint8], weights: Array1[np.float32], coarse: Array2[np.uint8]) -> None:
     """Writes what a cell of each block adds into ``coarse``, shape (blocks + 2, blocks + 2) with its ring.
@@ -172,22 +191,22 @@ def coarsen(costs: Array2[np.uint8], weights: Array1[np.float32], coarse: Array2
     cells may have gaps.
     """
     rows, cols = costs.shape
+    # By a cell's cost its weight, and one from bit 16 on if it may be crossed: one sum has both.
+    table = np.zeros(256, np.uint32)
+    for cost in range(256):
+        if weights[cost] >= 0.0:
+            table[cost] = np.uint32(weights[cost]) | _ONE
+    whole_rows, whole_cols = rows >> BLOCK_BITS, cols >> BLOCK_BITS
     for block_row in range(coarse.shape[0] - 2):
-        first_row = block_row << BLOCK_BITS
+        row = block_row << BLOCK_BITS
         for block_col in range(coarse.shape[1] - 2):
-            first_col = block_col << BLOCK_BITS
-            total = np.float32(0.0)
-            least = np.float32(FAR)
-            count = 0
-            for row in range(first_row, min(first_row + BLOCK, rows)):
-                for col in range(first_col, min(first_col + BLOCK, cols)):
-                    weight = weights[costs[row, col]]
-                    if weight >= 0.0:
-                        total += weight
-                        least = min(least, weight)
-                        count += 1
-            if count:
-                coarse[block_row + 1, block_col + 1] = np.uint8(np.float32(0.5) * (least + total / count))
+            col = block_col << BLOCK_BITS
+            if block_row < whole_rows and block_col < whole_cols:
+                weight = _block_weight(costs, table, row, col, BLOCK, BLOCK)  # of fixed size, so that it is unrolled
+            else:
+                weight = _block_weight(costs, table, row, col, min(BLOCK, rows - row), min(BLOCK, cols - col))
+            if weight > 0:
+                coarse[block_row + 1, block_col + 1] = weight
 
 
 @njit

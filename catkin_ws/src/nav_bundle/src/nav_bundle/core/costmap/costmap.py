@@ -232,6 +232,8 @@ class Costmap:
         seen = np.zeros((part.row_1 - part.row_0, part.col_1 - part.col_0), bool)
         for layer in self._obstacles:
             seen |= layer.cells[window] == LETHAL
+        if not seen.any():
+            return np.empty((0, 2))
         seen &= ~self._static[0].near(part, cells_of_distance(_KNOWN, place.resolution))
         cells = np.argwhere(seen)[:, ::-1] + (part.col_0 + 0.5, part.row_0 + 0.5)
         points = cells * place.resolution + (place.origin_x, place.origin_y)
