@@ -25,14 +25,6 @@ VENV = ROOT / ".setup" / "venv" / "bin"
 LAUNCH_FILES = ROOT / "tools" / "test" / "test_launch_files.py"
 SHOWN_LINES = 25
 MOST_AT_ONCE = 4
-TYPED = {
-    *("pioneer_bench", "pioneer_demo", "pioneer_fleet", "pioneer_harness", "pioneer_node", "pioneer_web"),
-    "pioneer_gazebo",
-    *("tcpros", "rocon_hub_protocol", "rocon_relay", "rocon_gateway", "rocon_hub", "rocon_flip", "rocon_launch"),
-    *("pioneer_control", "pioneer_description", "pioneer_ros", "pioneer_traffic", "simple_navigation_goals"),
-    "nav_bundle",
-}
-"""Packages whose types are checked whole, not only their cores."""
 LONGEST = "scenario"
 """Of the rostests."""
 LONG = {
@@ -68,13 +60,11 @@ def lint() -> Iterator[Check]:
 
 
 def types() -> Iterator[Check]:
-    """The cores, the packages of ``TYPED`` and tools are fully annotated."""
-    roots = [package for root in python_roots() for package in sorted(root.glob("*/")) if package.name != "__pycache__"]
-    typed = [str(package if package.name in TYPED else package / "core") for package in roots]
+    """The packages and tools are fully annotated."""
+    sources = [str(path) for root in python_roots() for path in sorted(root.glob("*/")) if path.name != "__pycache__"]
     tools = [*map(str, sorted((ROOT / "tools").glob("*.py"))), str(ROOT / "tools" / "containers")]
     paths = os.pathsep.join(map(str, [*python_roots(), ROOT / "tools"]))
-    folders = [path for path in typed if Path(path).is_dir()]
-    command = ["mypy", "--cache-dir", str(ROOT / ".setup" / "mypy"), *folders, *tools]
+    command = ["mypy", "--cache-dir", str(ROOT / ".setup" / "mypy"), *sources, *tools]
     yield Check("mypy", command, environment={"MYPYPATH": paths})
 
 

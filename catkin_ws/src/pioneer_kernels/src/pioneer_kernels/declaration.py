@@ -90,7 +90,7 @@ def checked(compiled: Callable[..., Result], name: str, hints: dict[str, Any]) -
 
 
 _Arrays = list[tuple[int, np.dtype[Any], int]]
-_Groups = list[tuple[int, type, int, _Arrays, "_Groups"]]  # type: ignore[misc]
+_Groups = list[tuple[int, type[tuple[Any, ...]], int, _Arrays, "_Groups"]]  # type: ignore[misc]
 
 
 def _checks(hints: dict[str, Any]) -> tuple[_Arrays, _Groups]:

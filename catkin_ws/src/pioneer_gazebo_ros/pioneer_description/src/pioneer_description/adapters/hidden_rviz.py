@@ -1,71 +1,109 @@
 """RViz on a screen that nobody sees (Xvfb), and pictures of that screen."""
 
+import contextlib
 import os
+import select
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import yaml
-from PIL import Image
+from PIL import Image, ImageGrab
 
-from pioneer_harness.process import ProcessGroup
-from pioneer_harness.screen import HiddenScreen
+from pioneer_description.adapters.program import running
+
+SCREEN_TIME = 10.0
+"""Within which Xvfb must have a screen [s]."""
+LAST_LINES = 15
+"""Of RViz's log, in the error about its end."""
+
+Picture = np.ndarray[Any, np.dtype[np.uint8]]
+"""Shape (height, width, 3)."""
 
 
 class RvizError(RuntimeError):
-    """RViz or its screen cannot be started; the text says what to do."""
+    """RViz or its screen cannot be started, or has ended; the text says what to do."""
 
 
-class HiddenRviz:
-    """RViz, full screen, as the node ``/rviz``; a context manager that ends it.
+@contextlib.contextmanager
+def hidden_screen(size: tuple[int, int], folder: Path) -> Iterator[dict[str, str]]:
+    """Starts an X server on the first free display, and ends it with the block.
+
+    Args:
+        size: width and height [pixels].
+        folder: an empty one, for its log and as its clients' ``XDG_RUNTIME_DIR``.
+
+    Yields:
+        Environment variables of its clients; OpenGL is rendered in software.
+
+    Raises:
+        RvizError: Xvfb is not installed, or has no screen in time.
+    """
+    _check_installed("Xvfb", "xvfb")
+    reader, writer = os.pipe()
+    # Xvfb writes the number of the first free display. Without -noreset it would restart, and refuse clients
+    # meanwhile, whenever its last client disconnects, such as one that took a picture.
+    geometry = f"{size[0]}x{size[1]}x24"
+    argv = ["Xvfb", "-displayfd", str(writer), "-screen", "0", geometry, "-nolisten", "tcp", "-noreset"]
+    with (
+        open(reader) as numbers,
+        open(folder / "Xvfb.log", "wb") as log,
+        running(argv, stdout=log, stderr=log, pass_fds=[writer]),
+    ):
+        os.close(writer)
+        number = numbers.readline().strip() if select.select([numbers], [], [], SCREEN_TIME)[0] else ""
+        if not number:
+            raise RvizError(f"Xvfb has no screen within {SCREEN_TIME:g} s: {_end_of(folder / 'Xvfb.log')}")
+        yield {"DISPLAY": f":{number}", "XDG_RUNTIME_DIR": str(folder), "LIBGL_ALWAYS_SOFTWARE": "1"}
+
+
+def picture_of(variables: Mapping[str, str]) -> Picture:
+    """Returns what a hidden screen shows now; OSError where it has ended."""
+    return np.asarray(ImageGrab.grab(xdisplay=variables["DISPLAY"]).convert("RGB"))
+
+
+@contextlib.contextmanager
+def hidden_rviz(config: Mapping[str, Any], size: tuple[int, int]) -> Iterator[Callable[[], Picture]]:
+    """Runs RViz, full screen, as the node ``/rviz``, and ends it with the block.
 
     Args:
         config: the RViz configuration.
         size: of the screen, width and height [pixels].
 
+    Yields:
+        What returns the screen as it is now, or raises RvizError or OSError once RViz or the screen has ended.
+
     Raises:
-        RvizError: Xvfb or rviz is not installed.
-        HarnessError: a process ended, or Xvfb has no screen in time.
+        RvizError: Xvfb or rviz is not installed, or there is no screen in time.
     """
+    _check_installed("rviz", "rviz")
+    # RViz ends first: without its screen it would die without telling the master.
+    with TemporaryDirectory(prefix="hidden-rviz-") as name, hidden_screen(size, folder := Path(name)) as variables:
+        (folder / "shown.rviz").write_text(yaml.safe_dump(dict(config), allow_unicode=True))
+        argv = ["rviz", "--fullscreen", "-d", str(folder / "shown.rviz"), "__name:=rviz"]
+        environment = {**os.environ, **variables}
+        with open(folder / "rviz.log", "wb") as log, running(argv, env=environment, stdout=log, stderr=log) as rviz:
 
-    def __init__(self, config: Mapping[str, Any], size: tuple[int, int]) -> None:
-        for program, package in (("Xvfb", "xvfb"), ("rviz", "rviz")):
-            if shutil.which(program) is None:
-                raise RvizError(f"{program} is not installed: apt install {package}")
-        self._screen, self._rviz = HiddenScreen(size), ProcessGroup()
-        try:
-            shown = self._screen.folder / "shown.rviz"
-            shown.write_text(yaml.safe_dump(dict(config), allow_unicode=True))
-            argv = ["rviz", "--fullscreen", "-d", str(shown), "__name:=rviz"]
-            environment = {**os.environ, **self._screen.variables}
-            self._rviz.start("rviz", argv, environment, self._screen.folder / "rviz.log")
-        except BaseException:
-            self.close()
-            raise
+            def picture() -> Picture:
+                if rviz.poll() is not None:
+                    raise RvizError(f"RViz ended, status {rviz.returncode}: {_end_of(folder / 'rviz.log')}")
+                return picture_of(variables)
 
-    def picture(self) -> "np.ndarray[Any, np.dtype[np.uint8]]":
-        """Returns the screen as it is now, shape (height, width, 3).
-
-        Raises:
-            ProcessDiedError: RViz or its screen has ended; with their last words.
-        """
-        self._rviz.check()
-        return self._screen.picture()
-
-    def close(self) -> None:
-        """Ends both, RViz first: without its screen it would die without telling the master."""
-        self._rviz.stop()
-        self._screen.close()
-
-    def __enter__(self) -> "HiddenRviz":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+            yield picture
 
 
-def save(picture: "np.ndarray[Any, np.dtype[np.uint8]]", path: Path) -> None:
+def save(picture: Picture, path: Path) -> None:
     """Writes a picture as PNG; OSError where that is not possible."""
     Image.fromarray(picture).save(path, "PNG")
+
+
+def _check_installed(program: str, package: str) -> None:
+    if shutil.which(program) is None:
+        raise RvizError(f"{program} is not installed: apt install {package}")
+
+
+def _end_of(log: Path) -> str:
+    return "\n".join(log.read_text(errors="replace").splitlines()[-LAST_LINES:])

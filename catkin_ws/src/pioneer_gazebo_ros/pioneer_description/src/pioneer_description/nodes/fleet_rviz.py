@@ -17,11 +17,11 @@ from typing import Any
 import rospy
 import yaml
 
+from pioneer_description.adapters.program import running
 from pioneer_description.core.fleet_view import Bounds, fitted_scale, fleet_config, tool_name
 from pioneer_description.core.scene import SceneError
 from pioneer_description.nodes.fleet_watch import FleetWatch
 from pioneer_description.nodes.rviz_snapshot import TEMPLATE, names_of, read_config
-from pioneer_harness.process import ProcessGroup
 
 _POLL = 100
 """How often the window looks whether its end was asked for [ms]."""
@@ -150,10 +150,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         window = FleetRviz(f"{', '.join(robot.name for robot in robots)} - RViz")
         window.show(fleet_config(template, robots, bounds, (1500, 1000)))
         watch.name_robots(robots, window.fit(bounds))
-        with ProcessGroup() as group:
-            if options.tools == "true":
-                flips = ["rosrun", "rocon_flip", "flip-tools-from-hub", *(robot.name for robot in robots)]
-                group.start("flip-tools-from-hub", flips)
+        flips = ["rosrun", "rocon_flip", "flip-tools-from-hub", *(robot.name for robot in robots)]
+        with running(flips) if options.tools == "true" else contextlib.nullcontext():
             return window.run()
     except (SceneError, OSError) as error:
         print(f"fleet_rviz: {error}", file=sys.stderr)

@@ -14,11 +14,10 @@ import rospkg
 import rospy
 import yaml
 
-from pioneer_description.adapters.hidden_rviz import HiddenRviz, RvizError, save
+from pioneer_description.adapters.hidden_rviz import RvizError, hidden_rviz, save
 from pioneer_description.core.fleet_view import fleet_config
 from pioneer_description.core.scene import Mark, SceneError, alone, marks_of, missing, size_of, topic_of, view_of
 from pioneer_description.nodes.fleet_watch import LOOK_EVERY, REPORT_EVERY, FleetWatch
-from pioneer_harness.error import HarnessError
 
 TEMPLATE = Path(rospkg.RosPack().get_path("pioneer_description")) / "rviz" / "multi_pioneer.rviz"
 
@@ -40,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         config = fleet_config(template, robots, watch.bounds, size_of(template))
         watch.name_robots(robots, view_of(config).scale)
         return _take(config, watch, options)
-    except (RvizError, SceneError, HarnessError, OSError) as error:
+    except (RvizError, SceneError, OSError) as error:
         print(f"rviz_snapshot: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
@@ -114,10 +113,10 @@ def _take(config: Mapping[str, Any], watch: FleetWatch, options: argparse.Namesp
     """
     view, marks = view_of(config), marks_of(config)
     unseen, fewest, told = marks, len(marks) + 1, list[Mark]()
-    with HiddenRviz(alone(config), size_of(config)) as rviz:
+    with hidden_rviz(alone(config), size_of(config)) as rviz_picture:
         started = said = time.monotonic()
         while unseen and time.monotonic() < started + options.timeout:
-            picture = rviz.picture()
+            picture = rviz_picture()
             lacking = missing(picture, view, marks, watch.positions())
             unseen = [mark for mark in unseen if mark in lacking]
             if len(lacking) < fewest:
