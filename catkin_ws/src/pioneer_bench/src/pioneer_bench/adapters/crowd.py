@@ -224,7 +224,7 @@ class Crowd:
             self._meet(member)
 
     def _meet(self, member: Member) -> None:
-        """The next one is there: follow its record, and tell it what we offer."""
+        """The next one is registered: follow its record, and send it what we offer."""
         member.events.send(("SUBSCRIBE", record_key(member.onward)))
         member.speech.ask(("MGET", record_key(member.onward)))
         self._offer(member)

@@ -14,7 +14,7 @@ class Row:
         what: what was measured.
         unit: of samples and goal.
         samples: one for each repetition; none where it could not be measured.
-        goal: what the median is to reach; None where the row is there to compare with.
+        goal: what the median is to reach; None where the row is for comparison.
         every: whether each sample is to reach the goal, not only the median.
         at_least: whether more is better.
         remark: where the goal comes from, or what went wrong.

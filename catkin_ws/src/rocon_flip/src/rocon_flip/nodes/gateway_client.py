@@ -31,7 +31,7 @@ class GatewayClient:
         self._info = info
 
     def wait(self) -> None:
-        """Returns when the gateway is there and on a hub; says what it waits for. Ends with ROSInterruptException."""
+        """Returns when the gateway is running and on a hub; logs what it waits for. Ends with ROSInterruptException."""
         where = f"{self._namespace} on the master {rosgraph.get_master_uri()}"
         self._wait_for(lambda: self._info is not None, f"Waiting for the gateway {where} …")
         self._wait_for(self._is_connected, "Waiting for the gateway to reach its hub …")

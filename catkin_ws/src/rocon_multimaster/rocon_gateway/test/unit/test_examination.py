@@ -43,7 +43,7 @@ def test_what_is_written_is_read_again(seen: Examination) -> None:
 
 
 @given(st.binary(max_size=100) | documents.map(lambda one: json.dumps(one).encode()))
-def test_what_a_stranger_answers_is_read_or_refused(text: bytes) -> None:
+def test_what_an_unknown_host_answers_is_read_or_refused(text: bytes) -> None:
     try:
         examination_from_text(text)
     except ExaminationError:

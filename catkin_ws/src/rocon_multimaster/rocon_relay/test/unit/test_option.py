@@ -27,7 +27,7 @@ def test_options_survive_the_way_through_a_header():
         {"tf_frames": "x" * 3000},
     ],
 )
-def test_what_a_stranger_asks_for_is_checked(fields):
+def test_what_an_unauthenticated_client_asks_for_is_checked(fields):
     with pytest.raises(OptionError):
         options_from_fields(fields)
 

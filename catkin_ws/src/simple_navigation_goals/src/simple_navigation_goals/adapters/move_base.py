@@ -1,4 +1,4 @@
-"""The action ``move_base`` as this package uses it: one goal at a time, and whether anybody is there to take it."""
+"""The action ``move_base`` as this package uses it: one goal at a time, and whether a server is connected."""
 
 from collections.abc import Callable
 from functools import partial

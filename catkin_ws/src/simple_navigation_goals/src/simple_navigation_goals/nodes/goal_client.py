@@ -31,7 +31,7 @@ from simple_navigation_goals.core.queue import Outcome, QueueConfig, WaypointQue
 from simple_navigation_goals.core.waypoint import Waypoint
 from simple_navigation_goals.msg import WaypointQueue as WaypointQueueMessage
 
-_TICK = 0.25  # [s of wall time] how often it looks whether move_base is there
+_TICK = 0.25  # [s of wall time] how often it looks whether move_base is running
 _PATIENCE = 2.0  # [s of wall time] before it says that it waits for a transform
 
 

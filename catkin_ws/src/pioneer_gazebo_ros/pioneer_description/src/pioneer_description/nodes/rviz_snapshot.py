@@ -1,4 +1,4 @@
-"""``rviz_snapshot``: what RViz shows of the fleet, as a PNG, with no screen; fails unless all of it is there."""
+"""``rviz_snapshot``: what RViz shows of the fleet, as a PNG, with no screen; fails unless all of it is shown."""
 # ruff: noqa: T201 - a command talks to people on standard output
 
 import argparse

@@ -20,7 +20,7 @@ class Notes:
         self._lines: dict[str, None] = {}
 
     def add(self, line: str) -> None:
-        """Adds ``line`` unless it is there."""
+        """Adds ``line`` unless it exists."""
         self._lines.setdefault(line)
 
     def ignored(self, error: DescriptionError) -> None:

@@ -23,7 +23,7 @@ def cache_folder() -> Path:
 
 
 def cached(data: bytes, kind: str, reader: Callable[[bytes], Triangles]) -> Triangles:
-    """Returns what ``reader`` makes of a file's content, from the cache folder where it is there.
+    """Returns what ``reader`` makes of a file's content, from the cache folder where that has it.
 
     A cache that cannot be read or written is done without.
     """

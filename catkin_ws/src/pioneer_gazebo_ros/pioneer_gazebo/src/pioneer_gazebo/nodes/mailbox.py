@@ -4,6 +4,7 @@ import contextlib
 import threading
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Any, TypeVar
 
 Result = TypeVar("Result")
@@ -11,16 +12,6 @@ Result = TypeVar("Result")
 
 class ClosedError(Exception):
     """The simulator has ended and does no more work."""
-
-
-class _Letter:
-    __slots__ = ("done", "error", "result", "work")
-
-    def __init__(self, work: Callable[[], Any]) -> None:
-        self.work = work
-        self.done = threading.Event()
-        self.result: Any = None
-        self.error: BaseException | None = None
 
 
 class Mailbox:
@@ -34,7 +25,7 @@ class Mailbox:
         self._guard = threading.Lock()
         self._bell = threading.Lock()
         self._bell.acquire()
-        self._letters: deque[_Letter] = deque()
+        self._waiting: deque[tuple[Future[Any], Callable[[], Any]]] = deque()
         self._closed = False
 
     def call(self, work: Callable[[], Result]) -> Result:
@@ -43,25 +34,21 @@ class Mailbox:
         Raises:
             ClosedError: the owner has ended.
         """
-        letter = self._put(work)
-        letter.done.wait()
-        if letter.error is not None:
-            raise letter.error
-        return letter.result
+        return self._put(work).result()
 
     def post(self, work: Callable[[], Any]) -> None:
         """Has the owner do ``work`` and does not wait; what it raises is lost, and so is work after the end."""
         with contextlib.suppress(ClosedError):
             self._put(work)
 
-    def _put(self, work: Callable[[], Any]) -> _Letter:
-        letter = _Letter(work)
+    def _put(self, work: Callable[[], Result]) -> Future[Result]:
+        future = Future[Result]()
         with self._guard:
             if self._closed:
                 raise ClosedError("the simulator has ended")
-            self._letters.append(letter)
+            self._waiting.append((future, work))
             self._ring()
-        return letter
+        return future
 
     def _ring(self) -> None:
         """Rings the bell; called with the guard held."""
@@ -78,24 +65,21 @@ class Mailbox:
     @property
     def pending(self) -> bool:
         """Whether work waits."""
-        return bool(self._letters)
+        return bool(self._waiting)
 
     def serve(self) -> None:
         """Does all work that has come in; called by the owner."""
-        while self._letters:
-            letter = self._letters.popleft()
+        while self._waiting:
+            future, work = self._waiting.popleft()
             try:
-                letter.result = letter.work()
+                future.set_result(work())
             except Exception as error:  # noqa: BLE001 - handed to the caller that waits for the result
-                letter.error = error
-            letter.done.set()
+                future.set_exception(error)
 
     def close(self) -> None:
         """Refuses further work and gives up what is waiting."""
         with self._guard:
             self._closed = True
-            while self._letters:
-                letter = self._letters.popleft()
-                letter.error = ClosedError("the simulator has ended")
-                letter.done.set()
+            while self._waiting:
+                self._waiting.popleft()[0].set_exception(ClosedError("the simulator has ended"))
             self._ring()

@@ -36,7 +36,7 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument("-reference_frame", default="", metavar="NAME", help="of the pose (default: the world)")
     result.add_argument("-gazebo_namespace", default="/gazebo", metavar="NS", help="of the simulator's services")
     result.add_argument("-unpause", action="store_true", help="unpause the simulation afterwards")
-    result.add_argument("-wait", metavar="MODEL", help="wait until this model is there")
+    result.add_argument("-wait", metavar="MODEL", help="wait until this model exists")
     result.add_argument("-timeout", type=float, default=float("inf"), help="give up waiting after so many seconds")
     result.add_argument("-world", metavar="WORLD", help="check the place against this world's map; what is left out of "
         "x, y and Y is pioneer1's in that world")  # fmt: skip

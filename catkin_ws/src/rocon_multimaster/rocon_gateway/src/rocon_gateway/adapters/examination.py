@@ -103,7 +103,7 @@ def examination(session: HubSession, gateway: str) -> Examination:
 
     Args:
         session: on that hub.
-        gateway: whose unique name the answer bears, and which is not tried.
+        gateway: whose unique name is in the answer, and which is not tried.
     """
     name = rosgraph.network.get_host_name()
     name = name if name != "localhost" else socket.gethostname()

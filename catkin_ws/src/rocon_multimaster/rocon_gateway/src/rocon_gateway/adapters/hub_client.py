@@ -23,7 +23,7 @@ RETRY = 0.5
 """Pause between two tries to reach a hub [s], on the average; see `retry_pause`."""
 
 RETRY_REFUSED = 5.0
-"""Pause after a hub that is there did not want us, or we not it [s]."""
+"""Pause after a running hub did not accept us, or we not it [s]."""
 
 _REFUSALS = (
     Code.HUB_CONNECTION_ALREADY_EXISTS,
@@ -67,13 +67,13 @@ class HubContext:
 
 
 class HubClient:
-    """One hub, joined as long as it is there, tried again for ever when it is not.
+    """One hub, joined while it is running, tried again without end when it is not.
 
     Methods return at once and may be called from any thread, `describe` apart, which waits for the hub.
 
     Args:
         ways: addresses of the hub, to be tried in order.
-        named: whether a user named it; otherwise it ends when it turns out to be none for us.
+        named: whether a user named it; otherwise it ends when this gateway does not accept the hub.
         said: what we tell at first.
         context: see there.
 

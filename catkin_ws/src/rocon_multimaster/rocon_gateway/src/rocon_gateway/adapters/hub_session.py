@@ -112,7 +112,7 @@ class HubSession:
         return self.client.get(alive_key(self.name))
 
     def join(self, record: Record, requests: Mapping[str, PeerRequest], namespaces: Collection[str] = ()) -> None:
-        """Registers us, in place of an earlier gateway of our name; record and requests are there before the event.
+        """Registers us, in place of an earlier gateway of our name; record and requests are written before the event.
 
         Requests that we, or who bore our name, wrote before are withdrawn from those to whom we have nothing to say.
 

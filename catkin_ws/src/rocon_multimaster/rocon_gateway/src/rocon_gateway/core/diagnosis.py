@@ -107,7 +107,7 @@ def of_python(first: str, works: bool, expected: str, where: str = "") -> Findin
 
 
 def of_duplicates(names: Iterable[str]) -> list[Finding]:
-    """Returns a finding for each base name that several gateways bear: a rule for it means all of them."""
+    """Returns a finding for each base name that several gateways have: a rule for it means all of them."""
     seen: dict[str, int] = {}
     for name in names:
         seen[base_name(name)] = seen.get(base_name(name), 0) + 1

@@ -66,7 +66,7 @@ class _News:
 
 
 class HubState:
-    """Keeps us registered on a hub and knows who else is there. Times are monotonic [s].
+    """Keeps us registered on a hub and knows who else is registered. Times are monotonic [s].
 
     A visit is `enter`, then `update` and `write` whenever `said` or `waiting` has changed or after `take` and
     `heartbeat`, and `leave` at its end. What was known survives from visit to visit.

@@ -86,7 +86,7 @@ class Presence:
 
     A gateway that deregisters is gone at once. One that the hub merely stopped hearing of is gone at once
     too, unless our links to it still stand: then it, or its way to the hub, may only be slow, and it stays for
-    `LINKED_GRACE`. A hub that was restarted knows no gateway yet, so those that were there before stay for
+    `LINKED_GRACE`. A hub that was restarted knows no gateway yet, so those that were registered before stay for
     `RESTART_GRACE`, and for `LINKED_GRACE` more if links stand. All times are monotonic [s].
     """
 
@@ -122,7 +122,7 @@ class Presence:
         self._drop(self.listed)
 
     def join(self, name: str) -> None:
-        """Somebody is there."""
+        """Another gateway is registered."""
         self.listed.add(name)
         self._drop((name,))
 

@@ -180,7 +180,7 @@ class _Reconciler:
     ) -> Iterator[PendingVerdict]:
         topics = {connection.name for connection in allowed}
         if is_literal(rule.name) and not self._own_barrier(rule):
-            # Known without any subscriber: the topic is there when one comes.
+            # Known without any subscriber: the topic exists when one comes.
             topics |= {absolute_name(rule.name)} if rule.name.startswith("/") or not topics else set()
         if not topics:
             yield always(self._no_local(rule))

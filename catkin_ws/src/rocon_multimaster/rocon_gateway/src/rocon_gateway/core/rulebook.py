@@ -69,7 +69,7 @@ class RuleBook:
         return self._with_advertisements(dataclasses.replace(self.advertisements, rules=tuple(known)))
 
     def unadvertised(self, rules: Iterable[Rule]) -> "RuleBook":
-        """A rule without node takes away every rule of its kind and name. Raises RequestError 32 if none is there."""
+        """A rule without node takes away every rule of its kind and name. Raises RequestError 32 if there is none."""
         known = list(self.advertisements.rules)
         for rule in rules:
             found = [one for one in known if _means(rule, one)]

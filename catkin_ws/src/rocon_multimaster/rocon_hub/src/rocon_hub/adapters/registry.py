@@ -55,7 +55,7 @@ class Registry:
         self.write()
 
     def write(self) -> None:
-        """Writes what makes this a hub, once more if it is there; raises redis.ResponseError if Redis is full."""
+        """Writes what makes this a hub, once more if it exists; raises redis.ResponseError if Redis is full."""
         self._client.mset({PROTOCOL_KEY: PROTOCOL, NAME_KEY: self._name, SALT_KEY: self._salt})
 
     def look(self, now: float) -> Iterator[str]:

@@ -175,9 +175,9 @@ class ExportEnd(Stream):
 
     def without_tls(self) -> None:
         """Refuses a peer without TLS in plain text, so that it can log the reason."""
-        self._refuse_stranger("it speaks no TLS, and this gateway speaks nothing else", NEEDS_TLS)
+        self._refuse_client("it speaks no TLS, and this gateway speaks nothing else", NEEDS_TLS)
 
-    def _refuse_stranger(self, what: str, reason: str) -> None:
+    def _refuse_client(self, what: str, reason: str) -> None:
         self._context.logger.warning("link from %s: %s", self.peer, what)
         self.refuse(LinkState.REFUSED, reason)
 
@@ -226,7 +226,7 @@ class ExportEnd(Stream):
 
     def _parse_first(self, data: memoryview) -> int:
         if self._tls is None and begins_tls(data):
-            self._refuse_stranger(f"it speaks TLS, and this gateway has no certificate ({VARIABLE})", "no TLS here")
+            self._refuse_client(f"it speaks TLS, and this gateway has no certificate ({VARIABLE})", "no TLS here")
             return len(data)
         return header_parser(self._parse_hello)(data)
 
@@ -255,7 +255,7 @@ class ExportEnd(Stream):
             self.is_proven = True
             self._admit(self.hello)
         else:
-            self._refuse_stranger(DIFFERS, DIFFERS)
+            self._refuse_client(DIFFERS, DIFFERS)
 
     def _admit(self, hello: Hello) -> None:
         self.parse = header_parser(self._too_much)

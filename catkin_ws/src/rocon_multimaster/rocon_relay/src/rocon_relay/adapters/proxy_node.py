@@ -20,7 +20,7 @@ from tcpros.adapters.stream import Stream
 from tcpros.core.header import header_bytes, header_parser
 from tcpros.core.http import http_message, http_response
 
-MAX_STRANGERS = 64
+MAX_UNIDENTIFIED = 64
 """Connections to one proxy that do not, or not yet, subscribe or call a service; one more closes the oldest."""
 
 
@@ -79,7 +79,7 @@ class ProxyNode:
         config = context.config
         self._listener = Listener(context.reactor, config.node_bind, 0, self._accepted)
         self._connections: set[ProxyConnection] = set()
-        self._strangers: dict[ProxyConnection, None] = {}
+        self._unidentified: dict[ProxyConnection, None] = {}
         self.port = self._listener.port
         self.uri = proxy_uri(config.host, self.port, config.gateway)
         self.api = SlaveApi(self.name, self.uri, config.master_uri, config.host, self.port, self.topics)
@@ -98,14 +98,14 @@ class ProxyNode:
 
     def know(self, connection: "ProxyConnection") -> None:
         """Called by a connection that subscribes or calls, and is counted as what it is from now on."""
-        self._strangers.pop(connection, None)
+        self._unidentified.pop(connection, None)
 
     def _accepted(self, sock: socket.socket, peer: str) -> None:
         connection = ProxyConnection(self._context, self, sock, peer)
         self._connections.add(connection)
-        self._strangers[connection] = None
-        if len(self._strangers) > MAX_STRANGERS:
-            next(iter(self._strangers)).give_up("too many connections that have not said what they want")
+        self._unidentified[connection] = None
+        if len(self._unidentified) > MAX_UNIDENTIFIED:
+            next(iter(self._unidentified)).give_up("too many connections that have not said what they want")
 
 
 class ProxyConnection(Stream):

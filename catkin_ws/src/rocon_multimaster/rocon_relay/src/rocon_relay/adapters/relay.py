@@ -32,7 +32,7 @@ from tcpros.adapters.listener import Listener
 from tcpros.adapters.reactor import Reactor
 from tcpros.adapters.tls import Certificates
 
-MAX_STRANGERS = 256
+MAX_UNIDENTIFIED = 256
 """Connections to the relay's port that have not been accepted as links yet; one more closes the oldest."""
 
 _WHAT = {
@@ -91,7 +91,7 @@ class TcpRelay:
         self._imports: dict[Key, _ImportEnd] = {}
         self._retiring: dict[Key, _ImportEnd] = {}
         self._links: dict[Key, ExportEnd] = {}
-        self._strangers: dict[ExportEnd, None] = {}
+        self._unidentified: dict[ExportEnd, None] = {}
         self._peers: dict[str, set[ExportEnd]] = {}
         self._parked: dict[ExportEnd, Hello] = {}
         self._subscriptions: dict[tuple[str, str, str], Subscription] = {}
@@ -197,9 +197,9 @@ class TcpRelay:
             self._stop()
 
     def _accepted(self, sock: socket.socket, peer: str) -> None:
-        self._strangers[ExportEnd(self._context, self, sock, peer)] = None
-        if len(self._strangers) > MAX_STRANGERS:
-            next(iter(self._strangers)).close("malformed: too many connections wait to be accepted")
+        self._unidentified[ExportEnd(self._context, self, sock, peer)] = None
+        if len(self._unidentified) > MAX_UNIDENTIFIED:
+            next(iter(self._unidentified)).close("malformed: too many connections wait to be accepted")
 
     def admit(self, end: ExportEnd, hello: Hello) -> None:
         """Accepts or refuses a link, at the latest after the configured patience."""
@@ -225,7 +225,7 @@ class TcpRelay:
             return False
         if not end.is_proven and self._is_taken(name, hello):
             return False
-        self._strangers.pop(end, None)
+        self._unidentified.pop(end, None)
         self._parked.pop(end, None)
         if own in hello.gateways_passed:
             end.refuse(LinkState.REFUSED, f"a loop: {' to '.join((own, *hello.gateways_passed))}")
@@ -269,7 +269,7 @@ class TcpRelay:
 
     def ended(self, end: ExportEnd) -> None:
         """Forgets a closed link."""
-        self._strangers.pop(end, None)
+        self._unidentified.pop(end, None)
         self._parked.pop(end, None)
         peers = self._peers.get(end.hello.sink_gateway, set()) if end.hello else set()
         peers.discard(end)
@@ -332,7 +332,7 @@ class TcpRelay:
             return
         self._stopping = True
         self._listener.close("")
-        for link in (*self._links.values(), *self._others.values(), *self._strangers):
+        for link in (*self._links.values(), *self._others.values(), *self._unidentified):
             link.close("")
         self._reactor.call_later(SHUTDOWN_TIME, self._stop)
         for key in tuple(self._imports):

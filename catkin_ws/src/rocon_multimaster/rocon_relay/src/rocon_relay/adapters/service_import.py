@@ -26,7 +26,7 @@ PASSED_ON = ("type", "md5sum", "request_type", "response_type")
 class ServiceImportEnd(StandingImport):
     """One imported service, from the first dialling to the last unregistration.
 
-    The standing link carries nothing: while it stands, the far gateway is there and exports the service to us. Each
+    The standing link carries nothing: while it stands, the far gateway is running and exports the service to us. Each
     client's connection is relayed on a link of its own, dialled when the client comes.
     """
 

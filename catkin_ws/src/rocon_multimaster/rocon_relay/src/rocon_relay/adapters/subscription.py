@@ -23,7 +23,7 @@ class Customer(Protocol):
     outlet: Outlet
 
     def source_found(self, header: Mapping[str, str]) -> bool:
-        """The publisher's connection header is there; False refuses its messages."""
+        """The publisher's connection header has arrived; False refuses its messages."""
 
     def source_lost(self, reason: str) -> None:
         """The publisher is not there, or no longer."""

@@ -10,7 +10,7 @@ import pytest
 from relay_side import connect
 
 from pioneer_harness.wait import wait_until
-from rocon_relay.adapters.proxy_node import MAX_STRANGERS
+from rocon_relay.adapters.proxy_node import MAX_UNIDENTIFIED
 from tcpros.core.http import http_message
 
 # rosmaster leaves its connections to nodes to the garbage collector.
@@ -100,7 +100,7 @@ def test_connections_that_have_asked_count_and_make_room_for_newcomers(sides, ca
     with contextlib.ExitStack() as stack:
         first = stack.enter_context(Asker(port))
         assert first.ask() == 1
-        for _ in itertools.repeat(None, MAX_STRANGERS):
+        for _ in itertools.repeat(None, MAX_UNIDENTIFIED):
             assert stack.enter_context(Asker(port)).ask() == 1
         assert first.answer() is None
     assert not caplog.records

@@ -82,7 +82,7 @@ def test_a_credential_holds_inside(relays, talkers, identities):
     ],
     ids=["a handshake of nonsense", "a record too long", "nonsense", "http", "half a hello in plain"],
 )
-def test_a_stranger_is_one_line(guarded, caplog, said):
+def test_an_unauthenticated_client_is_one_line(guarded, caplog, said):
     source, _ = guarded
     with socket.create_connection(source.address, 5) as client:
         client.sendall(said)
@@ -95,7 +95,7 @@ def test_a_stranger_is_one_line(guarded, caplog, said):
 def test_who_only_looks_whether_the_port_answers_is_no_line(guarded, caplog):
     source, _ = guarded
     socket.create_connection(source.address, 5).close()
-    wait_until(lambda: not source.relay._strangers, "the end of the connection", 5)
+    wait_until(lambda: not source.relay._unidentified, "the end of the connection", 5)
     assert warnings(caplog) == []
 
 

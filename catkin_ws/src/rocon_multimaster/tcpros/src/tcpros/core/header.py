@@ -38,7 +38,7 @@ def header_bytes(fields: Mapping[str, str]) -> bytes:
 
 
 def header_end(data: bytes | memoryview, start: int = 0) -> int:
-    """Returns where the header that begins at `start` ends, or 0 while too little of it is there to say.
+    """Returns where the header that begins at `start` ends, or 0 while too little of it has arrived to tell.
 
     Raises:
         HeaderError: it announces more than `MAX_HEADER` bytes.
