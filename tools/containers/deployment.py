@@ -1,7 +1,7 @@
 """The part of ``./pioneer up`` that differs on a swarm: its nodes, the image's way to them, and the stack."""
 
 from argparse import Namespace
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 
 from containers.engine import Computer, ContainerError
 from containers.fleet_plan import DOWN, FleetPlan
@@ -12,6 +12,8 @@ from containers.swarm import BASE_LABEL, awaited, check_engines, nodes
 
 RUNNING, RUNNING_PER_ROBOT = 180.0, 10.0
 """Longest wait for computers to run: a node that has no image of the fleet yet pulls it first [s]."""
+REJECTIONS = 3
+"""So often a node may fail to begin a computer before that is given up: a busy registry answers the next time."""
 
 
 def is_on_swarm(options: Namespace) -> bool:
@@ -75,6 +77,7 @@ class Deployment:
         Raises:
             ContainerError: the swarm does not have them run, and why.
         """
+        rejected = {one.task for one in self.stack.tasks()[1]}
         if plan.base is None:
             self._deploy(plan, image)
         else:
@@ -82,7 +85,7 @@ class Deployment:
                 self._say(f"replacing {plan.robots} computers, one at a time")
                 self.stack.update(image)
             self.stack.scale(plan.robots)
-        self._await(plan)
+        self._await(plan, rejected)
         return self.stack.computers()
 
     def _deploy(self, plan: FleetPlan, image: str) -> None:
@@ -99,23 +102,38 @@ class Deployment:
             **({"PIONEER_STEPS": "idle"} if plan.idle else {}),
         )
 
-    def _await(self, plan: FleetPlan) -> None:
-        """Waits until every computer runs."""
+    def _await(self, plan: FleetPlan, rejected: set[str]) -> None:
+        """Waits until every computer runs; what was ``rejected`` before does not count."""
         seen: dict[str, Computer] = {}
+        why = ""
 
         def settled() -> bool:
-            seen.update({one.name: one for one in self.stack.computers()})
-            return self._refused(seen) != "" or (len(seen) > plan.robots and all(one.running for one in seen.values()))
+            nonlocal why
+            there, failed = self.stack.tasks()
+            seen.update({one.name: one for one in there})
+            if len(seen) > plan.robots and all(one.running for one in seen.values()):
+                return True
+            why = _without_place(there) or _failing([one for one in failed if one.task not in rejected])
+            return why != ""
 
         timeout = RUNNING + RUNNING_PER_ROBOT * plan.robots
-        if not awaited(settled, timeout) or self._refused(seen):
+        if not awaited(settled, timeout):
             late = [f"{one.name} ({one.problem or one.state})" for one in seen.values() if not one.running]
-            raise ContainerError(self._refused(seen) or f"not running after {timeout:g} s: {', '.join(late)}")
+            why = f"not running after {timeout:g} s: {', '.join(late)}"
+        if why:
+            raise ContainerError(f"{why}; ./pioneer status, {DOWN}")
 
-    def _refused(self, seen: dict[str, Computer]) -> str:
-        """Returns a sentence on the computers for which the swarm has no place; empty if there are none."""
-        without = [one for one in seen.values() if one.state == "pending" and "no suitable node" in one.problem]
-        if not without:
-            return ""
-        names = ", ".join(one.name for one in sorted(without, key=lambda one: one.number))
-        return f"the swarm has no place for {names}: {without[0].problem}; what has one runs: ./pioneer status, {DOWN}"
+
+def _without_place(computers: Iterable[Computer]) -> str:
+    """Returns a sentence on the computers for which the swarm has no place; empty if there are none."""
+    without = [one for one in computers if one.state == "pending" and "no suitable node" in one.problem]
+    names = ", ".join(one.name for one in sorted(without, key=lambda one: one.number))
+    return f"the swarm has no place for {names}: {without[0].problem}" if without else ""
+
+
+def _failing(rejected: Sequence[Computer]) -> str:
+    """Returns a sentence on a computer that its nodes have failed to begin too often; empty if there is none."""
+    for one in rejected:
+        if sum(other.name == one.name for other in rejected) >= REJECTIONS:
+            return f"{one.node} cannot start {one.name}: {one.problem}"
+    return ""

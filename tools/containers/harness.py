@@ -44,6 +44,14 @@ class Fleet:
         assert done.returncode == 0, f"{said}\n{self.logs()}"
         return done.stdout
 
+    def refused(self, *words: str, **variables: str) -> str:
+        """Runs ``./pioneer`` and sees it fail; returns the one line in which it says why."""
+        environment = {**self.environment, **variables}
+        done = subprocess.run([ROOT / "pioneer", *words], env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 1, done.stdout + done.stderr
+        (line,) = done.stderr.splitlines()
+        return line
+
     def logs(self) -> str:
         """Returns the last lines of every container."""
         found = []

@@ -15,6 +15,9 @@ ANSWER = 60.0
 """Longest wait for the registry's first answer [s]."""
 CONTAINER = "pioneer-registry"
 """The registry's container on the manager, its image and its volume."""
+VOLUME = f"{CONTAINER}:/var/lib/docker-registry"
+ADDRESS = "pioneer.address"
+"""The container's label with the manager's address, on which it listens."""
 
 
 def distribute(address: str, manager: Node, nodes: Sequence[Node], say: Callable[[str], None]) -> str:
@@ -24,6 +27,8 @@ def distribute(address: str, manager: Node, nodes: Sequence[Node], say: Callable
         ContainerError: the registry cannot be started or refuses the image, or a node would not pull from it.
     """
     image = os.environ.get("PIONEER_IMAGE", "pioneer")
+    # The tag tells images apart, so that an update is one and a node that has the image pulls nothing.
+    tag = output("docker", "image", "inspect", "-f", "{{.Id}}", image).strip().removeprefix("sha256:")[:12]
     to = address
     if not address:
         address, to = f"{manager.address}:{PORT}", f"127.0.0.1:{PORT}"
@@ -31,13 +36,11 @@ def distribute(address: str, manager: Node, nodes: Sequence[Node], say: Callable
             if node != manager:
                 check_trust(node, address)
         _start(manager.address, say)
-    # The tag tells images apart, so that an update is one and a node that has the image pulls nothing.
-    tag = output("docker", "image", "inspect", "-f", "{{.Id}}", image).strip().removeprefix("sha256:")[:12]
-    name = f"{address}/pioneer:{tag}"
-    output("docker", "tag", image, name)
+    name, pushed = f"{address}/pioneer:{tag}", f"{to}/pioneer:{tag}"
+    for one in (name, pushed):
+        output("docker", "tag", image, one)
     say(f"pushing the image to {address}")
-    output("docker", "tag", image, f"{to}/pioneer:{tag}")
-    output("docker", "push", "-q", f"{to}/pioneer:{tag}")
+    output("docker", "push", "-q", pushed)
     return name
 
 
@@ -52,14 +55,17 @@ def check_trust(node: Node, address: str) -> None:
 
 
 def _start(address: str, say: Callable[[str], None]) -> None:
-    """Starts our registry, which outlives fleets, unless it runs."""
-    state = output("docker", "ps", "-aq", "--filter", f"name=^{CONTAINER}$", "--format", "{{.State}}").strip()
-    if not state:
+    """Starts our registry, which outlives fleets, unless it runs; one of a former address is replaced."""
+    fields = f'{{{{.Label "{ADDRESS}"}}}} {{{{.State}}}}'
+    there = output("docker", "ps", "-a", "--filter", f"name=^{CONTAINER}$", "--format", fields).split()
+    if there and there[0] != address:
+        output("docker", "rm", "-f", CONTAINER)
+    if not there or there[0] != address:
         ensure_registry_image(CONTAINER, say)
         published = [word for host in ("127.0.0.1", address) for word in ("-p", f"{host}:{PORT}:{PORT}")]
-        words = ["--restart", "unless-stopped", "-v", f"{CONTAINER}:/var/lib/docker-registry"]
+        words = ["--label", f"{ADDRESS}={address}", "--restart", "unless-stopped", "-v", VOLUME]
         output("docker", "run", "-d", "--name", CONTAINER, *published, *words, CONTAINER)
-    elif state != "running":
+    elif there[1] != "running":
         output("docker", "start", CONTAINER)
     if not awaited(_answers, ANSWER):
         raise ContainerError(f"the registry does not answer after {ANSWER:g} s: docker logs {CONTAINER}")

@@ -146,18 +146,31 @@ class Stack:
 
     def computers(self) -> list[Computer]:
         """Returns the fleet's computers, the base station first, then robots by number."""
-        wanted = ["--filter", "desired-state=running", "--no-trunc", "-q"]
+        return self.tasks()[0]
+
+    def tasks(self) -> tuple[list[Computer], list[Computer]]:
+        """Returns the fleet's computers, and the last few that a node could not begin, as without the image."""
         services = self._services()
-        listed = output("docker", "service", "ps", *wanted, *services).split() if services else []
+        listed = output("docker", "service", "ps", "--no-trunc", "-q", *services).split() if services else []
         known = {node.ident: node for node in nodes()} if listed else {}
-        return sorted((_computer(fact, known) for fact in _inspected("task", listed)), key=lambda one: one.number)
+        facts = _inspected("task", listed)
+        wanted = [_computer(fact, known) for fact in facts if fact["DesiredState"] == "running"]
+        ended = [_computer(fact, known) for fact in facts if fact["DesiredState"] == "shutdown"]
+        rejected = [one for one in ended if one.state == "rejected"]
+        return sorted(wanted, key=lambda one: one.number), rejected
 
     def _services(self) -> list[str]:
         label = f"label=com.docker.stack.namespace={self.name}"
         return output("docker", "service", "ls", "--filter", label, "--format", "{{.Name}}").split()
 
     def down(self) -> None:
-        """Removes the stack; returns once its containers and networks are gone."""
+        """Removes the stack; returns once its containers and networks are gone.
+
+        Of a swarm that is gone nothing is left to remove.
+        """
+        if output("docker", "info", "-f", "{{.Swarm.LocalNodeState}}").strip() == "inactive":
+            self.file.unlink(missing_ok=True)
+            return
         output("docker", "stack", "rm", self.name)
         label = f"label=com.docker.stack.namespace={self.name}"
         kinds = (("ps", "-aq"), ("network", "ls", "-q"))

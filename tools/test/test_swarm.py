@@ -170,3 +170,49 @@ def test_a_task_is_a_computer_on_its_node_and_unreachable_where_that_is_down() -
     assert heading.split()[:3] == ["COMPUTER", "NODE", "CONTAINER"]
     assert [row.split()[1] for row in rows] == ["node1", "node2", "-"]
     assert rows[2].endswith("no suitable node (x)")
+
+
+def rejected(name: str, number: int) -> Computer:
+    return Computer(name, "", "rejected", "", {}, "i", "node1", task=f"{name}.{number}", problem="No such image: i")
+
+
+def test_a_machine_that_fails_to_begin_a_computer_time_and_again_is_named_with_the_reason() -> None:
+    several = [rejected("aadi1", 1), rejected("aadi2", 1), rejected("aadi2", 2)]
+    assert deployment._failing(several) == ""
+    assert deployment._failing([*several, rejected("aadi2", 3)]) == "node1 cannot start aadi2: No such image: i"
+
+
+@pytest.mark.parametrize(
+    ("there", "done"),
+    [
+        ("", ["docker run"]),
+        ("10.0.0.1 running", []),
+        ("10.0.0.1 exited", ["docker start"]),
+        ("10.9.9.9 running", ["docker rm", "docker run"]),
+        ("running", ["docker rm", "docker run"]),
+    ],
+)
+def test_a_registry_that_listens_on_a_former_address_is_replaced(
+    there: str, done: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    called: list[str] = []
+
+    def output(*command: str) -> str:
+        if command[1] != "ps":
+            called.append(" ".join(command[:2]))
+        return there if command[1] == "ps" else ""
+
+    monkeypatch.setattr(registry, "output", output)
+    monkeypatch.setattr(registry, "ensure_registry_image", lambda *_: None)
+    monkeypatch.setattr(registry, "_answers", lambda: True)
+    registry._start("10.0.0.1", print)
+    assert called == done
+
+
+def test_a_fleet_on_a_swarm_that_is_gone_is_forgotten(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """`down` failed for ever: the stack's file said that there was a fleet, and the engine that it manages no swarm."""
+    gone = swarm.Stack("pioneer", tmp_path / "stack.yaml")
+    gone.file.touch()
+    monkeypatch.setattr(swarm, "output", lambda *command: {"info": "inactive\n"}[command[1]])
+    gone.down()
+    assert not gone.file.exists()

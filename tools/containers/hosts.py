@@ -1,0 +1,205 @@
+"""A swarm of several Docker engines on this one machine, for tests and measurements where there is no other swarm.
+
+The manager is this machine's engine. Each further host is a Docker engine in a network, host name and PID namespace of
+its own, at the end of a virtual cable to a bridge.
+"""
+
+import contextlib
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from containers.engine import ContainerError, output
+from containers.registry import CONTAINER, PORT
+from containers.swarm import BASE_LABEL, awaited
+
+BRIDGE, SUBNET = "pioneer-hosts", "10.88.11"
+MANAGER = f"{SUBNET}.1"
+"""This machine's address in the swarm."""
+START = 60.0
+"""Longest wait for an engine's first answer, and for a node to be seen by the swarm [s]."""
+_ENGINE = (
+    "hostname {name}; mount -t tmpfs none /run/docker; mount -t tmpfs none /run/containerd; "
+    "dockerd --config-file {home}/daemon.json >{home}/log 2>&1 & wait"
+)
+"""A shell is the first process of the host's PID namespace: all others die with it, as of a machine without power."""
+
+
+class Host:
+    """A further host.
+
+    Attributes:
+        name: its host name, and the Docker context of its engine.
+    """
+
+    def __init__(self, number: int, folder: Path) -> None:
+        self.name, self._home = f"node{number}", folder / f"node{number}"
+        self._link, self._address = f"pioneer-node{number}", f"{SUBNET}.{10 + number}"
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        """Starts the engine, with the data it had; returns once it answers.
+
+        Raises:
+            ContainerError: it does not.
+        """
+        self._home.mkdir(exist_ok=True)
+        _remove_link(self._link)
+        output("ip", "netns", "add", self._link)
+        output("ip", "link", "add", self._link, "type", "veth", "peer", "name", "eth0", "netns", self._link)
+        output("ip", "link", "set", self._link, "master", BRIDGE, "up")
+        inside = ("ip", "-n", self._link)
+        output(*inside, "addr", "add", f"{self._address}/24", "dev", "eth0")
+        for link in ("eth0", "lo"):
+            output(*inside, "link", "set", link, "up")
+        output(*inside, "route", "add", "default", "via", MANAGER)
+        socket = f"unix://{self._home}/socket"
+        # What a machine has in /run is gone when it starts again; a pidfile would name some other process.
+        shutil.rmtree(self._home / "exec", ignore_errors=True)
+        (self._home / "pid").unlink(missing_ok=True)
+        parts = {"data-root": "data", "exec-root": "exec", "pidfile": "pid"}
+        config = {
+            **{key: str(self._home / name) for key, name in parts.items()},
+            "hosts": [socket],
+            "storage-driver": output("docker", "info", "-f", "{{.Driver}}").strip(),
+            "insecure-registries": [f"{MANAGER}:{PORT}"],
+        }
+        (self._home / "daemon.json").write_text(json.dumps(config))
+        apart = ["unshare", "--mount", "--uts", "--pid", "--fork", "--kill-child", "--mount-proc"]
+        # By its network only, so that it has the control groups of this machine.
+        command = ["nsenter", f"--net=/run/netns/{self._link}", *apart, "bash", "-c"]
+        script = _ENGINE.format(name=self.name, home=self._home)
+        self._process = subprocess.Popen([*command, script], stdin=subprocess.DEVNULL, start_new_session=True)
+        if not awaited(lambda: _answers(socket), START):
+            last = (self._home / "log").read_text().splitlines()[-1:]
+            raise ContainerError(f"the engine of {self.name} does not answer after {START:g} s: {''.join(last)}")
+        contexts = output("docker", "context", "ls", "-q").split()
+        if self.name not in contexts:
+            output("docker", "context", "create", self.name, "--docker", f"host={socket}")
+
+    def join(self) -> None:
+        """Makes it a worker of the swarm; returns once the swarm says it is ready."""
+        token = output("docker", "swarm", "join-token", "-q", "worker").strip()
+        output("docker", "--context", self.name, "swarm", "join", "--token", token, f"{MANAGER}:2377")
+        self.ready()
+
+    def ready(self) -> None:
+        """Waits until the swarm has the host as ready.
+
+        Raises:
+            ContainerError: it has not.
+        """
+        if not awaited(lambda: _is_ready(self.name), START):
+            raise ContainerError(f"{self.name} is not ready after {START:g} s: docker node ls")
+
+    def may_have_base(self) -> None:
+        """Labels it as a place of the base station."""
+        output("docker", "node", "update", "--label-add", f"{BASE_LABEL}=base", self.name)
+
+    def containers(self) -> list[str]:
+        """Returns the containers that run on it."""
+        return output("docker", "--context", self.name, "ps", "-q", "--no-trunc").split()
+
+    def cut(self) -> None:
+        """Pulls its network cable."""
+        output("ip", "link", "set", self._link, "down")
+
+    def mend(self) -> None:
+        """Plugs its network cable in."""
+        output("ip", "link", "set", self._link, "up")
+
+    def kill(self) -> None:
+        """Ends it with everything on it, as a loss of power does."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            self._process = None
+
+
+def _answers(socket: str) -> bool:
+    return not subprocess.run(["docker", "-H", socket, "version"], capture_output=True, check=False).returncode
+
+
+def _is_ready(name: str) -> bool:
+    listed = output("docker", "node", "ls", "--format", "{{.Hostname}} {{.Status}}")
+    return f"{name} Ready" in listed.splitlines()
+
+
+def _remove_link(name: str) -> None:
+    """Removes a host's network, and what an interrupted run may have left running in it."""
+    left = subprocess.run(["ip", "netns", "pids", name], capture_output=True, text=True, check=False).stdout.split()
+    for pid in left:
+        subprocess.run(["kill", "-KILL", pid], capture_output=True, check=False)
+    for words in (("netns", "del", name), ("link", "del", name)):
+        subprocess.run(["ip", *words], capture_output=True, check=False)
+
+
+def is_in_swarm() -> bool:
+    """Returns whether this machine's engine is in a swarm."""
+    return output("docker", "info", "-f", "{{.Swarm.LocalNodeState}}").strip() != "inactive"
+
+
+@contextlib.contextmanager
+def swarm_here(count: int) -> Iterator[Sequence[Host]]:
+    """A swarm that this machine manages, with ``count`` further hosts that run but have not joined yet.
+
+    At its end hosts, swarm, bridge, and the registry that ``./pioneer up`` may have started are gone. Docker contexts
+    are in a configuration of its own meanwhile.
+
+    Raises:
+        ContainerError: this user may not, this engine is in a swarm, or something does not start.
+    """
+    if os.geteuid() != 0:
+        raise ContainerError("engines in network namespaces need root")
+    if is_in_swarm():
+        raise ContainerError("this engine is in a swarm already, and in one only: docker swarm leave --force")
+    folder, before = Path(tempfile.mkdtemp(prefix="pioneer-hosts-", dir="/var/tmp")), os.environ.get("DOCKER_CONFIG")
+    hosts = [Host(number + 1, folder) for number in range(count)]
+    os.environ["DOCKER_CONFIG"] = str(folder)
+    try:
+        _make_bridge()
+        with ThreadPoolExecutor() as pool:
+            list(pool.map(Host.start, hosts))
+        output("docker", "swarm", "init", "--advertise-addr", MANAGER, "--listen-addr", MANAGER)
+        yield hosts
+    finally:
+        _remove(hosts)
+        shutil.rmtree(folder)
+        del os.environ["DOCKER_CONFIG"]
+        if before is not None:
+            os.environ["DOCKER_CONFIG"] = before
+
+
+_FORWARD = ("FORWARD", "-i", BRIDGE, "-o", BRIDGE, "-j", "ACCEPT")
+
+
+def _make_bridge() -> None:
+    subprocess.run(["ip", "link", "del", BRIDGE], capture_output=True, check=False)
+    output("ip", "link", "add", BRIDGE, "type", "bridge")
+    output("ip", "addr", "add", f"{MANAGER}/24", "dev", BRIDGE)
+    output("ip", "link", "set", BRIDGE, "up")
+    # Docker drops what it does not know, also what crosses a bridge.
+    output("iptables", "-w", "-I", *_FORWARD)
+
+
+def _remove(hosts: Sequence[Host]) -> None:
+    """Removes everything as far as there is any of it."""
+    for host in hosts:
+        host.kill()
+        _remove_link(host._link)
+    listing = ["docker", "images", "--filter", f"reference={MANAGER}:{PORT}/*", "--format", "{{.Repository}}:{{.Tag}}"]
+    images = subprocess.run(listing, capture_output=True, text=True, check=False).stdout.split()
+    for command in (
+        ["docker", "swarm", "leave", "--force"],
+        ["docker", "rm", "-f", "-v", CONTAINER],
+        ["docker", "volume", "rm", CONTAINER],
+        ["docker", "rmi", *images],
+        ["iptables", "-w", "-D", *_FORWARD],
+        ["ip", "link", "del", BRIDGE],
+    ):
+        subprocess.run(command, capture_output=True, check=False)

@@ -1,0 +1,67 @@
+"""A swarm of two engines on this machine, without a fleet: what is known of its nodes, and what ``up`` refuses."""
+
+import os
+import re
+from collections.abc import Iterator
+
+import pytest
+
+from containers.engine import DOCKER, output
+from containers.harness import Fleet, fleet
+from containers.hosts import Host, is_in_swarm, swarm_here
+from containers.swarm import check_engines, nodes
+from pioneer_harness.wait import wait_until
+
+NOTICED = 60.0
+"""The swarm gives a machine up that has not been heard of for 10 to 20 s [s]; this one may be busy."""
+ADDRESS = "127.0.0.1:9"
+"""Of no registry."""
+
+
+@pytest.fixture(scope="module")
+def host() -> Iterator[Host]:
+    if os.geteuid() != 0 or is_in_swarm():
+        pytest.skip("a swarm of engines in network namespaces needs root, and an engine that is in no swarm")
+    with swarm_here(1) as (made,):
+        made.join()
+        yield made
+
+
+@pytest.fixture(scope="module")
+def on_swarm(host: Host) -> Iterator[Fleet]:
+    with fleet("pioneer-swarm", "10.88.12") as made:
+        yield made
+
+
+def test_each_node_is_known_with_the_way_to_its_engine(host: Host) -> None:
+    host.may_have_base()
+    here, other = nodes()
+    check_engines([here, other])
+    assert (here.docker, here.works, here.base) == (DOCKER, True, False)
+    assert (other.name, other.docker) == (host.name, ("docker", "--context", host.name))
+    assert (other.works, other.base, other.processors) == (True, True, here.processors)
+
+
+def test_an_image_that_does_not_exist_is_reported_in_one_line(on_swarm: Fleet) -> None:
+    said = on_swarm.refused("up", "--swarm", "--robots", "2", PIONEER_IMAGE="pioneer-mistyped")
+    assert "No such image: pioneer-mistyped" in said
+
+
+def test_a_registry_that_does_not_answer_is_reported_in_one_line(on_swarm: Fleet) -> None:
+    try:
+        said = on_swarm.refused("up", "--swarm", "--robots", "2", "--registry", ADDRESS)
+    finally:
+        tags = output("docker", "images", "--filter", f"reference={ADDRESS}/*", "--format", "{{.Repository}}:{{.Tag}}")
+        output("docker", "rmi", *tags.split())
+    assert re.search(rf"docker push .*failed: .*{ADDRESS}.*refused", said), said
+
+
+def test_a_machine_whose_cable_is_out_or_that_died_is_down_until_it_is_back(host: Host) -> None:
+    def is_up() -> bool:
+        return next(one.up for one in nodes() if one.name == host.name)
+
+    for fault, mend in ((host.cut, host.mend), (host.kill, host.start)):
+        fault()
+        wait_until(lambda: not is_up(), f"{host.name} down", NOTICED)
+        mend()
+        wait_until(is_up, f"{host.name} up again", NOTICED)
