@@ -1,11 +1,9 @@
 """Studies: their runs, their figures, their statistics."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from pioneer_demo.adapters.scenario_file import scenario_folder, scenario_of, scenario_path
+from pioneer_demo.adapters.scenario_file import scenario_folder, scenario_of
 from pioneer_demo.core.comparison import frame_of, summary_of
 from pioneer_demo.core.study import Run, Study, merged, row_of
 from pioneer_node.adapters.document import read_content, read_document
@@ -13,7 +11,7 @@ from pioneer_node.adapters.document import read_content, read_document
 
 def test_the_shipped_study_changes_the_local_planner():
     study = read_document(Study, scenario_folder() / "study" / "head_on_planners.yaml")
-    path = scenario_path(Path(study.scenario))
+    path = scenario_folder() / "study" / study.scenario
     content, lines = read_content(path)
     plain, dwa = (scenario_of(merged(content, change), path, lines) for change in study.variants.values())
     assert (plain.navigation, plain.parameters) == ("", {})
@@ -35,11 +33,19 @@ def test_a_variant_changes_inside_mappings_and_replaces_the_rest():
 
 def test_a_row_has_what_the_report_has_and_none_for_the_rest():
     robots = {
-        "pioneer1": {"seconds": 30.0, "path_length": 10.0, "collisions": 0, "localisation_error": {"mean": 0.02}},
+        "pioneer1": {
+            "waypoints": 3,
+            "reached": 1,
+            "seconds": 30.0,
+            "path_length": 10.0,
+            "collisions": 0,
+            "localisation_error": {"mean": 0.02},
+        },
         "pioneer2": {"seconds": 40.0, "path_length": 20.0, "collisions": 1, "localisation_error": {"mean": None}},
     }
     row = row_of(Run("a", 1), {"success": False, "robots": robots, "faults": ["x", "y"]}, 12.34)
     assert (row["seconds"], row["path_length"], row["collisions"]) == (40.0, 15.0, 1)
+    assert row["missed"] == 2
     assert (row["localisation_error"], row["closest_approach"], row["faults"]) == (0.02, None, "x; y")
     robots["pioneer1"]["seconds"] = None
     assert row_of(Run("a", 1), {"robots": robots}, 0.0)["seconds"] is None, "one robot never finished"

@@ -39,6 +39,30 @@ def test_a_node_that_computes_nothing_does_without(node: str) -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+OVERTAKEN = """
+import threading
+import rospy
+from rospy.impl.registration import RegManager
+from pioneer_node.nodes.patch import keep_publisher_updates
+keep_publisher_updates()
+connected = threading.Event()
+class Handler:
+    done = False
+    def _connect_topic(self, topic, uri):
+        connected.set()
+        return 1, "", 1
+manager = RegManager(Handler())
+manager.publisher_update("/topic", ["http://localhost:1/"])  # the master's update, which has overtaken ...
+manager.publisher_update("/topic", [])  # ... its answer to the subscription
+threading.Thread(target=manager.run, daemon=True).start()
+assert connected.wait(20)
+"""
+
+
+def test_a_publisher_that_registers_during_a_subscription_is_connected() -> None:
+    assert subprocess.run([sys.executable, "-c", OVERTAKEN], check=False).returncode == 0
+
+
 MASTER = """
 import threading, time
 from rosmaster.threadpool import MarkedThreadPool

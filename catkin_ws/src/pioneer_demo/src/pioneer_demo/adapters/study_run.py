@@ -41,8 +41,9 @@ def run_scenario(program: Sequence[str], scenario: str, run: Run, keep: str) -> 
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "scenario.yaml").write_text(scenario)
         words = [str(folder / "scenario.yaml"), "--seed", str(run.seed), "--report", str(folder)]
-        log, report = folder / "output.txt", folder / "report.json"
-        report.unlink(missing_ok=True)
+        log, report, machine = (folder / name for name in ("output.txt", "report.json", "machine.json"))
+        for stale in (report, machine):
+            stale.unlink(missing_ok=True)
         with log.open("wb") as output:
             status = subprocess.run(
                 [*_PREFIX, *(program or OWN_PROGRAM), *words], check=False, env=os.environ, stdin=subprocess.DEVNULL,
@@ -53,4 +54,6 @@ def run_scenario(program: Sequence[str], scenario: str, run: Run, keep: str) -> 
         if not report.is_file():
             raise RunError(f"no report, exit status {status}:\n{last_lines(log)}")
         content = json.loads(report.read_text())
+        if machine.is_file():  # in lockstep what a run has cost stands by itself
+            content["drive"] = json.loads(machine.read_text())["drive"] | content["drive"]
     return row_of(run, content, time.monotonic() - began)

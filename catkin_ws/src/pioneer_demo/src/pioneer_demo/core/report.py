@@ -69,7 +69,7 @@ def reproducible(numbers: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, 
     machine: dict[str, Any] = {name: numbers[name] for name in ("seconds_to_moving", "start_up", "processes")}
     rest = {name: value for name, value in numbers.items() if name not in machine}
     rest["settings"] = {name: value for name, value in numbers["settings"].items() if name != "ports"}
-    rest["drive"] = {"simulated_seconds": numbers["drive"]["simulated_seconds"]}
+    rest["drive"] = {name: numbers["drive"][name] for name in ("simulated_seconds", "closest_approach")}
     return rest, {"ports": numbers["settings"]["ports"], "drive": numbers["drive"], **machine}
 
 

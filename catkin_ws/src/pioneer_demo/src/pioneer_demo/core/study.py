@@ -8,6 +8,7 @@ from typing import Any
 from pioneer_node.core.document import DocumentError
 
 METRICS = {
+    "missed": "waypoints missed, all robots",
     "seconds": "time until all are done [s]",
     "path_length": "path length, mean of the robots [m]",
     "localisation_error": "localisation error, mean of the robots [m]",
@@ -90,10 +91,12 @@ def row_of(run: Run, report: Mapping[str, Any], wall: float) -> dict[str, Any]:
     seconds = _known(robot.get("seconds") for robot in robots)
     errors = _known((robot.get("localisation_error") or {}).get("mean") for robot in robots)
     paths = _known(robot.get("path_length") for robot in robots)
+    missed = [robot["waypoints"] - robot["reached"] for robot in robots if "reached" in robot]
     collisions = _known(robot.get("collisions") for robot in robots)
     return {
         **dataclasses.asdict(run),
         "success": bool(report.get("success")),
+        "missed": sum(missed) if missed else None,
         "seconds": max(seconds) if seconds and len(seconds) == len(robots) else None,
         "path_length": statistics.fmean(paths) if paths else None,
         "localisation_error": statistics.fmean(errors) if errors else None,

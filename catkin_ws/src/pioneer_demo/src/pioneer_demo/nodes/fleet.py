@@ -24,6 +24,7 @@ from pioneer_demo.nodes.flip import STATE, FlipRequest
 from pioneer_demo.nodes.observer import ObserverNode
 from pioneer_fleet.adapters.registry import Entry
 from pioneer_harness.masters import is_running
+from pioneer_node.nodes.patch import keep_publisher_updates
 
 if TYPE_CHECKING:  # only a demo in lockstep loads it
     from pioneer_demo.nodes.course import Course
@@ -167,6 +168,7 @@ class FleetRun:
     def _join_ros(self, uri: str, topics: Sequence[str], recording: Recording | None) -> Callable[[], bool]:
         """Starts the observer; returns whether what it sees of the robots' masters can reach it."""
         os.environ.update(ROS_MASTER_URI=uri, ROS_IP="127.0.0.1", ROS_LOG_DIR=str(self._config.log.resolve() / "ros"))
+        keep_publisher_updates()
         rospy.init_node(OBSERVER, disable_signals=True)
         if self._config.rings:
             from pioneer_demo.nodes.course import Course

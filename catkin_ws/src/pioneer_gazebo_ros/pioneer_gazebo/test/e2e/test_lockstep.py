@@ -1,4 +1,4 @@
-"""The simulator in lockstep with two nodes that do nothing but say when they act."""
+"""The simulator in lockstep with nodes that do nothing but say when they act."""
 
 import os
 import signal
@@ -19,13 +19,16 @@ PATIENCE = 90.0
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 
-class Fleet:
-    """The simulator and the ring ``a`` of ``one`` and ``two``."""
+RINGS = {"a": "one two", "b": "three"}
 
-    def __init__(self, master: Master, group: ProcessGroup, folder: Path) -> None:
+
+class Fleet:
+    """The simulator and the ring ``a`` of ``one`` and ``two``, and where asked for the ring ``b`` of ``three``."""
+
+    def __init__(self, master: Master, group: ProcessGroup, folder: Path, rings: str, silence: str) -> None:
         self.group, self.folder, self.diary = group, folder, folder / "diary"
         self._environment = master.environment
-        lockstep = {"rings": "a", "deadline": 2.0}
+        lockstep = {"rings": rings, "deadline": 2.0, "silence": silence}
         master.set_param("/gazebo", {"world_name": "blank", "real_time_factor": 0.0, "lockstep": lockstep})
         server = ["rosrun", "pioneer_gazebo", "pioneer_gazebo_server", "__name:=gazebo"]
         group.start("simulator", server, self._environment, self.log)
@@ -37,7 +40,8 @@ class Fleet:
 
     def start(self, name: str) -> int:
         """Starts a member; returns its process."""
-        own = {"LOCKSTEP_MEMBERS": "one two", "MEMBER": name, "DIARY": str(self.diary), "ROS_NAMESPACE": "a"}
+        ring = next(ring for ring, members in RINGS.items() if name in members)
+        own = {"LOCKSTEP_MEMBERS": RINGS[ring], "MEMBER": name, "DIARY": str(self.diary), "ROS_NAMESPACE": ring}
         command = [sys.executable, str(MEMBER)]
         return self.group.start(name, command, {**self._environment, **own}, self.folder / f"{name}.log")
 
@@ -46,12 +50,18 @@ class Fleet:
         text = self.diary.read_text() if self.diary.exists() else ""
         return text[: text.rfind("\n") + 1].splitlines()
 
+    def times(self, name: str) -> list[float]:
+        """Returns when a member has acted [s of simulated time]."""
+        words = (line.split() for line in self.lines())
+        return [float(time) for time, member, *_ in words if member == name]
+
 
 @pytest.fixture
-def fleet(tmp_path: Path) -> Iterator[Fleet]:
-    """Returns a simulator that waits for its ring."""
+def fleet(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Fleet]:
+    """Returns a simulator that waits for its rings; its parameter is their names and what follows silence."""
+    rings, silence = getattr(request, "param", ("a", "abort"))
     with Master() as master, ProcessGroup() as group:
-        yield Fleet(master, group, tmp_path)
+        yield Fleet(master, group, tmp_path, rings, silence)
 
 
 def test_members_act_in_their_order_in_each_period_and_a_silent_one_is_named(fleet: Fleet) -> None:
@@ -80,3 +90,21 @@ def test_members_act_in_their_order_in_each_period_and_a_silent_one_is_named(fle
 
     wait_until(ended, "the simulator to end", PATIENCE)
     assert "/a/two does not answer" in fleet.log.read_text()
+
+
+@pytest.mark.parametrize("fleet", [("a b", "drop")], indirect=True)
+def test_time_continues_without_a_silent_ring_which_joins_again(fleet: Fleet) -> None:
+    pids = {name: fleet.start(name) for name in ("one", "two", "three")}
+    wait_until(lambda: len(fleet.times("two")) > 10, "ten periods", PATIENCE)
+    os.kill(pids["two"], signal.SIGSTOP)
+    wait_until(lambda: "continuing without a" in fleet.log.read_text(), "the ring to be dropped", PATIENCE)
+    assert "/a/two does not answer; continuing without a" in fleet.log.read_text()
+    dropped = fleet.times("two")[-1]
+    wait_until(lambda: fleet.times("three")[-1] > dropped + 1.0, "the other ring to continue", PATIENCE)
+    os.kill(pids["two"], signal.SIGCONT)
+    again = fleet.times("three")[-1]
+    wait_until(lambda: fleet.times("two")[-1] > again + 1.0, "the ring to take part again", PATIENCE)
+    assert fleet.log.read_text().count("a takes part: /a/one, /a/two") == 2
+    joined = min(time for time in fleet.times("one") if time > again)
+    later = [time for time in fleet.times("two") if time > joined + 0.01]
+    assert later == [time for time in fleet.times("one") if joined + 0.01 < time <= later[-1]], "both, in each period"

@@ -55,6 +55,7 @@ def run(
         signal.signal(number, lambda *_: _ending.set())
     patch.allow_publishing_at_shutdown()
     patch.log_broken_requests()
+    patch.keep_publisher_updates()
     patch.keep_accepting(is_ending, _ending.wait)
     rospy.init_node(name, disable_rostime=wall_time, disable_signals=True)
     _initialised.set()

@@ -87,6 +87,24 @@ def keep_accepting(is_ending: Callable[[], bool], wait: Callable[[float], object
     rospy.impl.tcpros_base.TCPServer.run = run
 
 
+def keep_publisher_updates() -> None:
+    """Connects subscribers of this process also to publishers that register at the same moment.
+
+    rospy keeps the newest list of a topic's publishers that it was given. The master's answer to a subscription may be
+    handled after the update that the master sent next, and its older list then replaced the newer one: the subscriber
+    stayed without connection. Here lists that have not been handled yet are joined.
+    """
+    from rospy.impl.registration import RegManager
+
+    def publisher_update(manager: Any, topic: str, uris: list[str]) -> None:
+        with manager.cond:
+            known = (uri for name, earlier in manager.updates if name == topic for uri in earlier)
+            manager.updates.append((topic, list(dict.fromkeys([*uris, *known]))))
+            manager.cond.notify_all()
+
+    RegManager.publisher_update = publisher_update
+
+
 def wake_master_workers() -> None:
     """Has the workers of a ROS master in this process wait for work; each looked for some 10 times a second.
 

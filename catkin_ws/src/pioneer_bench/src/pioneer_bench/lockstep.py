@@ -1,0 +1,90 @@
+"""``pioneer_bench lockstep``: how fast time passes when it waits for every robot's nodes, and at what cost."""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from pioneer_bench.core.row import Row, table
+from pioneer_bench.report import add_output, write
+
+FACTOR_OF_TWO = 3.0
+"""Goal for two robots on two quiet cores."""
+STALE = "out of date"
+"""In the log of a move_base whose costmap got no scan in time."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds this bench's options."""
+    parser.add_argument("--robots", type=int, nargs="+", metavar="N", default=[2, 5, 15], help="default: 2 5 15")
+    parser.add_argument("--world", default="utm_0", help="default: %(default)s")
+    parser.add_argument("--seed", type=int, default=1, help="default: %(default)s")
+    parser.add_argument("--waypoints", type=int, default=1, metavar="K", help="of each robot (default %(default)s)")
+    parser.add_argument("--repeat", type=int, default=2, metavar="K", help="runs of each size (default %(default)s)")
+    add_output(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Drives all demos; returns 0 where every goal holds, 1 where one does not, 2 where a demo could not be driven."""
+    load, rows, values, complete = os.getloadavg()[0], list[Row](), list[dict[str, Any]](), True
+    for robots in options.robots:
+        runs = [_demo(robots, number, options) for number in range(options.repeat)]
+        driven = [one for one in runs if one is not None]
+        complete &= len(driven) == len(runs)
+        rows += _rows(robots, driven)
+        values += [{name: value for name, value in one.items() if name != "bytes"} for one in driven]
+    remark = f"{os.cpu_count()} cores, load before the run {load:.1f}; {options.world}, seed {options.seed}, "
+    remark += f"{options.waypoints} waypoints a robot. A sample is a demo; equal are all files of all demos of a size."
+    result = {"cores": os.cpu_count(), "load": load, "rows": [row.as_dict() for row in rows], "runs": values}
+    write(options.output, "lockstep", "Lockstep", f"{table(rows)}\n\n{remark}", result)
+    if not complete:
+        return 2
+    return 1 if any(row.holds is False for row in rows) else 0
+
+
+def _rows(robots: int, runs: list[dict[str, Any]]) -> list[Row]:
+    def samples(name: str) -> tuple[float, ...]:
+        return tuple(float(one[name]) for one in runs)
+
+    name = f"{robots} robots"
+    goal = FACTOR_OF_TWO if robots == 2 else None
+    rows = [
+        Row(f"{name}: real-time factor", "", samples("real_time_factor"), goal, at_least=True),
+        Row(f"{name}: CPU a simulated second", "s", samples("cpu_seconds_per_simulated_second")),
+        Row(f"{name}: waypoints missed", "", samples("missed"), 0.0, every=True),
+        Row(f"{name}: complaints of stale sensor data", "", samples("stale"), 0.0, every=True),
+    ]
+    if len(runs) > 1:
+        kinds = float(len({one["bytes"] for one in runs}))
+        rows.append(Row(f"{name}: different results of one seed", "", (kinds,), 1.0))
+    return rows
+
+
+def _demo(robots: int, number: int, options: argparse.Namespace) -> dict[str, Any] | None:
+    """Returns what one demo reports, None (and a line) where it wrote no report."""
+    folder = (options.output / f"lockstep-{robots}-{number}").absolute()
+    words = {"robots": robots, "world": options.world, "seed": options.seed, "waypoints": options.waypoints}
+    command = [sys.executable, "-m", "pioneer_demo", "demo", "--lockstep", "--report", str(folder)]
+    command += [word for name, value in words.items() for word in (f"--{name}", str(value))]
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "output.txt").open("w") as output:
+        status = subprocess.run(command, stdout=output, stderr=subprocess.STDOUT, check=False).returncode
+    machine = folder / "machine.json"
+    if not machine.is_file() or status not in (0, 1):
+        print(f"{robots} robots: no report, exit status {status}; see {folder / 'output.txt'}", flush=True)
+        return None
+    report, drive = json.loads((folder / "report.json").read_text()), json.loads(machine.read_text())["drive"]
+    visits = [robot["waypoints"] - robot["reached"] for robot in report["robots"].values()]
+    found = {"robots": robots, **drive, "missed": sum(visits), "stale": _stale(folder), "faults": report["faults"]}
+    print(f"{robots} robots: factor {drive['real_time_factor']:.2f}, {found['missed']} waypoints missed", flush=True)
+    files = ("ground_truth.csv", "commands.csv", "report.json")
+    return {**found, "bytes": b"".join((folder / name).read_bytes() for name in files)}
+
+
+def _stale(folder: Path) -> int:
+    """Returns how often a node of a demo says that its sensor data is out of date."""
+    logs = [path for path in (folder / "log").rglob("*.log") if path.is_file()]
+    return sum(path.read_text(errors="replace").count(STALE) for path in logs)
