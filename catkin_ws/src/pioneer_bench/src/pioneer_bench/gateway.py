@@ -16,6 +16,7 @@ from pioneer_bench.adapters.service_trial import service_rows
 from pioneer_bench.core.row import Row, table
 from pioneer_bench.report import add_output, write
 from pioneer_harness.error import HarnessError
+from pioneer_node.nodes.patch import tell_registrations, wake_master_workers
 from tcpros.adapters.client import ClientError
 
 
@@ -38,6 +39,8 @@ def run(options: argparse.Namespace) -> int:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="pioneer-bench-"))
         # rosmaster, in this process, prints a traceback for each node that was killed.
         stack.enter_context(contextlib.redirect_stderr(stack.enter_context(open(Path(folder) / "masters.log", "w"))))
+        wake_master_workers()  # as in masters that our launcher starts
+        tell_registrations()
         fleet = Fleet(Path(folder))
         trials: dict[str, Callable[[], list[Row]]] = {
             "rules": lambda: call_rows(fleet, 2 * repetitions),

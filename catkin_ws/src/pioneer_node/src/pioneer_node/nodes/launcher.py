@@ -19,7 +19,7 @@ from typing import Any
 
 from pioneer_node.adapters.fork_server import ForkedProcess, ForkServer, ForkServerError, Program, start_server
 from pioneer_node.core.program import early_differences, interpreter
-from pioneer_node.nodes.patch import import_without_numpy, wake_master_workers
+from pioneer_node.nodes.patch import import_without_numpy, tell_registrations, wake_master_workers
 
 SWITCH = "PIONEER_FORK"
 """Variable; 0 has every node started by itself, as the original roslaunch does."""
@@ -52,6 +52,7 @@ def shared_server() -> ForkServer | Program | None:
     """
     _import_shared()
     wake_master_workers()
+    tell_registrations()
     return start_server() if len(os.listdir("/proc/self/task")) == 1 else None
 
 

@@ -17,6 +17,12 @@ _ACCEPT_RETRY = 0.2
 _WORKERS_LOOK = 1.0
 """How long a master's worker waits for work before it looks whether to end [s]."""
 
+_LONGEST_AWAIT = 10.0
+"""For how long a master keeps somebody waiting for a registration [s]: each takes a thread."""
+
+_COUNTS = 2**31
+"""XML-RPC's numbers end there."""
+
 
 def import_without_numpy(module: str) -> ModuleType:
     """Returns a node's module, imported without numpy; for nodes that compute nothing.
@@ -106,23 +112,65 @@ def keep_publisher_updates() -> None:
 
 
 def wake_master_workers() -> None:
-    """Has the workers of a ROS master in this process wait for work; each looked for some 10 times a second.
+    """Has the workers of the ROS masters in this process wait for work; each looked for some 10 times a second.
 
     They tell subscribers of new publishers, and did so up to 0.1 s late.
     """
     from rosmaster import threadpool
 
-    work = threading.Semaphore(0)
+    given, count, worker = threading.Condition(), 0, threading.local()
 
     def with_notice(method: Callable[..., Any]) -> Callable[..., Any]:
         def notify(*arguments: Any, **named: Any) -> Any:
+            nonlocal count
             result = method(*arguments, **named)
-            work.release()
+            with given:
+                count += 1
+                given.notify_all()
             return result
 
         return notify
 
+    def wait_for_work(_seconds: float) -> None:
+        # Work that was given since this worker's last wait counts: it may have looked before that.
+        with given:
+            given.wait_for(lambda: count != getattr(worker, "seen", 0), _WORKERS_LOOK)
+            worker.seen = count
+
     pool = threadpool.MarkedThreadPool
     pool.queue_task = with_notice(pool.queue_task)
     pool.remove_marker = with_notice(pool.remove_marker)  # a task waits for the one before it with its marker
-    threadpool.sleep = lambda _seconds: work.acquire(timeout=_WORKERS_LOOK)
+    threadpool.sleep = wait_for_work
+
+
+def tell_registrations() -> None:
+    """Adds a call to the ROS master of this process that returns when somebody has registered or unregistered.
+
+    ``awaitRegistrations(caller_id, known, seconds)`` returns how many times that has happened, as soon as it is not
+    ``known``, or after so many seconds, 10 at most. ROS's master tells changes of single topics only, so a client that
+    wants to know of all has to ask for the whole state again and again.
+    """
+    from rosmaster.master_api import ROSMasterHandler
+
+    happened, count = threading.Condition(), 0
+
+    def with_notice(method: Callable[..., Any]) -> Callable[..., Any]:
+        def register(*arguments: Any) -> Any:
+            nonlocal count
+            result = method(*arguments)
+            with happened:
+                count = (count + 1) % _COUNTS
+                happened.notify_all()
+            return result
+
+        return register
+
+    def await_registrations(_master: Any, _caller_id: str, known: int, seconds: float) -> tuple[int, str, int]:
+        with happened:
+            happened.wait_for(lambda: count != known, max(0.0, min(float(seconds), _LONGEST_AWAIT)))
+            return 1, "registrations", count
+
+    for what in ("Publisher", "Subscriber", "Service"):
+        for name in (f"register{what}", f"unregister{what}"):
+            setattr(ROSMasterHandler, name, with_notice(getattr(ROSMasterHandler, name)))
+    ROSMasterHandler.awaitRegistrations = await_registrations

@@ -7,7 +7,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
-from rocon_gateway.adapters.master import MasterError, MasterWatch
+from rocon_gateway.adapters.master import MasterWatch
+from rocon_gateway.adapters.master_line import MasterError
 from rocon_hub_protocol.core.rule import Connection, Kind
 
 

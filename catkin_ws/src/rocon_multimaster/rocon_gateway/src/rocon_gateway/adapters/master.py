@@ -1,29 +1,13 @@
 """What our ROS master knows: who publishes, subscribes and serves what, without ourselves and without proxies."""
 
-import contextlib
 import http.client
-import socket
-import urllib.parse
-import xmlrpc.client
 from typing import Any
 
-from rocon_gateway.core.error import GatewayError
+from rocon_gateway.adapters.master_line import MasterError, MasterLine, UnknownError, request, value
 from rocon_hub_protocol.core.rule import Connection, Kind
 from rocon_relay.core.connection import ANY, is_proxy_uri
-from tcpros.core.http import NONSENSE
-
-TIMEOUT = 3.0
-"""Within which the master must have answered [s]."""
 
 _Row = tuple[Kind, str, list[str]]
-
-
-class MasterError(GatewayError):
-    """The master does not answer, or answers nonsense."""
-
-
-class _UnknownError(MasterError):
-    """The master says that it knows no such thing."""
 
 
 class MasterWatch:
@@ -38,11 +22,10 @@ class MasterWatch:
     """
 
     def __init__(self, uri: str, node: str) -> None:
-        parts = urllib.parse.urlsplit(uri)
-        self._line = _Line(parts.hostname or "localhost", parts.port or 11311, parts.netloc)
+        self._line = MasterLine(uri)
         self._node = node
-        self._state_request = _request("getSystemState", node)
-        self._types_request = _request("getTopicTypes", node)
+        self._state_request = request("getSystemState", node)
+        self._types_request = request("getTopicTypes", node)
         self._seen: bytes | None = None
         self._types_due = False
         self.knows_us = False
@@ -59,8 +42,8 @@ class MasterWatch:
             state = self._post(self._state_request)
             if state == self._seen and not self._types_due:
                 return False
-            rows = _rows(_value(state))
-            local = self._connections(rows, _types(_value(self._post(self._types_request))))
+            rows = _rows(value(state))
+            local = self._connections(rows, _types(value(self._post(self._types_request))))
         except MasterError:
             self._seen = None
             raise
@@ -99,8 +82,8 @@ class MasterWatch:
         """Tells whether some gateway made up this node; asked once as long as the node has any connection."""
         if node not in self._proxies:
             try:
-                self._proxies[node] = is_proxy_uri(str(_value(self._post(_request("lookupNode", self._node, node)))))
-            except _UnknownError:
+                self._proxies[node] = is_proxy_uri(str(value(self._post(request("lookupNode", self._node, node)))))
+            except UnknownError:
                 # Gone between two calls: the next look will show that.
                 return True
         return self._proxies[node]
@@ -116,55 +99,6 @@ class MasterWatch:
         except (http.client.HTTPException, OSError) as error:
             self._line.close()
             raise MasterError(f"the ROS master does not answer: {error}") from None
-
-
-class _Line:
-    """A kept connection to a master. What http.client builds each time and sends in two packets goes in one, prepared:
-    that is half of what a look costs, here and at the master.
-    """
-
-    def __init__(self, host: str, port: int, name: str) -> None:
-        self._address = host, port
-        self._head = f"POST /RPC2 HTTP/1.1\r\nHost: {name}\r\nContent-Type: text/xml\r\nContent-Length: ".encode()
-        self._socket: socket.socket | None = None
-
-    def ask(self, body: bytes) -> bytes:
-        """Returns the answer. Raises MasterError for an error's, HTTPException for what is none, OSError for none."""
-        if self._socket is None:
-            self._socket = socket.create_connection(self._address, TIMEOUT)
-            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._socket.sendall(b"%b%d\r\n\r\n%b" % (self._head, len(body), body))
-        with contextlib.closing(http.client.HTTPResponse(self._socket, method="POST")) as response:
-            response.begin()
-            answer = response.read()
-            if response.will_close:
-                self.close()
-            if response.status != http.client.OK:
-                raise MasterError(f"the ROS master answers with the error {response.status} {response.reason}")
-        return answer
-
-    def close(self) -> None:
-        """Closes the connection; the next question makes a new one."""
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
-
-
-def _request(method: str, *arguments: str) -> bytes:
-    return xmlrpc.client.dumps(arguments, method).encode()
-
-
-def _value(answer: bytes) -> Any:
-    """Returns the third part of a master's answer. Raises MasterError, of a kind of its own if the master says no."""
-    try:
-        ((code, message, value),) = xmlrpc.client.loads(answer)[0]  # type: ignore[arg-type]
-    except xmlrpc.client.Fault as error:
-        raise MasterError(f"the ROS master fails: {error.faultString}") from None
-    except NONSENSE as error:
-        raise MasterError(f"the ROS master's answer is none: {error}") from None
-    if code != 1:
-        raise _UnknownError(f"the ROS master says no: {message!s}")
-    return value
 
 
 def _rows(state: Any) -> list[_Row]:

@@ -23,7 +23,9 @@ from rocon_gateway import conversions
 from rocon_gateway.adapters.address import interface_address, own_address
 from rocon_gateway.adapters.hubs import Hubs, HubsConfig
 from rocon_gateway.adapters.kept_folder import KeptFolder
-from rocon_gateway.adapters.master import MasterError, MasterWatch
+from rocon_gateway.adapters.master import MasterWatch
+from rocon_gateway.adapters.master_bell import LOOK_PERIOD, MasterBell
+from rocon_gateway.adapters.master_line import MasterError
 from rocon_gateway.core import verdict
 from rocon_gateway.core.config import GatewayConfig, book_from_config, with_custom_rules
 from rocon_gateway.core.error import ConfigError, GatewayError
@@ -41,12 +43,9 @@ from rocon_relay.adapters.keyring import PasswordKeyring
 from rocon_relay.adapters.relay import TcpRelay
 from rocon_relay.core.connection import Export, Import, LinkState, LinkStatus, RelayConfig, Subject
 from rocon_relay.core.traffic import Traffic
-from tcpros.adapters.descriptor import raise_limit, readable
+from tcpros.adapters.descriptor import raise_limit
 from tcpros.adapters.tls import Certificates, certificates_from
 from tcpros.core.error import CertificateError
-
-LOOK_PERIOD = 0.15
-"""Time between two looks at the master [s]."""
 
 _HUB = "/hub"
 SETTLE = 1.0
@@ -97,6 +96,7 @@ class GatewayNode:
         self._rules = rospy.Publisher("~rules", DiagnosticArray, queue_size=5, latch=True)
         self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=5)
         self._master = MasterWatch(rosgraph.get_master_uri(), rospy.get_name())
+        self._bell = MasterBell(rosgraph.get_master_uri(), rospy.get_name())
         self._master_lost = False
         self._traffic = Traffic()
         self._outcome = Outcome()
@@ -171,11 +171,12 @@ class GatewayNode:
             self._hubs.shutdown()
             self._relay.shutdown()
             self._master.close()
+            self._bell.close()
 
     def _loop(self) -> None:
         full = diagnose = 0.0
         while not self._stopping:
-            woken = bool(readable([self._reader], LOOK_PERIOD))
+            woken = self._bell.wait(self._reader)
             if woken:
                 with contextlib.suppress(BlockingIOError):
                     os.read(self._reader, 4096)

@@ -6,7 +6,7 @@ import rosgraph
 import rospy
 from rospy.impl import registration
 
-from rocon_gateway.adapters.master import MasterError
+from rocon_gateway.adapters.master_line import MasterError
 from tcpros.core.http import NONSENSE
 
 
