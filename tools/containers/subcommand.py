@@ -29,9 +29,15 @@ class Subcommands:
         """Runs one; returns the exit status. Ctrl-C prints ``interrupted``."""
         options = self._parser.parse_args(words)
         try:
-            return int(options.run(options))
+            status = int(options.run(options))
+            sys.stdout.flush()
+            return status
         except ContainerError as error:
             print(f"pioneer: {error}", file=sys.stderr)
+            return 1
+        except BrokenPipeError:
+            # As after "| head": nothing more can be printed, at the interpreter's end neither.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 1
         except KeyboardInterrupt:
             print(interrupted, end="")

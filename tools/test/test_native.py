@@ -1,6 +1,10 @@
 """``./pioneer status`` shows every fleet of the machine, as processes and as containers."""
 
 import json
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -72,6 +76,15 @@ def test_rviz_without_a_display_is_refused_with_the_command_for_a_picture(
     told = capsys.readouterr().err
     assert "DISPLAY is not set" in told
     assert "ROS_MASTER_URI=http://localhost:11312 ./pioneer run rosrun pioneer_description rviz_snapshot" in told
+
+
+def test_a_reader_that_ends_early_gets_no_traceback() -> None:
+    program = "import native, test_native as t\nnative.running_fleets = lambda: [t.FLEET] * 999\n"
+    piped = 'python3 -c "$0" | true; exit ${PIPESTATUS[0]}'
+    folders = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    words = ["bash", "-c", piped, program + "raise SystemExit(native.main(['status']))"]
+    done = subprocess.run(words, env={**os.environ, "PYTHONPATH": folders}, capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (1, b"")
 
 
 def test_without_a_fleet_one_line_says_how_to_start_one(

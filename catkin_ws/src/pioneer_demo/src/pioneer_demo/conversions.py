@@ -8,6 +8,7 @@ from geometry_msgs.msg import Twist
 
 from pioneer_demo.core.floor import Floor, floor_from_cells
 from pioneer_demo.core.recording import Hits
+from pioneer_fleet.conversions import pose_from_message
 from pioneer_fleet.core.geometry import Pose
 
 BEAMS_KEPT = 180
@@ -27,6 +28,16 @@ def hits_from_scan(message: Any, mount: Pose) -> Hits:
     angles = mount.yaw + message.angle_min + np.arange(len(ranges)) * message.angle_increment * every
     met = (ranges >= message.range_min) & (ranges <= message.range_max)
     return np.column_stack([mount.x + ranges * np.cos(angles), mount.y + ranges * np.sin(angles)])[met].astype("f4")
+
+
+def speed_from_truth(message: Any) -> tuple[float, float]:
+    """Returns the speeds forwards [m/s] and anticlockwise [rad/s] of a robot's ``base_pose_ground_truth``.
+
+    The p3d plugin gives velocities in the world's frame, unlike odometry.
+    """
+    pose, velocity = pose_from_message(message.pose.pose), message.twist.twist
+    forwards = math.cos(pose.yaw) * velocity.linear.x + math.sin(pose.yaw) * velocity.linear.y
+    return forwards, velocity.angular.z
 
 
 def status_from_message(message: Any) -> str:

@@ -141,7 +141,7 @@ class ObserverNode:
 
     def _on_truth(self, robot: RobotTrack, message: Odometry) -> None:
         robot.add_truth(message.header.stamp.to_sec(), pose_from_message(message.pose.pose))
-        robot.monitor.linear, robot.monitor.angular = message.twist.twist.linear.x, message.twist.twist.angular.z
+        robot.monitor.linear, robot.monitor.angular = conversions.speed_from_truth(message)
         self._fleet.note_distance(robot)
         if robot.first_motion is not None:
             self.moving_since.setdefault(robot.name, time.monotonic())

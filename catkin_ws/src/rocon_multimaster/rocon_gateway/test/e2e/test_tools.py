@@ -100,17 +100,29 @@ def test_a_subscriber_not_covered_by_a_flip_is_named_by_rules_and_doctor(pair) -
     wait_until(lambda: cure not in str(base.states()), "every node to be covered", 10)
 
 
+def refused_simulation(master):
+    """Starts step 3 on a master, where it must fail before it starts a node; returns what it printed."""
+    command = ["rosrun", "pioneer_gazebo", "run-multi-pioneer-gazebo-master", "robots:=1", "world_name:=blank"]
+    done = subprocess.run(command, env=master.environment, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 1
+    assert "starting blank" not in done.stderr
+    return done.stderr
+
+
+def test_a_robots_own_master_is_refused_for_simulation(fleet):
+    fleet.start_hub()
+    robot = fleet.site("aadi1").start().connected()
+    refused = refused_simulation(robot.master)
+    assert "is 'aadi1', and robots pull from Hub_Gateway: export ROS_MASTER_URI" in refused
+
+
 def test_the_hubs_own_master_is_refused_for_simulation_and_warned_about(fleet) -> None:
     fleet.start_hub()
     nodes = fleet.hub_master.system_state
     wait_until(lambda: "/hub/get_loggers" in nodes()[2], "the hub's node", 30)
     fleet.hub_master.set_param("/gateway", {"name": "one_that_has_ended"})
-    command = ["rosrun", "pioneer_gazebo", "run-multi-pioneer-gazebo-master", "robots:=1", "world_name:=blank"]
-    refused = subprocess.run(
-        command, env=fleet.hub_master.environment, capture_output=True, text=True, check=False, timeout=60
-    )
-    assert refused.returncode != 0
-    assert "is the hub's own ROS master" in refused.stderr
-    assert "export ROS_MASTER_URI=http://localhost:" in refused.stderr
+    refused = refused_simulation(fleet.hub_master)
+    assert "is the hub's own ROS master" in refused
+    assert "export ROS_MASTER_URI=http://localhost:" in refused
     site = fleet.site("lost", master=fleet.hub_master).start().connected()
     assert "is the hub's own ROS master; a gateway needs one of its own" in site.log.read_text()

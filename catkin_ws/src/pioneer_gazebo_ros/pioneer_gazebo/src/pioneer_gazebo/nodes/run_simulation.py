@@ -252,7 +252,7 @@ def _possible(
 
 
 def _check_master(session: Session) -> None:
-    """Raises SessionError on the hub's own master, warns where the gateway is another than the robots pull from."""
+    """Raises SessionError on the hub's own master, and where the gateway is another than the robots pull from."""
     uri, master = rosgraph.get_master_uri(), rosgraph.Master(f"/{NAME.replace('-', '_')}")
     parameter = f"{GATEWAY}/name"
     # Of a gateway that has ended the parameter is left.
@@ -264,7 +264,11 @@ def _check_master(session: Session) -> None:
             f"export ROS_MASTER_URI=http://localhost:{port} and start this again"
         )
     if name and name != HUB_GATEWAY:
-        session.say(f"warning: the gateway on {uri} is '{name}', and robots pull from {HUB_GATEWAY}")
+        # A simulator on a robot's master would replace the clock that its navigation runs by.
+        raise SessionError(
+            f"the gateway on {uri} is '{name}', and robots pull from {HUB_GATEWAY}: "
+            f"export ROS_MASTER_URI to that one's master (http://localhost:11312) and start this again"
+        )
 
 
 def _has_node(master: rosgraph.Master, name: str) -> bool:
