@@ -59,3 +59,36 @@ def test_an_idle_robot_makes_room_and_comes_back() -> None:
 def test_places_held_behind_a_robot_are_free_only_when_it_has_reached_its_first_place() -> None:
     plan = plan_for(state("front", 1, 2, goal=2), state("behind", 0, goal=1))
     assert ("behind", 1, "front", 0) in plan.waits
+
+
+ROW = Roadmap(PLACES[:COLS], [[1], [0, 2], [1, 3], [2, 4], [3, 5], [4, 6], [5]])
+BAY = Roadmap([*PLACES[:COLS], (3.0, 1.0)], [[1], [0, 2], [1, 3], [2, 4, 7], [3, 5], [4, 6], [5], [3]])
+"""A row of seven places, and the same with one more beside its middle."""
+
+
+def test_a_younger_robot_is_led_where_the_oldest_one_cannot_be() -> None:
+    """Fifteen robots in a corridor with bays stood for good: only the older half was tried, down to the oldest."""
+    first = Report("first", ROW.signature, ROW.places[0], (0,), 6, since=1.0)
+    second = Report("second", ROW.signature, ROW.places[6], (6,), 1, since=2.0)
+    plan = planned(ROW, [first, second], (), PlanId(1, "first"))
+    assert plan.paths["second"][-1] == 1
+
+
+def test_a_robot_makes_room_at_goals_of_robots_that_cannot_come() -> None:
+    """Nobody moved out of the region that a robot waited for, as all places about were goals of robots cut off."""
+    asking = Report("asking", ROW.signature, ROW.places[3], (3,), 3, since=3.0, region=(4,))
+    inside = Report("inside", ROW.signature, ROW.places[4], (4,), 2, since=4.0)
+    outside = [Report(f"cut off {goal}", ROW.signature, ROW.places[6 - goal], (6 - goal,), goal) for goal in (5, 6)]
+    plan = planned(ROW, [asking, inside, *outside], (), PlanId(1, "asking"))
+    assert plan.paths["inside"] == (4, 5)
+    assert plan.regions["asking"] == (4,)
+
+
+def test_a_robot_parked_behind_the_goal_of_another_is_led_past_it() -> None:
+    """It could not get out of the region that its owner had been granted, and the owner waited for it."""
+    parked = Report("parked", BAY.signature, BAY.places[7], (7,))
+    for at in (3, 0):
+        asking = Report("asking", BAY.signature, BAY.places[at], (at,), 3, region=(7,))
+        plan = planned(BAY, [asking, parked], (), PlanId(1, "asking"))
+        assert "asking" not in plan.regions
+        assert plan.paths["parked"][-1] not in {3, 7}

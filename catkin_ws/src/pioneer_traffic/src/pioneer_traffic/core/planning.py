@@ -30,23 +30,29 @@ def planned(roadmap: Roadmap, reports: Sequence[Report], barred: Collection[int]
         plan_id: of the new plan; its number seeds the search.
     """
     ordered = sorted(reports, key=lambda report: (report.goal < 0, report.since, report.robot))
-    regions = _granted(ordered, barred)
+    asked = {report.robot: report for report in ordered if report.out or (report.has_arrived and report.region)}
+    vacated = set[int]()
+    while True:
+        regions = _granted(asked.values(), barred)
+        graph, closed = _open_graph(roadmap, ordered, regions, barred)
+        shutting = _shutting_in(graph, closed, ordered, regions)
+        if not shutting:
+            break
+        for name in shutting:
+            # The robot inside has to pass its owner first.
+            vacated.update(asked.pop(name).region)
     stops = {report.stop for report in ordered if report.robot in regions}
-    closed = stops.union(barred, *regions.values())
-    # Nobody enters what is closed. Who is in a region that is granted only, not yet used, may go through such ones on
-    # the way out: their owners wait for that (``Coordinator``).
-    used = stops.union(barred, *(regions[report.robot] for report in ordered if report.out))
-    graph = [
-        [] if place in stops else [other for other in near if other not in (used if place in closed else closed)]
-        for place, near in enumerate(roadmap.neighbours)
-    ]
-    targets = _targets(roadmap, ordered, regions, closed)
+    targets = _targets(roadmap, ordered, regions, closed, vacated)
     distances = [_distances(graph, target) for target in targets]
-    for robot, report in enumerate(ordered):
-        if report.stop in closed - stops and distances[robot][report.stop] == len(graph):
+    stuck = [robot for robot, one in enumerate(ordered) if distances[robot][one.stop] == len(graph)]
+    taken = set(closed).union(target for robot, target in enumerate(targets) if robot not in stuck)
+    for robot in stuck:
+        stop = ordered[robot].stop
+        if stop in closed - stops:
             # It cannot get to its goal now, but stands where another robot wants to be.
-            targets[robot] = _nearest_free(graph, report.stop, closed.union(targets), report.stop)
+            targets[robot] = _nearest_free(graph, stop, taken, stop)
             distances[robot] = _distances(graph, targets[robot])
+            taken.add(targets[robot])
     tracks = _search(graph, tuple(report.stop for report in ordered), targets, distances, plan_id.number)
     visits = [list(_visits(places)) for places in tracks]
     names = [report.robot for report in ordered]
@@ -59,30 +65,78 @@ def planned(roadmap: Roadmap, reports: Sequence[Report], barred: Collection[int]
     )
 
 
-def _granted(ordered: Sequence[Report], barred: Collection[int]) -> dict[str, frozenset[int]]:
-    """Returns the regions of the robots that may leave the roadmap at their goals now."""
+def _open_graph(
+    roadmap: Roadmap, ordered: Sequence[Report], regions: dict[str, frozenset[int]], barred: Collection[int]
+) -> tuple[list[list[int]], frozenset[int]]:
+    """Returns where one may go from each place while ``regions`` are granted, and the places that nobody enters."""
+    stops = {report.stop for report in ordered if report.robot in regions}
+    closed = stops.union(barred, *regions.values())
+    # Who is in a region that is granted only, not yet used, may go through such ones on the way out: their owners wait
+    # for that (``Coordinator``).
+    used = stops.union(barred, *(regions[report.robot] for report in ordered if report.out))
+    graph = [
+        [] if place in stops else [other for other in near if other not in (used if place in closed else closed)]
+        for place, near in enumerate(roadmap.neighbours)
+    ]
+    return graph, frozenset(closed)
+
+
+def _granted(asked: Collection[Report], barred: Collection[int]) -> dict[str, frozenset[int]]:
+    """Returns the regions of the robots, of those that ask, that may leave the roadmap at their goals now."""
     claimed, granted = set(barred), dict[str, frozenset[int]]()
-    for report in sorted(ordered, key=lambda report: not report.out):
+    for report in sorted(asked, key=lambda report: not report.out):
         own = set(report.held) if report.out else {*report.region, report.stop}
-        if report.out or (report.has_arrived and report.region and not claimed & own):
+        if report.out or not claimed & own:
             granted[report.robot] = frozenset(own - {report.stop})
             claimed |= own
     return granted
 
 
+def _shutting_in(
+    graph: Sequence[Sequence[int]],
+    closed: Collection[int],
+    ordered: Sequence[Report],
+    regions: dict[str, frozenset[int]],
+) -> list[str]:
+    """Returns the robots, still on the roadmap, in whose regions another one stands that has no way out."""
+    owners = [report for report in ordered if report.robot in regions and not report.out]
+    inside = [report.stop for report in ordered if report.robot not in regions and report.stop in closed]
+    shut_in = {stop for stop in inside if _nearest_free(graph, stop, closed, -1) < 0}
+    return [report.robot for report in owners if shut_in & regions[report.robot]]
+
+
 def _targets(
-    roadmap: Roadmap, ordered: Sequence[Report], regions: dict[str, frozenset[int]], closed: Collection[int]
+    roadmap: Roadmap,
+    ordered: Sequence[Report],
+    regions: dict[str, frozenset[int]],
+    closed: Collection[int],
+    vacated: Collection[int],
 ) -> list[int]:
-    """Returns a place for each robot, no two the same: its goal, or what is free nearest to it."""
-    taken, targets = set(closed), []
+    """Returns a place for each robot, no two the same: its goal, or what is free nearest to it and not ``vacated``.
+
+    Nobody may stay in, or go to, what an older robot will shut in at its goal.
+    """
+    taken, shunned, targets = set(closed), set(vacated), []
     for report in ordered:
         target = report.stop
         if report.robot not in regions:
             wanted = report.goal if report.goal >= 0 else report.stop
-            target = _nearest_free(roadmap.neighbours, wanted, taken, report.stop)
+            target = _nearest_free(roadmap.neighbours, wanted, taken | shunned, report.stop)
             taken.add(target)
+            shunned |= _pocket(roadmap, report)
         targets.append(target)
     return targets
+
+
+def _pocket(roadmap: Roadmap, report: Report) -> set[int]:
+    """Returns the places that have no way out while the robot uses its goal and the region about it."""
+    inside = {place for place in report.region if 0 <= place < len(roadmap.places)}
+    outside = [place for place in inside if not inside.issuperset({*roadmap.neighbours[place]} - {report.goal})]
+    while outside:
+        place = outside.pop()
+        inside.discard(place)
+        outside.extend(inside.intersection(roadmap.neighbours[place]))
+    return inside
 
 
 def _nearest_free(graph: Sequence[Sequence[int]], wanted: int, taken: Collection[int], otherwise: int) -> int:
@@ -115,29 +169,40 @@ def _search(
 ) -> list[list[int]]:
     """Returns each robot's place by step, for as many robots led to their targets as is worth while, oldest first.
 
-    A plan is the better, the fewer steps all robots take for each step of the way that the led ones have to go.
+    A plan is the better, the fewer steps all robots take for each step of the way that the led ones have to go. Where
+    not even the oldest can be led, those that can go one after the other, each as long as the ones before it still can.
     """
     reachable = [distance[start] < len(graph) for start, distance in zip(starts, distances, strict=True)]
-    led = [robot for robot, start in enumerate(starts) if reachable[robot] and targets[robot] != start]
+    waiting = [robot for robot, start in enumerate(starts) if reachable[robot] and targets[robot] != start]
     guides = [distance if fine else [0] * len(graph) for distance, fine in zip(distances, reachable, strict=True)]
+
+    def led_by(led: Sequence[int], attempt: int) -> list[list[int]] | None:
+        goals = [target if robot in led else None for robot, target in enumerate(targets)]
+        order = list(range(len(starts)))
+        if attempt:
+            random.Random(seed + attempt).shuffle(order)
+        found = solve(Problem(graph, starts, guides, goals), order, seed + attempt, _MOST)
+        return None if found is None else _without_detours(found)
+
     best, least = [[start] for start in starts], math.inf
+    led = waiting
     while led and least > _GOOD:
         needed = sum(distances[robot][starts[robot]] for robot in led)
-        goals = [target if robot in led else None for robot, target in enumerate(targets)]
         for attempt in range(_TRIES):
-            order = list(range(len(starts)))
-            if attempt:
-                random.Random(seed + attempt).shuffle(order)
-            found = solve(Problem(graph, starts, guides, goals), order, seed + attempt, _MOST)
-            if found is None:
+            tracks = led_by(led, attempt)
+            if tracks is None:
                 continue
-            tracks = _without_detours(found)
             moves = sum(one != other for track in tracks for one, other in pairwise(track))
             if moves / needed < least:
                 best, least = tracks, moves / needed
             if least <= _GOOD:
                 break
         led = led[: len(led) // 2]
+    if least == math.inf:
+        for robot in waiting[1:]:
+            tracks = led_by([*led, robot], 0)
+            if tracks is not None:
+                best, led = tracks, [*led, robot]
     return best
 
 
