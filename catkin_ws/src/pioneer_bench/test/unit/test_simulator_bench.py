@@ -1,13 +1,11 @@
 """Goals, table and hall of the simulator's bench."""
 
-import math
-import xml.etree.ElementTree as ElementTree
-
 import pytest
 
 from pioneer_bench.core import hall
 from pioneer_bench.core.rates import SETTINGS
 from pioneer_bench.core.simulator import Run, table
+from pioneer_gazebo.core.nearest import distance_to
 
 
 def run(**changes: float) -> Run:
@@ -61,17 +59,11 @@ def test_without_a_cost_goal_none_is_judged_and_flat_out_no_scans_are() -> None:
 
 
 def test_the_hall_has_its_walls_and_depends_on_the_seed_only() -> None:
-    boxes = ElementTree.fromstring(hall.world(1)).findall(".//model")
-    assert len(boxes) == hall.WALLS
+    assert len(hall.world(1).models) == hall.WALLS
     assert hall.world(1) == hall.world(1) != hall.world(2)
 
 
 def test_robots_start_clear_of_every_wall() -> None:
-    for model in ElementTree.fromstring(hall.world(3)).iter("model"):
-        x, y, *_, yaw = map(float, model.find("pose").text.split())
-        half = float(model.find(".//size").text.split()[0]) / 2
-        for sx, sy in hall.starts():
-            dx, dy = sx - x, sy - y
-            along = dx * math.cos(yaw) + dy * math.sin(yaw)
-            across = -dx * math.sin(yaw) + dy * math.cos(yaw)
-            assert math.hypot(max(0.0, abs(along) - half), abs(across)) > 0.5
+    for wall in hall.world(3).collisions():
+        for x, y in hall.starts():
+            assert distance_to(wall.collision.shape, wall.pose, (x, y, 0.5)) > 0.5

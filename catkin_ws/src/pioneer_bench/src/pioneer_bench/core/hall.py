@@ -3,6 +3,10 @@
 import math
 import random
 
+from pioneer_bench.core.accuracy import standing
+from pioneer_gazebo.core.pose import Pose
+from pioneer_gazebo.core.world import Box, World
+
 SIDE = 20.0
 """Inner side of the hall [m]."""
 
@@ -12,23 +16,6 @@ WALLS = 53
 SPACING = 2.5
 """Between the places where robots start [m]."""
 
-_BOX = """    <model name="wall_{number}">
-      <static>true</static>
-      <pose>{x:.3f} {y:.3f} 0.5 0 0 {yaw:.4f}</pose>
-      <link name="link">
-        <collision name="collision"><geometry><box><size>{length:.3f} 0.1 1.0</size></box></geometry></collision>
-      </link>
-    </model>
-"""
-
-_WORLD = """<?xml version="1.0"?>
-<sdf version="1.6">
-  <world name="hall">
-    <include><uri>model://ground_plane</uri></include>
-{boxes}  </world>
-</sdf>
-"""
-
 
 def starts() -> list[tuple[float, float]]:
     """Returns the places [m] where robots may start: the middles of squares that no inner wall enters."""
@@ -37,20 +24,21 @@ def starts() -> list[tuple[float, float]]:
     return [(first + column * SPACING, first + row * SPACING) for row in range(count) for column in range(count)]
 
 
-def world(seed: int) -> str:
-    """Returns the hall as SDF: inner walls on the lines between the starts, drawn from ``seed``."""
-    half = SIDE / 2 + 0.05
-    boxes = [
-        _BOX.format(number=number, x=x, y=y, yaw=yaw, length=SIDE + 0.2)
-        for number, (x, y, yaw) in enumerate(
-            [(half, 0, math.pi / 2), (-half, 0, math.pi / 2), (0, half, 0), (0, -half, 0)]
-        )
-    ]
+def world(seed: int) -> World:
+    """Returns the hall: inner walls on the lines between the starts, drawn from ``seed``."""
+    half, long = SIDE / 2 + 0.05, SIDE + 0.2
+    walls = [(half, 0.0, math.pi / 2, long), (-half, 0.0, math.pi / 2, long), (0.0, half, 0.0, long)]
+    walls.append((0.0, -half, 0.0, long))
     lines = int(SIDE / SPACING) - 1
     sites = [(line, place, turned) for line in range(lines) for place in range(lines + 1) for turned in (False, True)]
-    for number, (line, place, turned) in enumerate(random.Random(seed).sample(sites, WALLS - 4), start=4):
+    for line, place, turned in random.Random(seed).sample(sites, WALLS - len(walls)):
         across = -SIDE / 2 + (line + 1) * SPACING
         along = -SIDE / 2 + (place + 0.5) * SPACING
-        x, y, yaw = (across, along, math.pi / 2) if turned else (along, across, 0.0)
-        boxes.append(_BOX.format(number=number, x=x, y=y, yaw=yaw, length=1.2))
-    return _WORLD.format(boxes="".join(boxes))
+        walls.append((across, along, math.pi / 2, 1.2) if turned else (along, across, 0.0, 1.2))
+    return World(
+        "hall",
+        tuple(
+            standing(f"wall_{number}", Pose.from_rpy(x, y, 0.5, yaw=yaw), Box((length, 0.1, 1.0)))
+            for number, (x, y, yaw, length) in enumerate(walls)
+        ),
+    )

@@ -2,8 +2,9 @@
 
 import random
 
+from pioneer_bench.core.accuracy import floor
 from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.world import Box, Collision, Inertia, Link, Model, Plane, World
+from pioneer_gazebo.core.world import Box, Collision, Inertia, Link, Model, World
 
 BOXES, COLUMNS = 285, 19
 PITCH = 1.4
@@ -14,7 +15,6 @@ LENGTH, WIDTH, HEIGHT = 1.0, 0.15, 1.0
 def loose_maze() -> World:
     """Returns the maze, always the same."""
     chance = random.Random(1)
-    floor = Model("floor", static=True, links=(Link("link", collisions=(Collision("c", Pose(), Plane()),)),))
     boxes = []
     for number in range(BOXES):
         row, column = divmod(number, COLUMNS)
@@ -22,4 +22,4 @@ def loose_maze() -> World:
         link = Link("link", mass=10.0, inertia=Inertia(), collisions=(Collision("c", Pose(), Box(size)),))
         pose = Pose(((column - COLUMNS / 2) * PITCH, (row - BOXES / COLUMNS / 2) * PITCH, HEIGHT / 2))
         boxes.append(Model(f"box_{number}", pose, links=(link,)))
-    return World("285 loose boxes", (floor, *boxes))
+    return World("285 loose boxes", (floor(), *boxes))

@@ -25,6 +25,7 @@ from pioneer_bench.adapters.description import pioneer_urdf
 from pioneer_bench.core import hall
 from pioneer_bench.core.rates import LoadConfig
 from pioneer_bench.core.simulator import Run
+from pioneer_gazebo.adapters.sdf_text import sdf_from_world
 from pioneer_harness.masters import Master
 from pioneer_harness.proc import process_state
 from pioneer_harness.process import ProcessGroup
@@ -191,7 +192,7 @@ def main(argv: list[str]) -> int:
     with Master() as master, ProcessGroup() as group:
         os.environ.update(master.environment)
         world = master.home / "hall.world"
-        world.write_text(hall.world(config.seed))
+        world.write_text(sdf_from_world(hall.world(config.seed)))
         command = [
             sys.executable, "-c", "from pioneer_gazebo.nodes.gazebo import main; raise SystemExit(main())",
             "__name:=gazebo", f"_world_name:={world}", f"_real_time_factor:={config.real_time_factor}",

@@ -93,7 +93,7 @@ class Recorder:
         header = connection.header
         latching = header.get("latching") == "1"
         kind = Kind(header["type"], header["md5sum"], header.get("message_definition", ""), latching)
-        connection.wait_for_ever()
+        connection.be_patient()
         try:
             with connection:
                 while True:

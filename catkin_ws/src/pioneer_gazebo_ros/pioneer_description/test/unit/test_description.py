@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 from pioneer_gazebo.adapters.urdf import robot_from_urdf
+from pioneer_gazebo.core.robot import Camera
 
 PACKAGE = Path(__file__).parents[2]
 WORKSPACE = PACKAGE.parents[2]
@@ -68,7 +69,7 @@ def test_laser_settings_are_arguments():
     (laser,) = robot.lasers
     assert (laser.samples, laser.update_rate, laser.frame, laser.topic) == (720, 40.0, "laser", "base_scan")
     assert (laser.min_range, laser.max_range, laser.noise_stddev) == (0.10, 30.0, 0.01)
-    assert len(robot.cameras) == 1
+    assert len(robot.of(Camera)) == 1
     assert len(robot.sonars) == 16
 
 

@@ -63,11 +63,11 @@ def test_shapes_masses_and_colours_are_read():
 
 
 def test_joint_limits_and_axis_are_read():
-    joint = cart().joint("r")
+    joint, left = (next(one for one in cart().joints if one.name == name) for name in ("r", "l"))
     assert (joint.lower, joint.upper, joint.effort, joint.velocity) == (-1, 2, 3, 4)
     assert (joint.damping, joint.friction) == (0.5, 0.25)
-    assert cart().joint("l").axis == (0, 1, 0)
-    assert cart().joint("l").upper == math.inf
+    assert left.axis == (0, 1, 0)
+    assert left.upper == math.inf
 
 
 def test_friction_and_colour_of_a_gazebo_reference_apply_to_the_link():

@@ -21,39 +21,11 @@ _TAGS = {
     "unless": ("value",),
 }
 """Tags that Indigo's xacro knew without prefix, and the attributes that tell them from a plugin's own elements."""
-_OWN_ELEMENTS = frozenset(
-    [
-        "link",
-        "joint",
-        "inertial",
-        "inertia",
-        "visual",
-        "collision",
-        "geometry",
-        "material",
-        "texture",
-        "transmission",
-        "actuator",
-        "gazebo",
-        "sensor",
-        "plugin",
-        "origin",
-        "parent",
-        "child",
-        "axis",
-        "limit",
-        "dynamics",
-        "mimic",
-        "safety_controller",
-        "mass",
-        "box",
-        "cylinder",
-        "sphere",
-        "mesh",
-        "color",
-        "robot",
-    ]
-)
+_OWN_ELEMENTS = {
+    "link", "joint", "inertial", "inertia", "visual", "collision", "geometry", "material", "texture", "transmission",
+    "actuator", "gazebo", "sensor", "plugin", "origin", "parent", "child", "axis", "limit", "dynamics", "mimic",
+    "safety_controller", "mass", "box", "cylinder", "sphere", "mesh", "color", "robot",
+}  # fmt: skip
 """URDF elements: never a call of a macro that happens to have the same name."""
 _DROPPED = frozenset({"--legacy", "--xacro-ns", "--check-order"})
 """Options of older releases whose effect is the default now, or that chose an order of evaluation nothing relies on."""

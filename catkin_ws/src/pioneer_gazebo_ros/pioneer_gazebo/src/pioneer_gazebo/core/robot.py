@@ -333,11 +333,6 @@ class Robot:
         return self.of(SonarSensor)
 
     @property
-    def cameras(self) -> tuple[Camera, ...]:
-        """The cameras."""
-        return self.of(Camera)
-
-    @property
     def root(self) -> Link:
         """The one link that is no joint's child."""
         children = {joint.child for joint in self.joints}
@@ -349,18 +344,4 @@ class Robot:
         Raises:
             KeyError: there is none.
         """
-        for link in self.links:
-            if link.name == name:
-                return link
-        raise KeyError(name)
-
-    def joint(self, name: str) -> Joint:
-        """Returns the joint of that name.
-
-        Raises:
-            KeyError: there is none.
-        """
-        for joint in self.joints:
-            if joint.name == name:
-                return joint
-        raise KeyError(name)
+        return {one.name: one for one in self.links}[name]

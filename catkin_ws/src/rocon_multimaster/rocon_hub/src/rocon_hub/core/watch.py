@@ -1,6 +1,6 @@
 """Which gateways have just fallen silent, and which have been silent for too long."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 
 
 class Watch:
@@ -13,11 +13,6 @@ class Watch:
     def __init__(self, patience: float) -> None:
         self._patience = patience
         self._silent: dict[str, float] = {}
-
-    @property
-    def silent(self) -> Mapping[str, float]:
-        """Gateways that are not heard of, and since when."""
-        return self._silent
 
     def fallen_silent(self, registered: Collection[str], alive: Collection[str]) -> set[str]:
         """Returns those who are registered, not alive, and were not noted since they last lived."""

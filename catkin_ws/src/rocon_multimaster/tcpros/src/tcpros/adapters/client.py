@@ -57,7 +57,7 @@ class Connection:
         self._socket.close()
 
     def be_patient(self) -> None:
-        """Waits for further frames without limit; `interrupt` ends that."""
+        """Waits for further frames without limit: a publisher may be silent; `interrupt` ends that."""
         self._socket.settimeout(None)
 
     def interrupt(self) -> None:
@@ -87,10 +87,6 @@ class Connection:
         body = BytesIO()
         kind._request_class(**fields).serialize(body)
         return kind._response_class().deserialize(self.call_raw(body.getvalue()))
-
-    def wait_for_ever(self) -> None:
-        """Takes the time-out from reading: a publisher may be silent as long as it likes."""
-        self._socket.settimeout(None)
 
     def read_frame(self) -> bytes:
         """Returns the next message, or header, without its length."""
