@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from pioneer_bench.core.accuracy import floor
 from pioneer_gazebo.core.pose import IDENTITY, Pose
-from pioneer_gazebo.core.world import Collision, Inertia, Link, Mesh, Model, Plane, World
+from pioneer_gazebo.core.world import Collision, Inertia, Link, Mesh, Model, World
 
 MODELS, COLLISIONS, FILES = 97, 254, 12
 PITCH, COLUMNS = 2.2, 10
@@ -25,7 +26,7 @@ def shop(folder: Path) -> World:
     for _ in range(5):
         crate = crate.subdivide()
     crate.export(folder / "crate.stl")
-    models = [Model("floor", static=True, links=(Link("link", collisions=(Collision("c", Pose(), Plane()),)),))]
+    models = [floor()]
     for number in range(MODELS):
         row, column = divmod(number, COLUMNS)
         count = COLLISIONS // MODELS + (number < COLLISIONS % MODELS)

@@ -8,7 +8,7 @@ from typing import Self
 from lxml import etree
 
 from pioneer_gazebo.core.error import DescriptionError
-from pioneer_gazebo.core.pose import Pose, Vector
+from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
 
 TRUE, FALSE = ("true", "1"), ("false", "0")
 
@@ -195,9 +195,22 @@ class Element:
         x, y, z = self.numbers(3, text, what)
         return x, y, z
 
+    def direction(self, text: str | None = None, what: str = "") -> Vector:
+        """Returns three numbers as a vector of length 1."""
+        x, y, z = self.vector(text, what)
+        length = math.hypot(x, y, z)
+        if length < 1e-9:
+            raise self.error("must not be 0 0 0")
+        return x / length, y / length, z / length
+
     def pose(self) -> Pose:
         """Returns the pose written inside as x y z roll pitch yaw [m, rad]."""
         return Pose.from_rpy(*self.numbers(6))
+
+    def placed(self) -> Pose:
+        """Returns the pose in child ``<pose>``, the identity where it is absent or empty."""
+        pose = self.child("pose")
+        return IDENTITY if pose is None or not pose.text else pose.pose()
 
     def flag(self, tag: str, default: bool = False) -> bool:
         """Returns the truth value in child ``tag`` (true, 1, false, 0), or ``default``."""

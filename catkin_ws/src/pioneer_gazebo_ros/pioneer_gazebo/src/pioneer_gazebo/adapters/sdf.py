@@ -13,7 +13,7 @@ from pioneer_gazebo.adapters.resource import file_of_uri
 from pioneer_gazebo.adapters.sdf_actor import actor_from_sdf
 from pioneer_gazebo.adapters.sdf_frame import Frames
 from pioneer_gazebo.adapters.sdf_joint import joint_from_sdf
-from pioneer_gazebo.adapters.sdf_link import Scope, link_from_sdf, pose_in
+from pioneer_gazebo.adapters.sdf_link import Scope, link_from_sdf
 from pioneer_gazebo.adapters.sensor import read_sensor
 from pioneer_gazebo.core.joint import WORLD, Joint, tree_of
 from pioneer_gazebo.core.pose import IDENTITY, Pose
@@ -184,11 +184,11 @@ def _moved_by_state(model: Model, state: Element | None) -> Model:
     """Returns the model where ``<state>``, which Gazebo's "save world" writes, has put it and its links."""
     if state is None:
         return model
-    pose = pose_in(state) if state.child("pose") is not None else model.pose
+    pose = state.placed() if state.child("pose") is not None else model.pose
     poses: dict[str, Pose] = {}
     for element in state.children("link"):
         if element.child("pose") is not None:
-            poses[element.attribute("name")] = pose.inverse().compose(pose_in(element))
+            poses[element.attribute("name")] = pose.inverse().compose(element.placed())
     if model.joints:
         return dataclasses.replace(model, pose=pose)
     links = tuple(dataclasses.replace(link, pose=poses.get(link.name, link.pose)) for link in model.links)
@@ -242,7 +242,7 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
     if static and devices:
         scope.notes.add(f"sensors and plugins of model {name}, which is static, are not supported and ignored")
         devices = []
-    return Model(name, pose_in(element), static, tuple(links), None, tree, tuple(devices), namespace)
+    return Model(name, element.placed(), static, tuple(links), None, tree, tuple(devices), namespace)
 
 
 def _devices(element: Element, links: list[str], joints: list[str], scope: Scope) -> list[Device]:

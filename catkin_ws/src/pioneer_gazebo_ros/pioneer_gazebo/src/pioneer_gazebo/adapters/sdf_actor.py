@@ -3,7 +3,7 @@
 import itertools
 
 from pioneer_gazebo.adapters.element import Element
-from pioneer_gazebo.adapters.sdf_link import Scope, link_from_sdf, pose_in
+from pioneer_gazebo.adapters.sdf_link import Scope, link_from_sdf
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.script import Script, Trajectory, Waypoint
 from pioneer_gazebo.core.world import Collision, Cylinder, Link, Model, Visual
@@ -30,8 +30,8 @@ def actor_from_sdf(element: Element, scope: Scope) -> Model:
     for child in element.children():
         if child.tag not in QUIET:
             scope.notes.add(f"<{child.tag}> in <actor> is not supported and left out")
-    name, pose = element.attribute("name"), pose_in(element)
-    links = tuple(link_from_sdf(child, pose_in(child), scope) for child in element.children("link"))
+    name, pose = element.attribute("name"), element.placed()
+    links = tuple(link_from_sdf(child, child.placed(), scope) for child in element.children("link"))
     script = _script(element, scope)
     if any(link.collisions for link in links):
         return Model(name, pose, links=links, script=script)
@@ -42,12 +42,12 @@ def actor_from_sdf(element: Element, scope: Scope) -> Model:
 def _script(actor: Element, scope: Scope) -> Script:
     element = actor.child("script")
     if element is None:
-        return Script((), pose_in(actor))
+        return Script((), actor.placed())
     for child in element.children():
         if child.tag not in SCRIPT_QUIET:
             scope.notes.add(f"<{child.tag}> in <script> is not supported and left out")
     trajectories = tuple(_trajectory(child) for child in element.children("trajectory"))
-    home = pose_in(actor)
+    home = actor.placed()
     if actor.child("pose") is None and trajectories:
         home = trajectories[0].waypoints[0].pose
     delay = element.number("delay_start", 0.0)

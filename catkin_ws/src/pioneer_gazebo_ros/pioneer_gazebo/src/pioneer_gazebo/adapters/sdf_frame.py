@@ -1,7 +1,7 @@
 """Poses of SDF that are given relative to another element (``relative_to`` of 1.7, ``frame`` of 1.5 and 1.6)."""
 
 from pioneer_gazebo.adapters.element import Element
-from pioneer_gazebo.core.pose import IDENTITY, Pose
+from pioneer_gazebo.core.pose import Pose
 
 _OWN_FRAME = ("", "world", "__model__")
 
@@ -36,7 +36,7 @@ class Frames:
 
     def _pose(self, element: Element, seen: tuple[str, ...]) -> Pose:
         pose = element.child("pose")
-        own = IDENTITY if pose is None or not pose.text else pose.pose()
+        own = element.placed()
         base = "" if pose is None else pose.attribute("relative_to", pose.attribute("frame", ""))
         if not base and element.tag == "frame":
             base = element.attribute("attached_to", "")

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 
 from pioneer_gazebo.adapters.element import Element
 from pioneer_gazebo.adapters.sdf_frame import Frames
-from pioneer_gazebo.adapters.sdf_link import Scope, pose_in
+from pioneer_gazebo.adapters.sdf_link import Scope
 from pioneer_gazebo.core.joint import CONTINUOUS, FIXED, PRISMATIC, REVOLUTE, WORLD, Joint
-from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector, rotated
+from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector, conjugate, rotated
 
 KINDS = (FIXED, REVOLUTE, PRISMATIC, CONTINUOUS)
 UNLIMITED = 1e15
@@ -38,7 +38,7 @@ def joint_from_sdf(element: Element, links: Mapping[str, Pose], frames: Frames, 
     parent, child = ends
     own = element.child("pose")
     of_frame = own is not None and own.attribute("relative_to", own.attribute("frame", ""))
-    at = frames.pose(element) if of_frame else poses[child].compose(pose_in(element))
+    at = frames.pose(element) if of_frame else poses[child].compose(element.placed())
     if kind == FIXED:
         return Joint(name, FIXED, parent, child, poses[parent].inverse().compose(at), offset=_offset(at, poses[child]))
     axis = element.needed("axis")
@@ -78,16 +78,11 @@ def _limits(axis: Element, kind: str) -> tuple[float, float]:
 def _axis(element: Element, joint: Pose, frames: Frames, owner: Element) -> Vector:
     """Returns the axis in the joint's frame. SDF 1.4 gave it in the model's, 1.5 and 1.6 did so on request."""
     xyz = element.child("xyz")
-    x, y, z = (0.0, 0.0, 1.0) if xyz is None else xyz.vector()
-    length = math.hypot(x, y, z)
-    if length < 1e-9:
-        raise element.error("<xyz> must not be 0 0 0")
-    vector = (x / length, y / length, z / length)
+    vector = (0.0, 0.0, 1.0) if xyz is None else xyz.direction()
     named = "" if xyz is None else xyz.attribute("expressed_in", "")
     of_model = element.flag("use_parent_model_frame") or owner.version() == "1.4" or named == "__model__"
     if named and not of_model:
         vector = rotated(frames.named(named, owner).rotation, vector)
     if named or of_model:
-        vx, vy, vz, w = joint.rotation
-        return rotated((-vx, -vy, -vz, w), vector)
+        return rotated(conjugate(joint.rotation), vector)
     return vector

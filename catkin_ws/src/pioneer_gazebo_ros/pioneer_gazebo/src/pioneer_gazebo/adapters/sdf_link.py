@@ -9,7 +9,7 @@ from pioneer_gazebo.adapters.element import Element, Notes
 from pioneer_gazebo.adapters.material import GREY, colour_of_material
 from pioneer_gazebo.adapters.resource import file_of_uri
 from pioneer_gazebo.core.error import DescriptionError
-from pioneer_gazebo.core.pose import IDENTITY, Pose
+from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.world import (
     Box,
     Collision,
@@ -67,12 +67,6 @@ class Scope:
             self.notes.ignored(error)
 
 
-def pose_in(element: Element) -> Pose:
-    """Returns the pose in the element's ``<pose>``, the identity where it has none."""
-    pose = element.child("pose")
-    return IDENTITY if pose is None or not pose.text else pose.pose()
-
-
 def link_from_sdf(element: Element, pose: Pose, scope: Scope, prefix: str = "") -> Link:
     """Returns the link of a ``<link>`` element.
 
@@ -96,7 +90,7 @@ def link_from_sdf(element: Element, pose: Pose, scope: Scope, prefix: str = "") 
             with scope.leaving_out():
                 shape = _shape(child, scope)
                 if shape is not None:
-                    visuals.append(Visual(child.attribute("name", "visual"), pose_in(child), shape, _colour(child)))
+                    visuals.append(Visual(child.attribute("name", "visual"), child.placed(), shape, _colour(child)))
         elif child.tag not in QUIET | {"inertial"}:
             scope.notes.add(f"<{child.tag}> in a world's link is not supported and left out")
     return Link(prefix + element.attribute("name"), pose, mass, inertia, tuple(collisions), tuple(visuals))
@@ -115,7 +109,7 @@ def _inertial(element: Element | None, notes: Notes) -> tuple[float, Inertia]:
     """Returns mass and inertia; values that no body has are noted, and the defaults of SDF taken."""
     if element is None:
         return 1.0, Inertia()
-    pose = pose_in(element)
+    pose = element.placed()
     mass = element.number("mass", 1.0)
     if mass <= 0:
         element.needed("mass").note(notes, f"must be > 0 (got {mass:g}); 1 kg is taken")
@@ -137,7 +131,7 @@ def _collision(element: Element, shape: Shape) -> Collision:
     bounce = element.at("surface", "bounce")
     return Collision(
         element.attribute("name", "collision"),
-        pose_in(element),
+        element.placed(),
         shape,
         friction=1.0 if ode is None else ode.number("mu", 1.0),
         restitution=0.0 if bounce is None else bounce.number("restitution_coefficient", 0.0),
@@ -169,15 +163,9 @@ def _shape(element: Element, scope: Scope) -> Shape | None:
 
 
 def _plane(element: Element) -> Plane:
-    normal = element.child("normal")
-    size = element.child("size")
+    normal, size = element.child("normal"), element.child("size")
     width, depth = (100.0, 100.0) if size is None else size.numbers(2)
-    direction = (0.0, 0.0, 1.0) if normal is None else normal.vector()
-    length = sum(part * part for part in direction) ** 0.5
-    if normal is not None and length < 1e-9:
-        raise normal.error("must not be 0 0 0")
-    x, y, z = direction
-    return Plane((x / length, y / length, z / length), (width, depth))
+    return Plane((0.0, 0.0, 1.0) if normal is None else normal.direction(), (width, depth))
 
 
 def _mesh(element: Element, scope: Scope) -> Mesh | None:

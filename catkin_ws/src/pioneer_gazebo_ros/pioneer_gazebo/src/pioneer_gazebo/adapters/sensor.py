@@ -6,7 +6,6 @@ from typing import Any
 from pioneer_gazebo.adapters.device import library_of, note_unread
 from pioneer_gazebo.adapters.element import Element, Notes
 from pioneer_gazebo.adapters.plugin import imu_of
-from pioneer_gazebo.core.pose import IDENTITY, Pose
 from pioneer_gazebo.core.robot import Bumper, Camera, Device, LaserSensor, SonarSensor
 
 QUIET = {"pose", "ray", "camera", "contact", "plugin", "update_rate", "visualize", "always_on", "topic", "imu"}
@@ -47,14 +46,13 @@ def read_sensor(element: Element, link: str, notes: Notes) -> list[Device]:
 
 
 def _common(element: Element, link: str) -> dict[str, Any]:
-    pose = element.child("pose")
     rate = element.number("update_rate", 0.0)
     if rate < 0:
         raise element.needed("update_rate").error("must not be below 0")
     return {
         "name": element.attribute("name"),
         "link": link,
-        "pose": IDENTITY if pose is None or not pose.text else pose.pose(),
+        "pose": element.placed(),
         "update_rate": rate,
     }
 
@@ -129,7 +127,7 @@ def _camera(element: Element, plugin: Element, link: str) -> Camera:
     return Camera(
         name=plugin.word("cameraName", common["name"]),
         link=link,
-        pose=_camera_pose(common["pose"], camera),
+        pose=common["pose"].compose(camera.placed()),
         update_rate=plugin.number("updateRate", 0.0) or common["update_rate"],
         horizontal_fov=camera.positive("horizontal_fov", 1.047),
         width=width,
@@ -152,11 +150,6 @@ def _depth_topics(element: Element, plugin: Element) -> dict[str, str]:
         "depth_topic": plugin.word("depthImageTopicName", "depth/image_raw"),
         "cloud_topic": plugin.word("pointCloudTopicName", "points"),
     }
-
-
-def _camera_pose(sensor: Pose, camera: Element) -> Pose:
-    pose = camera.child("pose")
-    return sensor if pose is None or not pose.text else sensor.compose(pose.pose())
 
 
 def _bumper(element: Element, plugin: Element, link: str) -> Bumper:

@@ -10,7 +10,7 @@ from pioneer_gazebo.adapters.sdf_link import RADIUS_OF_GYRATION
 from pioneer_gazebo.adapters.urdf_gazebo import Extensions, read_extensions
 from pioneer_gazebo.core import joint as kinds
 from pioneer_gazebo.core.joint import Joint
-from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
+from pioneer_gazebo.core.pose import IDENTITY, Pose
 from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.world import Box, Collision, Colour, Cylinder, Inertia, Link, Mesh, Shape, Sphere, Visual
 
@@ -177,7 +177,7 @@ def _joint(element: Element, links: dict[str, Link]) -> Joint:
         if end not in links:
             raise element.error(f"there is no link {end!r}")
     limit = element.child("limit")
-    dynamics = element.child("dynamics")
+    dynamics, axis = element.child("dynamics"), element.child("axis")
     infinity = float("inf")
     bounded = kind in (kinds.REVOLUTE, kinds.PRISMATIC)
     return Joint(
@@ -186,7 +186,7 @@ def _joint(element: Element, links: dict[str, Link]) -> Joint:
         parent,
         child,
         _origin(element),
-        _axis(element),
+        (1.0, 0.0, 0.0) if axis is None else axis.direction(axis.attribute("xyz"), "xyz"),
         lower=_value(limit, "lower", 0.0) if limit is not None and bounded else -infinity,
         upper=_value(limit, "upper", 0.0) if limit is not None and bounded else infinity,
         effort=_value(limit, "effort", infinity) if limit is not None else infinity,
@@ -194,17 +194,6 @@ def _joint(element: Element, links: dict[str, Link]) -> Joint:
         damping=_value(dynamics, "damping", 0.0) if dynamics is not None else 0.0,
         friction=_value(dynamics, "friction", 0.0) if dynamics is not None else 0.0,
     )
-
-
-def _axis(joint: Element) -> Vector:
-    axis = joint.child("axis")
-    if axis is None:
-        return 1.0, 0.0, 0.0
-    x, y, z = axis.vector(axis.attribute("xyz"), "xyz")
-    length = (x * x + y * y + z * z) ** 0.5
-    if length < 1e-9:
-        raise axis.error("must not be 0 0 0")
-    return x / length, y / length, z / length
 
 
 def _poses_in_root(root: Element, links: dict[str, Link], joints: tuple[Joint, ...]) -> dict[str, Pose]:
