@@ -8,6 +8,9 @@ from pathlib import Path
 from pioneer_demo.core.error import OptionError
 from pioneer_demo.core.option import Machine, Parser
 
+MOST_JOBS = 1000
+"""Workers of one machine: each holds a fleet."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ExperimentConfig:
@@ -39,8 +42,9 @@ def experiment_config(arguments: Sequence[str], machine: Machine) -> ExperimentC
     values = vars(_parser().parse_args(arguments))
     values["output"] = values["output"] or Path(f"{values['study'].stem}-study")
     values["jobs"] = max(1, int(machine.processors)) if values["jobs"] is None else values["jobs"]
-    if not (values["jobs"] >= 1 and values["runs"] >= 0):
-        raise OptionError(f"--jobs must be 1 or more and --runs 0 or more, not {values['jobs']} and {values['runs']}")
+    if not (1 <= values["jobs"] <= MOST_JOBS and values["runs"] >= 0):
+        text = f"--jobs must be 1 to {MOST_JOBS} and --runs 0 or more, not {values['jobs']} and {values['runs']}"
+        raise OptionError(text)
     return ExperimentConfig(**values)
 
 
