@@ -14,6 +14,7 @@ import rospkg
 from nav_bundle.adapters.map_file import read_map
 from pioneer_bench.core.row import Row, table
 from pioneer_bench.core.traffic import NARROW, narrow_space, random_tours, seconds_alone
+from pioneer_traffic.core.geometry import Point
 from pioneer_traffic.core.roadmap import FreeSpace, Roadmap, roadmap_from_space
 from pioneer_traffic.core.simulation import Trial
 
@@ -72,7 +73,8 @@ def run(options: argparse.Namespace) -> int:
     values = {"cores": os.cpu_count(), "rows": [row.as_dict() for row in rows]}
     (options.output / "traffic.json").write_text(json.dumps(values, indent=2) + "\n")
     _draw(results, options.output / "traffic.png")
-    print(f"written: traffic.md, traffic.json, traffic.png and {_TRIALS} in {options.output}")
+    _draw_densest(results, options.output / "traffic_densest.png")
+    print(f"written: traffic.md, .json, .png, traffic_densest.png and {_TRIALS} in {options.output}")
     return 1 if any(row.holds is False for row in rows) else 0
 
 
@@ -106,13 +108,16 @@ def _world(name: str) -> tuple[FreeSpace, Roadmap]:
     return space, roadmap_from_space(space)
 
 
-def _trial(world: str, robots: int, seed: int, waypoints: int) -> Result:
-    space, roadmap = _world(world)
+def _tours(world: str, robots: int, seed: int, waypoints: int) -> tuple[list[Point], list[list[Point]]]:
     if world == SWAP:
         ends = [(0.45, 0.45), (29.45, 0.45)]
-        starts, tours = ends, [[ends[1]], [ends[0]]]
-    else:
-        starts, tours = random_tours(space, roadmap, robots, waypoints, seed)
+        return ends, [[ends[1]], [ends[0]]]
+    return random_tours(*_world(world), robots, waypoints, seed)
+
+
+def _trial(world: str, robots: int, seed: int, waypoints: int) -> Result:
+    space, roadmap = _world(world)
+    starts, tours = _tours(world, robots, seed, waypoints)
     alone = [seconds_alone(space, roadmap, start, tour) for start, tour in zip(starts, tours, strict=True)]
     outcome = Trial(roadmap, space, starts, tours, seed=seed).run(_LIMIT)
     done = [min(seconds, _LIMIT) for seconds in outcome.finished]
@@ -189,4 +194,37 @@ def _draw(results: Sequence[Result], path: Path) -> None:
     )
     axes.grid(alpha=0.3, which="both")
     axes.legend(fontsize=8)
+    figure.savefig(path, dpi=110)
+
+
+def _draw_densest(results: Sequence[Result], path: Path) -> None:
+    """Drives the trial with the most robots for the places of its world again, and draws where they went."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    one = max(results, key=lambda one: (one.robots / len(_world(one.world)[1].places), -one.seed))
+    (space, roadmap), (starts, tours) = _world(one.world), _tours(*one.key)
+    trial = Trial(roadmap, space, starts, tours, seed=one.seed)
+    tracks = [[body.position for body in trial.bodies]]
+    while trial.time < one.seconds:
+        trial.step()
+        tracks.append([body.position for body in trial.bodies])
+    rows, cols = space.room.shape
+    (left, low), size = space.corner, space.resolution
+    figure, axes = pyplot.subplots(figsize=(12.0, 12.0 * rows / cols + 0.8), layout="constrained")
+    extent = (left, left + cols * size, low, low + rows * size)
+    axes.imshow(space.room > 0.0, cmap="gray", vmin=-1.0, vmax=1.0, origin="lower", extent=extent)
+    for robot, track in enumerate(zip(*tracks, strict=True)):
+        colour = pyplot.get_cmap("tab20")(robot % 20)
+        axes.plot(*zip(*track, strict=True), color=colour, linewidth=0.8, alpha=0.8)
+        axes.plot(*starts[robot], marker="o", color=colour, markersize=5)
+        axes.plot(*zip(*tours[robot], strict=True), marker="x", linestyle="", color=colour, markersize=6)
+    axes.set(
+        title=f"{one.world}, {one.robots} robots, seed {one.seed}: {one.reached} of {one.asked} waypoints in "
+        f"{one.seconds:.0f} s; dots are starts, crosses waypoints",
+        xlabel="x [m]",
+        ylabel="y [m]",
+    )
     figure.savefig(path, dpi=110)
