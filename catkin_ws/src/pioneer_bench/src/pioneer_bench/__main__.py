@@ -12,6 +12,7 @@ BENCHES = {
     "gateway": "the gateway: how fast rules act, what relaying costs beside peers",
     "nav": "navigation: success, accuracy and cost of one robot's tours",
     "lockstep": "fleets in lockstep: real-time factor, CPU, and equal results, by number of robots",
+    "web": "the fleet page: CPU of its server and bytes to a page, by the number of pages",
     "traffic": "right of way: fleets on random tours in narrow and shipped worlds, without ROS",
 }
 """Modules of this package, and what they measure."""

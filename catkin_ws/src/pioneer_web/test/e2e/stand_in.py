@@ -199,18 +199,20 @@ def main(count, rate, samples):
         for robot in robots:
             robot.move(1 / rate)
             robot.publish_odometry(stamp)
+            tf.publish(TFMessage([transform(f"{robot.name}/odom", f"{robot.name}/base_link", stamp)]))
             if ticks % max(1, round(rate / RATE)) == 0:
                 robot.drive()
             if ticks % max(1, round(rate / 10)) == 0:
                 robot.publish_sight(stamp, samples)
         if ticks % max(1, round(rate / 10)) == 0:
-            tf.publish(TFMessage([correction(name, stamp) for name in names]))
+            tf.publish(TFMessage([transform("map", f"{name}/odom", stamp) for name in names]))
             factor.publish(1.0)
 
 
-def correction(name, stamp):
+def transform(parent, child, stamp):
+    """Returns a transform that nobody looks at but for its frames."""
     one = TransformStamped()
-    one.header.stamp, one.header.frame_id, one.child_frame_id = stamp, "map", f"{name}/odom"
+    one.header.stamp, one.header.frame_id, one.child_frame_id = stamp, parent, child
     one.transform.rotation.w = 1.0
     return one
 

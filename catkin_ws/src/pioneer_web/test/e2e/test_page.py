@@ -6,37 +6,17 @@ import subprocess
 import time
 
 import pytest
+from page_driver import MOVE, PHONE, SOON, assert_fits_a_phone, press, send_to
 from selenium.webdriver.common.by import By
-from selenium.webdriver.support.ui import WebDriverWait
 
 from pioneer_harness.wait import wait_until
 
 # Selenium leaves a connection to its driver open.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
-SOON = 60.0
-MOVE = """
-const [x, y] = arguments, box = document.getElementById("map").getBoundingClientRect();
-const [u, v] = fleetPage.pixel(x, y);
-const at = {clientX: box.left + u, clientY: box.top + v, pointerId: 1, bubbles: true, button: 0};
-const event = kind => new PointerEvent(kind, at);
-document.getElementById("map").dispatchEvent(event("pointerdown"));
-document.getElementById("map").dispatchEvent(event("pointerup"));
-"""
-
-
-def press(driver, act):
-    button = WebDriverWait(driver, SOON).until(lambda _: driver.find_element(By.CSS_SELECTOR, f'[data-act="{act}"]'))
-    driver.execute_script("arguments[0].click()", button)
 
 
 def place(opened, robot="pioneer1"):
     return opened.state(f"{robot}.pose")
-
-
-def send_to(driver, x, y):
-    """Clicks on the map, as a mouse or a finger does."""
-    press(driver, "tool-drive")
-    driver.execute_script(MOVE, x, y)
 
 
 def publish(fleet, topic, kind, value):
@@ -108,20 +88,12 @@ def test_a_reload_changes_nothing(driver, opened):
 
 def test_a_phone_shows_map_table_and_stop(driver, opened, shot):
     try:
-        driver.execute_cdp_cmd(
-            "Emulation.setDeviceMetricsOverride", {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
-        )
+        driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", PHONE)
         driver.refresh()
         wait_until(lambda: place(opened), "the pose", SOON)
         send_to(driver, 1.0, 2.0)
         wait_until(lambda: opened.state("pioneer1.plan"), "a plan", SOON)
-        width = driver.execute_script("return document.documentElement.scrollWidth")
-        assert width <= 390, f"the page is {width} pixels wide"
-        for act in ("stop-all", "tool-drive", "stop"):
-            box = driver.find_element(By.CSS_SELECTOR, f'[data-act="{act}"]').rect
-            assert box["x"] >= 0
-            assert box["x"] + box["width"] <= 390
-            assert box["height"] >= 24
+        assert_fits_a_phone(driver)
         shot("phone")
     finally:
         driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})

@@ -80,34 +80,33 @@ class Feed:
             return
         scans = sorted(topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/LaserScan")
         listen = functools.partial(self._listen, paced=False)
+        # Where the robots are comes first: with many, the last subscription is made a second later.
         listen("/tf", rospy.AnyMsg, self._on_tf, queue_size=None)
         listen("/map", numpy_msg(OccupancyGrid), self._on_map)
-        listen("/gateway/gateway_info", GatewayInfo, self._on_info)
-        listen("/gateway/rules", DiagnosticArray, self._on_rules)
-        listen("/diagnostics", DiagnosticArray, self._on_diagnostics, queue_size=20)
-        listen("/rosout_agg", Log, self._on_log, queue_size=100)
+        self._listen_to_each("odom", Odometry, self._on_odom)
         self._listen("/clock", Clock, self._on_clock)
-        self._listen("/gazebo/real_time_factor", Float64, self._on_factor)
-        self._listen("/gazebo/model_states", ModelStates, self._on_models)
+        listen("/gateway/rules", DiagnosticArray, self._on_rules)
+        listen("/gateway/gateway_info", GatewayInfo, self._on_info)
         for robot in self.station.robots:
             # Whatever the robot calls it.
-            scan = next((topic for topic in scans if topic.startswith(f"/{robot.name}/")), "base_scan")
-            self._open_robot(robot, scan)
+            topic = next((topic for topic in scans if topic.startswith(f"/{robot.name}/")), f"/{robot.name}/base_scan")
+            self._listen(topic, numpy_msg(LaserScan), functools.partial(self._on_scan, robot))
+        self._listen_to_each("map_goal_client/queue", WaypointQueue, self._on_queue, paced=False)
+        self._listen_to_each("move_base/NavfnROS/plan", Path, self._on_plan)
+        self._listen_to_each("move_base/TrajectoryPlannerROS/local_plan", Path, self._on_local_plan)
+        self._listen_to_each("move_base/local_costmap/costmap", numpy_msg(OccupancyGrid), self._on_costs)
+        self._listen_to_each("amcl_pose", PoseWithCovarianceStamped, self._on_estimate, paced=False)
+        self._listen_to_each("battery_state", BatteryState, self._on_battery)
+        listen("/diagnostics", DiagnosticArray, self._on_diagnostics, queue_size=20)
+        listen("/rosout_agg", Log, self._on_log, queue_size=100)
+        self._listen("/gazebo/real_time_factor", Float64, self._on_factor)
+        self._listen("/gazebo/model_states", ModelStates, self._on_models)
 
-    def _open_robot(self, robot: Robot, scan: str) -> None:
-        topics: dict[str, tuple[Any, Callable[[Robot, Any], None], bool]] = {
-            "odom": (Odometry, self._on_odom, True),
-            scan: (numpy_msg(LaserScan), self._on_scan, True),
-            "move_base/TrajectoryPlannerROS/local_plan": (Path, self._on_local_plan, True),
-            "move_base/NavfnROS/plan": (Path, self._on_plan, True),
-            "move_base/local_costmap/costmap": (numpy_msg(OccupancyGrid), self._on_costs, True),
-            "battery_state": (BatteryState, self._on_battery, True),
-            "amcl_pose": (PoseWithCovarianceStamped, self._on_estimate, False),
-            "map_goal_client/queue": (WaypointQueue, self._on_queue, False),
-        }
-        for topic, (kind, callback, paced) in topics.items():
-            name = topic if topic.startswith("/") else f"/{robot.name}/{topic}"
-            self._listen(name, kind, functools.partial(callback, robot), paced=paced)
+    def _listen_to_each(
+        self, topic: str, kind: Any, callback: Callable[[Robot, Any], None], paced: bool = True
+    ) -> None:
+        for robot in self.station.robots:
+            self._listen(f"/{robot.name}/{topic}", kind, functools.partial(callback, robot), paced)
 
     def close(self) -> None:
         """Ends all subscriptions."""

@@ -34,6 +34,8 @@ LOOK_EVERY = 1.0
 """How often the master is asked what there is, while a client is connected [s]."""
 CONNECTING = 1.0
 """For how long a new publisher waits for its first subscriber [s]."""
+EXPIRED = 4401
+"""Why a connection is closed: the session has ended."""
 BACKLOG = 200
 """Messages that wait for a slow client; further ones are dropped."""
 _SCHEMA = "ros1msg"
@@ -249,6 +251,8 @@ class Foxglove:
                 for visitor in self._visitors:
                     self._announce(visitor)
                 self._follow()
+            for visitor in [one for one in self._visitors if not one.socket.scope["still"]()]:
+                await visitor.socket.close(EXPIRED)
             await asyncio.sleep(LOOK_EVERY)
 
     def _graph(self) -> tuple[dict[str, str], dict[str, set[str]], dict[str, str]]:

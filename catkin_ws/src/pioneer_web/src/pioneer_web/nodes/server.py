@@ -22,7 +22,7 @@ from pioneer_web.nodes import page
 from pioneer_web.nodes.commander import Commander
 from pioneer_web.nodes.feed import BEAT, Feed
 from pioneer_web.nodes.figures import figures
-from pioneer_web.nodes.foxglove import Foxglove
+from pioneer_web.nodes.foxglove import EXPIRED, Foxglove
 from pioneer_web.nodes.guard import Guard
 
 TAKEN_IN = 0.04
@@ -30,7 +30,7 @@ TAKEN_IN = 0.04
 RETRY = 1.0
 """Until a master that did not answer is asked again [s]."""
 LINGER = 5.0
-"""For how long subscriptions outlast the last page [s]: a reload finds everything there."""
+"""For how long subscriptions outlast the last page [s], so that a reload finds everything there, and precede one."""
 SCRAPED = 60.0
 """For how long they outlast a look at the figures [s]."""
 
@@ -138,6 +138,11 @@ class Server:
                 self._send()
             await asyncio.sleep(max(0.01, BEAT - (time.monotonic() - began)))
 
+    def _want(self, seconds: float) -> None:
+        """Has the subscriptions last so much longer [s], and begin if there are none."""
+        self._wanted_until = max(self._wanted_until, time.monotonic() + seconds)
+        self._woken.set()
+
     def _is_wanted(self) -> bool:
         return bool(self._viewers) or time.monotonic() < self._wanted_until
 
@@ -163,14 +168,16 @@ class Server:
             while socket.scope["still"]():
                 with contextlib.suppress(TimeoutError):
                     text = await asyncio.wait_for(socket.receive_text(), LINGER)
+                    if not socket.scope["still"]():
+                        break
                     await socket.send_json({"answer": await self._answer(text, socket.scope["role"])})
-            await socket.close(4401)
+            await socket.close(EXPIRED)
         except (WebSocketDisconnect, KeyError):  # KeyError: a frame that is no text
             pass
         finally:
             forwarding.cancel()
             self._viewers.discard(viewer)
-            self._wanted_until = max(self._wanted_until, time.monotonic() + LINGER)
+            self._want(LINGER)
 
     async def _answer(self, text: str, role: Role) -> dict[str, Any]:
         try:
@@ -185,8 +192,7 @@ class Server:
         return Response(self._feed.map_png, media_type="image/png", headers={"Cache-Control": "no-cache"})
 
     async def _metrics(self, _: Request) -> Response:
-        self._wanted_until = max(self._wanted_until, time.monotonic() + SCRAPED)
-        self._woken.set()
+        self._want(SCRAPED)
         with self._feed.lock:
             text = figures(self._feed.station, len(self._viewers), time.monotonic())
         return Response(text, media_type="text/plain; version=0.0.4")

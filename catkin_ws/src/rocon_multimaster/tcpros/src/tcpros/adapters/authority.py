@@ -1,5 +1,6 @@
 """A fleet's certificate authority, by the program openssl: keys, and certificates for them."""
 
+import ipaddress
 import re
 import shutil
 import subprocess
@@ -59,7 +60,8 @@ class Authority:
         target.mkdir(mode=0o700, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=self._directory) as folder:
             made = Path(folder)
-            (made / "extensions").write_text(_EXTENSIONS)
+            # Browsers look for the name here only.
+            (made / "extensions").write_text(f"{_EXTENSIONS}subjectAltName={_alternative(name)}\n")
             subject = ("-subj", f"/CN={name}")
             _openssl("req", *_NEW_KEY, *subject, "-keyout", made / KEY, "-out", made / "request")
             signer = ("-CA", self._certificate, "-CAkey", self._key, "-days", str(self._days))
@@ -80,6 +82,13 @@ class Authority:
         days = ("-days", str(AUTHORITY_DAYS))
         out = ("-keyout", self._key, "-out", self._certificate)
         _openssl("req", "-x509", *_NEW_KEY, "-subj", "/CN=Fleet authority", *days, *means, *out)
+
+
+def _alternative(name: str) -> str:
+    try:
+        return f"IP:{ipaddress.ip_address(name)}"
+    except ValueError:
+        return f"DNS:{name}"
 
 
 def _openssl(*arguments: str | Path) -> None:

@@ -1,0 +1,43 @@
+"""What the tests do with the page in the browser."""
+
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import WebDriverWait
+
+SOON = 60.0
+PHONE = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
+MOVE = """
+const [x, y] = arguments, box = document.getElementById("map").getBoundingClientRect();
+const [u, v] = fleetPage.pixel(x, y);
+const at = {clientX: box.left + u, clientY: box.top + v, pointerId: 1, bubbles: true, button: 0};
+const event = kind => new PointerEvent(kind, at);
+document.getElementById("map").dispatchEvent(event("pointerdown"));
+document.getElementById("map").dispatchEvent(event("pointerup"));
+"""
+
+
+def known(driver, name):
+    """Returns a value that the page has, by its name in the stream; None without a page."""
+    return driver.execute_script("return window.fleetPage ? fleetPage.state[arguments[0]] ?? null : null", name)
+
+
+def press(driver, act):
+    """Presses a button once it is there."""
+    button = WebDriverWait(driver, SOON).until(lambda _: driver.find_element(By.CSS_SELECTOR, f'[data-act="{act}"]'))
+    driver.execute_script("arguments[0].click()", button)
+
+
+def send_to(driver, x, y):
+    """Clicks on the map, as a mouse or a finger does."""
+    press(driver, "tool-drive")
+    driver.execute_script(MOVE, x, y)
+
+
+def assert_fits_a_phone(driver):
+    """Fails where the page is wider than a phone, or a button outside of it or too low."""
+    width = driver.execute_script("return document.documentElement.scrollWidth")
+    assert width <= PHONE["width"], f"the page is {width} pixels wide"
+    for act in ("stop-all", "tool-drive", "stop"):
+        box = driver.find_element(By.CSS_SELECTOR, f'[data-act="{act}"]').rect
+        assert box["x"] >= 0
+        assert box["x"] + box["width"] <= PHONE["width"]
+        assert box["height"] >= 24

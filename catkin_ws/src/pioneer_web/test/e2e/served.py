@@ -1,0 +1,66 @@
+"""The fleet page on a stand-in for the base station."""
+
+import functools
+import sys
+import urllib.error
+import urllib.request
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+
+from pioneer_harness.masters import Master
+from pioneer_harness.port import PortReservation
+from pioneer_harness.process import ProcessGroup
+from pioneer_harness.wait import wait_until
+
+TOKEN, VIEWER = "the-operators-token", "the-viewers-token-1"
+START_UP = 180.0
+STAND_IN = Path(__file__).parent / "stand_in.py"
+
+
+def request(url, path="/", cookie="", data=None, context=None, **headers):
+    """Returns status, headers and body."""
+    headers = {key.replace("_", "-"): value for key, value in headers.items()}
+    if cookie:
+        headers["Cookie"] = cookie
+    wanted = urllib.request.Request(url + path, data, headers)
+    try:
+        with urllib.request.urlopen(wanted, timeout=20, context=context) as answer:
+            return answer.status, answer.headers, answer.read()
+    except urllib.error.HTTPError as error:
+        return error.code, error.headers, error.read()
+
+
+def login(url, token, context=None):
+    """Returns the cookie of a new session."""
+    status, headers, _ = request(url, "/login", data=token.encode(), context=context)
+    assert status == 204
+    return headers["Set-Cookie"].partition(";")[0]
+
+
+@contextmanager
+def served(folder, robots=2, rate=100, parameters=(), scheme="http", context=None):
+    """Yields a page, started with these parameters, of a stand-in with so many robots, whose odometry has this rate."""
+    with Master() as master, PortReservation() as ports, ProcessGroup() as group:
+        port = ports.take(18090)
+        tokens = {"PIONEER_WEB_TOKEN": TOKEN, "PIONEER_WEB_VIEWER_TOKEN": VIEWER}
+        environment = {**master.environment, **tokens}
+        stand_in = [sys.executable, str(STAND_IN), str(robots), str(rate), "180"]
+        group.start("robots", stand_in, environment, folder / "robots.log")
+        page = ["rosrun", "pioneer_web", "fleet_page", f"_port:={port}", *parameters]
+        group.start("page", page, environment, folder / "page.log")
+        url = f"{scheme}://127.0.0.1:{port}"
+
+        def answers():
+            group.check()
+            try:
+                return request(url, context=context)[0] == 401
+            except OSError:
+                return False
+
+        wait_until(answers, "the page's server", START_UP)
+        yield SimpleNamespace(
+            url=url, master=master, log=folder / "page.log", token=TOKEN, viewer=VIEWER,
+            request=functools.partial(request, url, context=context),
+            login=functools.partial(login, url, context=context),
+        )  # fmt: skip
