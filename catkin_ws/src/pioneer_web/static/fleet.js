@@ -4,7 +4,7 @@
   const names = Object.keys(FLEET), state = {}, trails = new Map(), images = new Map();
   const FOOTPRINT = [[0.2, 0.2], [0.2, -0.2], [-0.3, -0.2], [-0.3, 0.2]], TRAIL = 600;
   const view = { x: 0, y: 0, scale: 0, follow: false };
-  let tool = "view", selected = new Set([names[0]]), socket = null, drag = null, wake = 0, drawn = false;
+  let tool = "view", selected = new Set([names[0]]), socket = null, drag = null, wake = 0, drawn = false, laid = false, shown = [], labels = [];
   const pointers = new Map(), element = id => document.getElementById(id);
   const of = (name, what) => state[`${name}.${what}`];
   const escaped = text => String(text ?? "").replace(/[&<>"]/g, c => `&#${c.charCodeAt(0)};`);
@@ -16,7 +16,7 @@
     socket.onmessage = event => typeof event.data === "string" ? answered(JSON.parse(event.data).answer) : take(event.data);
     socket.onclose = event => {
       socket = null;
-      element("clock").textContent = "no connection";
+      if (element("clock")) element("clock").textContent = "no connection";
       if (event.code === 4401 || event.code === 1006 && !drawn) fetch("/map.png").then(a => a.status === 401 && location.reload());
       clearTimeout(wake);
       wake = setTimeout(connect, 1000);
@@ -53,7 +53,7 @@
     if (news.map) picture("map", `/map.png?${news.map.version}-${Date.now()}`, fit);
     for (const name of names) if (news[`${name}.costs`]) picture(name, `data:image/png;base64,${news[`${name}.costs`].png}`);
     drawn = true;
-    words(news);
+    if (laid) words(news);
     requestAnimationFrame(draw);
   }
 
@@ -72,7 +72,7 @@
   // Fits the view to the known part of the map, not to the grey around it.
   function fit() {
     const map = state.map, image = images.get("map");
-    if (!map || !image) return;
+    if (!map || !image || !canvas()) return;
     const probe = document.createElement("canvas"), size = 400;
     probe.width = probe.height = size;
     const context = probe.getContext("2d", { willReadFrequently: true });
@@ -195,6 +195,8 @@
       if (pose) label(context, boxes, `${name}${row.held ? " STOPPED" : bad ? " !" : ""}`, ...pixel(pose[0], pose[1]), FLEET[name], bad);
     }
     if (drag?.place) shape(context, [...drag.place, drag.yaw], arrow(0.6), "#1976d2");
+    shown = names.filter(name => of(name, "pose"));
+    labels = boxes.slice(shown.length);
   }
 
   // ---- the words
@@ -321,8 +323,9 @@
   }
 
   function begin() {
-    if (!canvas() || !element("robots")) return setTimeout(begin, 50);
+    if (!canvas() || !element("robots")) return requestAnimationFrame(begin);
     const box = canvas();
+    laid = true;
     box.addEventListener("pointerdown", pressed);
     box.addEventListener("pointermove", moved);
     box.addEventListener("pointerup", released);
@@ -337,9 +340,11 @@
       else setTimeout(() => { network(); log(); }, 300);
     });
     document.addEventListener("input", event => event.target.id === "filter" && log());
-    window.fleetPage = { state, pixel, view, metre };
+    window.fleetPage = { state, pixel, view, metre, shown: () => shown, labels: () => labels };
     mark();
-    connect();
+    if (drawn) { words(state); draw(); }
   }
+  // The connection first: the rest of the page takes longer.
+  connect();
   begin();
 })();

@@ -13,11 +13,21 @@ const event = kind => new PointerEvent(kind, at);
 document.getElementById("map").dispatchEvent(event("pointerdown"));
 document.getElementById("map").dispatchEvent(event("pointerup"));
 """
+OVERLAPS = """
+const boxes = fleetPage.labels(), apart = (a, b) =>
+  a[0] + a[2] <= b[0] || b[0] + b[2] <= a[0] || a[1] + a[3] <= b[1] || b[1] + b[3] <= a[1];
+return boxes.flatMap((a, i) => boxes.slice(i + 1).filter(b => !apart(a, b)).map(b => [a, b]));
+"""
 
 
 def known(driver, name):
     """Returns a value that the page has, by its name in the stream; None without a page."""
     return driver.execute_script("return window.fleetPage ? fleetPage.state[arguments[0]] ?? null : null", name)
+
+
+def shown(driver):
+    """Returns the names of the robots that the map shows."""
+    return driver.execute_script("return window.fleetPage ? fleetPage.shown() : []")
 
 
 def press(driver, act):
@@ -33,7 +43,7 @@ def send_to(driver, x, y):
 
 
 def assert_fits_a_phone(driver):
-    """Fails where the page is wider than a phone, or a button outside of it or too low."""
+    """Fails where the page is wider than a phone, a button outside of it or too low, or a label on another."""
     width = driver.execute_script("return document.documentElement.scrollWidth")
     assert width <= PHONE["width"], f"the page is {width} pixels wide"
     for act in ("stop-all", "tool-drive", "stop"):
@@ -41,3 +51,4 @@ def assert_fits_a_phone(driver):
         assert box["x"] >= 0
         assert box["x"] + box["width"] <= PHONE["width"]
         assert box["height"] >= 24
+    assert driver.execute_script(OVERLAPS) == []

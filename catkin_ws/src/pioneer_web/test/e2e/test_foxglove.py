@@ -1,7 +1,9 @@
 """A client of Foxglove's protocol reads topics as they are, publishes, calls services."""
 
+import json
 import struct
 import threading
+import time
 from types import SimpleNamespace
 
 import foxglove
@@ -15,6 +17,8 @@ from std_msgs.msg import String
 from std_srvs.srv import EmptyRequest
 from tf2_msgs.msg import TFMessage
 from websockets.sync.client import connect
+
+from pioneer_web.core.robot import STALE
 
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
@@ -30,6 +34,24 @@ def test_tf_and_scans_come_as_raw_ros1_with_their_definition(fleet):
         tf, scan = one.messages(tf="/tf", scan="/pioneer1/base_scan")
         assert TFMessage().deserialize(tf).transforms[0].header.frame_id in ("map", "pioneer1/odom", "pioneer2/odom")
         assert len(reader().deserialize(scan).ranges) == 180
+
+
+def test_a_client_takes_no_topic_away_from_the_page(fleet):
+    """Publishers keep one connection a subscriber's name: the page lost its own to a client of the same topic."""
+    cookie, url = fleet.login(fleet.viewer), fleet.url.replace("http", "ws") + "/live"
+    with connect(url, additional_headers={"Cookie": cookie}, max_size=None) as page:
+        while b"pioneer1.scan" not in page.recv(WAIT):
+            pass
+        with foxglove_client(fleet.url, fleet.token) as one:
+            one.await_topic("/pioneer1/odom")
+            channel = one.channels["/pioneer1/odom"]["id"]
+            one.send(op="subscribe", subscriptions=[{"id": 1, "channelId": channel}])
+            while not isinstance(one.take(), bytes):
+                pass
+            ends = time.monotonic() + 2 * STALE
+            while time.monotonic() < ends:
+                row = json.loads(page.recv(WAIT)).get("pioneer1.row", {})
+                assert not row.get("fault"), row["fault"]
 
 
 def test_a_goal_that_a_client_publishes_reaches_the_robot(fleet):

@@ -46,7 +46,8 @@ class Commander:
 
     def __init__(self, robots: Sequence[Robot]) -> None:
         self._robots = {robot.name: robot for robot in robots}
-        self._due: dict[str, Pose] = {}
+        self._due: dict[str, list[Pose]] = {}
+        self._replacing = threading.Lock()
         self._boxes = itertools.count(1)
         self._changed = threading.Condition()
         self._publishers = {name: self._advertise(name) for name in self._robots}
@@ -79,9 +80,10 @@ class Commander:
         raise CommandError("unknown command")
 
     def on_queue(self, robot: Robot) -> None:
-        """Sends the waypoint that was to replace the others, once these are gone."""
-        if robot.name in self._due and not robot.goals:
-            self._publish(robot.name, "map_goal_pose", conversions.goal_from_pose(self._due.pop(robot.name)))
+        """Sends the waypoint that was to replace the others, and those appended to it, once the others are gone."""
+        with self._replacing:
+            for place in [] if robot.goals else self._due.pop(robot.name, []):
+                self._publish(robot.name, "map_goal_pose", conversions.goal_from_pose(place))
 
     def _advertise(self, name: str) -> dict[str, rospy.Publisher]:
         kinds: dict[str, Any] = {
@@ -106,13 +108,19 @@ class Commander:
         for name, place in places.items():
             if self._publishers[name]["map_goal_pose"].get_num_connections() == 0:
                 raise CommandError(f"{name} cannot be reached: its gateway does not take waypoints")
-            self._due.pop(name, None)
-            if append or not self._robots[name].goals:
-                self._publish(name, "map_goal_pose", conversions.goal_from_pose(place))
-            else:
-                self._due[name] = place
-                self._cancel(name)
+            with self._replacing:
+                self._send(name, place, append)
         return ", ".join(f"{name} to ({place.x:.2f}, {place.y:.2f})" for name, place in places.items())
+
+    def _send(self, name: str, place: Pose, append: bool) -> None:
+        if append and name in self._due:
+            self._due[name].append(place)
+        elif append or not self._robots[name].goals:
+            self._due.pop(name, None)
+            self._publish(name, "map_goal_pose", conversions.goal_from_pose(place))
+        else:
+            self._due[name] = [place]
+            self._cancel(name)
 
     def _cancel(self, robot: str) -> None:
         self._publish(robot, "map_goal_client/cancel", EmptyMessage())

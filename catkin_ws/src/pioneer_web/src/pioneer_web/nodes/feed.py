@@ -34,6 +34,8 @@ from pioneer_web.core.station import Station
 
 BEAT = 0.2
 """How often pages are brought up to date [s]."""
+COSTS = 5
+"""Beats between two pictures of a costmap, the largest part of what pages get."""
 ROOM = 1 << 18
 """Bytes read at once, more than a topic carries between two beats."""
 _FROM_MAP = b"\x03\x00\x00\x00map"
@@ -79,7 +81,7 @@ class Feed:
         if self.is_open:
             return
         scans = sorted(topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/LaserScan")
-        listen = functools.partial(self._listen, paced=False)
+        listen = functools.partial(self._listen, beats=0)
         # Where the robots are comes first: with many, the last subscription is made a second later.
         listen("/tf", rospy.AnyMsg, self._on_tf, queue_size=None)
         listen("/map", numpy_msg(OccupancyGrid), self._on_map)
@@ -91,22 +93,20 @@ class Feed:
             # Whatever the robot calls it.
             topic = next((topic for topic in scans if topic.startswith(f"/{robot.name}/")), f"/{robot.name}/base_scan")
             self._listen(topic, numpy_msg(LaserScan), functools.partial(self._on_scan, robot))
-        self._listen_to_each("map_goal_client/queue", WaypointQueue, self._on_queue, paced=False)
+        self._listen_to_each("map_goal_client/queue", WaypointQueue, self._on_queue, 0)
         self._listen_to_each("move_base/NavfnROS/plan", Path, self._on_plan)
         self._listen_to_each("move_base/TrajectoryPlannerROS/local_plan", Path, self._on_local_plan)
-        self._listen_to_each("move_base/local_costmap/costmap", numpy_msg(OccupancyGrid), self._on_costs)
-        self._listen_to_each("amcl_pose", PoseWithCovarianceStamped, self._on_estimate, paced=False)
+        self._listen_to_each("move_base/local_costmap/costmap", numpy_msg(OccupancyGrid), self._on_costs, COSTS)
+        self._listen_to_each("amcl_pose", PoseWithCovarianceStamped, self._on_estimate, 0)
         self._listen_to_each("battery_state", BatteryState, self._on_battery)
         listen("/diagnostics", DiagnosticArray, self._on_diagnostics, queue_size=20)
         listen("/rosout_agg", Log, self._on_log, queue_size=100)
         self._listen("/gazebo/real_time_factor", Float64, self._on_factor)
         self._listen("/gazebo/model_states", ModelStates, self._on_models)
 
-    def _listen_to_each(
-        self, topic: str, kind: Any, callback: Callable[[Robot, Any], None], paced: bool = True
-    ) -> None:
+    def _listen_to_each(self, topic: str, kind: Any, callback: Callable[[Robot, Any], None], beats: int = 1) -> None:
         for robot in self.station.robots:
-            self._listen(f"/{robot.name}/{topic}", kind, functools.partial(callback, robot), paced)
+            self._listen(f"/{robot.name}/{topic}", kind, functools.partial(callback, robot), beats)
 
     def close(self) -> None:
         """Ends all subscriptions."""
@@ -122,21 +122,21 @@ class Feed:
             self._beaten.notify_all()
 
     def _listen(
-        self, topic: str, kind: Any, callback: Callable[[Any], None], paced: bool = True, queue_size: int | None = 1
+        self, topic: str, kind: Any, callback: Callable[[Any], None], beats: int = 1, queue_size: int | None = 1
     ) -> None:
         def locked(message: Any) -> None:
             with self.lock:
                 callback(message)
-            if paced:
-                self._pause()
+            if beats:
+                self._pause(beats)
 
         one = rospy.Subscriber(topic, kind, locked, queue_size=queue_size, buff_size=ROOM, tcp_nodelay=True)
         self._subscribers.append(one)
 
-    def _pause(self) -> None:
+    def _pause(self, beats: int) -> None:
         with self._beaten:
-            beats = self._beats
-            self._beaten.wait_for(lambda: self._beats != beats or not self.is_open, 5 * BEAT)
+            until = self._beats + beats
+            self._beaten.wait_for(lambda: self._beats >= until or not self.is_open, 5 * beats * BEAT)
 
     def _on_tf(self, message: Any) -> None:
         """Takes the corrections out of what is mostly odometry and wheels, which is not even decoded."""

@@ -123,7 +123,8 @@ class Foxglove:
     """
 
     def __init__(self) -> None:
-        self._client = Client(rosgraph.get_master_uri(), rospy.get_name())
+        # A name of its own: publishers drop a connection when another one of the same name comes, here the page's.
+        self._client = Client(rosgraph.get_master_uri(), f"{rospy.get_name()}_foxglove")
         self._visitors: set[Visitor] = set()
         self._sources: dict[str, Source] = {}
         self._numbers: dict[tuple[str, str], int] = {}

@@ -3,7 +3,7 @@
 import asyncio
 import json
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import yaml
@@ -34,15 +34,17 @@ def colours(count: int) -> list[str]:
     return [f"rgb({part.replace(';', ',')})" for part in parts]
 
 
-def build(robots: Sequence[str]) -> None:
-    """Registers the page of a fleet."""
+def build(robots: Sequence[str], on_open: Callable[[], None]) -> None:
+    """Registers the page of a fleet; ``on_open`` is called when a browser asks for it."""
     fleet = dict(zip(robots, colours(len(robots)), strict=True))
 
     @ui.page("/")
     def fleet_page() -> None:
-        ui.add_head_html('<link rel="stylesheet" href="/static/fleet.css">')
-        ui.add_body_html(
-            f'<script>window.FLEET = {json.dumps(fleet)};</script><script src="/static/fleet.js" defer></script>'
+        on_open()
+        # In the head: what is known of the fleet comes while NiceGUI's scripts are loaded.
+        ui.add_head_html(
+            f'<link rel="stylesheet" href="/static/fleet.css"><script>window.FLEET = {json.dumps(fleet)};</script>'
+            '<script src="/static/fleet.js"></script>'
         )
         dark = ui.dark_mode(None)
         _header(dark)

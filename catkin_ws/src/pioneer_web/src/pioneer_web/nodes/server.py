@@ -91,7 +91,7 @@ class Server:
         app.add_api_websocket_route("/live", self._live)
         app.add_api_websocket_route("/foxglove", self.foxglove.serve)
         app.add_api_websocket_route("/foxglove/{token}", self.foxglove.serve)
-        page.build([robot.name for robot in feed.station.robots])
+        page.build([robot.name for robot in feed.station.robots], lambda: self._want(LINGER))
         ui.run_with(app, title="Pioneer fleet", dark=None, show_welcome_message=False, tailwind=False)
         guard = Guard(app, access, (static / "login.html").read_text(), port, certificate is not None)
         self._uvicorn = _Uvicorn(

@@ -1,0 +1,195 @@
+"""The page of a real fleet of two robots: shown, driven, stopped, faulty, on a phone; and in Foxglove's protocol."""
+
+import math
+import time
+from types import SimpleNamespace
+
+import pytest
+import rospy
+from foxglove_client import WAIT, advertise, foxglove_client, publish
+from geometry_msgs.msg import PoseStamped, Twist
+from nav_msgs.msg import Odometry
+from page_driver import PHONE, SOON, assert_fits_a_phone, known, press, send_to, shown
+from selenium.webdriver.common.by import By
+from sensor_msgs.msg import LaserScan
+from served import TOKEN, request
+from tf2_msgs.msg import TFMessage
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from pioneer_demo.adapters.processes import FleetProcesses
+from pioneer_demo.adapters.stopwatch import Stopwatch
+from pioneer_demo.core.command import gateway_name
+from pioneer_demo.core.option import FleetConfig
+from pioneer_demo.nodes.fleet import FleetRun
+from pioneer_harness.wait import wait_until
+
+pytestmark = [
+    # Selenium leaves a connection to its driver open; rospy uses an old name of threading's.
+    pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"),
+    pytest.mark.filterwarnings("ignore:notifyAll:DeprecationWarning"),
+]
+NAMES = ["pioneer1", "pioneer2"]
+SHOWN, STOPPED, RED = 3.0, 0.2, 3.0
+"""What the page may take to show the robots, to stop one, to show a fault [s]."""
+STOP = "const at = Date.now(); document.querySelector('[data-act=\"stop-all\"]').click(); return at / 1000;"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """Two robots of small_world that take waypoints."""
+    config = FleetConfig(
+        world="small_world", real_time_factor=0.5, log=tmp_path_factory.mktemp("fleet"), web=True, token=TOKEN
+    )
+    interrupt = SimpleNamespace(check=lambda: None, has_come=lambda: False)
+    with FleetProcesses(config) as processes:
+        processes.start()
+        fleet = FleetRun(config, Stopwatch(), interrupt, processes)
+        try:
+            fleet.start()
+            yield fleet
+        finally:
+            fleet.stop(in_order=False)
+
+
+@pytest.fixture(scope="module")
+def url(run):
+    return f"http://127.0.0.1:{run.processes.ports.page}"
+
+
+@pytest.fixture(scope="module")
+def page(url, driver):
+    """The page with the operator's token; how long it took to show both robots."""
+    began = time.monotonic()
+    driver.get(f"{url}/#{TOKEN}")
+    wait_until(lambda: shown(driver) == NAMES, "both robots on the map", SOON)
+    wait_until(lambda: len(rows(driver)) == len(NAMES), "both robots in the table", SOON)
+    return SimpleNamespace(took=time.monotonic() - began)
+
+
+@pytest.fixture
+def heard(run):
+    """What comes at the simulator's master meanwhile: when, and the message."""
+    messages = {"odom": [], "pioneer/cmd_vel": []}
+    subscribers = [
+        rospy.Subscriber(f"/pioneer1/{topic}", kind, lambda one, kept=messages[topic]: kept.append((time.time(), one)))
+        for topic, kind in (("odom", Odometry), ("pioneer/cmd_vel", Twist))
+    ]
+    yield messages
+    for one in subscribers:
+        one.unregister()
+
+
+def rows(driver):
+    return driver.find_elements(By.CSS_SELECTOR, "#robots [data-robot]")
+
+
+def place(driver, robot="pioneer1"):
+    return known(driver, f"{robot}.pose")[:2]
+
+
+def test_a_stranger_gets_401_and_no_data(url, driver):
+    for path in ("/", "/map.png", "/metrics", "/static/fleet.js"):
+        status, _, body = request(url, path)
+        assert status == 401
+        assert b"pioneer1" not in body
+    for path in ("/live", "/foxglove"):
+        with pytest.raises(InvalidStatus), connect(url.replace("http", "ws") + path):
+            pass
+    driver.get(url)
+    assert driver.find_element(By.ID, "token").is_displayed()
+    assert "pioneer1" not in driver.page_source
+
+
+def test_both_robots_are_shown_soon_after_opening(page, record_property):
+    record_property("shown after [s]", page.took)
+    assert page.took <= SHOWN
+
+
+def test_a_click_on_the_map_drives_the_robot_there(driver, page, run, shot):
+    goal = (-4.5, 2.0)
+    send_to(driver, *goal)
+    wait_until(lambda: known(driver, "pioneer1.plan") and known(driver, "pioneer1.goals"), "goal and plan", SOON)
+    wait_until(lambda: known(driver, "pioneer1.row")["speed"] > 0.1, "the robot under way", SOON)
+    shot("real-driving")
+    wait_until(lambda: known(driver, "pioneer1.row")["reached"] == 1, "the waypoint reached", SOON)
+    truth = run.fleet.robots[0].pose
+    assert math.dist((truth.x, truth.y), goal) < 0.4
+    assert math.dist(place(driver), (truth.x, truth.y)) < 0.4
+
+
+def test_a_stop_reaches_the_simulator_at_once_and_holds(driver, page, heard, shot, record_property):
+    send_to(driver, -4.5, -3.0)
+    odom = heard["odom"]
+    wait_until(lambda: odom and odom[-1][1].twist.twist.linear.x > 0.3, "the robot under way", SOON)
+    pressed = driver.execute_script(STOP)
+    wait_until(lambda: abs(odom[-1][1].twist.twist.linear.x) < 0.02, "its stop", SOON)
+    zero = next(at for at, one in heard["pioneer/cmd_vel"] if at > pressed and one == Twist())
+    stood = next(at for at, one in odom if at > pressed and abs(one.twist.twist.linear.x) < 0.02)
+    record_property("zero at the simulator after [s]", zero - pressed)
+    record_property("robot stands after [s]", stood - pressed)
+    assert zero - pressed <= STOPPED
+    wait_until(lambda: known(driver, "pioneer1.row")["held"], "'held' on the page", SOON)
+    before, count = odom[-1][1].pose.pose.position, len(odom)
+    shot("real-stopped")
+    wait_until(lambda: len(odom) > count + 100, "another second of odometry", SOON)
+    after = odom[-1][1].pose.pose.position
+    assert math.dist((before.x, before.y), (after.x, after.y)) < 0.05
+    press(driver, "release-all")
+    wait_until(lambda: not known(driver, "pioneer1.row")["held"], "the release", SOON)
+
+
+def test_a_client_of_foxglove_reads_tf_and_a_scan_and_sends_a_goal(url, run):
+    with foxglove_client(url, TOKEN) as client:
+        client.await_topic("/tf", "/pioneer2/base_scan")
+        tf, scan = client.messages(tf="/tf", scan="/pioneer2/base_scan")
+        assert TFMessage().deserialize(tf).transforms
+        scan = LaserScan().deserialize(scan)
+        assert any(scan.range_min < value < scan.range_max for value in scan.ranges)
+        advertise(client, 1, "/pioneer2/map_goal_pose", "geometry_msgs/PoseStamped")
+        goal = PoseStamped()
+        goal.header.frame_id, goal.pose.orientation.z = "map", 1.0
+        goal.pose.position.x, goal.pose.position.y = 3.2, 3.5
+        publish(client, 1, goal)
+        wait_until(lambda: run.fleet.robots[1].queue.received == 1, "the goal at the robot's client", WAIT)
+
+
+def test_a_reload_changes_nothing(driver, page):
+    before = place(driver)
+    text = rows(driver)[0].text.split()[0]
+    driver.refresh()
+    wait_until(lambda: shown(driver) == NAMES and rows(driver), "both robots after a reload", SOON)
+    assert place(driver) == pytest.approx(before, abs=0.1)
+    assert rows(driver)[0].text.split()[0] == text
+    assert known(driver, "pioneer1.row")["reached"] == 1
+
+
+def test_a_phone_shows_it_legibly(driver, page, shot):
+    try:
+        driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", PHONE)
+        driver.refresh()
+        wait_until(lambda: shown(driver) == NAMES and rows(driver), "both robots", SOON)
+        send_to(driver, -4.5, 0.5)
+        wait_until(lambda: known(driver, "pioneer1.plan"), "a plan", SOON)
+        assert_fits_a_phone(driver)
+        shot("real-phone")
+    finally:
+        driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_a_killed_gateway_is_red_with_its_reason_soon(driver, page, run, shot, record_property):
+    wait_until(lambda: not red(driver, "pioneer2"), "pioneer2 without a fault", SOON)
+    began = time.monotonic()
+    run.processes.kill([gateway_name(2)])
+    wait_until(lambda: "aadi2_gateway" in red(driver, "pioneer2"), "pioneer2 red, and why", SOON)
+    took = time.monotonic() - began
+    record_property("red after [s]", took)
+    assert took <= RED
+    assert "aadi1_gateway" not in red(driver, "pioneer1")
+    press(driver, "fit")
+    shot("real-lost")
+
+
+def red(driver, robot):
+    script = 'return document.querySelector(`#robots [data-robot="${arguments[0]}"] .bad`)?.textContent ?? ""'
+    return driver.execute_script(script, robot)
