@@ -32,6 +32,8 @@ LONG = {
     "fuzz": "hostile input for --minutes at a fleet that drives",
 }
 """Options that run instead of the stages."""
+SWARM = "swarm"
+"""The folder of tests of containers that run only when they are asked for; also the option's name."""
 CONTAINERS_ENDING_SECONDS = 60.0
 """For ./pioneer down, which gives containers 20 s."""
 
@@ -138,9 +140,19 @@ def containers() -> Iterator[Check]:
     yield Check("containers-images", [str(ROOT / "pioneer"), "image", "--desktop"], timeout=1500.0)
     # The tests of a folder share one fleet; a file beside it has containers of its own.
     for path in sorted([*folder.glob("*/"), *folder.glob("test_*.py")]):
-        if path.name != "__pycache__":
-            check = pytest_check(f"containers-{path.stem.removeprefix('test_')}", [path], timeout=1500.0)
-            yield replace(check, patience=CONTAINERS_ENDING_SECONDS)
+        if path.name not in ("__pycache__", SWARM):
+            yield containers_check(path)
+
+
+def swarm() -> Iterator[Check]:
+    """Faults of machines, at a fleet on a swarm of three engines on this machine."""
+    yield containers_check(ROOT / "tools" / "test" / "containers" / SWARM)
+
+
+def containers_check(path: Path) -> Check:
+    """Returns the check of a file, or folder, of tests of containers."""
+    check = pytest_check(f"containers-{path.stem.removeprefix('test_')}", [path], timeout=1500.0)
+    return replace(check, patience=CONTAINERS_ENDING_SECONDS)
 
 
 def need_docker() -> None:
@@ -246,6 +258,8 @@ def arguments_from(words: Sequence[str] | None) -> argparse.Namespace:
     alone = parser.add_mutually_exclusive_group()
     for name, what in LONG.items():
         alone.add_argument(f"--{name}", dest="long", action="store_const", const=name, help=f"only {what}")
+    alone.add_argument(f"--{SWARM}", action="store_true", help="with the stage containers: only the faults of machines "
+        "in a Docker Swarm, which takes long; as root")  # fmt: skip
     parser.add_argument("--minutes", type=float, metavar="N", help="of --soak (180) or --fuzz (30)")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of --soak or --fuzz (%(default)s)")
     arguments = parser.parse_args(words)
@@ -255,6 +269,10 @@ def arguments_from(words: Sequence[str] | None) -> argparse.Namespace:
     name = arguments.long
     if name and arguments.stages:
         parser.error(f"--{name} runs only what takes long: it takes no stage, not {', '.join(arguments.stages)}")
+    if arguments.swarm:
+        if arguments.stages != ["containers"]:
+            parser.error(f"--{SWARM} is for one stage: ./pioneer test containers --{SWARM}")
+        STAGES["containers"] = replace(STAGES["containers"], checks=swarm)
     if arguments.jobs < 1:
         parser.error(f"--jobs must be 1 or more, not {arguments.jobs}")
     if name:

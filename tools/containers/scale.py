@@ -1,15 +1,20 @@
 """``./pioneer bench containers``: how long fleets take to drive, and what each computer of theirs needs."""
 
 import argparse
+import contextlib
 import json
+import os
 import re
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from containers.engine import ContainerError
+from containers.engine import ContainerError, output
 from containers.harness import CPU_SCRIPT, Fleet, cpu_of, fleet
+from containers.hosts import swarm_here
+from pioneer_demo.core.capacity import factor_held
+from pioneer_harness.proc import processors
 
 WINDOW = 30.0
 """For so long traffic and CPU time are counted [s]."""
@@ -24,6 +29,8 @@ FIGURES: Mapping[str, tuple[str, str, Mapping[int, float]]] = {
     "base_mb": ("base station", "MB", {15: 350.0}),
     "robot_in_kb": ("into a robot's computer", "kB/sim-s", {15: 40.0}),
     "robot_out_kb": ("out of a robot's computer", "kB/sim-s", {}),
+    "trip_ms": ("round trip between gateways, base station's and a robot's, one machine, mean", "ms", {}),
+    "far_trip_ms": ("the same, on two machines", "ms", {}),
     "growth": ("CPU of the largest fleet / of as many robots at the smallest's cost", "", {15: 1.05}),
 }
 """By name of a figure: what it is, its unit, its goal by number of robots, 0 for any; a negative one is the least."""
@@ -36,10 +43,18 @@ print(rospy.wait_for_message("/clock", Clock).clock.to_sec(), time.monotonic())
 """
 """Prints simulated time and the kernel's, both at the moment at which a message on /clock arrives [s]."""
 
+_TRIPS = """
+import json, rospy
+from gateway_msgs.srv import RemoteGatewayInfo
+found = rospy.ServiceProxy("/gateway/remote_gateway_info", RemoteGatewayInfo)([]).gateways
+print(json.dumps({one.name: one.conn_stats.ping_latency_avg for one in found}))
+"""
+"""Prints the newest round trips [ms] by gateway; they wait on the link behind the messages that it carries."""
 
-def measure(made: Fleet, robots: int, say: Callable[[str], None]) -> dict[str, float]:
-    """Starts a fleet, and returns its figures by the names of `FIGURES`, and ``robots``."""
-    said = made.pioneer("up", "--robots", str(robots), "--waypoints", "6")
+
+def measure(made: Fleet, robots: int, say: Callable[[str], None], *options: str) -> dict[str, float]:
+    """Starts a fleet by ``up`` with such options; returns its figures by the names of `FIGURES`, and ``robots``."""
+    said = made.pioneer("up", "--robots", str(robots), "--waypoints", "6", *options)
     moving = re.search(r"^\d+ robots? drives? after (\d+) s", said, re.M)
     assert moving, said
     names = [BASE, *(f"aadi{number}" for number in range(1, robots + 1))]
@@ -60,7 +75,19 @@ def measure(made: Fleet, robots: int, say: Callable[[str], None]) -> dict[str, f
         "base_mb": made.memory(BASE) / 1e6,
         "robot_in_kb": mean[1] / 1e3,
         "robot_out_kb": mean[2] / 1e3,
+        **_trips(made),
     }
+
+
+def _trips(made: Fleet) -> dict[str, float]:
+    """Returns the mean round trip [ms] to robots' gateways on the base station's machine, and on others."""
+    there = made.computers()
+    trips: Mapping[str, float] = json.loads(made.execute(BASE, "python3", "-c", _TRIPS))
+    near, far = list[float](), list[float]()
+    for name, one in there.items():
+        if one.robot and (trip := trips.get(f"{name}_gateway")):
+            (near if one.node == there[BASE].node else far).append(trip)
+    return {name: sum(some) / len(some) for name, some in (("trip_ms", near), ("far_trip_ms", far)) if some}
 
 
 def _now(made: Fleet) -> tuple[float, float]:
@@ -109,25 +136,75 @@ def _line(row: Mapping[str, float], name: str) -> str:
     return f"| {row['robots']:g} | {what} | {value:.3g} | {unit} | {words} | {holds} |"
 
 
+def comparison(compose: Mapping[str, float], swarm: Mapping[str, float]) -> str:
+    """Returns the figures of two fleets of as many robots as a Markdown table."""
+    lines = [f"| {compose['robots']:g} robots | unit | compose | swarm |", "|---|---|---|---|"]
+    names = [name for name in FIGURES if name in compose or name in swarm]
+    cells = [[f"{row[name]:.3g}" if name in row else "" for row in (compose, swarm)] for name in names]
+    rows = ["| " + " | ".join((*FIGURES[name][:2], *pair)) + " |" for name, pair in zip(names, cells, strict=True)]
+    return "\n".join([*lines, *rows])
+
+
+@contextlib.contextmanager
+def _some_swarm(say: Callable[[str], None]) -> Iterator[bool]:
+    """The swarm that this machine manages, else one of three engines on it; gives whether it is the latter."""
+    if json.loads(output("docker", "info", "-f", "{{json .Swarm.ControlAvailable}}")):
+        yield False
+        return
+    say("this machine manages no swarm: starting two further engines on it")
+    with swarm_here(2) as hosts:
+        for host in hosts:
+            host.join()
+        yield True
+
+
+def compare(robots: int, say: Callable[[str], None]) -> list[dict[str, float]]:
+    """Measures a fleet on this machine, then one on the swarm, where that is several engines of it at the same speed.
+
+    Raises:
+        ContainerError: there is no swarm and none can be made.
+    """
+    with _some_swarm(say) as here:
+        # Each of several engines on one machine sees all its processors.
+        speed = ["--rtf", f"{factor_held(robots, processors()):g}"] if here else []
+        rows = []
+        for options in (speed, [*speed, "--swarm"]):
+            with fleet("pioneer-scale", "10.88.6") as made:
+                rows.append(measure(made, robots, say, *options))
+            say(f"load {os.getloadavg()[0]:.1f}")
+        return rows
+
+
 def main(words: Sequence[str]) -> int:
     """Measures fleets of each size on the command line; returns the exit status."""
     parser = argparse.ArgumentParser("./pioneer bench containers", description=__doc__)
-    parser.add_argument("robots", type=int, nargs="*", default=[5, 10, 15], metavar="N", help="default: 5 10 15")
+    parser.add_argument("robots", type=int, nargs="*", metavar="N", help="default: 5 10 15; with --swarm 6")
+    parser.add_argument("--swarm", action="store_true", help="a fleet on this machine beside one on the swarm that it "
+        "manages; without one, on three engines on this machine, as root")  # fmt: skip
     parser.add_argument("--output", type=Path, default=Path("bench-report"), metavar="DIR", help="default: %(default)s")
     options = parser.parse_args(words)
     options.output.mkdir(parents=True, exist_ok=True)
     rows: list[dict[str, float]] = []
+
+    def say(text: str) -> None:
+        print(text, flush=True)
+
     try:
-        for robots in options.robots:
+        for robots in options.robots or ([6] if options.swarm else [5, 10, 15]):
+            if options.swarm:
+                rows += compare(robots, say)
+                say(comparison(*rows[-2:]))
+                continue
             with fleet("pioneer-scale", "10.88.6") as made:
-                rows.append(measure(made, robots, lambda text: print(text, flush=True)))
-            print(table(rows[-1:]), flush=True)
+                rows.append(measure(made, robots, say))
+            say(table(rows[-1:]))
     except (ContainerError, AssertionError) as error:
         print(f"pioneer: {error}", file=sys.stderr)
         return 1
     finally:
         (options.output / "containers.json").write_text(json.dumps(rows, indent=1) + "\n")
-    print(table(rows))
+    if not options.swarm:
+        print(table(rows))
     return 0
 
 

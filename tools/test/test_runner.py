@@ -70,6 +70,20 @@ def test_what_takes_long_takes_no_stage(runner: ModuleType, capsys: pytest.Captu
     assert capsys.readouterr().err.endswith(f"--{name} runs only what takes long: it takes no stage, not unit\n")
 
 
+def test_faults_of_a_swarm_run_only_where_they_are_asked_for(
+    runner: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "containers-swarm" not in [check.name for check in runner.containers()]
+    assert [check.name for check in runner.swarm()] == ["containers-swarm"]
+    for words in (["--swarm"], ["unit", "--swarm"], ["containers", "unit", "--swarm"]):
+        with pytest.raises(SystemExit) as ended:
+            runner.arguments_from(words)
+        assert ended.value.code == 2
+        assert capsys.readouterr().err.endswith("--swarm is for one stage: ./pioneer test containers --swarm\n")
+    runner.arguments_from(["containers", "--swarm"])
+    assert [check.name for check in runner.STAGES["containers"].checks()] == ["containers-swarm"]
+
+
 def test_two_runs_in_one_checkout_do_not_meet(runner: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
     with runner.the_only_run():
         assert runner.main(["lint"]) == 2

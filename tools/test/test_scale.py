@@ -3,6 +3,7 @@
 import pytest
 
 from containers import scale
+from containers.engine import Computer
 
 ROW = {"robots": 5.0, "factor": 1.0, "cpu_s_a_sim_s": 1.0, "robot_cpu": 0.13}
 
@@ -30,8 +31,14 @@ class Computers:
     def memory(self, _computer):
         return 2e8
 
+    def computers(self):
+        places = {scale.BASE: "vm", "aadi1": "vm", "aadi2": "node1", "aadi3": "node2"}
+        return {name: Computer(name, "c", "running", "", {}, "i", node) for name, node in places.items()}
+
     def execute(self, computer, *command):
         self.wall += 1.7
+        if "ServiceProxy" in command[-1]:
+            return '{"aadi1_gateway": 1.0, "aadi2_gateway": 2.0, "aadi3_gateway": 4.0, "studio_gateway": 9.0}'
         if command[0] == "python3":
             return f"{self.wall / 2} {self.wall}\n"
         rate = 0.3 if computer == scale.BASE else 0.1
@@ -47,3 +54,11 @@ def test_figures_do_not_depend_on_how_long_the_questions_take(monkeypatch):
     assert row["cpu_s_a_sim_s"] == pytest.approx(2 * (0.3 + 3 * 0.1), rel=1e-3)
     assert row["robot_cpu"] == pytest.approx(0.2, rel=1e-3)
     assert (row["robot_in_kb"], row["robot_out_kb"]) == pytest.approx((2.0, 1.0), rel=1e-3)
+    assert (row["trip_ms"], row["far_trip_ms"]) == (1.0, 3.0)
+
+
+def test_a_figure_of_only_one_of_two_fleets_leaves_the_others_cell_empty():
+    lines = scale.comparison({"robots": 6.0, "factor": 0.8}, {"robots": 6.0, "factor": 0.8, "far_trip_ms": 2.5})
+    assert lines.splitlines()[0] == "| 6 robots | unit | compose | swarm |"
+    assert lines.splitlines()[2] == "| real-time factor |  | 0.8 | 0.8 |"
+    assert lines.endswith("on two machines | ms |  | 2.5 |")

@@ -1,0 +1,33 @@
+"""A swarm of three engines, of which one joins late, and one fleet on it for all tests of this folder."""
+
+from collections.abc import Iterator, Sequence
+
+import pytest
+from errand import Errands
+
+from containers.harness import Fleet, fleet
+from containers.hosts import Host, swarm_here
+
+
+@pytest.fixture(scope="session")
+def hosts() -> Iterator[Sequence[Host]]:
+    """Two further hosts; the first has joined, and may have the base station."""
+    with swarm_here(2) as made:
+        made[0].join()
+        made[0].may_have_base()
+        yield made
+
+
+@pytest.fixture(scope="session")
+def on_swarm(hosts: Sequence[Host]) -> Iterator[Fleet]:
+    """A fleet that the tests start; at half speed, because three engines see each of this machine's processors."""
+    with fleet("pioneer-swarm", "10.88.12") as made:
+        yield made
+
+
+@pytest.fixture
+def errands(on_swarm: Fleet) -> Iterator[Errands]:
+    """Robots' errands; those that a test leaves unfinished are abandoned."""
+    made = Errands(on_swarm)
+    yield made
+    made.close()

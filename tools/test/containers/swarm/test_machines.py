@@ -1,0 +1,215 @@
+"""What an operator sees of a fleet on three machines, and what its robots do, when machines come, fail and go.
+
+The tests build on each other, in this order: two machines, a third that joins, faults of each, a new image.
+Undisturbed is a robot that reaches every waypoint of its round and whose computer never was without odometry for longer
+than a robot bears before it stops (`errand`).
+"""
+
+import math
+import re
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import pytest
+from errand import ROUNDS, Errand, Errands
+
+from containers.engine import Computer, output
+from containers.harness import PATIENCE, Fleet
+from containers.hosts import Host
+from containers.registry import CONTAINER
+from pioneer_harness.wait import wait_until
+
+BASE = "aadiworkstation"
+ALL = (1, 2, 3)
+CUT = 20.0
+"""For so long a cable is out [s]: long enough for the swarm to give the machine up."""
+NEAR = 0.4
+"""From the last waypoint [m]: tolerance of a goal, and the error of the localisation."""
+
+
+def place(fleet: Fleet, number: int) -> tuple[float, float]:
+    """Returns where a robot is in the simulator [m]."""
+    said = fleet.execute(BASE, "rosservice", "call", "/gazebo/get_model_state", f"{{model_name: pioneer{number}}}")
+    x, y = (float(word) for word in re.findall(r"position:\s*x: (\S+)\s*y: (\S+)", said)[0])
+    return x, y
+
+
+def robots_on(fleet: Fleet, host: Host) -> list[int]:
+    return [one.number for one in fleet.computers().values() if one.node == host.name and one.number]
+
+
+def host_with_robots_only(fleet: Fleet, hosts: Sequence[Host]) -> Host:
+    base = fleet.computers()[BASE].node
+    return next(host for host in hosts if host.name != base and robots_on(fleet, host))
+
+
+def runs_elsewhere(fleet: Fleet, before: Computer) -> Computer:
+    """Waits until a computer runs in another container than before; returns it."""
+
+    def moved() -> Computer | None:
+        now = fleet.computers().get(before.name)
+        return now if now and now.running and now.container != before.container else None
+
+    found = wait_until(moved, f"start of {before.name} on another machine", PATIENCE)
+    assert found is not None, "it was waited for"
+    return found
+
+
+def finishes(fleet: Fleet, number: int) -> None:
+    """Sees a robot reach what was left of its waypoints, which nobody sends again, and end where its round does."""
+    report = fleet.report(f"aadi{number}", "--until", "ready", "--arrived", "1")
+    assert report["reached"] == report["received"], report
+    assert math.dist(place(fleet, number), ROUNDS[number][-1]) < NEAR, report
+
+
+@contextmanager
+def fewest_running(fleet: Fleet) -> Iterator[list[int]]:
+    """Looks how many robots' computers run, time and again meanwhile; what is given gets each number."""
+    seen, over = list[int](), threading.Event()
+
+    def look() -> None:
+        while not over.wait(1.0):
+            seen.append(sum(one.running for one in fleet.computers().values() if one.number))
+
+    thread = threading.Thread(target=look)
+    thread.start()
+    try:
+        yield seen
+    finally:
+        over.set()
+        thread.join()
+
+
+def test_robots_without_room_on_any_machine_are_reported_in_one_line(on_swarm: Fleet) -> None:
+    said = on_swarm.refused("up", "--swarm", "--robots", "2", "--rtf", "30")
+    names = "aadiworkstation, aadi1, aadi2"
+    assert said.startswith(f"pioneer: the swarm has no place for {names}: no suitable node (insufficient resources"), (
+        said
+    )
+    on_swarm.pioneer("down")
+
+
+def test_two_robots_drive_on_two_machines(on_swarm: Fleet, hosts: Sequence[Host]) -> None:
+    said = on_swarm.pioneer("up", "--swarm", "--robots", "2", "--rtf", "0.5", "--waypoints", "1")
+    assert re.search(r"^2 robots drive after \d+ s", said, re.M), said
+    found = on_swarm.computers()
+    assert found[BASE].node == hosts[0].name
+    assert len({found["aadi1"].node, found["aadi2"].node}) == 2
+
+
+def test_a_machine_that_cannot_get_the_image_is_reported_in_one_line(on_swarm: Fleet, hosts: Sequence[Host]) -> None:
+    output("docker", "stop", CONTAINER)
+    hosts[1].join()
+    try:
+        said = on_swarm.refused("up", "--robots", "3")
+    finally:
+        output("docker", "start", CONTAINER)
+    assert said.startswith(f"pioneer: {hosts[1].name} cannot start aadi3: "), said
+    assert "No such image" in said
+
+
+def test_a_machine_that_joins_late_is_used_by_the_next_up(on_swarm: Fleet, hosts: Sequence[Host]) -> None:
+    said = on_swarm.pioneer("up", "--robots", "3", "--waypoints", "1")
+    assert on_swarm.computers()["aadi3"].node == hosts[1].name, said
+    hosts[1].may_have_base()
+    for number in ALL:
+        on_swarm.report(f"aadi{number}", "--until", "ready", "--arrived", "1")
+
+
+def undisturbed(fleet: Fleet, sent: dict[int, Errand], moved: Sequence[int]) -> None:
+    """Sees robots whose computers had to move finish, and the others notice nothing."""
+    assert moved
+    for number in ALL:
+        if number not in moved:
+            sent[number].undisturbed()
+    for number in moved:
+        finishes(fleet, number)
+
+
+def test_robots_of_a_drained_machine_drive_on_elsewhere(errands: Errands, hosts: Sequence[Host]) -> None:
+    fleet, host = errands.fleet, host_with_robots_only(errands.fleet, hosts)
+    sent, before, moved = errands.send(*ALL), fleet.computers(), robots_on(fleet, host)
+    output("docker", "node", "update", "--availability", "drain", host.name)
+    try:
+        for number in moved:
+            assert runs_elsewhere(fleet, before[f"aadi{number}"]).node != host.name
+        undisturbed(fleet, sent, moved)
+    finally:
+        output("docker", "node", "update", "--availability", "active", host.name)
+
+
+def test_robots_drive_while_their_image_is_replaced_one_at_a_time(errands: Errands) -> None:
+    fleet, sent = errands.fleet, errands.send(*ALL)
+    before = fleet.computers()
+    image = "pioneer-swarm-next"
+    made = output("docker", "create", before["aadi1"].image).strip()
+    try:
+        output("docker", "commit", "-c", "LABEL pioneer.next=1", made, image)
+        fleet.environment["PIONEER_IMAGE"] = image
+        with fewest_running(fleet) as running:
+            fleet.pioneer("up", "--update", "--waypoints", "0")
+    finally:
+        output("docker", "rm", made)
+    assert min(running) >= len(ALL) - 1, running
+    now = fleet.computers()
+    assert all(now[f"aadi{number}"].image != before[f"aadi{number}"].image for number in ALL)
+    assert now[BASE].container == before[BASE].container
+    for number in sent:
+        finishes(fleet, number)
+
+
+def test_a_machine_off_the_network_and_back_disturbs_no_other(errands: Errands, hosts: Sequence[Host]) -> None:
+    fleet = errands.fleet
+    host = host_with_robots_only(fleet, hosts)
+    sent, before, moved = errands.send(*ALL), fleet.computers(), robots_on(fleet, host)
+    host.cut()
+    threading.Event().wait(CUT)
+    host.mend()
+    host.ready()
+    for number in moved:
+        runs_elsewhere(fleet, before[f"aadi{number}"])
+    undisturbed(fleet, sent, moved)
+    left = set(host.containers()) - {one.container for one in fleet.computers().values()}
+    wait_until(lambda: not left & set(host.containers()), f"end of what ran on {host.name} before", PATIENCE)
+
+
+def test_robots_of_a_machine_that_dies_drive_on_elsewhere(errands: Errands, hosts: Sequence[Host]) -> None:
+    fleet = errands.fleet
+    host = host_with_robots_only(fleet, hosts)
+    sent, before, moved = errands.send(*ALL), fleet.computers(), robots_on(fleet, host)
+    host.kill()
+    try:
+        for number in moved:
+            assert runs_elsewhere(fleet, before[f"aadi{number}"]).node != host.name
+        undisturbed(fleet, sent, moved)
+    finally:
+        host.start()
+        host.ready()
+
+
+def test_all_robots_drive_in_the_next_world_when_the_base_stations_machine_dies(
+    errands: Errands, hosts: Sequence[Host]
+) -> None:
+    fleet = errands.fleet
+    before = fleet.computers()
+    host = next(one for one in hosts if one.name == before[BASE].node)
+    lost = robots_on(fleet, host)
+    errands.send(*ALL)
+    host.kill()
+    assert runs_elsewhere(fleet, before[BASE]).node != host.name
+    for number in lost:
+        runs_elsewhere(fleet, before[f"aadi{number}"])
+    for number in ALL:
+        fleet.report(f"aadi{number}", "--until", "ready")
+    for errand in errands.send(*ALL).values():
+        errand.reached()
+
+
+@pytest.mark.parametrize("words", [("status",), ("status", "--json")])
+def test_status_names_the_machine_of_each_computer(on_swarm: Fleet, words: tuple[str, ...]) -> None:
+    said = on_swarm.pioneer(*words)
+    for name, one in on_swarm.computers().items():
+        assert one.node
+        assert name in said
+        assert one.node in said
