@@ -52,11 +52,11 @@ class FleetPlan:
         return [name for name in every if self.starts(name)]
 
     def joiners(self, computers: Sequence[Computer]) -> list[str]:
-        """Returns the robots that the world of the base station does not have yet, but for one that a person starts."""
+        """Returns the robots that the base station's world did not begin with; none where a person starts it."""
         if self.base is None or is_idle(self.base):
             return []
         count = int(self.base.environment["ROBOTS"])
-        return [one.robot for one in computers if one.number > count and one.name not in self.before]
+        return [one.robot for one in computers if one.number > count]
 
 
 def is_idle(computer: Computer) -> bool:

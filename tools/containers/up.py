@@ -113,11 +113,18 @@ def _desktop_address() -> str:
 
 
 def _join(base: Computer, robots: Sequence[str]) -> None:
-    """Puts more robots into a running world and its successors, and what RViz shows of them onto the base station."""
+    """Puts more robots into a running world and its successors, and what RViz shows of them onto the base station.
+
+    A world has those already that joined before, unless it began again on another machine.
+    """
     if not robots:
         return
     count = robots[-1].removeprefix("pioneer")
     on_base = (*base.docker, "exec")
+    joined = output(*on_base, base.container, "sh", "-c", f"cat {JOINED} 2>/dev/null; true").strip()
+    robots = robots[int(joined) - int(base.environment["ROBOTS"]) :] if joined else robots
+    if not robots:
+        return
     output(*on_base, base.container, "sh", "-c", f"echo {count} >{JOINED}")
     for robot in robots:
         pose = " ".join(f"-{option} $(rosparam get /{robot}/{key})" for option, key in zip("xyY", "xya", strict=True))

@@ -23,13 +23,15 @@ class FakeEngine:
         file: where ``up`` writes the compose file.
         composed: words of each call of Compose.
         asked: by computer, the stage that was waited for and the waypoints it was sent to; in the last call.
-        executed: what was run at the base station.
+        executed: what was run at the base station, but for questions.
+        joined: what the base station has noted of robots that joined.
     """
 
     def __init__(self, file: Path) -> None:
         self.computers: list[Computer] = []
         self.file, self.composed, self.executed = file, list[tuple[str, ...]](), list[str]()
         self.asked: dict[str, tuple[str, int]] = {}
+        self.joined = ""
 
     def project(self, name: str, **variables: str) -> "FakeProject":
         return FakeProject(self, variables)
@@ -41,6 +43,10 @@ class FakeEngine:
         return dict.fromkeys(self.asked, True)
 
     def output(self, *command: str) -> str:
+        if command[-1].startswith("cat "):
+            return self.joined
+        if command[-1].startswith("echo "):
+            self.joined = command[-1].split()[1] + "\n"
         self.executed.append(" ".join(command))
         return ""
 
@@ -149,6 +155,17 @@ def test_a_fleet_that_runs_as_it_is_asked_for_is_left_alone(
     assert engine.up() == 0
     assert set(engine.asked.values()) == {("ready", 0)}
     assert "7 robots, which ran already and are sent nowhere, are ready after" in capsys.readouterr().out
+
+
+def test_a_robot_whose_computer_was_late_and_one_whose_world_began_again_elsewhere_join(engine: FakeEngine) -> None:
+    """Their computers run already; `up` did not put them into the world, and waited for their odometry in vain."""
+    engine.up("--robots 2")
+    engine.up("--robots 3")
+    engine.joined = ""
+    assert engine.up() == 0
+    assert [text for text in engine.executed if "name:=pioneer3" in text]
+    assert engine.up() == 0
+    assert not engine.executed
 
 
 def test_a_stopped_computer_restarts_and_its_robot_does_not_join_twice(

@@ -24,8 +24,8 @@ BASE = "aadiworkstation"
 ALL = (1, 2, 3)
 CUT = 20.0
 """For so long a cable is out [s]: long enough for the swarm to give the machine up."""
-NEAR = 0.4
-"""From the last waypoint [m]: tolerance of a goal, and the error of the localisation."""
+NEAR, AWAY = 0.4, 1.0
+"""A robot has come back, within a goal's tolerance and its localisation's error, or is on its way [m]."""
 
 
 def place(fleet: Fleet, number: int) -> tuple[float, float]:
@@ -40,8 +40,17 @@ def robots_on(fleet: Fleet, host: Host) -> list[int]:
 
 
 def host_with_robots_only(fleet: Fleet, hosts: Sequence[Host]) -> Host:
-    base = fleet.computers()[BASE].node
-    return next(host for host in hosts if host.name != base and robots_on(fleet, host))
+    """Returns the host without the base station; a robot's computer moves there if it has none."""
+    computers = fleet.computers()
+    (host,) = (one for one in hosts if one.name != computers[BASE].node)
+    if not robots_on(fleet, host):
+        nodes = [one.node for one in computers.values() if one.number]
+        moved = next(one for one in computers.values() if one.number and nodes.count(one.node) > 1)
+        # The swarm starts it on the machine with the fewest.
+        fleet.docker("rm", moved.name, "-f")
+        assert runs_elsewhere(fleet, moved).node == host.name
+        fleet.report(moved.name, "--until", "ready")
+    return host
 
 
 def runs_elsewhere(fleet: Fleet, before: Computer) -> Computer:
@@ -51,16 +60,33 @@ def runs_elsewhere(fleet: Fleet, before: Computer) -> Computer:
         now = fleet.computers().get(before.name)
         return now if now and now.running and now.container != before.container else None
 
-    found = wait_until(moved, f"start of {before.name} on another machine", PATIENCE)
+    found = wait_until(moved, f"start of {before.name} in another container", PATIENCE)
     assert found is not None, "it was waited for"
     return found
 
 
+def from_home(fleet: Fleet, number: int) -> float:
+    """Returns how far a robot is from where its round begins and ends [m]."""
+    return math.dist(place(fleet, number), ROUNDS[number][-1])
+
+
+def send(errands: Errands) -> dict[int, Errand]:
+    """Sends all robots on their rounds; returns once they are away from where these end."""
+    sent = errands.send(*ALL)
+    for number in ALL:
+        wait_until(lambda one=number: from_home(errands.fleet, one) > AWAY, f"pioneer{number} on its way", PATIENCE)
+    return sent
+
+
 def finishes(fleet: Fleet, number: int) -> None:
     """Sees a robot reach what was left of its waypoints, which nobody sends again, and end where its round does."""
-    report = fleet.report(f"aadi{number}", "--until", "ready", "--arrived", "1")
-    assert report["reached"] == report["received"], report
-    assert math.dist(place(fleet, number), ROUNDS[number][-1]) < NEAR, report
+    wait_until(lambda: from_home(fleet, number) < NEAR, f"return of pioneer{number}", PATIENCE)
+    wait_until(lambda: is_idle(fleet, number), f"an empty queue of pioneer{number}", PATIENCE)
+
+
+def is_idle(fleet: Fleet, number: int) -> bool:
+    report = fleet.report(f"aadi{number}", "--until", "ready")
+    return bool(report["reached"] == report["received"])
 
 
 @contextmanager
@@ -114,7 +140,8 @@ def test_a_machine_that_joins_late_is_used_by_the_next_up(on_swarm: Fleet, hosts
     assert on_swarm.computers()["aadi3"].node == hosts[1].name, said
     hosts[1].may_have_base()
     for number in ALL:
-        on_swarm.report(f"aadi{number}", "--until", "ready", "--arrived", "1")
+        on_swarm.report(f"aadi{number}", "--until", "ready")
+        on_swarm.execute(f"aadi{number}", "rosservice", "call", f"/pioneer{number}/map_goal_client/clear")
 
 
 def undisturbed(fleet: Fleet, sent: dict[int, Errand], moved: Sequence[int]) -> None:
@@ -129,7 +156,7 @@ def undisturbed(fleet: Fleet, sent: dict[int, Errand], moved: Sequence[int]) -> 
 
 def test_robots_of_a_drained_machine_drive_on_elsewhere(errands: Errands, hosts: Sequence[Host]) -> None:
     fleet, host = errands.fleet, host_with_robots_only(errands.fleet, hosts)
-    sent, before, moved = errands.send(*ALL), fleet.computers(), robots_on(fleet, host)
+    sent, before, moved = send(errands), fleet.computers(), robots_on(fleet, host)
     output("docker", "node", "update", "--availability", "drain", host.name)
     try:
         for number in moved:
@@ -139,18 +166,21 @@ def test_robots_of_a_drained_machine_drive_on_elsewhere(errands: Errands, hosts:
         output("docker", "node", "update", "--availability", "active", host.name)
 
 
-def test_robots_drive_while_their_image_is_replaced_one_at_a_time(errands: Errands) -> None:
-    fleet, sent = errands.fleet, errands.send(*ALL)
+def test_robots_drive_while_their_image_is_replaced_one_at_a_time(
+    errands: Errands, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fleet, sent = errands.fleet, send(errands)
     before = fleet.computers()
     image = "pioneer-swarm-next"
     made = output("docker", "create", before["aadi1"].image).strip()
+    monkeypatch.setitem(fleet.environment, "PIONEER_IMAGE", image)
     try:
         output("docker", "commit", "-c", "LABEL pioneer.next=1", made, image)
-        fleet.environment["PIONEER_IMAGE"] = image
         with fewest_running(fleet) as running:
             fleet.pioneer("up", "--update", "--waypoints", "0")
     finally:
         output("docker", "rm", made)
+        output("docker", "rmi", image)
     assert min(running) >= len(ALL) - 1, running
     now = fleet.computers()
     assert all(now[f"aadi{number}"].image != before[f"aadi{number}"].image for number in ALL)
@@ -162,13 +192,11 @@ def test_robots_drive_while_their_image_is_replaced_one_at_a_time(errands: Erran
 def test_a_machine_off_the_network_and_back_disturbs_no_other(errands: Errands, hosts: Sequence[Host]) -> None:
     fleet = errands.fleet
     host = host_with_robots_only(fleet, hosts)
-    sent, before, moved = errands.send(*ALL), fleet.computers(), robots_on(fleet, host)
+    sent, moved = send(errands), robots_on(fleet, host)
     host.cut()
     threading.Event().wait(CUT)
     host.mend()
     host.ready()
-    for number in moved:
-        runs_elsewhere(fleet, before[f"aadi{number}"])
     undisturbed(fleet, sent, moved)
     left = set(host.containers()) - {one.container for one in fleet.computers().values()}
     wait_until(lambda: not left & set(host.containers()), f"end of what ran on {host.name} before", PATIENCE)
@@ -177,7 +205,7 @@ def test_a_machine_off_the_network_and_back_disturbs_no_other(errands: Errands, 
 def test_robots_of_a_machine_that_dies_drive_on_elsewhere(errands: Errands, hosts: Sequence[Host]) -> None:
     fleet = errands.fleet
     host = host_with_robots_only(fleet, hosts)
-    sent, before, moved = errands.send(*ALL), fleet.computers(), robots_on(fleet, host)
+    sent, before, moved = send(errands), fleet.computers(), robots_on(fleet, host)
     host.kill()
     try:
         for number in moved:
@@ -194,14 +222,13 @@ def test_all_robots_drive_in_the_next_world_when_the_base_stations_machine_dies(
     fleet = errands.fleet
     before = fleet.computers()
     host = next(one for one in hosts if one.name == before[BASE].node)
-    lost = robots_on(fleet, host)
-    errands.send(*ALL)
+    sent, lost = send(errands), robots_on(fleet, host)
     host.kill()
     assert runs_elsewhere(fleet, before[BASE]).node != host.name
-    for number in lost:
-        runs_elsewhere(fleet, before[f"aadi{number}"])
-    for number in ALL:
-        fleet.report(f"aadi{number}", "--until", "ready")
+    # The third one joined the world before: `up` puts it into the new one, and waits for all.
+    fleet.pioneer("up", "--waypoints", "0")
+    for number in set(ALL) - set(lost):
+        sent[number].over()
     for errand in errands.send(*ALL).values():
         errand.reached()
 
