@@ -83,7 +83,9 @@ class Host:
             output("docker", "context", "create", self.name, "--docker", f"host={socket}")
 
     def join(self) -> None:
-        """Makes it a worker of the swarm; returns once the swarm says it is ready."""
+        """Makes it a worker of the swarm if it is none; returns once the swarm says it is ready."""
+        if _is_ready(self.name):
+            return
         token = output("docker", "swarm", "join-token", "-q", "worker").strip()
         output("docker", "--context", self.name, "swarm", "join", "--token", token, f"{MANAGER}:2377")
         self.ready()
