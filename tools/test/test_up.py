@@ -158,7 +158,7 @@ def test_a_fleet_that_runs_as_it_is_asked_for_is_left_alone(
 
 
 def test_a_robot_whose_computer_was_late_and_one_whose_world_began_again_elsewhere_join(engine: FakeEngine) -> None:
-    """Their computers run already; `up` did not put them into the world, and waited for their odometry in vain."""
+    """Their computers run already; `up` did not put them into the world, so no odometry came."""
     engine.up("--robots 2")
     engine.up("--robots 3")
     engine.joined = ""
