@@ -28,6 +28,7 @@ class Exchange:
     Attributes:
         name: of this node.
         partners: nodes that take part, this one too, whose messages come in tokens.
+        wanted: topics to which anybody in lockstep subscribes.
     """
 
     current: "Exchange | None" = None
@@ -38,7 +39,7 @@ class Exchange:
         self.partners: tuple[str, ...] = ()
         self.timers: list[_Timer] = []
         self.latched: list[_Publisher] = []
-        self._wanted: frozenset[str] = frozenset()
+        self.wanted: frozenset[str] = frozenset()
         self._listeners: dict[str, list[_Subscriber]] = {}
         self._sent: list[LockstepMessage] = []
         self._parts: dict[str, dict[bytes, bytes]] = {}
@@ -60,14 +61,14 @@ class Exchange:
 
     def wants(self, topic: str) -> bool:
         """Returns whether anybody in lockstep subscribes to a topic."""
-        return topic in self._wanted
+        return topic in self.wanted
 
     def set_wanted(self, topics: Iterable[str]) -> None:
         """Takes the topics to which anybody in lockstep subscribes; latched messages reach those that are new."""
-        before, self._wanted = self._wanted, frozenset(topics)
+        before, self.wanted = self.wanted, frozenset(topics)
         for publisher in self.latched:
             topic = publisher.resolved_name
-            if publisher.kept is not None and topic in self._wanted and topic not in before:
+            if publisher.kept is not None and topic in self.wanted and topic not in before:
                 self.note(topic, publisher.kept)
 
     def listen(self, topic: str, subscriber: "_Subscriber") -> None:

@@ -97,7 +97,10 @@ class LockstepGate:
             self._ask(tick)
         if state.late:
             self._watch()
-        return bool(state.late or (not state.begun and (state.absent or not state.rings)))
+        holds = bool(state.late or (not state.begun and (state.absent or not state.rings)))
+        if not holds and not state.begun:
+            self._want()  # what the first period's token is to carry
+        return holds
 
     def reached(self, tick: int) -> None:
         """Sends the tokens of the period that ends at ``tick``."""
@@ -108,8 +111,7 @@ class LockstepGate:
         state.subscribe(exchange.topics())
         exchange.partners = tuple(state.members)
         if any(not ring.told for ring in state.rings.values()):
-            exchange.set_wanted(state.wants)
-            self.changed()
+            self._want()
         stamp, own = _time(tick), exchange.take(conversions.joined_transforms)
         self._began, self._probed = time.monotonic(), None
         for ring, messages in state.begin_period(own):
@@ -117,6 +119,11 @@ class LockstepGate:
             ring.told = True
             token = LockstepToken(LockstepToken.PERIOD, state.period, stamp, members, wants, messages)
             self._inlets[ring.name].publish(token)
+
+    def _want(self) -> None:
+        if self.exchange.wanted != self._state.wants:
+            self.exchange.set_wanted(self._state.wants)
+            self.changed()
 
     def restart(self) -> None:
         """Begins again at tick 0; members see time jump back."""
