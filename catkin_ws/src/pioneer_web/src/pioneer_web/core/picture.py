@@ -6,8 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-_UNKNOWN = 255
-
 
 def _map_colours() -> NDArray[np.uint8]:
     """Grey values as of RViz's scheme "map": free is light, occupied dark, unknown greenish."""
