@@ -1,6 +1,7 @@
 """ROS messages to and from the values of the core."""
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,14 @@ def hits_from_scan(message: Any, mount: Pose) -> Hits:
     angles = mount.yaw + message.angle_min + np.arange(len(ranges)) * message.angle_increment * every
     met = (ranges >= message.range_min) & (ranges <= message.range_max)
     return np.column_stack([mount.x + ranges * np.cos(angles), mount.y + ranges * np.sin(angles)])[met].astype("f4")
+
+
+def counters_from_diagnostics(message: Any) -> Iterator[tuple[str, int, int]]:
+    """Yields name, messages and bytes so far of each gateway's connection in a ``diagnostic_msgs/DiagnosticArray``."""
+    for status in message.status:
+        values = {one.key: one.value for one in status.values}
+        if {"messages", "bytes"} <= values.keys():
+            yield status.name, int(values["messages"]), int(values["bytes"])
 
 
 def speed_from_truth(message: Any) -> tuple[float, float]:

@@ -5,6 +5,13 @@ import json
 WHOLE = 300.0
 
 
+def test_the_shipped_mapping_scenario_starts_each_robots_program_and_succeeds(start):
+    run = start("mapping", "--lockstep", command="run-scenario")
+    assert run.process.wait(WHOLE) == 0, run.text()
+    for robot in ("pioneer1", "pioneer2"):
+        assert "Traceback" not in (run.report / "log" / f"program-1-of-{robot}.log").read_text()
+
+
 def test_a_robot_whose_computer_is_killed_gets_its_waypoints_again_and_a_door_closes(start, tmp_path):
     scenario = tmp_path / "outage.yaml"
     scenario.write_text(
@@ -26,3 +33,4 @@ def test_a_robot_whose_computer_is_killed_gets_its_waypoints_again_and_a_door_cl
     numbers = json.loads((run.report / "report.json").read_text())
     assert numbers["robots"]["pioneer1"]["reached"] == 1
     assert len(numbers["settings"]["disturbances"]) == 3
+    assert numbers["drive"]["bytes"] > numbers["drive"]["messages"] > 100

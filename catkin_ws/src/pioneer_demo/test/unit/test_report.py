@@ -53,6 +53,17 @@ def test_the_numbers_say_what_happened_and_are_json(fleet, outcome):
     assert numbers["seconds_to_moving"] == 12.5
 
 
+def test_messages_count_from_the_start_and_on_connections_that_were_made_again():
+    fleet = Fleet([])
+    for counters in ((10, 1000), (30, 3000)):
+        fleet.traffic.add("base: to robot /clock", *counters)
+    fleet.traffic.restart()
+    for counters in ((35, 3500), (4, 400), (6, 600)):
+        fleet.traffic.add("base: to robot /clock", *counters)
+    fleet.traffic.add("base: from robot /tf", 1, 50)
+    assert (fleet.traffic.messages, fleet.traffic.bytes) == (12, 1150)
+
+
 def test_what_is_unknown_is_null_and_shown_as_a_dash(outcome):
     numbers = report(Fleet([RobotTrack("pioneer1")]), outcome, {})
     assert numbers["robots"]["pioneer1"]["localisation_error"]["mean"] is None

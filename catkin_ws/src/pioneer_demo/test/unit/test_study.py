@@ -52,9 +52,9 @@ def test_a_row_has_what_the_report_has_and_none_for_the_rest():
         },
         "pioneer2": {"seconds": 40.0, "path_length": 20.0, "collisions": 1, "localisation_error": {"mean": None}},
     }
-    row = row_of(Run("a", 1), {"success": False, "robots": robots, "faults": ["x", "y"]}, 12.34)
+    row = row_of(Run("a", 1), {"success": False, "robots": robots, "faults": ["x", "y"], "drive": {"bytes": 9}}, 12.34)
     assert (row["seconds"], row["path_length"], row["collisions"]) == (40.0, 15.0, 1)
-    assert row["missed"] == 2
+    assert (row["missed"], row["bytes"], row["messages"]) == (2, 9, None)
     assert (row["localisation_error"], row["closest_approach"], row["faults"]) == (0.02, None, "x; y")
     robots["pioneer1"]["seconds"] = None
     assert row_of(Run("a", 1), {"robots": robots}, 0.0)["seconds"] is None, "one robot never finished"

@@ -88,7 +88,7 @@ def _figure(table: pandas.DataFrame, variants: dict[str, Any]) -> str:
     mpl.use("Agg")
     from matplotlib import pyplot
 
-    figure, places = pyplot.subplots(2, 4, figsize=(15.0, 7.0), layout="constrained")
+    figure, places = pyplot.subplots(2, 5, figsize=(18.0, 7.0), layout="constrained")
     axes = iter(places.flat)
     first, names = next(axes), list(variants)
     for number, one in enumerate(variants.values()):

@@ -97,7 +97,8 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
             _run(f"navigation of {name}", port, tuple(navigation), own),
         ]
         for index, line in enumerate(config.programs, 1):
-            argv = tuple(word.replace("{robot}", name) for word in shlex.split(line))
+            words = tuple(word.replace("{robot}", name) for word in shlex.split(line))
+            argv = ("python3", "-m", "pioneer_demo.adapters.program", *words)
             found.append(Command(f"program {index} of {name}", argv, {**own, "ROS_MASTER_URI": master_uri(port)}))
     return [*found, *_recorder(config, ports)]
 

@@ -14,8 +14,8 @@ _RESAMPLES = 2000
 
 
 def frame_of(rows: list[dict[str, Any]], variants: list[str]) -> pandas.DataFrame:
-    """Returns the rows as a table, in the order of variants and seeds."""
-    table = pandas.DataFrame(rows)
+    """Returns the rows as a table, in the order of variants and seeds; rows of older releases lack some metrics."""
+    table = pandas.DataFrame([{**dict.fromkeys(METRICS), **row} for row in rows])
     table["variant"] = pandas.Categorical(table["variant"], categories=variants, ordered=True)
     for metric in METRICS:
         table[metric] = pandas.to_numeric(table[metric])

@@ -5,6 +5,7 @@ import math
 
 from pioneer_demo.core.scenario import Success
 from pioneer_demo.core.track import RobotTrack
+from pioneer_demo.core.traffic import Traffic
 
 
 @dataclasses.dataclass
@@ -26,6 +27,7 @@ class Fleet:
         began: simulated time when the waypoints were sent [s]; nan before.
         ended: simulated time when the last of them was dealt with, or the demo ended otherwise [s]; nan before.
         closest: smallest distance between the middles of two robots so far [m]; infinite with one.
+        traffic: what crosses between base station and robots.
     """
 
     robots: list[RobotTrack]
@@ -33,6 +35,7 @@ class Fleet:
     began: float = math.nan
     ended: float = math.nan
     closest: float = math.inf
+    traffic: Traffic = dataclasses.field(default_factory=Traffic)
 
     def note_distance(self, robot: RobotTrack) -> None:
         """Takes in how far a robot, which has just moved, is from the others."""

@@ -54,6 +54,8 @@ def report(fleet: Fleet, outcome: Outcome, settings: Mapping[str, Any]) -> dict[
                 "wall_seconds": outcome.drive_wall,
                 "real_time_factor": drive / outcome.drive_wall if outcome.drive_wall else math.nan,
                 "cpu_seconds_per_simulated_second": outcome.drive_cpu / drive if drive else math.nan,
+                "messages": fleet.traffic.messages,
+                "bytes": fleet.traffic.bytes,
             },
             "robots": {robot.name: _robot(robot, fleet.began) for robot in fleet.robots},
             "processes": {
@@ -125,7 +127,8 @@ def _drive_line(numbers: Mapping[str, Any]) -> str:
     return (
         f"{_number(drive['simulated_seconds'], 1)} s simulated in {_number(drive['wall_seconds'], 1)} s: real-time "
         f"factor {_number(drive['real_time_factor'], 2)}, {_number(drive['cpu_seconds_per_simulated_second'], 2)} "
-        f"CPU-s a simulated second; all moving {_number(numbers['seconds_to_moving'], 1)} s after the start"
+        f"CPU-s a simulated second; all moving {_number(numbers['seconds_to_moving'], 1)} s after the start\n"
+        f"{drive['messages']} messages, {drive['bytes'] / 1e6:.1f} MB between base station and robots"
     )
 
 

@@ -15,6 +15,8 @@ METRICS = {
     "collisions": "collisions, all robots",
     "closest_approach": "closest approach of two robots [m]",
     "cpu_seconds": "CPU time a simulated second [s]",
+    "messages": "messages between base station and robots",
+    "bytes": "bytes of these messages",
 }
 """What is compared beside success, with what it is."""
 
@@ -103,6 +105,8 @@ def row_of(run: Run, report: Mapping[str, Any], wall: float) -> dict[str, Any]:
         "collisions": sum(collisions) if collisions else None,
         "closest_approach": drive.get("closest_approach"),
         "cpu_seconds": drive.get("cpu_seconds_per_simulated_second"),
+        "messages": drive.get("messages"),
+        "bytes": drive.get("bytes"),
         "wall_seconds": round(wall, 1),
         "faults": "; ".join(report.get("faults", ())),
     }

@@ -97,6 +97,7 @@ class Demo:
         self._sent_at, self._cpu_at_start = time.monotonic(), self._run.processes.cpu()
         with self._run.lock:
             self._fleet.began = self._fleet.simulator.time
+            self._fleet.traffic.restart()
         for robot in self._fleet.robots:
             for visit in robot.visits:
                 self._run.seen.send(robot, visit.leg.goal)

@@ -7,6 +7,7 @@ from typing import Any
 
 import rospy
 from actionlib_msgs.msg import GoalStatusArray
+from diagnostic_msgs.msg import DiagnosticArray
 from gateway_msgs.msg import GatewayInfo, RemoteRule, RemoteRuleWithStatus
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
@@ -40,7 +41,7 @@ class ObserverNode:
     """Stores the newest of what the fleet publishes in a ``Fleet``, and sends waypoints.
 
     Subscribes:
-        /clock, /gazebo/ready, /gazebo/real_time_factor, /tf, /gateway/gateway_info, once /map,
+        /clock, /gazebo/ready, /gazebo/real_time_factor, /tf, /gateway/gateway_info, /diagnostics, once /map,
         and under each robot's name base_pose_ground_truth, collisions, map_goal_client/queue, move_base/status,
         move_base/NavfnROS/plan (the last three come through the gateway), and for a film base_scan.
 
@@ -69,6 +70,7 @@ class ObserverNode:
         self._subscribe("/gazebo/real_time_factor", Float64, self._on_real_time_factor)
         self._subscribe("/gateway/gateway_info", GatewayInfo, self._on_gateway_info)
         self._subscribe("/tf", TFMessage, self._on_tf)
+        self._subscribe("/diagnostics", DiagnosticArray, self._on_diagnostics)
         for robot in fleet.robots:
             self._subscribe_robot(robot)
 
@@ -127,6 +129,10 @@ class ObserverNode:
         asked = {_key(remote): "not connected" for remote in message.flip_watchlist if _is_ours(remote)}
         known = {_key(flip.remote_rule): flip.status for flip in message.flipped_connections}
         self.flips = {key: known.get(key, status) for key, status in asked.items()}
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for connection, messages, size in conversions.counters_from_diagnostics(message):
+            self._fleet.traffic.add(connection, messages, size)
 
     def _on_tf(self, message: TFMessage) -> None:
         for transform in message.transforms:

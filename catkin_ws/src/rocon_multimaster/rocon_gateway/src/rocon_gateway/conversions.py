@@ -107,6 +107,7 @@ def diagnostic_from_link(
         "reason": link.reason,
         "subscribers": link.subscribers,
         "messages": link.messages,
+        "bytes": link.bytes,
         "rate [Hz]": f"{flow.messages:.1f}",
         "throughput [byte/s]": f"{flow.bytes:.0f}",
         "dropped": link.drops,

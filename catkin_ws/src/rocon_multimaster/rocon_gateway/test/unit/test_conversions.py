@@ -16,6 +16,7 @@ def test_a_connection_says_what_flows_on_it_and_how_long_the_way_takes():
     assert (status.level, status.name) == (DiagnosticStatus.OK, "base: from robot /scan of /laser")
     values = {one.key: one.value for one in status.values}
     assert (values["rate [Hz]"], values["throughput [byte/s]"], values["dropped"]) == ("12.5", "625", "3")
+    assert (values["messages"], values["bytes"]) == ("100", "5000")
     assert (values["latency [ms]"], values["saved by compression [byte]"]) == ("2.00", "40")
 
 
