@@ -29,13 +29,33 @@ def study(tmp_path):
     return tmp_path
 
 
-def experiment(study, **options):
-    command = [sys.executable, "-m", "pioneer_demo", "experiment", "study.yaml", "--jobs", "2", "--output", "out"]
+def python(study, *words, **options):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     return subprocess.Popen(
-        command, cwd=study, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        [sys.executable, "-m", *words], cwd=study, env=environment, text=True, stderr=subprocess.STDOUT,
         start_new_session=True, **options,
     )  # fmt: skip
+
+
+def experiment(study, *where):
+    words = ("pioneer_demo", "experiment", "study.yaml", "--output", "out", *(where or ("--jobs", "2")))
+    return python(study, *words, stdout=subprocess.PIPE)
+
+
+@pytest.fixture
+def scheduler(study):
+    """The address of a scheduler that was started by hand, with one worker."""
+    file, common = study / "scheduler.json", ["--no-dashboard", "--scheduler-file", "scheduler.json"]
+    with (study / "dask.txt").open("w") as log:
+        words = ["distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", *common]
+        running = [python(study, *words, stdout=log)]
+        wait_until(file.is_file, "the scheduler's file", PATIENCE)
+        words = ["distributed.cli.dask_worker", "--nthreads", "1", "--host", "127.0.0.1", *common]
+        running.append(python(study, *words, stdout=log))
+        yield json.loads(file.read_text())["address"]
+        for process in reversed(running):
+            process.terminate()
+            process.wait(PATIENCE)
 
 
 def noted(study, word):
@@ -74,6 +94,21 @@ def test_a_killed_worker_and_ctrl_c_lose_no_run_and_repeat_none_that_was_done(st
         "high": pytest.approx(0.954, abs=1e-3)}  # fmt: skip
     assert variants["far"]["difference"]["seconds"] == {"count": 4, "mean": 10.0, "low": 10.0, "high": 10.0}
     assert "base64" in (study / "out" / "report.html").read_text()
+
+
+def test_the_workers_of_a_scheduler_do_the_runs(study, scheduler):
+    done = experiment(study, "--scheduler", scheduler)
+    text, _ = done.communicate(timeout=PATIENCE)
+    assert done.returncode == 0, text
+    assert f"{RUNS} of {RUNS} runs" in text
+    assert len({worker for _, worker in noted(study, "end")}) == 1
+    assert len(list((study / "out" / "runs").glob("*.json"))) == RUNS
+
+
+def test_a_scheduler_that_does_not_exist_is_named(study):
+    done = experiment(study, "--scheduler", "tcp://127.0.0.1:1")
+    text, _ = done.communicate(timeout=PATIENCE)
+    assert (done.returncode, text.splitlines()[-1][:59]) == (1, "pioneer experiment: no scheduler at tcp://127.0.0.1:1: Time")
 
 
 @pytest.mark.parametrize(
