@@ -108,7 +108,8 @@ def test_the_workers_of_a_scheduler_do_the_runs(study, scheduler):
 def test_a_scheduler_that_does_not_exist_is_named(study):
     done = experiment(study, "--scheduler", "tcp://127.0.0.1:1")
     text, _ = done.communicate(timeout=PATIENCE)
-    assert (done.returncode, text.splitlines()[-1][:59]) == (1, "pioneer experiment: no scheduler at tcp://127.0.0.1:1: Time")
+    assert done.returncode == 1
+    assert "pioneer experiment: no scheduler at tcp://127.0.0.1:1: " in text
 
 
 @pytest.mark.parametrize(
