@@ -1,8 +1,10 @@
 """The steps of one computer start together and end together."""
 
+import os
 import signal
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import pytest
@@ -34,3 +36,42 @@ def test_no_steps_are_a_usage_error() -> None:
     done = subprocess.run(COMMAND, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
     assert "usage" in done.stderr
+
+
+def _installed(folder: Path, package: str, program: str, text: str) -> Path:
+    path = folder / "lib" / package / program
+    path.parent.mkdir(parents=True)
+    path.write_text(f"#!{sys.executable}\n{textwrap.dedent(text)}")
+    path.chmod(0o755)
+    return path
+
+
+def test_computer_run_by_a_path_with_dots_forks_launchers_and_their_nodes_from_one_server(tmp_path: Path) -> None:
+    main = "from pioneer_node.nodes.computer import main\nraise SystemExit(main())"
+    _installed(tmp_path, "pioneer_node", "computer", main)
+    node = _installed(tmp_path, "nodes", "node", "import os\nprint('node', os.getppid())")
+    launcher = """
+        import os, signal, sys
+        from pioneer_node.nodes import launcher
+
+        print("launcher", os.getppid(), flush=True)
+        server = launcher.shared_server()
+        if not hasattr(server, "start"):
+            server.run()
+        how = {"env": dict(os.environ), "cwd": os.getcwd(), "stdout": None, "stderr": None}
+        process = launcher.starter(server)([sys.argv[1]], **how)
+        while process.poll() is None:
+            signal.sigtimedwait((), 0.05)
+        signal.pause()
+    """
+    step = _installed(tmp_path, "launchers", "launcher", launcher)
+    (tmp_path / "docker").mkdir()
+    command = [tmp_path / "docker" / ".." / "lib" / "pioneer_node" / "computer", f"{step} {node}"]
+    environment = {**os.environ, "CMAKE_PREFIX_PATH": str(tmp_path)}
+    process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    first = [process.stdout.readline().split() for _ in range(2)]
+    process.terminate()
+    process.communicate(timeout=60)
+    assert [name for name, _ in first] == ["launcher", "node"]
+    assert first[0][1] == first[1][1] != str(process.pid)

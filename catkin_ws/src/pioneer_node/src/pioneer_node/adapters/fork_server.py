@@ -30,6 +30,7 @@ _LARGEST = 1 << 20
 """Bytes of a request at most; a socket of this kind takes less than that by default."""
 _STREAMS = 3
 _SIGNALS = (signal.SIGHUP, signal.SIGTERM, signal.SIGCHLD)
+_lent: list["ForkServer"] = []
 
 
 class ForkServerError(Exception):
@@ -129,14 +130,20 @@ class ForkServer:
         self.is_lost = False
 
     def start(
-        self, arguments: Sequence[str], environment: Mapping[str, str], folder: str, stdout: int, stderr: int
+        self,
+        arguments: Sequence[str],
+        environment: Mapping[str, str],
+        folder: str,
+        stdout: int,
+        stderr: int,
+        lend: bool = False,
     ) -> ForkedProcess:
-        """Starts the script ``arguments[0]`` in a session of its own.
+        """Starts the script ``arguments[0]`` in a session of its own; with ``lend`` it may use this server as well.
 
         Raises:
             ForkServerError: the server has ended, or the request is too long.
         """
-        request = json.dumps([list(arguments), dict(environment), folder]).encode()
+        request = json.dumps([[list(arguments), dict(environment), folder], lend]).encode()
         with self._lock:
             try:
                 socket.send_fds(self._line, [request], [0, stdout, stderr])
@@ -181,9 +188,7 @@ def start_server() -> ForkServer | Program:
     """
     gc.collect()
     gc.freeze()  # a collection would write into pages that are shared
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    for line in (ours, theirs):
-        line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _LARGEST)
+    ours, theirs = _line()
     sys.stdout.flush()
     sys.stderr.flush()
     pid = os.fork()
@@ -191,11 +196,103 @@ def start_server() -> ForkServer | Program:
         theirs.close()
         return ForkServer(ours, pid)
     ours.close()
-    return _serve(theirs)
+    return _Server(theirs).serve()
 
 
-def _serve(line: socket.socket) -> Program:
-    """Starts what is asked for until the other side ends; returns in the programs' processes only."""
+def lent_server() -> ForkServer | None:
+    """Returns, once, the server that this process was forked from and may use; None where there is none."""
+    return _lent.pop() if _lent else None
+
+
+def _line() -> tuple[socket.socket, socket.socket]:
+    lines = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    for one in lines:
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _LARGEST)
+    return lines
+
+
+class _Server:
+    """The forking side: a line to each process that may ask, and the line that each program was asked for on."""
+
+    def __init__(self, line: socket.socket) -> None:
+        self._lines = [line]
+        self._asked: dict[int, socket.socket] = {}
+
+    def serve(self) -> Program:
+        """Starts what is asked for until nobody is left to ask; returns in the programs' processes only."""
+        reader = _become_server()
+        while self._lines:
+            ready = select.select([*self._lines, reader], [], [])[0]
+            if reader in ready:
+                os.read(reader, 4096)
+                self._report()
+            for line in [one for one in self._lines if one in ready]:
+                program = self._request(line)
+                if program is not None:
+                    return program
+        os._exit(0)
+
+    def _request(self, line: socket.socket) -> Program | None:
+        """Starts one program; returns it in its own process."""
+        try:
+            request, streams, *_ = socket.recv_fds(line, _LARGEST, _STREAMS)
+        except OSError:
+            request = b""
+        if not request:
+            self._drop(line)
+            return None
+        fields, lend = json.loads(request)
+        return self._fork(line, Program(*fields), streams, lend)
+
+    def _fork(self, line: socket.socket, program: Program, streams: Sequence[int], lend: bool) -> Program | None:
+        """Returns the program in the new process, None in this one once that leads a session of its own."""
+        reader, writer = os.pipe2(os.O_CLOEXEC)
+        server = os.getpid()
+        ours, theirs = _line() if lend else (None, None)
+        pid = os.fork()
+        if not pid:
+            os.setsid()
+            for one in self._lines:
+                one.detach()
+            if theirs is not None:
+                theirs.detach()
+            _settle(streams, keep=ours)
+            if ours is not None:
+                _lent.append(ForkServer(ours, server))
+            return program
+        os.close(writer)
+        for stream in streams:
+            os.close(stream)
+        if ours is not None and theirs is not None:
+            ours.close()
+            self._lines.append(theirs)
+        os.read(reader, 1)  # its end was closed: by _settle
+        os.close(reader)
+        self._asked[pid] = line
+        self._send(line, [pid, None])
+        return None
+
+    def _report(self) -> None:
+        with contextlib.suppress(ChildProcessError):
+            while (found := os.waitpid(-1, os.WNOHANG))[0]:
+                line = self._asked.pop(found[0])
+                if line in self._lines:
+                    self._send(line, [found[0], os.waitstatus_to_exitcode(found[1])])
+
+    def _send(self, line: socket.socket, message: Any) -> None:
+        try:
+            line.sendall(json.dumps(message).encode())
+        except OSError:
+            self._drop(line)
+
+    def _drop(self, line: socket.socket) -> None:
+        if line in self._lines:
+            self._lines.remove(line)
+            line.close()
+
+
+def _become_server() -> int:
+    """Makes this process the server; returns what is readable when a program has ended."""
     os.setsid()
     process_title.show([sys.executable, "fork_server", *sys.argv], os.environ, "fork_server")
     reader, writer = os.pipe2(os.O_CLOEXEC | os.O_NONBLOCK)
@@ -203,64 +300,10 @@ def _serve(line: socket.socket) -> Program:
         signal.signal(number, signal.SIG_DFL)
     signal.signal(signal.SIGCHLD, lambda *_: None)
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
-    while True:
-        ready = select.select([line, reader], [], [])[0]
-        if reader in ready:
-            os.read(reader, 4096)
-            _report(line)
-        if line in ready:
-            program = _request(line)
-            if program is not None:
-                return program
+    return reader
 
 
-def _request(line: socket.socket) -> Program | None:
-    """Starts one program; returns it in its own process. Ends this one when there is nobody left to ask."""
-    try:
-        request, streams, *_ = socket.recv_fds(line, _LARGEST, _STREAMS)
-    except OSError:
-        request = b""
-    if not request:
-        _end()
-    return _fork(line, Program(*json.loads(request)), streams)
-
-
-def _fork(line: socket.socket, program: Program, streams: Sequence[int]) -> Program | None:
-    """Returns the program in the new process, None in this one once that leads a session of its own."""
-    reader, writer = os.pipe2(os.O_CLOEXEC)
-    pid = os.fork()
-    if not pid:
-        os.setsid()
-        line.detach()
-        _settle(streams)
-        return program
-    os.close(writer)
-    for stream in streams:
-        os.close(stream)
-    os.read(reader, 1)  # its end was closed: by _settle
-    os.close(reader)
-    _send(line, [pid, None])
-    return None
-
-
-def _report(line: socket.socket) -> None:
-    with contextlib.suppress(ChildProcessError):
-        while (found := os.waitpid(-1, os.WNOHANG))[0]:
-            _send(line, [found[0], os.waitstatus_to_exitcode(found[1])])
-
-
-def _send(line: socket.socket, message: Any) -> None:
-    try:
-        line.sendall(json.dumps(message).encode())
-    except OSError:
-        _end()
-
-
-def _end() -> NoReturn:
-    os._exit(0)
-
-
-def _settle(streams: Sequence[int]) -> None:
+def _settle(streams: Sequence[int], keep: socket.socket | None) -> None:
     """Makes a forked process like one that was executed: signals, files, standard streams."""
     signal.set_wakeup_fd(-1)
     for one in _SIGNALS:
@@ -269,7 +312,8 @@ def _settle(streams: Sequence[int]) -> None:
     for number, stream in enumerate(streams):
         os.dup2(stream, number)
     nothing = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
-    for other in {int(name) for name in os.listdir("/proc/self/fd")} - {0, 1, 2, nothing}:
+    kept = {0, 1, 2, nothing, keep.fileno() if keep else nothing}
+    for other in {int(name) for name in os.listdir("/proc/self/fd")} - kept:
         # Not closed: what the launcher has opened, its own script for one, closes its number when it ends.
         os.dup2(nothing, other, inheritable=False)
     sys.stdin = sys.__stdin__ = _stream(0, "r", sys.stdin)

@@ -40,7 +40,7 @@ def _run(steps: Sequence[Sequence[str]], server: ForkServer | None) -> int:
         signal.signal(number, lambda *_: ending.set())
     start: Callable[..., _Process] = subprocess.Popen
     if server is not None:
-        start = launcher.starter(server)
+        start = launcher.starter(server, lend=True)
     how = {"env": dict(os.environ), "cwd": os.getcwd(), "stdout": None, "stderr": None, "start_new_session": True}
     running: list[_Process] = [start(launcher.resolved(step), **how) for step in steps]
     ended = None

@@ -17,16 +17,24 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from pioneer_node.adapters.fork_server import ForkedProcess, ForkServer, ForkServerError, Program, start_server
+from pioneer_node.adapters.fork_server import (
+    ForkedProcess,
+    ForkServer,
+    ForkServerError,
+    Program,
+    lent_server,
+    start_server,
+)
 from pioneer_node.core.program import early_differences, interpreter
 from pioneer_node.nodes.patch import import_without_numpy, tell_registrations, wake_master_workers
 
 SWITCH = "PIONEER_FORK"
 """Variable; 0 has every node started by itself, as the original roslaunch does."""
 _SHARED = (
-    "numpy", "rospy", "roslaunch", "rosmaster", "tf2_ros", "actionlib", "std_msgs.msg", "std_srvs.srv",
-    "geometry_msgs.msg", "sensor_msgs.msg", "nav_msgs.msg", "nav_msgs.srv", "actionlib_msgs.msg", "move_base_msgs.msg",
-    "tf2_msgs.msg", "dynamic_reconfigure.msg", "dynamic_reconfigure.srv", "diagnostic_msgs.msg",
+    "numpy", "numpy.typing", "difflib", "encodings.idna", "rospy", "roslaunch", "rosmaster", "tf2_ros", "actionlib",
+    "std_msgs.msg", "std_srvs.srv", "geometry_msgs.msg", "sensor_msgs.msg", "nav_msgs.msg", "nav_msgs.srv",
+    "actionlib_msgs.msg", "move_base_msgs.msg", "map_msgs.msg", "tf2_msgs.msg", "dynamic_reconfigure.msg",
+    "dynamic_reconfigure.srv", "diagnostic_msgs.msg",
 )  # fmt: skip
 """What at least two of a computer's programs import. Nothing of this workspace, whose nodes open files at import."""
 _THREADS = "OPENBLAS_NUM_THREADS"
@@ -48,8 +56,11 @@ def run(module: str, function: str = "main") -> int | None:
 def shared_server() -> ForkServer | Program | None:
     """Imports what programs share and forks the server; None where a thread runs already.
 
-    In a process that the server forks it returns again, with the program that the process is to run at once.
+    In a process that the server forks it returns again, with the program that the process is to run at once. A launcher
+    that `computer` started gets that one's server.
     """
+    if (lent := lent_server()) is not None:
+        return lent
     _import_shared()
     wake_master_workers()
     tell_registrations()
@@ -76,8 +87,13 @@ def fork_nodes(server: ForkServer) -> None:
     roslaunch.nodeprocess.subprocess = SimpleNamespace(Popen=starter(server), PIPE=subprocess.PIPE)
 
 
-def starter(server: ForkServer) -> Callable[..., "ForkedProcess | subprocess.Popen[bytes]"]:
-    """Returns a ``subprocess.Popen`` that forks what ``server`` can start. ``env`` and ``cwd`` are to be given."""
+def starter(server: ForkServer, lend: bool = False) -> Callable[..., "ForkedProcess | subprocess.Popen[bytes]"]:
+    """Returns a ``subprocess.Popen`` that forks what ``server`` can start. ``env`` and ``cwd`` are to be given.
+
+    Args:
+        server: what forks.
+        lend: what it starts are launchers, which may use the server too.
+    """
     ours = dict(os.environ)
 
     def start(arguments: Sequence[str], **how: Any) -> "ForkedProcess | subprocess.Popen[bytes]":
@@ -85,7 +101,7 @@ def starter(server: ForkServer) -> Callable[..., "ForkedProcess | subprocess.Pop
             path = _script(arguments[0], how["env"])
             if path and not server.is_lost and not early_differences(ours, how["env"]):
                 stdout, stderr = (_descriptor(how[name], number) for name, number in (("stdout", 1), ("stderr", 2)))
-                return server.start([path, *arguments[1:]], how["env"], how["cwd"], stdout, stderr)
+                return server.start([path, *arguments[1:]], how["env"], how["cwd"], stdout, stderr, lend)
         return subprocess.Popen(arguments, **how)
 
     return start
@@ -115,7 +131,7 @@ def _script(program: str, environment: Mapping[str, str]) -> str:
 
 def _built_here(path: Path) -> bool:
     """Whether a program lies where catkin has put this one: in a package's folder beside its own."""
-    return path.parent.parent == Path(sys.argv[0]).absolute().parent.parent
+    return path.parent.parent == Path(os.path.abspath(sys.argv[0])).parent.parent
 
 
 def _descriptor(stream: Any, default: int) -> int:
