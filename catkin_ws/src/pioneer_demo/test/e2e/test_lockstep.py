@@ -1,22 +1,28 @@
-"""Demos in lockstep: the same bytes, whatever else the machine does, recorded or not."""
+"""Demos in lockstep: the same bytes, whatever else the machine and its links do, recorded or not."""
 
 import json
+import os
+import re
+import signal
 import subprocess
 import sys
 
 from rosbags.highlevel import AnyReader
 
-from pioneer_harness.proc import processors
+from pioneer_harness.masters import MasterClient
+from pioneer_harness.proc import has_variable, processors
+from pioneer_harness.wait import wait_until
 
 _WHOLE = 300.0
 _SAME = ("ground_truth.csv", "commands.csv", "report.json")
 
 
-def test_two_runs_in_lockstep_are_equal_byte_by_byte_one_beside_a_busy_machine(start, tmp_path):
+def test_runs_in_lockstep_are_equal_byte_by_byte_beside_a_busy_machine_and_across_a_lost_link(start, tmp_path):
     recording = tmp_path / "run.bag"
 
-    def run(*options):
+    def run(*options, meanwhile=lambda demo: None):
         demo = start("--lockstep", "--robots", 2, "--waypoints", 1, "--world", "small_world", "--seed", 4, *options)
+        meanwhile(demo)
         assert demo.process.wait(_WHOLE) == 0, demo.text()
         return {name: (demo.report / name).read_bytes() for name in _SAME}
 
@@ -28,10 +34,33 @@ def test_two_runs_in_lockstep_are_equal_byte_by_byte_one_beside_a_busy_machine(s
         for hog in hogs:
             hog.kill()
             hog.wait()
-    assert [name for name in _SAME if alone[name] != beside[name]] == []
+    cut = run(meanwhile=cut_link)
+    assert [name for name in _SAME if not alone[name] == beside[name] == cut[name]] == []
     assert alone["commands.csv"].count(b"\n") > 100
     assert json.loads(alone["report.json"])["success"]
     assert_opens(recording)
+
+
+def cut_link(demo):
+    """Stops a robot's gateway while the robot drives, until the base station gives its links up."""
+    demo.await_words("pioneer1   driving", _WHOLE)
+    running = demo.processes().items()
+    (gateway,) = (
+        pid for pid, line in running if "__name:=gateway" in line and has_variable(pid, "ROBOT_NAME", "pioneer1")
+    )
+    port = re.search(r"Hub_Gateway (\d+)", demo.text())[1]
+    master = MasterClient(f"http://127.0.0.1:{port}/")
+
+    def linked():
+        return "/pioneer1/lockstep/done" in master.system_state()[0]
+
+    assert linked()
+    os.kill(gateway, signal.SIGSTOP)
+    try:
+        wait_until(lambda: not linked(), "the link's end", 60.0)
+    finally:
+        os.kill(gateway, signal.SIGCONT)
+        master.close_clients()
 
 
 def assert_opens(bag):

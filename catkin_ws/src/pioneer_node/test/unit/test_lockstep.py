@@ -1,8 +1,11 @@
-"""A member's subscriptions of tokens."""
+"""A member's subscriptions."""
 
 from unittest import mock
 
-from pioneer_node.nodes import lockstep
+import rospy
+from std_msgs.msg import String
+
+from pioneer_node.nodes import exchange, lockstep
 
 
 def test_an_inlet_without_connection_is_subscribed_again_after_two_seconds():
@@ -12,7 +15,7 @@ def test_an_inlet_without_connection_is_subscribed_again_after_two_seconds():
         mock.patch.object(lockstep, "ring_subscriber", side_effect=[first, second]) as subscribe,
         mock.patch.object(lockstep.time, "monotonic", return_value=0.0) as now,
     ):
-        link = lockstep._Link("/a/lockstep/period", lambda _token: None)
+        link = lockstep.Link("/a/lockstep/period", lambda _token: None)
         now.return_value = 1.9
         link.keep_connected()
         assert subscribe.call_count == 1
@@ -27,3 +30,21 @@ def test_an_inlet_without_connection_is_subscribed_again_after_two_seconds():
         second.get_num_connections.return_value = 0
         link.keep_connected()
     assert not second.unregister.called
+
+
+def test_a_latched_message_that_a_new_link_brings_again_is_ignored():
+    def hear(text, latching, sender="/map_server"):
+        message = String(text)
+        message._connection_header = {"callerid": sender, "latching": latching}
+        subscriber._hear(message)
+
+    heard = []
+    with (
+        mock.patch.object(exchange.Exchange, "current", exchange.Exchange("/a")),
+        mock.patch.object(rospy.topics.Subscriber, "__init__"),
+    ):
+        subscriber = exchange._Subscriber("/map", String, lambda message: heard.append(message.data))
+        for text, latching in (("one", "1"), ("one", "1"), ("two", "1"), ("three", "0"), ("three", "0")):
+            hear(text, latching)
+        hear("two", "1", "/another")
+    assert heard == ["one", "two", "three", "three", "two"]

@@ -14,6 +14,7 @@ from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 
 MEMBER = Path(__file__).with_name("lockstep_member.py")
+LOSSY_LINK = Path(__file__).with_name("lossy_link.py")
 PATIENCE = 90.0
 
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
@@ -25,12 +26,14 @@ RINGS = {"a": "one two", "b": "three"}
 class Fleet:
     """The simulator and the ring ``a`` of ``one`` and ``two``, and where asked for the ring ``b`` of ``three``."""
 
-    def __init__(self, master: Master, group: ProcessGroup, folder: Path, rings: str, silence: str) -> None:
+    def __init__(
+        self, master: Master, group: ProcessGroup, folder: Path, rings: str, silence: str, *remappings: str
+    ) -> None:
         self.group, self.folder, self.diary = group, folder, folder / "diary"
         self._environment = master.environment
         lockstep = {"rings": rings, "deadline": 2.0, "silence": silence}
         master.set_param("/gazebo", {"world_name": "blank", "real_time_factor": 0.0, "lockstep": lockstep})
-        server = ["rosrun", "pioneer_gazebo", "pioneer_gazebo_server", "__name:=gazebo"]
+        server = ["rosrun", "pioneer_gazebo", "pioneer_gazebo_server", "__name:=gazebo", *remappings]
         group.start("simulator", server, self._environment, self.log)
 
     @property
@@ -38,12 +41,19 @@ class Fleet:
         """What the simulator prints."""
         return self.folder / "simulator.log"
 
-    def start(self, name: str) -> int:
+    def start(self, name: str, *remappings: str) -> int:
         """Starts a member; returns its process."""
         ring = next(ring for ring, members in RINGS.items() if name in members)
         own = {"LOCKSTEP_MEMBERS": RINGS[ring], "MEMBER": name, "DIARY": str(self.diary), "ROS_NAMESPACE": ring}
-        command = [sys.executable, str(MEMBER)]
+        command = [sys.executable, str(MEMBER), *remappings]
         return self.group.start(name, command, {**self._environment, **own}, self.folder / f"{name}.log")
+
+    def lose(self, topic: str, *periods: int) -> Path:
+        """Has tokens of a topic go to ``TOPIC_lossy`` but for those of some periods; returns what the link prints."""
+        log = self.folder / f"{topic.rpartition('/')[2]}.log"
+        command = [sys.executable, str(LOSSY_LINK), topic, f"{topic}_lossy", *map(str, periods)]
+        self.group.start(f"lossy {topic}", command, self._environment, log)
+        return log
 
     def lines(self) -> list[str]:
         """Returns the whole lines of the diary."""
@@ -59,9 +69,9 @@ class Fleet:
 @pytest.fixture
 def fleet(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Fleet]:
     """Returns a simulator that waits for its rings; its parameter is their names and what follows silence."""
-    rings, silence = getattr(request, "param", ("a", "abort"))
+    rings, silence, *remappings = getattr(request, "param", ("a", "abort"))
     with Master() as master, ProcessGroup() as group:
-        yield Fleet(master, group, tmp_path, rings, silence)
+        yield Fleet(master, group, tmp_path, rings, silence, *remappings)
 
 
 def test_members_act_in_their_order_in_each_period_and_a_silent_one_is_named(fleet: Fleet) -> None:
@@ -71,13 +81,7 @@ def test_members_act_in_their_order_in_each_period_and_a_silent_one_is_named(fle
     )
     assert fleet.lines() == []
     two = fleet.start("two")
-    wait_until(lambda: len(fleet.lines()) > 100, "fifty periods", PATIENCE)
-    told = fleet.lines()[2:100]
-    expected = []
-    for number in range(2, 51):
-        then, now = f"{(number - 1) * 0.05:.2f}", f"{number * 0.05:.2f}"
-        expected += [f"{now} one one@{then},two@{then}", f"{now} two two@{then},one@{now}"]
-    assert told == expected
+    assert_acts_in_order(fleet)
 
     os.kill(two, signal.SIGSTOP)
 
@@ -90,6 +94,28 @@ def test_members_act_in_their_order_in_each_period_and_a_silent_one_is_named(fle
 
     wait_until(ended, "the simulator to end", PATIENCE)
     assert "/a/two does not answer" in fleet.log.read_text()
+
+
+def assert_acts_in_order(fleet: Fleet) -> None:
+    """Sees the first fifty periods: who acted when, and what it had heard."""
+    wait_until(lambda: len(fleet.lines()) > 100, "fifty periods", PATIENCE)
+    expected = []
+    for number in range(2, 51):
+        then, now = f"{(number - 1) * 0.05:.2f}", f"{number * 0.05:.2f}"
+        expected += [f"{now} one one@{then},two@{then}", f"{now} two two@{then},one@{now}"]
+    assert fleet.lines()[2:100] == expected
+
+
+@pytest.mark.parametrize("fleet", [("a", "abort", "/a/lockstep/done:=/a/lockstep/done_lossy")], indirect=True)
+def test_a_lost_token_is_sent_again_wherever_it_was_lost_and_changes_nothing(fleet: Fleet) -> None:
+    """Before the ring, within it, behind it; one is lost twice."""
+    losses = {"period": (10, 10), "after_one": (20, 40), "done": (30, 40)}
+    logs = {name: fleet.lose(f"/a/lockstep/{name}", *periods) for name, periods in losses.items()}
+    fleet.start("one", "/a/lockstep/period:=/a/lockstep/period_lossy")
+    fleet.start("two", "/a/lockstep/after_one:=/a/lockstep/after_one_lossy")
+    assert_acts_in_order(fleet)
+    for name, periods in losses.items():
+        assert logs[name].read_text() == "".join(f"lost {period}\n" for period in periods)
 
 
 @pytest.mark.parametrize("fleet", [("a b", "drop")], indirect=True)

@@ -4,6 +4,7 @@ rospy's subscribers call back whenever a message happens to arrive, its timers w
 both happen at one place of a period, in an order that only the messages themselves decide (docs/lockstep.md).
 """
 
+import hashlib
 import io
 import threading
 from collections.abc import Callable, Collection, Iterable
@@ -167,6 +168,7 @@ class _Subscriber(rospy.topics.Subscriber):  # type: ignore[misc]
         self, name: str, data_class: Any, callback: Any = None, callback_args: Any = None, **options: Any
     ) -> None:
         self._kind, self._function, self._arguments = data_class, callback, callback_args
+        self._kept: dict[str, bytes] = {}
         topic = rospy.resolve_name(name)
         self._connected = data_class._type not in _STREAMS and topic != "/tf"
         _exchange().listen(topic, self)
@@ -184,9 +186,20 @@ class _Subscriber(rospy.topics.Subscriber):  # type: ignore[misc]
 
     def _hear(self, message: Any) -> None:
         # A gateway's node for a publisher elsewhere is called after both.
-        sender = message._connection_header["callerid"]
-        if not sender.endswith(_exchange().partners or ("\0",)):
-            self._call(message)
+        header = message._connection_header
+        sender = header["callerid"]
+        if sender.endswith(_exchange().partners or ("\0",)):
+            return
+        if header.get("latching") == "1" and not self._is_new(sender, message):
+            return
+        self._call(message)
+
+    def _is_new(self, sender: str, message: Any) -> bool:
+        """Returns whether a latched message is another than the last; after a link was lost the same comes again."""
+        buffer = io.BytesIO()
+        message.serialize(buffer)
+        before, self._kept[sender] = self._kept.get(sender), hashlib.sha256(buffer.getbuffer()).digest()
+        return self._kept[sender] != before
 
     def _call(self, message: Any) -> None:
         if self._arguments is None:

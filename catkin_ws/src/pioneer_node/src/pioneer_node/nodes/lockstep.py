@@ -42,7 +42,7 @@ def ring_subscriber(topic: str, callback: Callable[[LockstepToken], None]) -> ro
     return rospy.topics.Subscriber(topic, LockstepToken, callback, tcp_nodelay=True)
 
 
-class _Link:
+class Link:
     """A subscription of tokens that is made again until it has a publisher: rospy tries each publisher only once."""
 
     def __init__(self, topic: str, callback: Callable[[LockstepToken], None]) -> None:
@@ -81,10 +81,11 @@ class Member:
         self._inlet, self._probe = ring_topic(ring, inlet), ring_topic(ring, PROBE)
         self._outlet = ring_publisher(ring_topic(ring, outlet))
         self._answers = self._outlet if outlet == OUTLET else ring_publisher(ring_topic(ring, OUTLET))
-        self._links: list[_Link] = []
+        self._links: list[Link] = []
         self._failed: Exception | None = None
         self._working = threading.Event()
-        self._period = 0
+        self._period = -1  # until it has joined
+        self._last: LockstepToken | None = None
         self._step: Callable[[], None] = lambda: None
         self._ready: Callable[[], bool] = lambda: True
 
@@ -96,7 +97,7 @@ class Member:
             ready: returns whether the node has what it needs before the first period; any thread asks.
         """
         self._step, self._ready = step, ready
-        self._links = [_Link(self._inlet, self._take), _Link(self._probe, self._answer)]
+        self._links = [Link(self._inlet, self._take), Link(self._probe, self._answer)]
 
     def spin(self, step: Callable[[], None], ready: Callable[[], bool] = lambda: True) -> None:
         """Does what `start` does, and returns at shutdown.
@@ -117,15 +118,17 @@ class Member:
         try:
             if token.kind == LockstepToken.JOIN:
                 self._join(token)
-            elif token.period > self._period:
+            elif self._last is not None and token.period == self._last.period:
+                self._outlet.publish(self._last)  # sent again because it was lost, here or behind
+            elif token.period > self._period >= 0:
                 self._work(token)
         except Exception as error:  # noqa: BLE001 - the loop of this node: ``spin`` raises it
             self._failed = error
 
     def _join(self, token: LockstepToken) -> None:
-        if not self._ready():
+        if token.period < self._period or not self._ready():
             return  # the simulator asks again
-        self._period = token.period
+        self._period, self._last = token.period, None
         set_time(token.stamp)
         token.members.append(self.exchange.name)
         token.wants = sorted({*token.wants, *self.exchange.topics()})
@@ -144,11 +147,12 @@ class Member:
         self._step()
         token.messages = [one for one in token.messages if one.sender != exchange.name] + exchange.take()
         self._working.clear()
+        self._last = token
         self._outlet.publish(token)
 
     def _answer(self, probe: LockstepToken) -> None:
         kind = LockstepToken.WORKING if self._working.is_set() else LockstepToken.FINISHED
-        self._answers.publish(LockstepToken(kind, self._period, probe.stamp, [self.exchange.name], [], []))
+        self._answers.publish(LockstepToken(kind, max(self._period, 0), probe.stamp, [self.exchange.name], [], []))
 
 
 class Turns:

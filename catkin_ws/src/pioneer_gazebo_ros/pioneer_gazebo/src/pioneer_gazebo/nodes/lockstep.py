@@ -14,10 +14,12 @@ from pioneer_gazebo.core.schedule import nanoseconds, period_of
 from pioneer_gazebo.nodes.mailbox import Mailbox
 from pioneer_node.core.parameter import ParameterError
 from pioneer_node.nodes.exchange import Exchange
-from pioneer_node.nodes.lockstep import INLET, OUTLET, PROBE, ring_publisher, ring_subscriber, ring_topic
+from pioneer_node.nodes.lockstep import INLET, OUTLET, PROBE, Link, ring_publisher, ring_topic
 
 _ASK_EVERY = 0.2
 """How often rings that are absent are asked to join [s of wall time]."""
+_RESEND_AFTER, _RESEND_PAUSE = 1.0, 8.0
+"""When a token that has not come back is sent again, and the longest pause until the next time [s of wall time]."""
 _ANSWER = 2.0
 """How long members may take to answer a probe [s of wall time]."""
 _SAY_AFTER = 5.0
@@ -78,7 +80,9 @@ class LockstepGate:
         self._state = Lockstep()
         self._inlets: dict[str, rospy.Publisher] = {}
         self._probes: dict[str, rospy.Publisher] = {}
-        self._outlets: list[rospy.Subscriber] = []
+        self._outlets: dict[str, Link] = {}
+        self._tokens: dict[str, LockstepToken] = {}
+        self._resend_after = _RESEND_AFTER
         self._began = self._asked = self._said = time.monotonic()
         self._probed: float | None = None
         self._answers: dict[str, LockstepToken] = {}
@@ -113,11 +117,12 @@ class LockstepGate:
         if any(not ring.told for ring in state.rings.values()):
             self._want()
         stamp, own = _time(tick), exchange.take(conversions.joined_transforms)
-        self._began, self._probed = time.monotonic(), None
+        self._began, self._probed, self._resend_after = time.monotonic(), None, _RESEND_AFTER
         for ring, messages in state.begin_period(own):
             members, wants = ([], []) if ring.told else ([exchange.name, *state.members], sorted(state.wants))
             ring.told = True
             token = LockstepToken(LockstepToken.PERIOD, state.period, stamp, members, wants, messages)
+            self._tokens[ring.name] = token
             self._inlets[ring.name].publish(token)
 
     def _want(self) -> None:
@@ -135,7 +140,7 @@ class LockstepGate:
         for name in self._state.rings:
             self._inlets[name] = ring_publisher(ring_topic(name, INLET))
             self._probes[name] = ring_publisher(ring_topic(name, PROBE))
-            self._outlets.append(ring_subscriber(ring_topic(name, OUTLET), partial(self._receive, name)))
+            self._outlets[name] = Link(ring_topic(name, OUTLET), partial(self._receive, name))
 
     def _receive(self, ring: str, token: LockstepToken) -> None:
         self._mailbox.post(partial(self._take, ring, token))
@@ -152,14 +157,18 @@ class LockstepGate:
     def _ask(self, tick: int) -> None:
         for ring in self._state.absent:
             token = LockstepToken(LockstepToken.JOIN, self._state.period, _time(tick), [], [], [])
+            self._outlets[ring.name].keep_connected()
             self._inlets[ring.name].publish(token)
         if not self._state.begun and time.monotonic() - self._said > _SAY_AFTER:
             self._said = time.monotonic()
             rospy.loginfo("lockstep waits for %s", ", ".join(ring.name or "/" for ring in self._state.absent))
 
     def _watch(self) -> None:
-        """Probes the rings that are late after the deadline, and then decides on them."""
+        """Sends late rings their tokens again; after the deadline probes them, and then decides on them."""
         now, deadline = time.monotonic(), self._config.deadline
+        if now - self._began > self._resend_after:
+            self._resend_after += min(self._resend_after + _RESEND_AFTER, _RESEND_PAUSE)
+            self._resend()
         if not deadline or now - self._began < deadline:
             return
         if self._probed is None:
@@ -170,6 +179,13 @@ class LockstepGate:
                 )
         elif now - self._probed > _ANSWER:
             self._decide()
+
+    def _resend(self) -> None:
+        """Sends the tokens again that have not come back: each member that has done the period passes on its own."""
+        for ring in self._state.late:
+            rospy.loginfo("lockstep: sending %s the token of period %d again", ring.name or "/", self._state.period)
+            self._outlets[ring.name].keep_connected()
+            self._inlets[ring.name].publish(self._tokens[ring.name])
 
     def _decide(self) -> None:
         """Ends the run, or continues without the rings that are late.
