@@ -41,6 +41,39 @@ def test_runs_in_lockstep_are_equal_byte_by_byte_beside_a_busy_machine_and_acros
     assert_opens(recording)
 
 
+def test_faults_come_in_the_same_period_of_each_run_and_change_the_same_bytes(start, tmp_path):
+    scenario = tmp_path / "faults.yaml"
+    scenario.write_text(
+        "world: small_world\n"
+        "lockstep: true\n"
+        "robots:\n"
+        "  - goals: [[-4.0, 1.5]]\n"
+        "  - goals: [[1.5, 1.3]]\n"
+        "faults:\n"
+        "  - {at: 0.2, move: pioneer2, to: [3.9, 3.5, 180.0]}\n"
+        "  - {at: 0.5, kill: pioneer1, lasts: 1}\n"
+        "  - {at: 0.7, kill: hub, lasts: 1}\n"
+        "  - {at: 1.0, door: [0.0, 0.0, 90.0, 1.0], lasts: 1}\n"
+        "  - {at: 2.0, blind: pioneer2, lasts: 1}\n"
+        "  - {at: 3.5, freeze: base station, lasts: 1}\n"
+    )
+
+    def run():
+        demo = start(scenario, command="run-scenario")
+        assert demo.process.wait(_WHOLE) == 0, demo.text()
+        assert demo.text().count(" s: over: ") == 5
+        return {name: (demo.report / name).read_text() for name in _SAME}
+
+    first, again = run(), run()
+    assert [name for name in _SAME if first[name] != again[name]] == []
+    commands = [line.split(",") for line in first["commands.csv"].splitlines()[1:]]
+    driven = {
+        robot: [float(time) for time, name, *_ in commands if name == robot] for robot in ("pioneer1", "pioneer2")
+    }
+    assert not [time for time in driven["pioneer1"] if 3.56 < time <= 4.7], "its computer is off, and waits for the hub"
+    assert not [time for times in driven.values() for time in times if 6.56 < time <= 7.5], "nothing crosses"
+
+
 def cut_link(demo):
     """Stops a robot's gateway while the robot drives, until the base station gives its links up."""
     demo.await_words("pioneer1   driving", _WHOLE)

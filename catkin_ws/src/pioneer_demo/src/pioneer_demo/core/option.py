@@ -194,8 +194,6 @@ def scenario_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
     given["lockstep"] = given["lockstep"] or said.lockstep
     if given["lockstep"]:
         options["real_time_factor"] = None
-        if said.faults:
-            raise OptionError(f"--lockstep: {file} has disturbances, which come at moments of wall time")
     fields = ("world", "waypoints", "traffic", "limit")
     values = {**given, **options, **{name: getattr(said, name) for name in fields}, "robots": count, "fleet": None}
     chosen: dict[str, Any] = {**_chosen(values, machine), "names": said.names}

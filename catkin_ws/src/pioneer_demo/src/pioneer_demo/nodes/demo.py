@@ -73,20 +73,25 @@ class Demo:
             StuckError: the fleet is too slow, or simulated time stands still.
             FaultError: the simulator refuses a fault of the scenario.
         """
-        self._send()
         disturbances = self._disturbances = FaultRunner(self._config, self._run)
+        self._send()
         limit = self._limit
         simulator, last, since = self._fleet.simulator, -1.0, time.monotonic()
         course = self._run.course
+        patience = _CLOCK_STANDS_STILL if course is None else self._run.patience
         while not (self._fleet.finished if course is None else course.ended.is_set() and self._fleet.finished):
             self._run.look(live_lines, "driving")
-            disturbances.advance(simulator.time - self._fleet.began)
+            if course is None:
+                disturbances.advance(simulator.time - self._fleet.began)
+            elif course.stands.is_set():
+                disturbances.advance(simulator.time - self._fleet.began)
+                course.release(self._fleet.began + limit, self._fleet.began + disturbances.next)
             if simulator.time > last:
                 last, since = simulator.time, time.monotonic()
             if simulator.time - self._fleet.began > limit and (course is None or course.ended.is_set()):
                 raise StuckError("\n".join([stuck_report(self._fleet, limit), *self._run.seen.waiting_flips()]))
-            if course is None and time.monotonic() - since > _CLOCK_STANDS_STILL:
-                raise StuckError(f"simulated time has stood still at {last:.1f} s for {_CLOCK_STANDS_STILL:.0f} s")
+            if time.monotonic() - since > patience:
+                raise StuckError(f"simulated time has stood still at {last:.1f} s for {patience:.0f} s")
 
     @property
     def _limit(self) -> float:
@@ -102,8 +107,10 @@ class Demo:
             for visit in robot.visits:
                 self._run.seen.send(robot, visit.leg.goal)
         self._run.watch.note("waypoints sent")
-        if self._run.course is not None:
-            self._run.course.release(self._fleet.began + self._limit)
+        if self._run.course is not None:  # tokens carry them
+            assert self._disturbances is not None, "made before"
+            self._run.course.release(self._fleet.began + self._limit, self._fleet.began + self._disturbances.next)
+            return
 
         def arrived() -> bool:
             return all(robot.queue and robot.queue.received >= len(robot.visits) for robot in self._fleet.robots)

@@ -5,6 +5,7 @@ import heapq
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import rospy
 from gazebo_msgs.msg import ModelState
@@ -20,6 +21,8 @@ from pioneer_demo.nodes.fleet import FleetRun
 
 _RESEND = 5.0
 """A robot that has started again gets its waypoints again when it has none after this simulated time [s]."""
+_EXACT = 1.0e-6
+"""What a sum of times may be off [s]."""
 _DOOR = """<sdf version="1.6"><model name="{name}"><static>true</static><link name="link">
 <collision name="collision"><geometry><box><size>{length} 0.1 1.0</size></box></geometry></collision>
 <visual name="visual"><geometry><box><size>{length} 0.1 1.0</size></box></geometry></visual>
@@ -39,6 +42,8 @@ class _Step:
 class FaultRunner:
     """Brings about the faults of a scenario, and takes them back. Used from the command's main thread.
 
+    In lockstep simulated time stands meanwhile, and the simulator withholds what a network would lose.
+
     Services called: ``/gazebo/spawn_sdf_model``, ``/gazebo/delete_model``, ``/gazebo/set_model_state``.
     """
 
@@ -47,10 +52,18 @@ class FaultRunner:
         self._numbers = itertools.count()
         self._steps = list[_Step]()
         self._frozen = set[str]()
+        self._now, self._hub_runs = 0.0, True
         self._restarted = dict[str, float]()
         for fault in config.faults:
             for turn in range(fault.times):
                 self._plan(fault, fault.at + turn * fault.every)
+
+    @property
+    def next(self) -> float:
+        """When something is to be done next [s of simulated time since the start]."""
+        if self._restarted:
+            return -math.inf
+        return self._steps[0].time if self._steps else math.inf
 
     def advance(self, time: float) -> None:
         """Does what is due at a simulated time since the start [s].
@@ -58,9 +71,11 @@ class FaultRunner:
         Raises:
             FaultError: the simulator refuses it.
         """
-        while self._steps and self._steps[0].time <= time:
+        self._now = time
+        while self._steps and self._steps[0].time <= time + _EXACT:
             step = heapq.heappop(self._steps)
-            self._run.display.say(f"{time:.1f} s: {step.text}")
+            if step.text:
+                self._run.display.say(f"{time:.1f} s: {step.text}")
             step.action()
         for name, asked in list(self._restarted.items()):
             self._resend(name, asked, time)
@@ -79,10 +94,12 @@ class FaultRunner:
 
     def _actions(self, fault: Fault) -> tuple[Callable[[], None], Callable[[], None] | None]:
         """Returns what begins a fault and what ends it."""
-        processes = self._run.processes
         if fault.kill:
             names = [HUB_COMMAND] if fault.kill == HUB else on_computer(self._config, fault.kill)
-            return lambda: processes.kill(names), lambda: self._restart(fault.kill, names)
+            return lambda: self._kill(fault.kill, names), lambda: self._restart(fault.kill, names)
+        if fault.freeze and self._run.course is not None:
+            robots = self._config.names if fault.freeze == BASE else [fault.freeze]
+            return lambda: self._withhold(robots, True), lambda: self._withhold(robots, False)
         if fault.freeze:
             gateway = HUB_GATEWAY_COMMAND if fault.freeze == BASE else gateway_name(self._number(fault.freeze))
             return lambda: self._freeze(gateway, True), lambda: self._freeze(gateway, False)
@@ -96,12 +113,34 @@ class FaultRunner:
     def _number(self, robot: str) -> int:
         return self._config.names.index(robot) + 1
 
+    def _withhold(self, names: Sequence[str], withheld: bool) -> None:
+        assert self._run.course is not None, "only in lockstep"
+        for name in names:
+            self._run.course.withhold(name, withheld)
+
+    def _kill(self, whom: str, names: Sequence[str]) -> None:
+        self._hub_runs &= whom != HUB
+        if self._run.course is None or whom == HUB:
+            self._run.processes.kill(names)
+        else:
+            self._run.course.take_part(whom, False)
+            self._in_next_period(partial(self._run.processes.kill, names))
+
     def _restart(self, whom: str, names: Sequence[str]) -> None:
+        if self._run.course is not None and not (self._hub_runs or whom == HUB):
+            self._in_next_period(partial(self._restart, whom, names))  # time stands until it has found the hub
+            return
         self._run.processes.restart(names)
+        self._hub_runs |= whom == HUB
         if whom != HUB:
+            if self._run.course is not None:
+                self._run.course.take_part(whom, True)
             with self._run.lock:
                 self._track(whom).monitor.queue = None
             self._restarted[whom] = -math.inf
+
+    def _in_next_period(self, action: Callable[[], None]) -> None:
+        heapq.heappush(self._steps, _Step(self._now + 2 * _EXACT, next(self._numbers), "", action))
 
     def _resend(self, name: str, asked: float, time: float) -> None:
         """Sends a robot that has started again the waypoints that it has not reached, until it says it has them."""
@@ -125,8 +164,11 @@ class FaultRunner:
 
     def _flip_scans(self, robot: str, cancel: bool) -> None:
         """Takes the rule back by which a robot's computer gets its scans, or asks for it again."""
-        port = self._run.processes.ports.robot_masters[self._number(robot) - 1]
         laser = next((one.laser for one in self._config.entries if one.name == robot), "base_scan")
+        if self._run.course is not None:
+            self._withhold([f"/{robot}/{laser}"], cancel)
+            return
+        port = self._run.processes.ports.robot_masters[self._number(robot) - 1]
         argv = ["rosrun", "rocon_flip", "flip_remote_subscriber.py", robot, laser, ""]
         environment = {"ROS_IP": "127.0.0.1", "ROS_MASTER_URI": master_uri(port)}
         self._run.processes.run(f"flip of {robot}'s scans", [*argv, *(["--cancel"] if cancel else [])], environment)

@@ -83,7 +83,7 @@ class FleetRun:
         simulator, robots = self.fleet.simulator, self.fleet.robots
         self._starting(lambda: simulator.ready, "the simulator", "simulator ready")
         if self.course is not None:
-            self.wait_for(self.course.arrived.is_set, "all nodes in lockstep", "nodes in lockstep", self._patience)
+            self.wait_for(self.course.stands.is_set, "all nodes in lockstep", "nodes in lockstep", self.patience)
         self._starting(lambda: all(robot.pose for robot in robots), "the robots' spawning", "robots spawned")
         meanwhile()
         self._starting(flipped, "the hub gateway's flips", "flips accepted")
@@ -157,12 +157,13 @@ class FleetRun:
 
     def _starting(self, condition: Callable[[], object], what: str, milestone: str) -> None:
         self._step += 1
-        self.wait_for(condition, what, milestone, self._patience)
+        self.wait_for(condition, what, milestone, self.patience)
         if self._step == _STEPS:
             self._step = 0
 
     @property
-    def _patience(self) -> float:
+    def patience(self) -> float:
+        """How long each step of the start may take [s]."""
         return _START_UP + _START_UP_PER_ROBOT * self._config.robots
 
     def _join_ros(self, uri: str, topics: Sequence[str], recording: Recording | None) -> Callable[[], bool]:

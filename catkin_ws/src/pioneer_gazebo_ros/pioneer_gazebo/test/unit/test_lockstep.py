@@ -71,3 +71,37 @@ def test_a_dropped_ring_is_waited_for_no_more_and_may_join_again(state: Lockstep
     assert not any(ring.told for ring in state.rings.values()), "everybody gets the list of members again"
     state.take("b", 2, [])
     assert [ring.name for ring, _ in state.begin_period([])] == ["a", "b"]
+
+
+def test_a_ring_that_is_no_longer_expected_leaves_and_time_waits_for_it_once_it_is_expected_again(
+    state: Lockstep,
+) -> None:
+    state.begin_period([])
+    state.take("a", 1, [Sent("/a/one", "/tf")])
+    state.take("b", 1, [])
+    state.end_period()
+    state.expect(["b"])
+    assert not state.stands
+    assert not state.join("a", ["/a/one"], []), "it is not asked"
+    assert [ring.name for ring, _ in state.begin_period([])] == ["b"]
+    state.take("b", 2, [])
+    state.expect(["a", "b"])
+    assert state.stands
+    assert [ring.name for ring in state.absent] == ["a"]
+    assert state.join("a", ["/a/one"], ["/tf"])
+    assert not state.stands
+
+
+def test_withheld_topics_and_rings_get_and_give_nothing_but_what_is_their_own(state: Lockstep) -> None:
+    state.withheld = frozenset({"a", "/b/scan"})
+    own = [Sent("/gazebo", "/a/scan"), Sent("/gazebo", "/b/scan"), Sent("/gazebo", "/tf")]
+    rounds = {ring.name: messages for ring, messages in state.begin_period(own)}
+    assert rounds == {"a": [], "b": [own[2]]}
+    goal = Sent("/a/two", "/a/goal")
+    state.take("a", 1, [goal, Sent("/a/two", "/tf"), Sent("/a/two", "/a/command")])
+    state.take("b", 1, [Sent("/b/one", "/tf")])
+    assert state.end_period() == []
+    assert {ring.name: ring.kept for ring in state.rings.values()} == {
+        "a": [goal, Sent("/a/two", "/tf")],
+        "b": [Sent("/b/one", "/tf")],
+    }

@@ -14,6 +14,8 @@ from pioneer_node.nodes import entry
 from pioneer_node.nodes.exchange import Exchange, set_time
 
 INLET, OUTLET, PROBE = "period", "done", "probe"
+RINGS, WITHHELD = "/lockstep/rings", "/lockstep/withheld"
+"""What a member tells the simulator: who takes part, and what tokens are not to carry."""
 _LOOK_EVERY = 0.5
 """How often a member looks whether its work has failed [s of wall time]."""
 _CONNECT_WITHIN = 2.0

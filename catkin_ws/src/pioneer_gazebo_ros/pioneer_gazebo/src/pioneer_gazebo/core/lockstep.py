@@ -32,6 +32,7 @@ class Ring:
         kept: what its members and those of other rings published last and it subscribes to, for its next token.
         waiting: whether its token is on the way.
         told: whether it knows who takes part and what is wanted.
+        awaited: whether time stands until it has joined.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Ring:
     kept: list[Message] = field(default_factory=list)
     waiting: bool = False
     told: bool = False
+    awaited: bool = True
     returned: list[Message] = field(default_factory=list)
 
     @property
@@ -55,6 +57,7 @@ class Lockstep:
         period: serial number of the period under way; 0 before the first.
         rings: by name, in the order in which their messages are taken.
         begun: whether the first period has begun: all expected rings had joined.
+        withheld: topics of which no token has messages, and rings to and from which nothing passes.
     """
 
     def __init__(self, wanted: Iterable[str] = ()) -> None:
@@ -62,12 +65,13 @@ class Lockstep:
         self.period = 0
         self.begun = False
         self.rings: dict[str, Ring] = {}
+        self.withheld: frozenset[str] = frozenset()
         self._own = frozenset(wanted)
 
     def expect(self, names: Iterable[str]) -> None:
-        """Adds rings that take part as soon as they answer; the first period waits for all of them."""
-        for name in sorted(names):
-            self.rings.setdefault(name, Ring(name))
+        """Has these rings take part, and no others; the next period waits for those that are new."""
+        self.rings = {name: self.rings.get(name) or Ring(name) for name in sorted(names)}
+        self._tell_all()
 
     def subscribe(self, topics: Iterable[str]) -> None:
         """Takes the topics that the simulator itself subscribes to by now."""
@@ -79,6 +83,11 @@ class Lockstep:
     def absent(self) -> list[Ring]:
         """The rings that are expected and do not take part."""
         return [ring for ring in self.rings.values() if not ring.joined]
+
+    @property
+    def stands(self) -> bool:
+        """Whether time stands: a token is on the way, or a ring that is waited for has not joined."""
+        return not self.rings or any(ring.waiting or (ring.awaited and not ring.joined) for ring in self.rings.values())
 
     @property
     def late(self) -> list[Ring]:
@@ -96,9 +105,9 @@ class Lockstep:
         return self._own.union(*(ring.wants for ring in self.rings.values()))
 
     def join(self, name: str, members: Sequence[str], wants: Iterable[str]) -> bool:
-        """Lets a ring take part; returns whether it did not before."""
-        ring = self.rings[name]
-        if ring.joined:
+        """Lets a ring take part; returns whether it did not before, and is expected."""
+        ring = self.rings.get(name)
+        if ring is None or ring.joined:
             return False
         ring.members, ring.wants = tuple(members), frozenset(wants)
         self._tell_all()
@@ -106,7 +115,7 @@ class Lockstep:
 
     def drop(self, ring: Ring) -> None:
         """Takes a ring out; it may join again."""
-        ring.members, ring.wants, ring.waiting = (), frozenset(), False
+        ring.members, ring.wants, ring.waiting, ring.awaited = (), frozenset(), False, False
         ring.kept, ring.returned = [], []
 
     def begin_period(self, own: Sequence[Message]) -> list[tuple[Ring, list[Message]]]:
@@ -121,13 +130,13 @@ class Lockstep:
         for ring in self.rings.values():
             if ring.joined:
                 ring.waiting = True
-                rounds.append((ring, ring.kept + [one for one in own if one.topic in ring.wants]))
+                rounds.append((ring, ring.kept + [one for one in own if self._reaches(one, ring)]))
         return rounds
 
     def take(self, name: str, period: int, messages: Sequence[Message]) -> bool:
         """Takes a token that has come back; returns whether it was the last of the period."""
-        ring = self.rings[name]
-        if not ring.waiting or period != self.period:
+        ring = self.rings.get(name)
+        if ring is None or not ring.waiting or period != self.period:
             return False
         ring.waiting = False
         ring.returned = [one for one in messages if one.sender in ring.members]
@@ -135,13 +144,18 @@ class Lockstep:
 
     def end_period(self) -> list[Message]:
         """Keeps for each ring what it subscribes to; returns what the simulator does. Order: by ring, then as sent."""
-        sent = [(ring, one) for ring in self.rings.values() for one in ring.returned]
+        outside = [ring for ring in self.rings.values() if ring.name not in self.withheld]
+        sent = [(ring, one) for ring in outside for one in ring.returned]
         for ring in self.rings.values():
             own = [one for one in ring.returned if one.topic in ring.wants]
-            ring.kept = own + [one for source, one in sent if source is not ring and one.topic in ring.wants]
+            ring.kept = own + [one for source, one in sent if source is not ring and self._reaches(one, ring)]
         for ring in self.rings.values():
             ring.returned = []
         return [one for _, one in sent if one.topic in self._own]
+
+    def _reaches(self, message: Message, ring: Ring) -> bool:
+        """Returns whether a ring gets a message from outside."""
+        return message.topic in ring.wants and not self.withheld & {message.topic, ring.name}
 
     def _tell_all(self) -> None:
         for ring in self.rings.values():

@@ -7,6 +7,7 @@ from functools import partial
 
 import rospy
 from pioneer_msgs.msg import LockstepToken
+from std_msgs.msg import String
 
 from pioneer_gazebo import conversions
 from pioneer_gazebo.core.lockstep import Lockstep, LockstepError, Ring
@@ -14,7 +15,7 @@ from pioneer_gazebo.core.schedule import nanoseconds, period_of
 from pioneer_gazebo.nodes.mailbox import Mailbox
 from pioneer_node.core.parameter import ParameterError
 from pioneer_node.nodes.exchange import Exchange
-from pioneer_node.nodes.lockstep import INLET, OUTLET, PROBE, Link, ring_publisher, ring_topic
+from pioneer_node.nodes.lockstep import INLET, OUTLET, PROBE, RINGS, WITHHELD, Link, ring_publisher, ring_topic
 
 _ASK_EVERY = 0.2
 """How often rings that are absent are asked to join [s of wall time]."""
@@ -53,7 +54,10 @@ class LockstepConfig:
 class LockstepGate:
     """Holds simulated time at the end of each period until all rings have returned their tokens.
 
-    Subscribes: ``RING/lockstep/done`` of each ring. Publishes: ``RING/lockstep/period``, ``RING/lockstep/probe``.
+    Subscribes: ``RING/lockstep/done`` of each ring; ``/lockstep/rings``, ``/lockstep/withheld`` (std_msgs/String): the
+        rings that take part from the next period on, and what tokens do not carry then, with blanks between.
+
+    Publishes: ``RING/lockstep/period``, ``RING/lockstep/probe``.
 
     Threads: that of the simulation, but for `Exchange` and subscribers, which put tokens into the mailbox.
 
@@ -78,6 +82,7 @@ class LockstepGate:
         self._config, self._mailbox, self._namespaces = config, mailbox, namespaces
         self.changed: Callable[[], None] = lambda: None
         self._state = Lockstep()
+        self._expected: list[str] | None = None
         self._inlets: dict[str, rospy.Publisher] = {}
         self._probes: dict[str, rospy.Publisher] = {}
         self._outlets: dict[str, Link] = {}
@@ -86,6 +91,8 @@ class LockstepGate:
         self._began = self._asked = self._said = time.monotonic()
         self._probed: float | None = None
         self._answers: dict[str, LockstepToken] = {}
+        rospy.Subscriber(RINGS, String, lambda message: mailbox.post(partial(self._expect, message.data.split())))
+        rospy.Subscriber(WITHHELD, String, lambda message: mailbox.post(partial(self._withhold, message.data.split())))
 
     def holds(self, tick: int) -> bool:
         """Returns whether time stands at ``tick``; asks absent rings to join, and members that are late to answer.
@@ -94,17 +101,19 @@ class LockstepGate:
             LockstepError: a member is silent, which ends the run.
         """
         state = self._state
-        if not state.rings:
-            self._listen()
+        if not state.begun and not state.rings:
+            self._listen(self._config.rings.split() or self._namespaces())
+        if self._expected is not None and not state.late:
+            self._listen(self._expected)
+            self._expected = None
         if state.absent and time.monotonic() - self._asked > _ASK_EVERY:
             self._asked = time.monotonic()
             self._ask(tick)
         if state.late:
             self._watch()
-        holds = bool(state.late or (not state.begun and (state.absent or not state.rings)))
-        if not holds and not state.begun:
+        if not state.stands and not state.begun:
             self._want()  # what the first period's token is to carry
-        return holds
+        return state.stands
 
     def reached(self, tick: int) -> None:
         """Sends the tokens of the period that ends at ``tick``."""
@@ -134,10 +143,16 @@ class LockstepGate:
         """Begins again at tick 0; members see time jump back."""
         self.until = self.period
 
-    def _listen(self) -> None:
-        """Connects the rings that are expected."""
-        self._state.expect(self._config.rings.split() or self._namespaces())
-        for name in self._state.rings:
+    def _expect(self, names: list[str]) -> None:
+        self._expected = names
+
+    def _withhold(self, names: list[str]) -> None:
+        self._state.withheld = frozenset(names)
+
+    def _listen(self, names: Collection[str]) -> None:
+        """Connects the rings that are to take part."""
+        self._state.expect(names)
+        for name in self._state.rings.keys() - self._inlets.keys():
             self._inlets[name] = ring_publisher(ring_topic(name, INLET))
             self._probes[name] = ring_publisher(ring_topic(name, PROBE))
             self._outlets[name] = Link(ring_topic(name, OUTLET), partial(self._receive, name))
@@ -159,7 +174,7 @@ class LockstepGate:
             token = LockstepToken(LockstepToken.JOIN, self._state.period, _time(tick), [], [], [])
             self._outlets[ring.name].keep_connected()
             self._inlets[ring.name].publish(token)
-        if not self._state.begun and time.monotonic() - self._said > _SAY_AFTER:
+        if self._state.stands and time.monotonic() - self._said > _SAY_AFTER:
             self._said = time.monotonic()
             rospy.loginfo("lockstep waits for %s", ", ".join(ring.name or "/" for ring in self._state.absent))
 
