@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 
+from pioneer_demo.adapters.network import Networks
 from pioneer_demo.core.command import (
     FIRST_ROBOT_MASTER,
     HUB,
@@ -47,6 +48,7 @@ class FleetProcesses:
         self._config, self._log = config, config.log
         self._reservation = PortReservation()
         self.ports = _ports(self._reservation, config.robots)
+        self.networks = Networks(config.linked, self.ports.hub)
         self.group = ProcessGroup()
         self._account = Account(kind, short=COMMAND)
         self._read: dict[Path, int] = {}
@@ -93,8 +95,9 @@ class FleetProcesses:
     def _start(self, command: Command, may_end: bool = False) -> None:
         ros = self._log.resolve() / "ros"
         home = {"ROS_HOME": str(ros), "ROS_LOG_DIR": str(ros / "log")}
-        environment = {**_SINGLE, **os.environ, **home, **command.environment}
-        argv = _found(command.argv)
+        robot = command.environment.get("ROBOT_NAME", "")
+        environment = {**_SINGLE, **os.environ, **home, **command.environment, **self.networks.environment(robot)}
+        argv = self.networks.placed(robot, _found(command.argv))
         self._pids[command.name] = self.group.start(command.name, argv, environment, self._log_of(command), may_end)
 
     def _log_of(self, command: Command) -> Path:
@@ -160,6 +163,7 @@ class FleetProcesses:
             The command lines of what had to be killed.
         """
         killed = self.group.stop(grace, urgent)
+        self.networks.close()
         self._reservation.release()
         return killed
 

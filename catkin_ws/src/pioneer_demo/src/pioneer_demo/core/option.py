@@ -76,6 +76,11 @@ class FleetConfig:
         return ()
 
     @property
+    def linked(self) -> tuple[str, ...]:
+        """The robots whose links have faults."""
+        return ()
+
+    @property
     def is_own_world(self) -> bool:
         """Whether the world is given by the path of a file."""
         return _is_path(self.world)
@@ -120,6 +125,11 @@ class DemoConfig(FleetConfig):
     def rings(self) -> tuple[str, ...]:
         """The rings that lockstep waits for, where they are not the robots' alone."""
         return (OBSERVER, *self.names) if self.lockstep else ()
+
+    @property
+    def linked(self) -> tuple[str, ...]:
+        """The robots whose links have faults."""
+        return tuple(dict.fromkeys(fault.link for fault in self.faults if fault.link))
 
     @property
     def restarts_nodes(self) -> bool:
@@ -201,6 +211,10 @@ def scenario_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
         chosen |= {"entries": said.entries, "fleet": (log / "fleet.yaml").absolute()}
     extras = {name: getattr(said, name) for name in ("parameters", "programs", "goals", "faults", "success")}
     config = DemoConfig(**chosen, **extras, log=log, scenario=file)
+    if config.linked and config.lockstep:
+        raise OptionError(f"--lockstep: {file} has faults of links, whose figures are of wall time")
+    if config.linked and config.record:
+        raise OptionError("--record: the robots' masters cannot be reached where links have faults")
     _check_demo(config)
     return config
 

@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from pioneer_demo.core.link import Condition
 from pioneer_node.core.document import DocumentError, nearest
 from pioneer_node.core.fleet_file import RobotEntry, check_robots
 
@@ -24,7 +25,7 @@ class ScenarioRobot(RobotEntry):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Fault:
-    """One disturbance; exactly one of the first five fields after ``at`` is given.
+    """One disturbance; exactly one of the first six fields after ``at`` is given.
 
     Attributes:
         at: simulated time since the waypoints were sent [s].
@@ -33,7 +34,11 @@ class Fault:
         blind: a robot whose scans do not reach its computer for ``lasts``.
         move: a robot that is put ``to`` another place.
         door: a wall that stands for ``lasts``: middle x, y [m], direction [degrees] and length [m].
+        link: a robot whose computer's packets have ``loss``, ``delay`` and ``rate`` for ``lasts``, in each direction.
         to: x, y [m], heading [degrees].
+        loss: share of packets that are lost; 1 cuts the link.
+        delay: of each packet, in wall time [s].
+        rate: of all packets, in wall time [bit/s]; 0 for any.
         lasts: simulated time [s].
         every: the fault is repeated after this simulated time [s] …
         times: … so often in all.
@@ -45,18 +50,23 @@ class Fault:
     blind: str = ""
     move: str = ""
     door: tuple[float, ...] = ()
+    link: str = ""
     to: tuple[float, ...] = ()
+    loss: float = 0.0
+    delay: float = 0.0
+    rate: float = 0.0
     lasts: float = 0.0
     every: float = 0.0
     times: int = 1
 
     def __post_init__(self) -> None:
         """Refuses what cannot be done."""
-        kinds = [name for name in ("kill", "freeze", "blind", "move", "door") if getattr(self, name)]
+        kinds = [name for name in ("kill", "freeze", "blind", "move", "door", "link") if getattr(self, name)]
         if len(kinds) != 1:
             raise DocumentError(
-                f"a fault has one of kill, freeze, blind, move and door, not {' and '.join(kinds) or 'none'}"
+                f"a fault has one of kill, freeze, blind, move, door and link, not {' and '.join(kinds) or 'none'}"
             )
+        self._check_link()
         if len(self.door) not in (0, 4):
             raise DocumentError(f"a door is [x, y, degrees, length], not {list(self.door)}", "door")
         if len(self.to) != (3 if self.move else 0):
@@ -68,16 +78,31 @@ class Fault:
         if self.times < 1 or (self.times > 1 and self.every <= self.lasts):
             raise DocumentError("a repeated fault needs times of 1 or more, and every above lasts", "every")
 
+    def _check_link(self) -> None:
+        if bool(self.link) != any((self.loss, self.delay, self.rate)):
+            raise DocumentError("'link' needs one or more of loss, delay and rate, and nothing else has them", "link")
+        for name, most in (("loss", 1.0), ("delay", 60.0), ("rate", math.inf)):
+            if not 0.0 <= (value := getattr(self, name)) <= most or value == math.inf:
+                text = f"0 to {most:g}" if most < math.inf else "0 or more bit/s"
+                raise DocumentError(f"{name} must be {text}, not {value:g}", name)
+
+    @property
+    def condition(self) -> Condition:
+        """What the fault does to the link's packets."""
+        return Condition(self.loss, self.delay, self.rate)
+
     @property
     def whom(self) -> str:
         """The robot, or what else it strikes; empty for a door."""
-        return self.kill or self.freeze or self.blind or self.move
+        return self.kill or self.freeze or self.blind or self.move or self.link
 
     def __str__(self) -> str:
         if self.door:
             return f"a door at ({self.door[0]:g}, {self.door[1]:g}) is closed"
         if self.kill:
             return f"the computer of {self.kill} is killed" if self.kill != HUB else "the hub is killed"
+        if self.link:
+            return f"the link of {self.link} has {self.condition}"
         if self.freeze:
             return f"the gateway of {self.freeze} is frozen"
         return f"{self.blind} gets no scans" if self.blind else f"{self.move} is moved"

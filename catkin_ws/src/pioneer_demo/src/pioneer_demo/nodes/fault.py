@@ -1,4 +1,4 @@
-"""Faults at their simulated times: computers that die, gateways that hang, scans that stop, doors, robots moved."""
+"""Faults at their simulated times: computers that die, links, gateways that hang, scans that stop, doors, moves."""
 
 import dataclasses
 import heapq
@@ -14,6 +14,7 @@ from geometry_msgs.msg import Point, Pose, Quaternion
 
 from pioneer_demo.core.command import HUB_COMMAND, HUB_GATEWAY_COMMAND, gateway_name, master_uri, on_computer
 from pioneer_demo.core.error import FaultError
+from pioneer_demo.core.link import Condition
 from pioneer_demo.core.option import DemoConfig
 from pioneer_demo.core.scenario import BASE, HUB, Fault
 from pioneer_demo.core.track import RobotTrack
@@ -105,6 +106,9 @@ class FaultRunner:
             return lambda: self._freeze(gateway, True), lambda: self._freeze(gateway, False)
         if fault.blind:
             return lambda: self._flip_scans(fault.blind, True), lambda: self._flip_scans(fault.blind, False)
+        if fault.link:
+            networks = self._run.processes.networks
+            return lambda: networks.set(fault.link, fault.condition), lambda: networks.set(fault.link, Condition())
         if fault.move:
             return lambda: self._move(fault.move, fault.to), None
         name = f"door_{next(self._numbers)}"
@@ -170,7 +174,7 @@ class FaultRunner:
             return
         port = self._run.processes.ports.robot_masters[self._number(robot) - 1]
         argv = ["rosrun", "rocon_flip", "flip_remote_subscriber.py", robot, laser, ""]
-        environment = {"ROS_IP": "127.0.0.1", "ROS_MASTER_URI": master_uri(port)}
+        environment = {"ROS_IP": "127.0.0.1", "ROS_MASTER_URI": master_uri(port), "ROBOT_NAME": robot}
         self._run.processes.run(f"flip of {robot}'s scans", [*argv, *(["--cancel"] if cancel else [])], environment)
 
     def _move(self, robot: str, to: Sequence[float]) -> None:

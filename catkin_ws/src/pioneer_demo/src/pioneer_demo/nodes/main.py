@@ -11,6 +11,7 @@ from pathlib import Path
 import rospkg
 
 from pioneer_demo.adapters.interrupt import Interrupt, Interrupted, mute
+from pioneer_demo.adapters.network import enter
 from pioneer_demo.adapters.output import make_outputs
 from pioneer_demo.adapters.processes import FleetProcesses
 from pioneer_demo.adapters.scenario_file import read_scenario
@@ -43,6 +44,8 @@ def main(words: Sequence[str], interrupt: Interrupt) -> int:
         os.environ.pop(name, None)
     try:
         config = _configured(command, arguments)
+        if config.linked:
+            enter(words)
         make_outputs(config)
         interrupt.check()
         return _run(config, watch, interrupt)

@@ -1,0 +1,25 @@
+"""Asks over a robot's link as it is, slow and lossy, and cut; begins itself again in a network of its own."""
+
+import os
+import pathlib
+import subprocess
+import sys
+
+from pioneer_demo.adapters.network import Networks
+from pioneer_demo.core.link import Condition
+
+ECHO = str(pathlib.Path(__file__).with_name("udp_echo.py"))
+if os.environ.get("LINK_TRIAL") is None:
+    unshare = ["unshare", "--user", "--map-current-user", "--keep-caps", "--net"]
+    os.execvpe(unshare[0], [*unshare, sys.executable, __file__], {**os.environ, "LINK_TRIAL": "1"})
+subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
+networks = Networks(["one", "two"], 6380)
+server = subprocess.Popen(networks.placed("one", [sys.executable, ECHO]), stdout=subprocess.PIPE)
+assert server.stdout is not None
+server.stdout.readline()
+for robot, condition in [("", {}), ("two", {}), ("", {"loss": 0.2, "delay": 0.05}), ("", {"loss": 1.0})]:
+    networks.set("one", Condition(**condition))
+    subprocess.run(networks.placed(robot, [sys.executable, ECHO, networks.environment("one")["ROS_IP"]]), check=True)
+server.kill()
+server.wait()
+networks.close()
