@@ -11,6 +11,7 @@ BENCHES = {
     "worlds": "the simulator: each world with ten robots, and its beams against an independent caster",
     "gateway": "the gateway: how fast rules act, what relaying costs beside peers",
     "nav": "navigation: success, accuracy and cost of one robot's tours",
+    "learning": "the learning environment: agent-steps a CPU-second, by number of robots",
     "lockstep": "fleets in lockstep: real-time factor, CPU, and equal results, by number of robots",
     "web": "the fleet page: CPU of its server and bytes to a page, by the number of pages",
     "traffic": "right of way: fleets on random tours in narrow and shipped worlds, without ROS",

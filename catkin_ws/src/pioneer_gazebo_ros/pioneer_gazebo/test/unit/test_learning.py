@@ -74,6 +74,21 @@ def test_the_same_seed_gives_the_same_bits_also_in_an_environment_that_was_used(
     used.close()
 
 
+def test_wheels_may_be_commanded_instead_of_the_body(pioneer: Robot) -> None:
+    def pose(action: tuple[float, float], **options: bool) -> tuple[float, float, float]:
+        env = PioneerEnv(description=pioneer, **STRAIGHT, **options)
+        env.reset(seed=1)
+        for _ in range(10):
+            state = env.step(np.array(action, np.float32))[-1]["state"]
+        env.close()
+        return (*state.pose.position[:2], state.pose.yaw)
+
+    assert pose((0.6, 0.6), wheels=True) == pytest.approx(pose((0.6, 0.0)), abs=1e-6)
+    x, y, yaw = pose((-0.2, 0.2), wheels=True)
+    assert (x, y) == pytest.approx((-4.5, 3.5), abs=0.02)
+    assert yaw > -math.pi / 2 + 0.3, "the right wheel forwards turns it to the left"
+
+
 def test_numbers_of_starts_and_robots_must_fit(pioneer: Robot) -> None:
     with pytest.raises(ValueError, match="starts must be 2, one a robot, not 1"):
         PioneerParallelEnv(robots=2, description=pioneer, starts=[(0.0, 0.0, 0.0)])

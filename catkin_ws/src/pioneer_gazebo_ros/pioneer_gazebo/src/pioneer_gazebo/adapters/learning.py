@@ -5,7 +5,8 @@
     env = PioneerParallelEnv(world="small_world", robots=4)
     observations, _ = env.reset(seed=1)
 
-Each robot sees its laser, its goal and its own motion, and commands its body's velocities. Both packages are optional.
+Each robot sees its laser, its goal and its own motion, and commands velocities of its body or its wheels. Both
+packages are optional.
 """
 
 import dataclasses
@@ -83,8 +84,9 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
     """Several robots in one world, each on its way to a goal of its own.
 
     An observation is float32: the scan's ranges as parts of the laser's greatest one (1 for nothing met), then `EXTRA`
-    values. An action is two values in -1 … 1: parts of the greatest speed and turn rate. An agent is terminated at its
-    goal, and truncated with all others after ``limit`` steps. The same seed gives the same bits.
+    values. An action is two values in -1 … 1: parts of the greatest speed and turn rate, or of the wheels' greatest
+    speed. An agent is terminated at its goal, and truncated with all others after ``limit`` steps. The same seed
+    gives the same bits.
     """
 
     metadata = {"name": "pioneer_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012 - PettingZoo's form
@@ -93,7 +95,7 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         self, world: str = "small_world", robots: int = 2, *, description: Robot | None = None,
         starts: Sequence[tuple[float, float, float]] = (), goals: Sequence[tuple[float, float]] = (),
         reward: Reward = progress_reward, step: float = 0.1, limit: int = 600, tolerance: float = 0.3,
-        fastest: float = 0.7, quickest: float = 1.5,
+        fastest: float = 0.7, quickest: float = 1.5, wheels: bool = False,
     ) -> None:  # fmt: skip
         """Reads world and robot.
 
@@ -109,6 +111,7 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
             tolerance: distance to a goal at which it is reached [m].
             fastest: speed of the action 1 [m/s].
             quickest: turn rate of the action 1 [rad/s].
+            wheels: whether an action is the left and the right wheel's speed, parts of ``fastest`` at the rim.
 
         Raises:
             SimulatorError: there is no such world, or it cannot be read.
@@ -122,7 +125,7 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         self._robot = description or pioneer()
         self._starts, self._goals_given, self._reward = starts, goals, reward
         self._ticks, self._limit, self._tolerance = round(step * TICK_RATE), limit, tolerance
-        self._most = np.array([fastest, quickest])
+        self._most, self._wheels = np.array([fastest, fastest if wheels else quickest]), wheels
         self.possible_agents = [f"pioneer{number}" for number in range(1, robots + 1)]
         self.agents = list[str]()
         laser = self._robot.lasers[0]
@@ -176,8 +179,11 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
     ) -> tuple[dict[str, Array], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
         """Moves all robots on; returns observations, rewards, terminations, truncations and infos (``state``)."""
         for agent in self.agents:
-            speed, turn = np.clip(actions[agent], -1.0, 1.0) * self._most
-            self._entities[agent].drives[0].command(self._simulation.tick, float(speed), float(turn))
+            speed, turn = map(float, np.clip(actions[agent], -1.0, 1.0) * self._most)
+            drive = self._entities[agent].drives[0]
+            if self._wheels:
+                speed, turn = (speed + turn) / 2.0, (turn - speed) / drive.drive.config.wheelSeparation
+            drive.command(self._simulation.tick, speed, turn)
         self._simulation.advance(self._simulation.tick + self._ticks)
         self._count += 1
         touched = {entity.name for entity in self._simulation.collided()}
