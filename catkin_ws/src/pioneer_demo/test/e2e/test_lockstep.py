@@ -21,7 +21,8 @@ def test_runs_in_lockstep_are_equal_byte_by_byte_beside_a_busy_machine_and_acros
     recording = tmp_path / "run.bag"
 
     def run(*options, meanwhile=lambda demo: None):
-        demo = start("--lockstep", "--robots", 2, "--waypoints", 1, "--world", "small_world", "--seed", 4, *options)
+        words = ("--lockstep", "--traffic", "--robots", 2, "--waypoints", 1, "--world", "small_world", "--seed", 4)
+        demo = start(*words, *options)
         meanwhile(demo)
         assert demo.process.wait(_WHOLE) == 0, demo.text()
         return {name: (demo.report / name).read_bytes() for name in _SAME}

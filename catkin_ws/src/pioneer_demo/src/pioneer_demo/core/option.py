@@ -284,8 +284,6 @@ def _check(values: Mapping[str, Any]) -> None:
         raise OptionError(f"--rtf must be 0 (as fast as possible) or more, not {factor:g}")
     if values["lockstep"] and factor is not None:
         raise OptionError("--rtf and --lockstep both say how fast time passes: give one of them")
-    if values["lockstep"] and values["traffic"]:
-        raise OptionError("--traffic does not take part in --lockstep: give one of them")
     if not 0 <= values["seed"] < 2**31:
         raise OptionError(f"--seed must be 0 to {2**31 - 1}, not {values['seed']}")
 

@@ -29,11 +29,11 @@ from simple_navigation_goals.adapters.move_base import MoveBase
 from simple_navigation_goals.core.queue import Outcome
 
 _PERIOD = 0.2
-"""Wall time [s] between two reports."""
+"""Between two reports [s of wall time, in lockstep of simulated time; so are the times below]."""
 _SAME = 0.05
 """Distance [m] under which a stop is the one that move_base has already."""
 _RETRY = 2.0
-"""Wall time [s] after which move_base gets a stop again that it gave up."""
+"""After so long move_base gets a stop again that it gave up [s]."""
 _COMPLAIN_EVERY = 10.0
 
 
@@ -50,13 +50,13 @@ class CoordinatorNode:
 
     Subscribes: ``/map`` (nav_msgs/OccupancyGrid), ``/traffic/reports`` (pioneer_traffic/Report), tf.
 
-    Publishes: ``/traffic/reports``, five a second of wall time.
+    Publishes: ``/traffic/reports``, five a second of wall time, in lockstep of simulated time.
 
     Actions served: ``traffic`` (move_base_msgs/MoveBaseAction), goals in frame map. Called: ``move_base``.
 
     Parameters: ``CoordinatorNodeConfig``.
 
-    Threads: callbacks store; ``spin`` does all the work.
+    Threads: callbacks store; ``spin``, in lockstep ``step``, does all the work.
 
     On error: a goal that is in another frame or far from any place is aborted with the reason. What move_base
     gives up is sent again. Without a transform the robot is where it was last, and takes nothing more.
@@ -80,6 +80,7 @@ class CoordinatorNode:
         self._reporting: set[str] = set()
         self._stop: tuple[float, float] | None = None
         self._serial, self._retry_at = 0, math.inf
+        self._stepped_at = -math.inf
         self._target: PoseStamped | None = None
         self._publisher = rospy.Publisher("/traffic/reports", ReportMessage, queue_size=5, tcp_nodelay=True)
         self._move_base = MoveBase("move_base", lambda number, outcome, text: self._ends.put((number, outcome, text)))
@@ -94,11 +95,26 @@ class CoordinatorNode:
         """Works in a fixed period of wall time until shutdown."""
         while not entry.is_ending():
             begin = time.monotonic()
-            while not self._maps.empty():
-                self._use_map(self._maps.get())
+            self._use_maps()
             if self._coordinator is not None:
-                self._work(self._coordinator)
+                self._work(self._coordinator, time.monotonic())
             entry.wait(max(0.01, begin + _PERIOD - time.monotonic()))
+
+    def ready(self) -> bool:
+        """Returns whether the map has come; called where ``step`` is."""
+        self._use_maps()
+        return self._coordinator is not None
+
+    def step(self) -> None:
+        """Does one period's work in lockstep, where a report is due."""
+        now = rospy.get_time()
+        if self._coordinator is not None and not 0.0 <= now - self._stepped_at < _PERIOD - 1.0e-6:
+            self._stepped_at = now
+            self._work(self._coordinator, now)
+
+    def _use_maps(self) -> None:
+        while not self._maps.empty():
+            self._use_map(self._maps.get())
 
     def _use_map(self, message: OccupancyGrid) -> None:
         grid = grid_from_message(message)
@@ -109,8 +125,7 @@ class CoordinatorNode:
             self._coordinator = Coordinator(self._robot, roadmap, self._config, self._fleet)
             rospy.loginfo("roadmap of %d places, signature %08x", len(roadmap.places), roadmap.signature)
 
-    def _work(self, coordinator: Coordinator) -> None:
-        now = time.monotonic()
+    def _work(self, coordinator: Coordinator, now: float) -> None:
         while not self._reports.empty():
             report = report_from_message(self._reports.get(), len(self._roadmap.places))
             if report is not None:
