@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 
 from containers.engine import DESKTOP, ContainerError
-from containers.fleet_plan import ROBOTS, WORLD, limits
+from containers.fleet_plan import LOCKSTEP, ROBOTS, WORLD, limits
 from containers.image import ensure_images
 from containers.state import fleet, project
 from containers.subcommand import Subcommands
@@ -42,14 +42,22 @@ def _add_up(parser: argparse.ArgumentParser) -> None:
     add("--robots", type=int, help=f"robots, each on its computer, {limits()}; default: those there are, else {ROBOTS}")
     add("--world", help=f"a world of pioneer_gazebo (default: that of the fleet there is, else {WORLD})")
     add("--waypoints", type=int, default=3, help="send each robot that is started to so many places (default: 3)")
-    add("--rtf", type=float, metavar="R", help="real-time factor of the world (default: 1, or less where that is more "
-        "than the processors carry)")  # fmt: skip
+    add("--rtf", type=_pace, metavar="R", help="real-time factor of the world (default: 1, or less where that is more "
+        "than the processors carry), or lockstep: time waits for every robot's nodes (docs/lockstep.md)")  # fmt: skip
     add("--idle", action="store_true", help="start no steps, so that you can type them into ./pioneer exec")
     add("--desktop", action="store_true", help="with RViz of the fleet, in the browser")
     add("--swarm", action="store_true", help="on all machines of the Docker Swarm that this one manages")
     add("--registry", default="", metavar="HOST:PORT", help="from which the swarm's machines pull the image (default: "
         "one that is started on this machine)")  # fmt: skip
     add("--update", action="store_true", help="in a swarm: replace the robots' image, one at a time, while they drive")
+
+
+def _pace(text: str) -> float | str:
+    """Returns a real-time factor, or ``lockstep``."""
+    try:
+        return text if text == LOCKSTEP else float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"a number or lockstep, not '{text}'") from None
 
 
 def _down(options: argparse.Namespace) -> int:

@@ -96,7 +96,7 @@ class Deployment:
             PIONEER_IMAGE=image,
             PIONEER_WORLD=plan.world,
             PIONEER_ROBOTS=str(plan.robots),
-            PIONEER_REAL_TIME_FACTOR=f"{plan.factor:g}",
+            PIONEER_REAL_TIME_FACTOR=plan.pace,
             PIONEER_HUB_PASSWORD_FILE=str(hub_password()),
             PIONEER_TLS_DIRECTORY=str(certificates()),
             **({"PIONEER_STEPS": "idle"} if plan.idle else {}),

@@ -16,6 +16,8 @@ ROBOTS, WORLD = 5, "utm_0"
 """Of a new fleet, unless options say otherwise."""
 MOST_WAYPOINTS = 50
 DOWN = "./pioneer down first"
+LOCKSTEP = "lockstep"
+"""In the place of a real-time factor: simulated time waits for every robot's nodes (docs/lockstep.md)."""
 _STACK = SOURCE / "pioneer_gazebo_ros"
 
 
@@ -26,7 +28,7 @@ class FleetPlan:
     Attributes:
         robots: how many, with those there are.
         world: the world's name.
-        factor: its real-time factor.
+        pace: its real-time factor, or ``lockstep``.
         remark: one line on a factor that is less than was to be expected; empty otherwise.
         idle: no steps are started.
         before: the fleet's computers as they were, by name.
@@ -35,11 +37,16 @@ class FleetPlan:
 
     robots: int
     world: str
-    factor: float
+    pace: str
     remark: str
     idle: bool
     before: Mapping[str, Computer]
     base: Computer | None
+
+    @property
+    def factor(self) -> float:
+        """The real-time factor; 0, as fast as possible, in lockstep."""
+        return 0.0 if self.pace == LOCKSTEP else float(self.pace)
 
     def starts(self, computer: str) -> bool:
         """Returns whether a computer is started by this call: all are where the base station does not run."""
@@ -96,8 +103,8 @@ def make_fleet_plan(options: Namespace, computers: Sequence[Computer], processor
         raise ContainerError(f"there is a fleet of {most} robots: {DOWN}")
     if base:
         _check_steps(options, base, robots > most)
-    factor, remark = choose_factor(options.rtf, robots, processors, base)
-    return FleetPlan(robots, world, factor, remark, options.idle or (base is not None and is_idle(base)), before, base)
+    pace, remark = choose_pace(options.rtf, robots, processors, base, robots > most)
+    return FleetPlan(robots, world, pace, remark, options.idle or (base is not None and is_idle(base)), before, base)
 
 
 def _check_world(options: Namespace, robots: int, world: str, base: Computer | None) -> None:
@@ -117,6 +124,26 @@ def _check_steps(options: Namespace, base: Computer, more: bool) -> None:
         raise ContainerError(f"an idle fleet runs: {DOWN}")
     if options.idle and not is_idle(base) and not more:
         raise ContainerError(f"a fleet runs whose steps are started: {DOWN}")
+
+
+def choose_pace(
+    rtf: float | str | None, robots: int, processors: float, base: Computer | None, more: bool
+) -> tuple[str, str]:
+    """Returns the world's real-time factor or ``lockstep``, as the running one has it, and what to say of it.
+
+    Raises:
+        ContainerError: what was asked for cannot be.
+    """
+    running = base.environment.get("REAL_TIME_FACTOR") if base else None
+    if LOCKSTEP in (rtf, running):
+        if base and rtf not in (None, running):
+            raise ContainerError(f"the world that runs has a real-time factor of {running}: {DOWN}")
+        if base and more:
+            raise ContainerError(f"a fleet in lockstep takes no more robots: {DOWN}")
+        return LOCKSTEP, ""
+    assert not isinstance(rtf, str), "the command line takes no other word"
+    factor, remark = choose_factor(rtf, robots, processors, base)
+    return f"{factor:g}", remark
 
 
 def choose_factor(rtf: float | None, robots: int, processors: float, base: Computer | None) -> tuple[float, str]:

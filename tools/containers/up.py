@@ -70,7 +70,7 @@ def _start(plan: FleetPlan, options: Namespace) -> list[Computer]:
     variables = {
         "PIONEER_WORLD": plan.world,
         "PIONEER_ROBOTS": str(plan.robots),
-        "PIONEER_REAL_TIME_FACTOR": f"{plan.factor:g}",
+        "PIONEER_REAL_TIME_FACTOR": plan.pace,
     }
     if plan.idle:
         variables["PIONEER_STEPS"] = "idle"

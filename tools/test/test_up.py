@@ -11,7 +11,7 @@ import pytest
 from containers import image, up
 from containers.__main__ import main
 from containers.engine import Computer, ContainerError
-from containers.fleet_plan import choose_factor, places_here
+from containers.fleet_plan import choose_factor, choose_pace, places_here
 from containers.state import BASE
 
 
@@ -293,6 +293,33 @@ def test_the_world_is_as_fast_as_the_processors_carry_unless_told(
 ) -> None:
     base = Computer("aadiworkstation", "c", "running", "", {"REAL_TIME_FACTOR": running}, "i") if running else None
     assert choose_factor(rtf, robots, 2.0, base) == (factor, said)
+
+
+@pytest.mark.parametrize(
+    ("rtf", "running", "pace"),
+    [("lockstep", None, "lockstep"), (None, "lockstep", "lockstep"), (0.5, None, "0.5")],
+)
+def test_the_world_runs_in_lockstep_where_that_is_its_factor(
+    rtf: float | str | None, running: str | None, pace: str
+) -> None:
+    base = Computer("aadiworkstation", "c", "running", "", {"REAL_TIME_FACTOR": running}, "i") if running else None
+    assert choose_pace(rtf, 2, 2.0, base, False) == (pace, "")
+
+
+@pytest.mark.parametrize(
+    ("rtf", "running", "why"),
+    [
+        (None, "lockstep", "a fleet in lockstep takes no more robots"),
+        (1.0, "lockstep", "the world that runs has a real-time factor of lockstep"),
+        ("lockstep", "1", "the world that runs has a real-time factor of 1"),
+    ],
+)
+def test_a_world_stays_in_lockstep_or_out_of_it_with_its_robots(
+    rtf: float | str | None, running: str, why: str
+) -> None:
+    base = Computer("aadiworkstation", "c", "running", "", {"REAL_TIME_FACTOR": running}, "i")
+    with pytest.raises(ContainerError, match=f"^{why}: ./pioneer down first$"):
+        choose_pace(rtf, 3, 2.0, base, True)
 
 
 @pytest.mark.parametrize(("rtf", "running", "why"), [(-1.0, None, "0 .* or more"), (0.5, "1", "down first")])
