@@ -4,6 +4,7 @@ import argparse
 import importlib
 import signal
 import sys
+from pathlib import Path
 
 BENCHES = {
     "sim": "the simulator: CPU, memory and scans by number of robots",
@@ -33,6 +34,8 @@ def main() -> int:
         if name in sys.argv[1:2]:  # the others' engines and nodes are not needed
             bench = importlib.import_module(f"pioneer_bench.{name}")
             bench.add_arguments(one)
+            one.add_argument("--output", type=Path, default=Path("bench-report"), metavar="DIR",
+                help="where the figures go (default: %(default)s)")  # fmt: skip
             one.set_defaults(run=bench.run)
     options = parser.parse_args()
     for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):

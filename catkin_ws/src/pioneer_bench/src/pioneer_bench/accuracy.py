@@ -8,14 +8,13 @@ from tempfile import TemporaryDirectory
 from pioneer_bench.adapters.description import meshed_pioneer, pioneer_urdf
 from pioneer_bench.adapters.world import Worlds
 from pioneer_bench.core.accuracy import accuracy_rows
-from pioneer_bench.core.row import table
-from pioneer_bench.report import add_output, write
+from pioneer_bench.report import finish
 from pioneer_gazebo.adapters.urdf import robot_from_urdf
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds this bench's options."""
-    add_output(parser)
+    """This bench has no options of its own."""
+    del parser
 
 
 def run(options: argparse.Namespace) -> int:
@@ -24,5 +23,4 @@ def run(options: argparse.Namespace) -> int:
         rows = list(accuracy_rows(worlds.make, robot_from_urdf(pioneer_urdf())))
         meshed = accuracy_rows(worlds.make, meshed_pioneer(Path(folder)))
         rows += [replace(row, what=f"mesh wheels: {row.what}") for row in meshed]
-    write(options.output, "accuracy", "The simulator's accuracy", table(rows), [row.as_dict() for row in rows])
-    return 0 if all(row.holds for row in rows) else 1
+    return finish(options, "accuracy", "The simulator's accuracy", rows)

@@ -2,7 +2,6 @@
 
 import argparse
 import contextlib
-import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -13,8 +12,8 @@ from pioneer_bench.adapters.fleet import Fleet
 from pioneer_bench.adapters.flow_trial import flow_rows, idle_rows, tls_rows
 from pioneer_bench.adapters.rule_trial import call_rows, fault_rows, publisher_rows
 from pioneer_bench.adapters.service_trial import service_rows
-from pioneer_bench.core.row import Row, table
-from pioneer_bench.report import add_output, write
+from pioneer_bench.core.row import Row
+from pioneer_bench.report import finish
 from pioneer_harness.error import HarnessError
 from pioneer_node.nodes.patch import tell_registrations, wake_master_workers
 from tcpros.adapters.client import ClientError
@@ -26,13 +25,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--only", nargs="*", default=[], metavar="TRIAL", help="some of the trials, by their names")
     parser.add_argument("--repetitions", type=int, default=3, metavar="N", help="default: %(default)s")
     parser.add_argument("--seconds", type=float, default=2.0, help="length of each window [s]")
-    add_output(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Runs all trials; returns 0 where every goal holds, 1 where one does not, 2 where a trial failed."""
     repetitions, seconds = (1, 1.0) if options.quick else (options.repetitions, options.seconds)
-    load = os.getloadavg()[0]
     rows: list[Row] = []
     failure = ""
     with contextlib.ExitStack() as stack:
@@ -66,10 +63,7 @@ def run(options: argparse.Namespace) -> int:
                 rows += trial()
         except (HarnessError, ClientError, OSError) as error:
             failure = str(error)
-    remark = f"{os.cpu_count()} cores, load before the run {load:.1f}; medians and ranges."
-    values = {"cores": os.cpu_count(), "load": load, "rows": [row.as_dict() for row in rows]}
-    write(options.output, "gateway", "The gateway", f"{table(rows)}\n\n{remark}", values)
+    status = finish(options, "gateway", "The gateway", rows)
     if failure:
         print(f"the bench failed: {failure}")
-        return 2
-    return 1 if any(row.holds is False for row in rows) else 0
+    return 2 if failure else status

@@ -1,14 +1,13 @@
 """``pioneer_bench learning``: agent-steps a CPU-second of the learning environment, without ROS."""
 
 import argparse
-import os
 import time
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pioneer_bench.core.row import Row, table
-from pioneer_bench.report import add_output, write
+from pioneer_bench.core.row import Row
+from pioneer_bench.report import finish
 from pioneer_gazebo.adapters.learning import PioneerParallelEnv, pioneer
 
 GOAL, GOAL_ROBOTS = 1200.0, 10
@@ -22,12 +21,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--world", default="utm_0", help="default: %(default)s")
     parser.add_argument("--steps", type=int, default=200, metavar="K", help="of each run (default %(default)s)")
     parser.add_argument("--repeat", type=int, default=3, metavar="K", help="runs of each size (default %(default)s)")
-    add_output(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Measures; returns 0 where the goal holds, 1 where not."""
-    load, robot, rows = os.getloadavg()[0], pioneer(), list[Row]()
+    robot, rows = pioneer(), list[Row]()
     for robots in options.robots:
         env = PioneerParallelEnv(options.world, robots, description=robot, limit=options.steps + 1)
         actions = dict.fromkeys(env.possible_agents, np.array(ACTION, np.float32))
@@ -37,11 +35,8 @@ def run(options: argparse.Namespace) -> int:
         env.close()
         goal = GOAL if robots == GOAL_ROBOTS else None
         rows.append(Row(f"{robots} robots: agent-steps a CPU-second", "1/s", rates, goal, at_least=True))
-    beams = robot.lasers[0].samples
-    remark = f"{os.cpu_count()} cores, load before the run {load:.1f}; {options.world}, {beams} beams, steps of 0.1 s."
-    result = {"cores": os.cpu_count(), "load": load, "rows": [row.as_dict() for row in rows]}
-    write(options.output, "learning", "Learning", f"{table(rows)}\n\n{remark}", result)
-    return 1 if any(row.holds is False for row in rows) else 0
+    remark = f"{options.world}, {robot.lasers[0].samples} beams, steps of 0.1 s."
+    return finish(options, "learning", "Learning", rows, remark)
 
 
 def _rate(env: PioneerParallelEnv, actions: dict[str, NDArray[np.float32]], steps: int, seed: int) -> float:

@@ -2,14 +2,13 @@
 
 import argparse
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
-from pioneer_bench.core.row import Row, table
-from pioneer_bench.report import add_output, write
+from pioneer_bench.core.row import Row
+from pioneer_bench.report import finish
 
 FACTOR_OF_TWO = 3.0
 """Goal for two robots on two quiet cores."""
@@ -24,25 +23,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=1, help="default: %(default)s")
     parser.add_argument("--waypoints", type=int, default=1, metavar="K", help="of each robot (default %(default)s)")
     parser.add_argument("--repeat", type=int, default=2, metavar="K", help="runs of each size (default %(default)s)")
-    add_output(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Drives all demos; returns 0 where every goal holds, 1 where one does not, 2 where a demo could not be driven."""
-    load, rows, values, complete = os.getloadavg()[0], list[Row](), list[dict[str, Any]](), True
+    rows, values, complete = list[Row](), list[dict[str, Any]](), True
     for robots in options.robots:
         runs = [_demo(robots, number, options) for number in range(options.repeat)]
         driven = [one for one in runs if one is not None]
         complete &= len(driven) == len(runs)
         rows += _rows(robots, driven)
         values += [{name: value for name, value in one.items() if name != "bytes"} for one in driven]
-    remark = f"{os.cpu_count()} cores, load before the run {load:.1f}; {options.world}, seed {options.seed}, "
-    remark += f"{options.waypoints} waypoints a robot. A sample is a demo; equal are all files of all demos of a size."
-    result = {"cores": os.cpu_count(), "load": load, "rows": [row.as_dict() for row in rows], "runs": values}
-    write(options.output, "lockstep", "Lockstep", f"{table(rows)}\n\n{remark}", result)
-    if not complete:
-        return 2
-    return 1 if any(row.holds is False for row in rows) else 0
+    remark = (
+        f"{options.world}, seed {options.seed}, {options.waypoints} waypoints a robot. A sample is a demo; equal are "
+    )
+    remark += "all files of all demos of a size."
+    status = finish(options, "lockstep", "Lockstep", rows, remark, runs=values)
+    return status if complete else 2
 
 
 def _rows(robots: int, runs: list[dict[str, Any]]) -> list[Row]:

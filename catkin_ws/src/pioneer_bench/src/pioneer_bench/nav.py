@@ -1,15 +1,13 @@
 """``pioneer_bench nav``: how well, how safely and at what cost one robot drives to waypoints, tour by tour."""
 
 import argparse
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 
-from pioneer_bench.core.row import Row, table
 from pioneer_bench.core.tour import CONDITIONS, PEER_SECONDS, Tour, tour_rows
 from pioneer_bench.hard import hard_rows
 from pioneer_bench.nav_kernel import kernel_rows
-from pioneer_bench.report import add_output, measured, write
+from pioneer_bench.report import finish, measured
 
 EXPLANATION = (
     "A sample is a tour of one robot, and for kernels a way or a call. C++: Noetic's stack, another day; its tours in "
@@ -32,16 +30,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="measure plans and cycles without ROS, too",
     )
     parser.add_argument("--hard", action="store_true", help="drive hard courses without ROS instead of tours")
-    add_output(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Drives all tours; returns 0 where every goal holds, 1 where one does not, 2 where a tour could not be driven."""
-    load = os.getloadavg()[0]
+    remark = f"Real-time factor {options.real_time_factor:g}, {options.parallel} at a time. {EXPLANATION}"
     if options.hard:
-        rows = hard_rows(max(options.seeds), options.parallel)
-        _write(rows, [], load, options)
-        return 1 if any(row.holds is False for row in rows) else 0
+        return finish(options, "navigation", "Navigation", hard_rows(max(options.seeds), options.parallel), remark)
     asked = [(condition, seed) for condition in options.condition for seed in options.seeds]
     with ThreadPoolExecutor(options.parallel) as pool:
         tours = list(pool.map(lambda one: _tour(one[0], one[1], options), asked))
@@ -53,35 +48,16 @@ def run(options: argparse.Namespace) -> int:
     if options.kernels:
         print("kernels …", flush=True)
         rows += kernel_rows()
-    _write(rows, driven, load, options)
-    if len(driven) < len(tours):
-        return 2
-    return 1 if any(row.holds is False for row in rows) else 0
+    status = finish(options, "navigation", "Navigation", rows, remark, tours=[asdict(tour) for tour in driven])
+    return status if len(driven) == len(tours) else 2
 
 
 def _tour(condition: str, seed: int, options: argparse.Namespace) -> Tour | None:
     """Returns what one tour measured, None (and a line) where it could not be driven."""
     label = f"{CONDITIONS[condition].title}, seed {seed}"
-    config = {
-        "condition": condition,
-        "seed": seed,
-        "waypoints": options.waypoints,
-        "world": options.world,
-        "real_time_factor": options.real_time_factor,
-    }
+    asked = {name: getattr(options, name) for name in ("waypoints", "world", "real_time_factor")}
+    config = {"condition": condition, "seed": seed, **asked}
     values = measured("tour", config, lambda line: print(f"{label}: {line}", flush=True))
     tour = Tour(**values) if values else None
     print(f"{label}: {tour.summary() if tour else 'failed'}", flush=True)
     return tour
-
-
-def _write(rows: list[Row], tours: list[Tour], load: float, options: argparse.Namespace) -> None:
-    remark = f"{os.cpu_count()} cores, load before the run {load:.1f}; real-time factor {options.real_time_factor:g}, "
-    remark += f"{options.parallel} at a time. {EXPLANATION}"
-    values = {
-        "cores": os.cpu_count(),
-        "load": load,
-        "rows": [row.as_dict() for row in rows],
-        "tours": [asdict(tour) for tour in tours],
-    }
-    write(options.output, "navigation", "Navigation", f"{table(rows)}\n\n{remark}", values)

@@ -1,17 +1,18 @@
-"""What all benches share: where their figures go, and measuring in a process of one's own."""
+"""What all benches share: how their figures are written, and measuring in a process of one's own."""
 
 import argparse
 import json
+import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from pioneer_bench.core.row import Row, table
 
-def add_output(parser: argparse.ArgumentParser) -> None:
-    """Adds the option that says where the figures go."""
-    parser.add_argument("--output", type=Path, default=Path("bench-report"), metavar="DIR", help="default: %(default)s")
+LOAD = os.getloadavg()[0]
+"""Of this machine, before the run."""
 
 
 def write(folder: Path, name: str, title: str, text: str, values: object) -> None:
@@ -20,6 +21,22 @@ def write(folder: Path, name: str, title: str, text: str, values: object) -> Non
     (folder / f"{name}.md").write_text(f"# {title}\n\n{text}\n")
     (folder / f"{name}.json").write_text(json.dumps(values, indent=2) + "\n")
     print(f"\n{text}\n\nwritten: {folder / name}.md and .json")
+
+
+def finish(
+    options: argparse.Namespace, name: str, title: str, rows: Sequence[Row], remark: str = "", **values: Any
+) -> int:
+    """Writes the table of ``rows`` and a remark, and both with ``values`` as JSON.
+
+    Returns:
+        The bench's exit status: 0 where every goal holds, else 1.
+    """
+    text = (
+        f"{table(rows)}\n\n{os.cpu_count()} cores, load before the run {LOAD:.1f}; medians and ranges. {remark}".strip()
+    )
+    found = {"cores": os.cpu_count(), "load": LOAD, "rows": [row.as_dict() for row in rows], **values}
+    write(options.output, name, title, text, found)
+    return 1 if any(row.holds is False for row in rows) else 0
 
 
 def measured(node: str, setting: dict[str, Any], hear: Callable[[str], object] = print) -> Any:

@@ -5,7 +5,7 @@ import dataclasses
 
 from pioneer_bench.core.rates import SETTINGS, LoadConfig, Rates
 from pioneer_bench.core.simulator import Run, table
-from pioneer_bench.report import add_output, measured, write
+from pioneer_bench.report import measured, write
 
 EXPLANATION = "`!` misses its goal; `ratio` is to the peer. CPU-s: all threads of the simulator's process."
 
@@ -20,7 +20,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--odometry-rate", type=float, help="of odom and tf [Hz], instead of the setting's")
     parser.add_argument("--real-time-factor", type=float, help="0: as fast as possible; instead of the setting's")
     parser.add_argument("--seed", type=int, default=1, help="of walls and noise")
-    add_output(parser)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import os
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
@@ -12,8 +11,9 @@ from pathlib import Path
 import rospkg
 
 from nav_bundle.adapters.map_file import read_map
-from pioneer_bench.core.row import Row, table
+from pioneer_bench.core.row import Row
 from pioneer_bench.core.traffic import NARROW, narrow_space, random_tours, seconds_alone
+from pioneer_bench.report import finish
 from pioneer_traffic.core.geometry import Point
 from pioneer_traffic.core.roadmap import FreeSpace, Roadmap, roadmap_from_space
 from pioneer_traffic.core.simulation import Trial
@@ -59,23 +59,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--waypoints", type=int, default=4, metavar="K", help="of each robot (default %(default)s)")
     parser.add_argument("--parallel", type=int, default=1, metavar="N", help="trials at a time (default %(default)s)")
     parser.add_argument("--resume", action="store_true", help=f"resume the trials in DIR/{_TRIALS}")
-    parser.add_argument("--output", type=Path, default=Path("bench-report"), metavar="DIR", help="default: %(default)s")
 
 
 def run(options: argparse.Namespace) -> int:
     """Drives all trials; returns 0 where every goal holds, 1 where one does not."""
     options.output.mkdir(parents=True, exist_ok=True)
     results = _results(options)
-    rows = _rows(results)
-    text = table(rows) + "\n\nA sample is a trial. Seconds are simulated ones."
-    print("\n" + text)
-    (options.output / "traffic.md").write_text(f"# Right of way\n\n{text}\n")
-    values = {"cores": os.cpu_count(), "rows": [row.as_dict() for row in rows]}
-    (options.output / "traffic.json").write_text(json.dumps(values, indent=2) + "\n")
+    remark = "A sample is a trial. Seconds are simulated ones."
+    status = finish(options, "traffic", "Right of way", _rows(results), remark)
     _draw(results, options.output / "traffic.png")
     _draw_densest(results, options.output / "traffic_densest.png")
-    print(f"written: traffic.md, .json, .png, traffic_densest.png and {_TRIALS} in {options.output}")
-    return 1 if any(row.holds is False for row in rows) else 0
+    print(f"and traffic.png, traffic_densest.png and {_TRIALS}")
+    return status
 
 
 def _results(options: argparse.Namespace) -> list[Result]:

@@ -4,7 +4,6 @@ import argparse
 import contextlib
 import functools
 import json
-import os
 import sys
 import tempfile
 import threading
@@ -17,7 +16,7 @@ import rospkg
 from websockets.sync.client import ClientConnection, connect
 
 from pioneer_bench.core.row import Row, table
-from pioneer_bench.report import add_output, write
+from pioneer_bench.report import finish
 from pioneer_harness.error import HarnessError
 from pioneer_harness.masters import Master
 from pioneer_harness.port import PortReservation
@@ -39,12 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--pages", type=int, nargs="*", default=[0, 1, 5, 10], metavar="N", help="default: 0 1 5 10")
     parser.add_argument("--repetitions", type=int, default=3, metavar="N", help="default: %(default)s")
     parser.add_argument("--seconds", type=float, default=5.0, help="length of each window [s]")
-    add_output(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Measures; returns 0 where every goal holds, 1 where one does not, 2 where the bench failed."""
-    load = os.getloadavg()[0]
     rows: list[Row] = []
     try:
         with _server(options.robots) as (url, pid):
@@ -55,12 +52,9 @@ def run(options: argparse.Namespace) -> int:
         return 2
     remark = (
         f"{options.robots} robots of a stand-in for the base station: odometry and its transforms at 100 Hz, scans of "
-        f"180 beams, costmaps and plans at 10 Hz. {os.cpu_count()} cores, load before the run {load:.1f}; medians and "
-        "ranges."
+        "180 beams, costmaps and plans at 10 Hz."
     )
-    values = {"cores": os.cpu_count(), "load": load, "rows": [row.as_dict() for row in rows]}
-    write(options.output, "web", "The fleet page", f"{table(rows)}\n\n{remark}", values)
-    return 1 if any(row.holds is False for row in rows) else 0
+    return finish(options, "web", "The fleet page", rows, remark)
 
 
 @contextlib.contextmanager

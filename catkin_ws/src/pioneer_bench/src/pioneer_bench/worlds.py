@@ -8,7 +8,7 @@ from typing import Any
 import rospkg
 
 from pioneer_bench.core.row import markdown
-from pioneer_bench.report import add_output, measured, write
+from pioneer_bench.report import measured, write
 
 HEADINGS = ("world", "robots", "load [s]", "RSS [MB]", "factor", "beams", "true", "largest error [mm]", "holds")
 FORMS = "{world}|{robots}|{load:.2f}|{rss:.0f}|{factor:.1f}|{beams}|{true}|{millimetres:.1f}|{word}"
@@ -16,7 +16,6 @@ FORMS = "{world}|{robots}|{load:.2f}|{rss:.0f}|{factor:.1f}|{beams}|{true}|{mill
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds this bench's options."""
-    add_output(parser)
     parser.add_argument("--robots", type=int, default=10, metavar="N", help="in each world (default: %(default)s)")
     parser.add_argument(
         "--world", nargs="*", default=[], metavar="FILE", help="only these (default: all of the package)"
