@@ -10,6 +10,7 @@ import struct
 from collections.abc import Collection, Sequence
 from typing import Any
 
+import genpy
 import numpy as np
 from geometry_msgs.msg import Point, Quaternion, Twist, Vector3
 from geometry_msgs.msg import Pose as PoseMessage
@@ -42,6 +43,18 @@ def frame_of(message: Any) -> bytearray:
 def seconds_nanoseconds(time: int) -> tuple[int, int]:
     """Returns a time [ns] as whole seconds and the rest."""
     return divmod(time, 1_000_000_000)
+
+
+def time_of(time: int) -> genpy.Time:
+    """Returns a time [ns] as messages have it."""
+    return genpy.Time(*seconds_nanoseconds(time))
+
+
+def stamped_frame(message: Any, time: int, frame_id: str) -> bytearray:
+    """Returns a message's frame; its header, where it has one, is filled with a time [ns] and a frame's name."""
+    if hasattr(message, "header"):
+        message.header.stamp, message.header.frame_id = time_of(time), frame_id
+    return frame_of(message)
 
 
 def clock_frame(time: int) -> bytes:

@@ -1,7 +1,8 @@
 """Plugins of a whole model, under the names and with the elements that gazebo_ros gives them."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from functools import partial
 from typing import Any
 
 from pioneer_gazebo.adapters.device import Names, filled, library_of
@@ -30,6 +31,16 @@ def _name(element: Element) -> str:
     return element.attribute("name", library_of(element))
 
 
+def _plain(kind: type[Any], element: Element, names: Names, notes: Notes, known: Collection[str] = ()) -> Any:
+    """Reads a plugin whose elements are the fields of ``kind``; a link and joints that it names must exist."""
+    if "bodyName" in kind.__dataclass_fields__:
+        names.check_link(element, element.needed("bodyName").text)
+    device = filled(kind, element, notes, known, name=_name(element))
+    for joint in getattr(device, "jointName", ()):
+        names.check_joint(element, joint)
+    return device
+
+
 def _drive(element: Element, names: Names, notes: Notes) -> DiffDrive:
     return _checked_drive(element, names, filled(DiffDrive, element, notes, name=_name(element)))
 
@@ -50,9 +61,7 @@ def _checked_drive(element: Element, names: Names, drive: DiffDrive) -> DiffDriv
             names.check_joint(element, joint)
     if drive.legacyMode not in ("", "true", "false"):
         drive = dataclasses.replace(drive, legacyMode=str(element.flag("legacyMode")).lower())
-    for name in ("wheelSeparation", "wheelDiameter", "wheelTorque"):
-        if getattr(drive, name) <= 0:
-            raise element.error(f"{name} must be above 0, not {getattr(drive, name):g}")
+    _check_positive(element, drive, "wheelSeparation", "wheelDiameter", "wheelTorque")
     if drive.commandTimeout < 0:
         raise element.error(f"commandTimeout must be >= 0 (got {drive.commandTimeout:g})")
     source = {"0": "encoder", "1": "world"}.get(drive.odometrySource, drive.odometrySource)
@@ -61,34 +70,22 @@ def _checked_drive(element: Element, names: Names, drive: DiffDrive) -> DiffDriv
     return dataclasses.replace(drive, odometrySource=source)
 
 
-def _ros_control(element: Element, names: Names, notes: Notes) -> RosControl:
-    del names
-    known = {"controlPeriod", "robotSimType", "legacyModeNS"}
-    return filled(RosControl, element, notes, known, name=_name(element))
+def _check_positive(element: Element, device: Device, *names: str) -> None:
+    for name in names:
+        if getattr(device, name) <= 0:
+            raise element.error(f"{name} must be above 0, not {getattr(device, name):g}")
 
 
 def _base_driver(element: Element, names: Names, notes: Notes) -> BaseDriver:
     del names
     base = filled(BaseDriver, element, notes, name=_name(element))
-    for name in ("updateRate", "capacity", "emptyVoltage", "resistance", "driveEfficiency"):
-        if getattr(base, name) <= 0:
-            raise element.error(f"{name} must be above 0, not {getattr(base, name):g}")
+    _check_positive(element, base, "updateRate", "capacity", "emptyVoltage", "resistance", "driveEfficiency")
     for name in ("idlePower", "rollingResistance", "windingLoss", "initialCharge"):
         if getattr(base, name) < 0:
             raise element.error(f"{name} must not be below 0, not {getattr(base, name):g}")
     if base.fullVoltage < base.emptyVoltage or base.initialCharge > 1 or base.driveEfficiency > 1:
         raise element.error("fullVoltage must be emptyVoltage or more, initialCharge and driveEfficiency at most 1")
     return base
-
-
-def _ground_truth(element: Element, names: Names, notes: Notes) -> GroundTruth:
-    names.check_link(element, element.needed("bodyName").text)
-    return filled(GroundTruth, element, notes, name=_name(element))
-
-
-def _planar(element: Element, names: Names, notes: Notes) -> PlanarMove:
-    del names
-    return filled(PlanarMove, element, notes, name=_name(element))
 
 
 def _imu(element: Element, names: Names, notes: Notes) -> Imu:
@@ -106,27 +103,15 @@ def imu_of(element: Element, link: str, names: Names | None, notes: Notes) -> Im
     return dataclasses.replace(filled(Imu, element, notes, known, **given), bodyName=link, updateRate=rate)
 
 
-def _gps(element: Element, names: Names, notes: Notes) -> Gps:
-    names.check_link(element, element.needed("bodyName").text)
-    return filled(Gps, element, notes, name=_name(element))
-
-
-def _joint_states(element: Element, names: Names, notes: Notes) -> JointStatePublisher:
-    publisher = filled(JointStatePublisher, element, notes, name=_name(element))
-    for joint in publisher.jointName:
-        names.check_joint(element, joint)
-    return publisher
-
-
 _PLUGINS: dict[str, Callable[[Element, Names, Notes], Device]] = {
     "gazebo_ros_diff_drive": _drive,
     "gazebo_ros_skid_steer_drive": _skid_steer,
-    "gazebo_ros_planar_move": _planar,
-    "gazebo_ros_control": _ros_control,
+    "gazebo_ros_planar_move": partial(_plain, PlanarMove),
+    "gazebo_ros_control": partial(_plain, RosControl, known={"controlPeriod", "robotSimType", "legacyModeNS"}),
     "gazebo_ros_imu": _imu,
     "hector_gazebo_ros_imu": _imu,
-    "hector_gazebo_ros_gps": _gps,
-    "gazebo_ros_p3d": _ground_truth,
-    "gazebo_ros_joint_state_publisher": _joint_states,
+    "hector_gazebo_ros_gps": partial(_plain, Gps),
+    "gazebo_ros_p3d": partial(_plain, GroundTruth),
+    "gazebo_ros_joint_state_publisher": partial(_plain, JointStatePublisher),
     "pioneer_base_driver": _base_driver,
 }

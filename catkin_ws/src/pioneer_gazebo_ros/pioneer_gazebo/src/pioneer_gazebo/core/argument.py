@@ -1,12 +1,12 @@
 """Command lines of the form ``name:=value``, as roslaunch and rosrun know them."""
 
 import dataclasses
-import difflib
 import typing
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
 from pioneer_gazebo.core.error import SimulatorError
+from pioneer_node.core.document import nearest
 
 Options = TypeVar("Options")
 
@@ -15,19 +15,31 @@ class ArgumentError(SimulatorError):
     """A command line that makes no sense."""
 
 
-def options_from_arguments(options: type[Options], arguments: Iterable[str], **defaults: Any) -> Options:
-    """Returns the dataclass ``options`` filled from ``name:=value`` words.
+def option(default: Any, doc: str, variable: str = "") -> Any:
+    """Returns a field of options: its default, what `usage` says of it, and an environment variable with its value."""
+    return dataclasses.field(default=default, metadata={"doc": doc, "variable": variable})
+
+
+def options_from_arguments(
+    options: type[Options], arguments: Iterable[str], environ: Mapping[str, str], **defaults: Any
+) -> Options:
+    """Returns the dataclass ``options`` filled from ``name:=value`` words, and from the environment.
 
     Args:
-        options: a dataclass whose fields are str, int, float or bool.
+        options: a dataclass whose fields are str, int, float or bool, each made by `option`.
         arguments: the words of the command line; remappings of roslaunch (``__name:=…``) are left out.
-        defaults: values of fields that no word names.
+        environ: the environment, for what no word names; an empty variable does not count.
+        defaults: values of fields that neither names.
 
     Raises:
         ArgumentError: a word of another form, a name that is no field, a value of the wrong type.
     """
     hints = typing.get_type_hints(options)
     values = dict(defaults)
+    for field in dataclasses.fields(options):  # type: ignore[arg-type]
+        variable = field.metadata["variable"]
+        if environ.get(variable):
+            values[field.name] = value_from_text(hints[field.name], environ[variable], variable)
     for word in arguments:
         name, separator, text = word.partition(":=")
         if name.startswith("__"):
@@ -35,9 +47,7 @@ def options_from_arguments(options: type[Options], arguments: Iterable[str], **d
         if not separator:
             raise ArgumentError(f"{word!r} is not of the form name:=value; names are {', '.join(hints)}")
         if name not in hints:
-            near = difflib.get_close_matches(name, hints, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(hints)}"
-            raise ArgumentError(f"unknown argument {name!r}; {hint}")
+            raise ArgumentError(f"unknown argument {name!r}; {nearest(name, hints)}")
         values[name] = value_from_text(hints[name], text, name)
     return options(**values)
 
@@ -58,10 +68,11 @@ def value_from_text(kind: type, text: str, name: str) -> Any:
         raise ArgumentError(f"{name} must be {'a whole number' if kind is int else 'a number'}, not {text!r}") from None
 
 
-def usage(options: type, docs: dict[str, str]) -> str:
-    """Returns one line a field: its name, its default and what ``docs`` says of it."""
+def usage(options: type) -> str:
+    """Returns one line a field: its name, what it means, its variable and its default."""
     lines = []
     for field in dataclasses.fields(options):
+        variable = f"; environment: {field.metadata['variable']}" if field.metadata["variable"] else ""
         default = "" if field.default in (dataclasses.MISSING, "") else f" (default {field.default})"
-        lines.append(f"  {field.name}:=…  {docs.get(field.name, '')}{default}")
+        lines.append(f"  {field.name}:=…  {field.metadata['doc']}{variable}{default}")
     return "\n".join(lines)

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Any
 
-import rospy
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 
 from pioneer_gazebo import conversions
@@ -26,17 +25,13 @@ def camera_topics(port: Port, config: Camera) -> None:
     image = port.topic(f"{config.name}/{config.image_topic}", Image)
     info = port.topic(f"{config.name}/{config.info_topic}", CameraInfo)
     intrinsics = conversions.info_of(config)
-    intrinsics.header.frame_id = frame
 
     depth = port.topic(f"{config.name}/{config.depth_topic}", Image) if config.depth_topic else None
     cloud = port.topic(f"{config.name}/{config.cloud_topic}", PointCloud2) if config.cloud_topic else None
 
     def send(topic: Topic | None, tick: int, make: Callable[[], Any]) -> None:
         if topic is not None and topic.wanted:
-            message = make()
-            message.header.frame_id = frame
-            message.header.stamp = rospy.Time(*conversions.seconds_nanoseconds(nanoseconds(tick)))
-            topic.send(conversions.frame_of(message))
+            topic.send(conversions.stamped_frame(make(), nanoseconds(tick), frame))
 
     def publish_image(tick: int) -> None:
         def draw() -> None:
@@ -51,8 +46,7 @@ def camera_topics(port: Port, config: Camera) -> None:
         port.context.budget.draw(f"{port.entity.name}/{config.name}", draw)
 
     def publish_info(tick: int) -> None:
-        intrinsics.header.stamp = rospy.Time(*conversions.seconds_nanoseconds(nanoseconds(tick)))
-        info.send(conversions.frame_of(intrinsics))
+        info.send(conversions.stamped_frame(intrinsics, nanoseconds(tick), frame))
 
     port.every(config.update_rate, config.image_topic, publish_image, *filter(None, (image, depth, cloud)))
     port.every(config.update_rate, config.info_topic, publish_info, info)

@@ -1,12 +1,15 @@
 """Topics of drives: commands, odometry and its transform."""
 
+from collections.abc import Callable
+
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
 from pioneer_gazebo import conversions
+from pioneer_gazebo.core.device import PlanarMove
 from pioneer_gazebo.core.engine import Velocity
 from pioneer_gazebo.core.entity import Driven
-from pioneer_gazebo.core.pose import planar_pose
+from pioneer_gazebo.core.pose import Pose, planar_pose
 from pioneer_gazebo.core.robot import DiffDrive, JointStatePublisher
 from pioneer_gazebo.core.schedule import nanoseconds
 from pioneer_gazebo.nodes.port import Port
@@ -31,34 +34,50 @@ def _wheel_transforms(port: Port, driven: Driven) -> None:
     port.every(driven.drive.config.updateRate, "wheels", publish, transforms=True)
 
 
-def drive_topics(port: Port, config: DiffDrive) -> None:
-    """Subscribes to ``commandTopic`` (Twist); publishes ``odometryTopic`` (Odometry) and its transform."""
-    driven, simulation, transforms = port.entity.driven(config), port.simulation, port.context.transforms
-    topic = port.topic(config.odometryTopic, Odometry)
+def true_motion(port: Port) -> tuple[Pose, Velocity]:
+    """Returns the robot's true pose, and its velocity in its own axes."""
+    pose = port.simulation.pose(port.entity)
+    return pose, port.simulation.velocity(port.entity).seen_from(pose.rotation)
+
+
+def odometry_topics(
+    port: Port,
+    config: DiffDrive | PlanarMove,
+    rate: float,
+    motion: Callable[[], tuple[Pose, Velocity]],
+    tf: bool = True,
+) -> None:
+    """Publishes ``motion`` on ``odometryTopic`` (Odometry) at ``rate`` [Hz] and, where ``tf``, its transform."""
+    transforms, topic = port.context.transforms, port.topic(config.odometryTopic, Odometry)
     odom, base = port.frame(config.odometryFrame), port.frame(config.robotBaseFrame)
     template = conversions.OdometryTemplate(odom, base, conversions.POSE_COVARIANCE)
     transform = conversions.TransformTemplate(odom, base)
-    sends_transform = config.publishTf and config.publishOdomTF
-    of_world = config.odometrySource == "world"
 
     def publish(tick: int) -> None:
         time = nanoseconds(tick)
-        if of_world:
-            pose = simulation.pose(port.entity)
-            velocity = simulation.velocity(port.entity).seen_from(pose.rotation)
-        else:
-            state = simulation.odometry(driven)
-            pose = planar_pose(state.x, state.y, state.yaw)
-            velocity = Velocity((state.speed, 0.0, 0.0), (0.0, 0.0, state.turn))
+        pose, velocity = motion()
         if topic.wanted:
             topic.send(template.fill(time, pose, velocity))
-        if sends_transform and transforms.wanted:
+        if tf and transforms.wanted:
             transforms.add(transform.fill(time, pose))
+
+    port.every(rate, config.odometryTopic, publish, topic, transforms=tf)
+
+
+def drive_topics(port: Port, config: DiffDrive) -> None:
+    """Subscribes to ``commandTopic`` (Twist); publishes ``odometryTopic`` (Odometry) and its transform."""
+    driven = port.entity.driven(config)
+
+    def believed() -> tuple[Pose, Velocity]:
+        state = port.simulation.odometry(driven)
+        pose = planar_pose(state.x, state.y, state.yaw)
+        return pose, Velocity((state.speed, 0.0, 0.0), (0.0, 0.0, state.turn))
 
     def command(message: Twist) -> None:
         driven.command(port.context.now(), message.linear.x, message.angular.z)
 
-    port.every(config.updateRate, config.odometryTopic, publish, topic, transforms=sends_transform)
+    motion = believed if config.odometrySource != "world" else lambda: true_motion(port)
+    odometry_topics(port, config, config.updateRate, motion, config.publishTf and config.publishOdomTF)
     if config.publishWheelTF:
         _wheel_transforms(port, driven)
     if config.publishWheelJointState:

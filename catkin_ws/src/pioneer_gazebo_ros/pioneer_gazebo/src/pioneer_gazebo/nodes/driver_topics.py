@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import rospy
 from geometry_msgs.msg import Point32
 from pioneer_msgs.msg import BumperState
 from sensor_msgs.msg import BatteryState, PointCloud
@@ -56,7 +55,7 @@ def driver_topics(port: Port, config: BaseDriver) -> None:
         drained[0] = tick
         for topic, make in topics:
             if topic.wanted:
-                topic.send(conversions.frame_of(_stamped(make(), time, frame)))
+                topic.send(conversions.stamped_frame(make(), time, frame))
 
     def reset() -> None:
         battery.reset()
@@ -66,14 +65,6 @@ def driver_topics(port: Port, config: BaseDriver) -> None:
     port.every(config.updateRate, config.name, update, always=True)
     port.latched("battery_recharge_state", Int8(NOT_CHARGING))
     port.latched("motors_state", Bool(True))
-
-
-def _stamped(message: Any, time: int, frame: str) -> Any:
-    """Returns the message with its header filled, where it has one."""
-    if hasattr(message, "header"):
-        message.header.stamp = rospy.Time(*conversions.seconds_nanoseconds(time))
-        message.header.frame_id = frame
-    return message
 
 
 def battery_state(battery: Battery) -> BatteryState:

@@ -31,40 +31,34 @@ class LinkServices:
     def __init__(self, mailbox: Mailbox, simulation: Simulation) -> None:
         """Starts the services."""
         self._simulation = simulation
-        serve(mailbox, "get_link_state", srv.GetLinkState, self._state)
-        serve(mailbox, "set_link_state", srv.SetLinkState, self._set_state)
-        serve(mailbox, "get_link_properties", srv.GetLinkProperties, self._properties)
-        serve(mailbox, "get_joint_properties", srv.GetJointProperties, self._joint)
-        serve(mailbox, "apply_body_wrench", srv.ApplyBodyWrench, self._push)
-        serve(mailbox, "clear_body_wrenches", srv.BodyRequest, self._clear)
+        serve("get_link_state", srv.GetLinkState, self._state, mailbox)
+        serve("set_link_state", srv.SetLinkState, self._set_state, mailbox)
+        serve("get_link_properties", srv.GetLinkProperties, self._properties, mailbox)
+        serve("get_joint_properties", srv.GetJointProperties, self._joint, mailbox)
+        serve("apply_body_wrench", srv.ApplyBodyWrench, self._push, mailbox)
+        serve("clear_body_wrenches", srv.BodyRequest, self._clear, mailbox)
 
     def _moving(self, name: str) -> tuple[Entity, int, Pose]:
         """Returns the entity, part and pose in the part of ``model::link``."""
-        model, link = state.split_name(name)
-        if not link:
-            raise ModelError(f"{name!r} does not name a link as model::link")
+        model, link = state.split_name(_checked(name))
         entity = self._simulation.entity(model)
         return (entity, *state.part_of(entity, link))
 
     def _state(self, request: srv.GetLinkStateRequest) -> srv.GetLinkStateResponse:
-        if "::" not in request.link_name:
-            raise ModelError(f"{request.link_name!r} does not name a link as model::link")
-        pose, velocity = state.relative(self._simulation, request.link_name, request.reference_frame)
+        pose, velocity = state.relative(self._simulation, _checked(request.link_name), request.reference_frame)
         message = LinkState(
             request.link_name,
             conversions.message_from_pose(pose),
             conversions.message_from_velocity(velocity),
             request.reference_frame,
         )
-        return srv.GetLinkStateResponse(message, True, "ok")
+        return srv.GetLinkStateResponse(link_state=message)
 
-    def _set_state(self, request: srv.SetLinkStateRequest) -> srv.SetLinkStateResponse:
+    def _set_state(self, request: srv.SetLinkStateRequest) -> str:
         wanted = request.link_state
-        if "::" not in wanted.link_name:
-            raise ModelError(f"{wanted.link_name!r} does not name a link as model::link")
         pose, velocity = conversions.pose_from_message(wanted.pose), conversions.velocity_from_message(wanted.twist)
-        state.place(self._simulation, wanted.link_name, pose, velocity, wanted.reference_frame)
-        return srv.SetLinkStateResponse(True, f"state of {wanted.link_name} set; its whole model moved along")
+        state.place(self._simulation, _checked(wanted.link_name), pose, velocity, wanted.reference_frame)
+        return f"state of {wanted.link_name} set; its whole model moved along"
 
     def _properties(self, request: srv.GetLinkPropertiesRequest) -> srv.GetLinkPropertiesResponse:
         entity, part, _ = self._moving(request.link_name)
@@ -77,7 +71,6 @@ class LinkServices:
             ixx=inertia.ixx,
             iyy=inertia.iyy,
             izz=inertia.izz,
-            success=True,
             status_message="of all links that fixed joints hold together here",
         )
 
@@ -89,8 +82,6 @@ class LinkServices:
             damping=[joint.damping],
             position=[position],
             rate=[rate],
-            success=True,
-            status_message="ok",
         )
 
     def _find_joint(self, name: str) -> tuple[Entity, int, Joint]:
@@ -104,7 +95,7 @@ class LinkServices:
                     return entity, index, part.joint
         raise ModelError(f"no model has a movable joint {name}")
 
-    def _push(self, request: srv.ApplyBodyWrenchRequest) -> srv.ApplyBodyWrenchResponse:
+    def _push(self, request: srv.ApplyBodyWrenchRequest) -> str:
         entity, part, _ = self._moving(request.body_name)
         base, _ = state.motion(self._simulation, request.reference_frame)
         force = rotated(base.rotation, conversions.vector_from_message(request.wrench.force))
@@ -116,9 +107,15 @@ class LinkServices:
         duration = request.duration.to_sec()
         last = math.inf if duration < 0 else first + duration * TICK_RATE
         self._simulation.push(Wrench(entity, part, force, torque, point, first, last))
-        return srv.ApplyBodyWrenchResponse(True, "wrench applied")
+        return "wrench applied"
 
-    def _clear(self, request: srv.BodyRequestRequest) -> srv.BodyRequestResponse:
+    def _clear(self, request: srv.BodyRequestRequest) -> None:
         entity, part, _ = self._moving(request.body_name)
         self._simulation.clear_pushes(entity, part)
-        return srv.BodyRequestResponse()
+
+
+def _checked(name: str) -> str:
+    """Returns a link's name; raises ModelError where it is not ``model::link``."""
+    if not name.partition("::")[2]:
+        raise ModelError(f"{name!r} does not name a link as model::link")
+    return name

@@ -1,6 +1,5 @@
 """The services of gazebo_ros on models and on the world's list of them."""
 
-import rospy
 from gazebo_msgs import srv
 from std_msgs.msg import Header
 
@@ -20,21 +19,15 @@ class ModelServices:
         """Starts the services."""
         self._simulation = simulation
         self._sequence: dict[tuple[str, str], int] = {}
-        serve(mailbox, "get_world_properties", srv.GetWorldProperties, self._world)
-        serve(mailbox, "get_model_properties", srv.GetModelProperties, self._properties)
-        serve(mailbox, "get_model_state", srv.GetModelState, self._state)
-        serve(mailbox, "set_model_state", srv.SetModelState, self._set_state)
-        serve(mailbox, "set_model_configuration", srv.SetModelConfiguration, self._configuration)
+        serve("get_world_properties", srv.GetWorldProperties, lambda _: self._world(), mailbox)
+        serve("get_model_properties", srv.GetModelProperties, self._properties, mailbox)
+        serve("get_model_state", srv.GetModelState, self._state, mailbox)
+        serve("set_model_state", srv.SetModelState, self._set_state, mailbox)
+        serve("set_model_configuration", srv.SetModelConfiguration, self._configuration, mailbox)
 
-    def _world(self, request: srv.GetWorldPropertiesRequest) -> srv.GetWorldPropertiesResponse:
-        del request
-        return srv.GetWorldPropertiesResponse(
-            sim_time=self._simulation.tick / TICK_RATE,
-            model_names=self._simulation.names(),
-            rendering_enabled=False,
-            success=True,
-            status_message="ok",
-        )
+    def _world(self) -> srv.GetWorldPropertiesResponse:
+        time = self._simulation.tick / TICK_RATE
+        return srv.GetWorldPropertiesResponse(sim_time=time, model_names=self._simulation.names())
 
     def _properties(self, request: srv.GetModelPropertiesRequest) -> srv.GetModelPropertiesResponse:
         name = request.model_name
@@ -49,7 +42,6 @@ class ModelServices:
             geometry = [touch.collision.name for part in parts for touch in part.touches]
             response.geom_names = list(dict.fromkeys(geometry))
             response.joint_names = [part.joint.name for part in parts if part.joint is not None]
-        response.success, response.status_message = True, "ok"
         return response
 
     def _state(self, request: srv.GetModelStateRequest) -> srv.GetModelStateResponse:
@@ -58,22 +50,20 @@ class ModelServices:
             raise ModelError("no model is named")
         pose, velocity = state.relative(self._simulation, *key)
         self._sequence[key] = self._sequence.get(key, 0) + 1
-        stamp = rospy.Time(*conversions.seconds_nanoseconds(nanoseconds(self._simulation.tick)))
+        stamp = conversions.time_of(nanoseconds(self._simulation.tick))
         return srv.GetModelStateResponse(
             header=Header(self._sequence[key], stamp, request.relative_entity_name),
             pose=conversions.message_from_pose(pose),
             twist=conversions.message_from_velocity(velocity),
-            success=True,
-            status_message="ok",
         )
 
-    def _set_state(self, request: srv.SetModelStateRequest) -> srv.SetModelStateResponse:
+    def _set_state(self, request: srv.SetModelStateRequest) -> str:
         wanted = request.model_state
         pose, velocity = conversions.pose_from_message(wanted.pose), conversions.velocity_from_message(wanted.twist)
         state.place(self._simulation, wanted.model_name, pose, velocity, wanted.reference_frame)
-        return srv.SetModelStateResponse(True, f"state of {wanted.model_name} set")
+        return f"state of {wanted.model_name} set"
 
-    def _configuration(self, request: srv.SetModelConfigurationRequest) -> srv.SetModelConfigurationResponse:
+    def _configuration(self, request: srv.SetModelConfigurationRequest) -> str:
         if len(request.joint_names) != len(request.joint_positions):
             raise ValueError(f"{len(request.joint_names)} joints and {len(request.joint_positions)} positions")
         entity = self._simulation.entity(request.model_name)
@@ -82,4 +72,4 @@ class ModelServices:
                 self._simulation.set_joint(entity, name, position)
             except KeyError:
                 raise ModelError(f"model {entity.name} has no movable joint {name}") from None
-        return srv.SetModelConfigurationResponse(True, "joints set")
+        return "joints set"

@@ -9,7 +9,7 @@ import rospy
 from pioneer_gazebo.core.camera import Renderer
 from pioneer_gazebo.core.drive import CommandError
 from pioneer_gazebo.core.entity import Entity
-from pioneer_gazebo.core.schedule import Schedule, Task
+from pioneer_gazebo.core.schedule import Schedule, Task, nanoseconds
 from pioneer_gazebo.core.simulation import Simulation
 from pioneer_gazebo.nodes.budget import Budget
 from pioneer_gazebo.nodes.topic import Topic, publish_while_alive
@@ -124,6 +124,11 @@ class Port:
 
         rate = rate if rate > 0 else 1.0 / self.simulation.physics.step
         self._tasks.append(self.context.schedule.add(f"{self.entity.name}: {what}", rate, action, wanted))
+
+    def stream(self, name: str, message_class: type, rate: float, frame: Callable[[int], bytes | bytearray]) -> None:
+        """Publishes a topic at ``rate`` [Hz] while it has subscribers; ``frame`` makes each frame, of a time [ns]."""
+        topic = self.topic(name, message_class)
+        self.every(rate, name, lambda tick: topic.send(frame(nanoseconds(tick))), topic)
 
     def close(self) -> None:
         """Removes tasks, topics and subscriptions."""

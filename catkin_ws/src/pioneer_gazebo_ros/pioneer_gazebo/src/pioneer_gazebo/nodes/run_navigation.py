@@ -12,7 +12,7 @@ import rosgraph
 from pioneer_gazebo.adapters.drawn_map import read_map
 from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses, robots_of_file
 from pioneer_gazebo.adapters.resource import package_directory
-from pioneer_gazebo.core.argument import ArgumentError, options_from_arguments, usage
+from pioneer_gazebo.core.argument import ArgumentError, option, options_from_arguments, usage
 from pioneer_gazebo.core.fleet import FleetError, InitialPose, pose_of_entry, robot_of_host
 from pioneer_gazebo.core.lockstep import LOCKSTEP
 from pioneer_gazebo.core.placement import check_place
@@ -30,26 +30,16 @@ WORLD = "/world_name"
 class NavigationOptions:
     """The command line."""
 
-    robot_name: str
-    world_name: str = ""
-    poses: str = ""
-    fleet: str = ""
-    gateway: bool = True
-    traffic: bool = False
-    parameters: str = ""
-    real_time_factor: str = ""
-
-
-DOCS = {
-    "robot_name": "the robot driven from here; environment: ROBOT_NAME, else pioneerX on a host aadiX",
-    "world_name": "the world it stands in, for its initial pose; empty for the base station's; environment: WORLD",
-    "poses": "YAML file of initial poses; empty for pioneer_description's",
-    "fleet": "fleet file that has the robot's pose, laser topic and move_base parameters; environment: FLEET",
-    "gateway": "pull and flip the robot's topics through this master's gateway",
-    "traffic": "keep the right of way with the other robots that do (pioneer_traffic)",
-    "parameters": "YAML file of parameters that replace those of the robot's nodes, named as amcl/min_particles",
-    "real_time_factor": "lockstep where the simulator runs so, else ignored; environment: REAL_TIME_FACTOR",
-}
+    robot_name: str = option("", "the robot driven from here, else pioneerX on a host aadiX", "ROBOT_NAME")
+    world_name: str = option("", "the world it stands in, for its initial pose; empty for the base station's", "WORLD")
+    poses: str = option("", "YAML file of initial poses; empty for pioneer_description's")
+    fleet: str = option("", "fleet file that has the robot's pose, laser topic and move_base parameters", "FLEET")
+    gateway: bool = option(True, "pull and flip the robot's topics through this master's gateway")
+    traffic: bool = option(False, "keep the right of way with the other robots that do (pioneer_traffic)")
+    parameters: str = option(
+        "", "YAML file of parameters that replace those of the robot's nodes, named as amcl/min_particles"
+    )
+    real_time_factor: str = option("", "lockstep where the simulator runs so, else ignored", "REAL_TIME_FACTOR")
 
 
 def options_from(arguments: Sequence[str], environ: Mapping[str, str], host: str) -> NavigationOptions:
@@ -58,14 +48,7 @@ def options_from(arguments: Sequence[str], environ: Mapping[str, str], host: str
     Raises:
         ArgumentError: an unknown name, a bad value, or no robot's name anywhere.
     """
-    defaults = {"robot_name": environ.get("ROBOT_NAME") or robot_of_host(host) or ""}
-    if environ.get("WORLD"):
-        defaults["world_name"] = environ["WORLD"]
-    if environ.get("FLEET"):
-        defaults["fleet"] = environ["FLEET"]
-    if environ.get("REAL_TIME_FACTOR"):
-        defaults["real_time_factor"] = environ["REAL_TIME_FACTOR"]
-    options = options_from_arguments(NavigationOptions, arguments, **defaults)
+    options = options_from_arguments(NavigationOptions, arguments, environ, robot_name=robot_of_host(host) or "")
     if not options.robot_name:
         raise ArgumentError(f"which robot? Give robot_name:= or ROBOT_NAME: host {host} is not called aadiX")
     return options
@@ -176,7 +159,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command and returns its exit status."""
     words = list(sys.argv[1:] if argv is None else argv)
     if {"-h", "--help"} & set(words):
-        sys.stdout.write(f"usage: {NAME} [name:=value …]\n{usage(NavigationOptions, DOCS)}\n")
+        sys.stdout.write(f"usage: {NAME} [name:=value …]\n{usage(NavigationOptions)}\n")
         return 0
     try:
         options = options_from(words, os.environ, host_name())

@@ -14,7 +14,7 @@ import rospy
 from pioneer_gazebo.adapters.drawn_map import read_map
 from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses, robots_of_file
 from pioneer_gazebo.adapters.resource import map_path, package_directory, world_path
-from pioneer_gazebo.core.argument import ArgumentError, options_from_arguments, usage, value_from_text
+from pioneer_gazebo.core.argument import ArgumentError, option, options_from_arguments, usage
 from pioneer_gazebo.core.error import SimulatorError, SpawnError
 from pioneer_gazebo.core.fleet import InitialPose, pose_of_entry, robot_names
 from pioneer_gazebo.core.lockstep import LOCKSTEP
@@ -26,80 +26,59 @@ from pioneer_node.core.fleet_file import RobotEntry
 
 NAME = "run-multi-pioneer-gazebo-master"
 GATEWAY, HUB_GATEWAY = "/gateway", "Hub_Gateway"
+FACTOR = "REAL_TIME_FACTOR"
+"""Environment variable."""
 
 
 @dataclass(frozen=True, slots=True)
 class SimulationOptions:
     """The command line."""
 
-    world_name: str = "utm_0"
-    robots: int = 15
-    real_time_factor: float = 1.0
-    seed: int = 0
-    map_name: str = ""
-    map_file: str = ""
-    poses: str = ""
-    fleet: str = ""
-    paused: bool = False
-    gateway: bool = True
-    skip: bool = True
-    laser_samples: int = 180
-    laser_rate: float = 10.0
-    odom_rate: float = 100.0
-    command_timeout: float = 0.6
-    camera: bool = False
-    sonar: bool = False
-    driver: bool = False
-    parameters: str = ""
-    lockstep: bool = False
-    lockstep_rings: str = ""
-
-
-DOCS = {
-    "world_name": "name of a world or path of a .world file; environment: WORLD",
-    "robots": "number of robots; environment: ROBOTS",
-    "real_time_factor": "speed of simulated time; 0 for as fast as possible; lockstep to wait for the robots' nodes in "
-    "each period (docs/lockstep.md); environment: REAL_TIME_FACTOR",
-    "lockstep": "the same as real_time_factor:=lockstep",
-    "lockstep_rings": "rings of nodes that lockstep waits for, with blanks between; empty for the robots",
-    "seed": "of every random number of the simulation",
-    "map_name": "map in pioneer_gazebo/map; empty for the world's, which is beside a .world file of your own",
-    "map_file": "path of a map's YAML file, for a map from elsewhere",
-    "poses": "YAML file of initial poses; empty for pioneer_description's",
-    "fleet": "fleet file, in place of robots; environment: FLEET",
-    "paused": "leave the simulation paused",
-    "gateway": "put the topics on the network through this master's gateway",
-    "skip": "start without robots that cannot be placed; false: end then",
-    "laser_samples": "beams a scan",
-    "laser_rate": "scans a second [Hz]",
-    "odom_rate": "odometry messages a second [Hz]",
-    "command_timeout": "without a command for longer a robot stops [s]; 0 for never",
-    "camera": "robots carry cameras",
-    "sonar": "robots carry sonars",
-    "driver": "robots have the topics of a real Pioneer's driver: battery, bumpers, sonar ring",
-    "parameters": "YAML file of parameters that replace those of the simulator; names without namespaces inside",
-}
+    world_name: str = option("utm_0", "name of a world or path of a .world file", "WORLD")
+    robots: int = option(15, "number of robots", "ROBOTS")
+    real_time_factor: float = option(
+        1.0,
+        "speed of simulated time; 0 for as fast as possible; lockstep to wait for the robots' nodes in each period "
+        "(docs/lockstep.md)",
+        FACTOR,
+    )
+    seed: int = option(0, "of every random number of the simulation")
+    map_name: str = option(
+        "", "map in pioneer_gazebo/map; empty for the world's, which is beside a .world file of your own"
+    )
+    map_file: str = option("", "path of a map's YAML file, for a map from elsewhere")
+    poses: str = option("", "YAML file of initial poses; empty for pioneer_description's")
+    fleet: str = option("", "fleet file, in place of robots", "FLEET")
+    paused: bool = option(False, "leave the simulation paused")
+    gateway: bool = option(True, "put the topics on the network through this master's gateway")
+    skip: bool = option(True, "start without robots that cannot be placed; false: end then")
+    laser_samples: int = option(180, "beams a scan")
+    laser_rate: float = option(10.0, "scans a second [Hz]")
+    odom_rate: float = option(100.0, "odometry messages a second [Hz]")
+    command_timeout: float = option(0.6, "without a command for longer a robot stops [s]; 0 for never")
+    camera: bool = option(False, "robots carry cameras")
+    sonar: bool = option(False, "robots carry sonars")
+    driver: bool = option(False, "robots have the topics of a real Pioneer's driver: battery, bumpers, sonar ring")
+    parameters: str = option(
+        "", "YAML file of parameters that replace those of the simulator; names without namespaces inside"
+    )
+    lockstep: bool = option(False, "the same as real_time_factor:=lockstep")
+    lockstep_rings: str = option(
+        "", "rings of nodes that lockstep waits for, with blanks between; empty for the robots"
+    )
 
 
 def options_from(arguments: Sequence[str], environ: Mapping[str, str]) -> SimulationOptions:
-    """Returns the options of a command line; WORLD, ROBOTS and REAL_TIME_FACTOR of the environment are defaults.
+    """Returns the options of a command line; the environment gives defaults.
 
     Raises:
         ArgumentError: an unknown name, a bad value, or two maps.
     """
-    defaults: dict[str, str | int | float] = {}
-    if environ.get("REAL_TIME_FACTOR") == LOCKSTEP:
-        defaults["lockstep"], environ = True, {**environ, "REAL_TIME_FACTOR": ""}
+    defaults = {}
+    if environ.get(FACTOR) == LOCKSTEP:
+        defaults["lockstep"], environ = True, {**environ, FACTOR: ""}
     arguments = ["lockstep:=true" if word == f"real_time_factor:={LOCKSTEP}" else word for word in arguments]
-    if environ.get("WORLD"):
-        defaults["world_name"] = environ["WORLD"]
-    if environ.get("ROBOTS"):
-        defaults["robots"] = value_from_text(int, environ["ROBOTS"], "ROBOTS")
-    if environ.get("REAL_TIME_FACTOR"):
-        defaults["real_time_factor"] = value_from_text(float, environ["REAL_TIME_FACTOR"], "REAL_TIME_FACTOR")
-    if environ.get("FLEET"):
-        defaults["fleet"] = environ["FLEET"]
-    options = options_from_arguments(SimulationOptions, arguments, **defaults)
+    options = options_from_arguments(SimulationOptions, arguments, environ, **defaults)
     if options.map_name and options.map_file:
         raise ArgumentError("map_name and map_file are two maps: give one")
     return options
@@ -288,7 +267,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command and returns its exit status."""
     words = list(sys.argv[1:] if argv is None else argv)
     if {"-h", "--help"} & set(words):
-        sys.stdout.write(f"usage: {NAME} [name:=value …]\n{usage(SimulationOptions, DOCS)}\n")
+        sys.stdout.write(f"usage: {NAME} [name:=value …]\n{usage(SimulationOptions)}\n")
         return 0
     try:
         options = options_from(words, os.environ)

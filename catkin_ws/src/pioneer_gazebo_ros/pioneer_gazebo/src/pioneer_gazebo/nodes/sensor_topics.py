@@ -2,7 +2,6 @@
 
 from functools import partial
 
-import rospy
 from gazebo_msgs.msg import ContactsState, ContactState
 from geometry_msgs.msg import Vector3, Wrench
 from nav_msgs.msg import Odometry
@@ -20,70 +19,59 @@ from pioneer_node.core.frame import stripped
 def laser_topics(port: Port, config: LaserSensor) -> None:
     """Publishes a laser's scans (LaserScan)."""
     mounted = port.entity.mounted(config)
-    topic = port.topic(config.topic, LaserScan)
     template = conversions.ScanTemplate(config, port.frame(config.frame), mounted.laser.increment)
 
-    def publish(tick: int) -> None:
-        topic.send(template.fill(nanoseconds(tick), port.simulation.ranges(port.entity, mounted)))
+    def frame(time: int) -> bytearray:
+        return template.fill(time, port.simulation.ranges(port.entity, mounted))
 
-    port.every(config.update_rate, config.topic, publish, topic)
+    port.stream(config.topic, LaserScan, config.update_rate, frame)
 
 
 def sonar_topics(port: Port, config: SonarSensor) -> None:
     """Publishes a sonar's readings (Range)."""
     mounted = port.entity.mounted(config)
-    topic = port.topic(config.topic, Range)
     template = conversions.RangeTemplate(config, port.frame(config.frame))
 
-    def publish(tick: int) -> None:
-        topic.send(template.fill(nanoseconds(tick), port.simulation.distance(port.entity, mounted)))
+    def frame(time: int) -> bytearray:
+        return template.fill(time, port.simulation.distance(port.entity, mounted))
 
-    port.every(config.update_rate, config.topic, publish, topic)
+    port.stream(config.topic, Range, config.update_rate, frame)
 
 
 def truth_topics(port: Port, config: GroundTruth) -> None:
     """Publishes a link's true pose and velocity (Odometry)."""
-    topic = port.topic(config.topicName, Odometry)
     variance = [config.gaussianNoise**2] * 6
     template = conversions.OdometryTemplate(stripped(config.frameName), port.frame(config.bodyName), variance)
     truth = Truth(port.simulation, port.entity, config)
-
-    def publish(tick: int) -> None:
-        topic.send(template.fill(nanoseconds(tick), *truth.motion()))
-
-    port.every(config.updateRate, config.topicName, publish, topic)
+    port.stream(config.topicName, Odometry, config.updateRate, lambda time: template.fill(time, *truth.motion()))
 
 
 def joint_state_topics(port: Port, config: JointStatePublisher) -> None:
     """Publishes positions and speeds of joints (JointState)."""
-    topic = port.topic(config.topicName, JointState)
     body = port.entity.body
     movable = [part.joint.name for part in body.parts if part.joint is not None]
     names = [name for name in config.jointName if name in movable] or movable
     parts = [body.joint_index(name) for name in names]
     template = conversions.JointStateTemplate(names)
 
-    def publish(tick: int) -> None:
-        topic.send(template.fill(nanoseconds(tick), port.simulation.joints(port.entity, parts)))
+    def frame(time: int) -> bytearray:
+        return template.fill(time, port.simulation.joints(port.entity, parts))
 
-    port.every(config.updateRate, config.topicName, publish, topic)
+    port.stream(config.topicName, JointState, config.updateRate, frame)
 
 
 def bumper_topics(port: Port, config: Bumper) -> None:
     """Publishes the contacts of a link (ContactsState) while there are any."""
     topic = port.topic(config.bumperTopicName, ContactsState)
     part, _ = port.entity.body.part_of(config.link)
-    message = ContactsState()
-    message.header.frame_id = stripped(config.frameName)
     own = f"{port.entity.name}::{config.link}::{config.collision or config.link}"
     state = partial(_contact_state, port, own)
 
     def publish(tick: int) -> None:
         contacts = [one for one in port.simulation.contacts(port.entity) if one.part == part and one.force > 0]
         if contacts:
-            message.header.stamp = rospy.Time(*conversions.seconds_nanoseconds(nanoseconds(tick)))
-            message.states = [state(one) for one in contacts]
-            topic.send(conversions.frame_of(message))
+            message = ContactsState(states=[state(one) for one in contacts])
+            topic.send(conversions.stamped_frame(message, nanoseconds(tick), stripped(config.frameName)))
 
     port.every(config.update_rate, config.bumperTopicName, publish, topic)
 

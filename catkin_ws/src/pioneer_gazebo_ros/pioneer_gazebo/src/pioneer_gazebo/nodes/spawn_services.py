@@ -12,12 +12,12 @@ from pioneer_gazebo.adapters.sdf import world_from_sdf_text
 from pioneer_gazebo.adapters.urdf import robot_from_urdf
 from pioneer_gazebo.conversions import pose_from_message
 from pioneer_gazebo.core import state
-from pioneer_gazebo.core.error import ModelError, SimulatorError
+from pioneer_gazebo.core.error import ModelError
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.simulation import Simulation
 from pioneer_gazebo.nodes.mailbox import Mailbox
 from pioneer_gazebo.nodes.robots import Robots
-from pioneer_gazebo.nodes.service import refusal, serve
+from pioneer_gazebo.nodes.service import serve
 
 LONGEST_NAMESPACE = 200
 """Characters."""
@@ -29,52 +29,44 @@ class SpawnServices:
     def __init__(self, mailbox: Mailbox, simulation: Simulation, robots: Robots) -> None:
         """Starts the services."""
         self._mailbox, self._simulation, self._robots = mailbox, simulation, robots
-        rospy.Service("/gazebo/spawn_urdf_model", srv.SpawnModel, self._spawn_urdf)
-        rospy.Service("/gazebo/spawn_sdf_model", srv.SpawnModel, self._spawn_sdf)
-        serve(mailbox, "delete_model", srv.DeleteModel, self._delete)
+        # Models are read in the service's own thread, so that the simulation continues meanwhile.
+        serve("spawn_urdf_model", srv.SpawnModel, self._spawn_urdf)
+        serve("spawn_sdf_model", srv.SpawnModel, self._spawn_sdf)
+        serve("delete_model", srv.DeleteModel, self._delete, mailbox)
 
-    def _spawn_urdf(self, request: srv.SpawnModelRequest) -> srv.SpawnModelResponse:
-        """Reads the robot in the service's own thread, so that the simulation continues meanwhile."""
-        name = request.model_name
-        try:
-            robot = robot_from_urdf(request.model_xml, name)
-            namespace = _namespace(request)
-            prepare(robot.links, robot.static, rospy.loginfo)
-            pose = self._mailbox.call(lambda: self._initial_pose(request))
-            self._mailbox.call(lambda: self._robots.spawn(name, namespace, robot, pose))
-        except (SimulatorError, ValueError) as error:
-            return refusal("spawn_urdf_model", srv.SpawnModel, str(error))
-        return self._spawned(name)
+    def _spawn_urdf(self, request: srv.SpawnModelRequest) -> str:
+        name, namespace = request.model_name, _namespace(request)
+        robot = robot_from_urdf(request.model_xml, name)
+        prepare(robot.links, robot.static, rospy.loginfo)
+        pose = self._mailbox.call(lambda: self._initial_pose(request))
+        self._mailbox.call(lambda: self._robots.spawn(name, namespace, robot, pose))
+        return _spawned(name)
 
-    def _spawn_sdf(self, request: srv.SpawnModelRequest) -> srv.SpawnModelResponse:
-        name = request.model_name
-        try:
-            namespace = _namespace(request)
-            world = world_from_sdf_text(request.model_xml, model_path(), name)
-            for line in world.warnings:
-                rospy.logwarn("%s: %s", name, line)
-            models = world.models
-            if len(models) != 1:
-                raise ModelError(f"{name}: the SDF has to hold one model, not {len(models)}")
-            prepare(models[0].links, models[0].static, rospy.loginfo)
-            pose = self._mailbox.call(lambda: self._initial_pose(request))
-            model = replace(models[0].moved(pose), name=name)
-            self._mailbox.call(lambda: self._robots.add_model(model, namespace))
-        except (SimulatorError, ValueError) as error:
-            return refusal("spawn_sdf_model", srv.SpawnModel, str(error))
-        return self._spawned(name)
+    def _spawn_sdf(self, request: srv.SpawnModelRequest) -> str:
+        name, namespace = request.model_name, _namespace(request)
+        world = world_from_sdf_text(request.model_xml, model_path(), name)
+        for line in world.warnings:
+            rospy.logwarn("%s: %s", name, line)
+        if len(world.models) != 1:
+            raise ModelError(f"{name}: the SDF has to hold one model, not {len(world.models)}")
+        [model] = world.models
+        prepare(model.links, model.static, rospy.loginfo)
+        pose = self._mailbox.call(lambda: self._initial_pose(request))
+        self._mailbox.call(lambda: self._robots.add_model(replace(model.moved(pose), name=name), namespace))
+        return _spawned(name)
 
     def _initial_pose(self, request: srv.SpawnModelRequest) -> Pose:
         base, _ = state.motion(self._simulation, request.reference_frame)
         return base.compose(pose_from_message(request.initial_pose))
 
-    def _spawned(self, name: str) -> srv.SpawnModelResponse:
-        rospy.loginfo("spawned %s", name)
-        return srv.SpawnModelResponse(True, f"spawned {name}")
-
-    def _delete(self, request: srv.DeleteModelRequest) -> srv.DeleteModelResponse:
+    def _delete(self, request: srv.DeleteModelRequest) -> str:
         self._robots.delete(request.model_name)
-        return srv.DeleteModelResponse(True, f"deleted {request.model_name}")
+        return f"deleted {request.model_name}"
+
+
+def _spawned(name: str) -> str:
+    rospy.loginfo("spawned %s", name)
+    return f"spawned {name}"
 
 
 def _namespace(request: srv.SpawnModelRequest) -> str:

@@ -1,11 +1,17 @@
 """``/gazebo``'s own topics: the states of all models and links, and the topics that set them."""
 
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
 import rospy
 from gazebo_msgs.msg import LinkState, LinkStates, ModelState, ModelStates
 
 from pioneer_gazebo import conversions
 from pioneer_gazebo.core import state
+from pioneer_gazebo.core.engine import Velocity
 from pioneer_gazebo.core.error import SimulatorError
+from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.nodes.timeline import Timeline
 from pioneer_gazebo.nodes.topic import Topic
 
@@ -19,46 +25,33 @@ class StateTopics:
     def __init__(self, timeline: Timeline, rate: float) -> None:
         """Publishes at ``rate`` [Hz]."""
         self._mailbox, self._simulation = timeline.mailbox, timeline.simulation
-        schedule = timeline.schedule
-        self._models = Topic("/gazebo/model_states", ModelStates, schedule.review)
-        self._links = Topic("/gazebo/link_states", LinkStates, schedule.review)
-        schedule.add("/gazebo/model_states", rate, self._publish_models, lambda: self._models.wanted)
-        schedule.add("/gazebo/link_states", rate, self._publish_links, lambda: self._links.wanted)
-        rospy.Subscriber("/gazebo/set_model_state", ModelState, self._set_model, queue_size=10)
-        rospy.Subscriber("/gazebo/set_link_state", LinkState, self._set_link, queue_size=10)
+        for what, kind, things in (("model", ModelStates, self._models), ("link", LinkStates, self._links)):
+            topic = Topic(f"/gazebo/{what}_states", kind, timeline.schedule.review)
+            publish = partial(self._publish, topic, kind, things)
+            timeline.schedule.add(f"/gazebo/{what}_states", rate, publish, lambda topic=topic: topic.wanted)
+        rospy.Subscriber("/gazebo/set_model_state", ModelState, self._set, "model_name", queue_size=10)
+        rospy.Subscriber("/gazebo/set_link_state", LinkState, self._set, "link_name", queue_size=10)
 
-    def _publish_models(self, tick: int) -> None:
-        del tick  # these messages carry no time
-        self._models.send(conversions.frame_of(self._model_states()))
-
-    def _publish_links(self, tick: int) -> None:
-        del tick
-        self._links.send(conversions.frame_of(self._link_states()))
-
-    def _model_states(self) -> ModelStates:
-        message = ModelStates()
+    def _models(self) -> Iterator[tuple[str, tuple[Pose, Velocity]]]:
         for name in self._simulation.names():
-            pose, velocity = state.model_motion(self._simulation, name)
+            yield name, state.model_motion(self._simulation, name)
+
+    def _links(self) -> Iterator[tuple[str, tuple[Pose, Velocity]]]:
+        for name in self._simulation.names():
+            for link in state.links_of(self._simulation, name):
+                yield f"{name}::{link}", state.link_motion(self._simulation, name, link)
+
+    def _publish(self, topic: Topic, kind: type, things: Callable[[], Iterator[Any]], tick: int) -> None:
+        del tick  # these messages carry no time
+        message: Any = kind()
+        for name, (pose, velocity) in things():
             message.name.append(name)
             message.pose.append(conversions.message_from_pose(pose))
             message.twist.append(conversions.message_from_velocity(velocity))
-        return message
+        topic.send(conversions.frame_of(message))
 
-    def _link_states(self) -> LinkStates:
-        message = LinkStates()
-        for name in self._simulation.names():
-            for link in state.links_of(self._simulation, name):
-                pose, velocity = state.link_motion(self._simulation, name, link)
-                message.name.append(f"{name}::{link}")
-                message.pose.append(conversions.message_from_pose(pose))
-                message.twist.append(conversions.message_from_velocity(velocity))
-        return message
-
-    def _set_model(self, message: ModelState) -> None:
-        self._mailbox.post(lambda: self._follow(message.model_name, message))
-
-    def _set_link(self, message: LinkState) -> None:
-        self._mailbox.post(lambda: self._follow(message.link_name, message))
+    def _set(self, message: ModelState | LinkState, field: str) -> None:
+        self._mailbox.post(lambda: self._follow(getattr(message, field), message))
 
     def _follow(self, name: str, message: ModelState | LinkState) -> None:
         try:

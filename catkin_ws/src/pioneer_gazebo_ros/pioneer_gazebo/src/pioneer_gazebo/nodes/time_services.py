@@ -5,7 +5,7 @@ import math
 from gazebo_msgs import srv
 from gazebo_msgs.msg import ODEPhysics
 from geometry_msgs.msg import Vector3
-from std_srvs.srv import Empty, EmptyRequest, EmptyResponse, Trigger, TriggerRequest, TriggerResponse
+from std_srvs.srv import Empty, Trigger
 
 from pioneer_gazebo.conversions import vector_from_message
 from pioneer_gazebo.core.engine import Physics
@@ -23,16 +23,15 @@ class TimeServices:
         """Starts the services."""
         self._timeline, self._robots, self._simulation = timeline, robots, timeline.simulation
         mailbox = timeline.mailbox
-        serve(mailbox, "get_physics_properties", srv.GetPhysicsProperties, self._physics)
-        serve(mailbox, "set_physics_properties", srv.SetPhysicsProperties, self._set_physics)
-        serve(mailbox, "pause_physics", Empty, self._pause)
-        serve(mailbox, "unpause_physics", Empty, self._unpause)
-        serve(mailbox, "reset_world", Empty, self._reset_world)
-        serve(mailbox, "reset_simulation", Empty, self._reset_simulation)
-        serve(mailbox, "step", Trigger, self._step)
+        serve("get_physics_properties", srv.GetPhysicsProperties, lambda _: self._physics(), mailbox)
+        serve("set_physics_properties", srv.SetPhysicsProperties, self._set_physics, mailbox)
+        serve("pause_physics", Empty, lambda _: timeline.pause(True), mailbox)
+        serve("unpause_physics", Empty, lambda _: timeline.pause(False), mailbox)
+        serve("reset_world", Empty, lambda _: self._reset_world(), mailbox)
+        serve("reset_simulation", Empty, lambda _: self._reset_simulation(), mailbox)
+        serve("step", Trigger, lambda _: self._step(), mailbox)
 
-    def _physics(self, request: srv.GetPhysicsPropertiesRequest) -> srv.GetPhysicsPropertiesResponse:
-        del request
+    def _physics(self) -> srv.GetPhysicsPropertiesResponse:
         physics = self._simulation.physics
         return srv.GetPhysicsPropertiesResponse(
             time_step=physics.step,
@@ -40,11 +39,10 @@ class TimeServices:
             max_update_rate=self._timeline.pacer.factor / physics.step,
             gravity=Vector3(*physics.gravity),
             ode_config=ODEPhysics(sor_pgs_iters=physics.iterations, sor_pgs_w=1.0),
-            success=True,
             status_message="of ode_config only sor_pgs_iters is used here",
         )
 
-    def _set_physics(self, request: srv.SetPhysicsPropertiesRequest) -> srv.SetPhysicsPropertiesResponse:
+    def _set_physics(self, request: srv.SetPhysicsPropertiesRequest) -> str:
         if not (math.isfinite(request.max_update_rate) and request.max_update_rate >= 0):
             raise ValueError(f"max_update_rate must be 0 (as fast as possible) or more, not {request.max_update_rate}")
         if not (math.isfinite(request.time_step) and request.time_step > 0):
@@ -56,35 +54,20 @@ class TimeServices:
         step = ticks / TICK_RATE if abs(ticks - request.time_step * TICK_RATE) < 1e-3 and ticks else request.time_step
         self._simulation.configure(Physics(step, iterations, gravity))
         self._timeline.set_factor(request.max_update_rate * step)
-        return srv.SetPhysicsPropertiesResponse(True, "physics set")
+        return "physics set"
 
-    def _pause(self, request: EmptyRequest) -> EmptyResponse:
-        del request
-        self._timeline.pause(True)
-        return EmptyResponse()
-
-    def _unpause(self, request: EmptyRequest) -> EmptyResponse:
-        del request
-        self._timeline.pause(False)
-        return EmptyResponse()
-
-    def _reset_world(self, request: EmptyRequest) -> EmptyResponse:
-        del request
+    def _reset_world(self) -> None:
         self._simulation.reset_poses()
         self._timeline.publish_now()
-        return EmptyResponse()
 
-    def _reset_simulation(self, request: EmptyRequest) -> EmptyResponse:
-        del request
+    def _reset_simulation(self) -> None:
         self._simulation.reset()
         self._timeline.restart()
         self._robots.reset()
         self._timeline.publish_now()
-        return EmptyResponse()
 
-    def _step(self, request: TriggerRequest) -> TriggerResponse:
-        del request
+    def _step(self) -> str:
         if not self._timeline.paused:
             raise ModelError("step works while physics is paused (pause_physics)")
         self._timeline.step()
-        return TriggerResponse(True, f"simulated time is {self._simulation.tick / TICK_RATE:.6f} s")
+        return f"simulated time is {self._simulation.tick / TICK_RATE:.6f} s"
