@@ -6,6 +6,7 @@ import socket
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 import rospy
@@ -83,6 +84,7 @@ _SCRIPTS: Mapping[str, Script] = {
     "flip-from-hub": Script(Action.FLIP, _seen_at_hub, "[--advertise] [ROBOTS | ROBOT_NAME …] [/NODE]", most=1001),
     "flip-tools-from-hub": Script(Action.FLIP, _used_at_hub, "[ROBOTS | ROBOT_NAME …]", most=1000),
     "flip-from-remote": Script(Action.FLIP, _of_robot, "[--pull] [ROBOT_NAME [LASER_TOPIC]]", most=2),
+    "pioneer-nav-flip": Script(Action.FLIP, _of_robot, "[--pull] [ROBOT_NAME [LASER_TOPIC]]", most=2),
     "flip-traffic": Script(Action.FLIP, lambda _: rule_set.flipped_for_traffic()),
     "flip-lockstep": Script(Action.FLIP, _token_of_robot, "[ROBOT_NAME]", most=1),
     "advertise_hub_publisher.py": Script(Action.ADVERTISE, _publisher, "topic", 1, 1),
@@ -103,6 +105,11 @@ _SHARED: Mapping[str, tuple[Action, Callable[[], list[Wish]]]] = {
     "--advertise": (Action.ADVERTISE, rule_set.advertised_by_hub),
 }
 """What all robots share, asked for first."""
+
+
+def main() -> int:
+    """Runs the script whose name the process was started by."""
+    return run(Path(sys.argv[0]).name)
 
 
 def run(name: str) -> int:

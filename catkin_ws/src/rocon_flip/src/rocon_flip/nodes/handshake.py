@@ -1,11 +1,13 @@
 """The pair `test_sender` and `test_receiver`: messages there and back prove that two gateways carry both ways."""
 
 import statistics
+import sys
 import threading
 import time
 import uuid
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import rospy
 from std_msgs.msg import Bool, String
@@ -169,6 +171,7 @@ _NODES: Mapping[str, Callable[[], object]] = {
 }
 
 
-def run(name: str) -> int:
-    """Runs the node of the script ``name``; returns its exit status."""
+def main() -> int:
+    """Runs the node whose name the process was started by; returns its exit status."""
+    name = Path(sys.argv[0]).name
     return entry.run(name, _NODES[name], (RuleSetError,), wall_time=True)

@@ -1,0 +1,32 @@
+# pioneer_programs([WITHOUT_NUMPY] [ON_PATH] NAME=MODULE[:FUNCTION] …): makes programs, for rosrun and launch files, that
+# call a function of a module, main by default. WITHOUT_NUMPY is for those that compute nothing
+# (pioneer_node.nodes.patch); ON_PATH for those that every terminal that sources the workspace finds by their name.
+# They are whole in the devel space: an image needs no build folder to run them.
+function(pioneer_programs)
+  cmake_parse_arguments(ARG "WITHOUT_NUMPY;ON_PATH" "" "" ${ARGN})
+  set(import "from importlib import import_module as imported")
+  if(ARG_WITHOUT_NUMPY)
+    set(import "from pioneer_node.nodes.patch import import_without_numpy as imported")
+  endif()
+  set(destinations ${CATKIN_PACKAGE_BIN_DESTINATION})
+  if(ARG_ON_PATH)
+    list(APPEND destinations ${CATKIN_GLOBAL_BIN_DESTINATION})
+  endif()
+  foreach(program ${ARG_UNPARSED_ARGUMENTS})
+    if(NOT program MATCHES "^([^=]+)=([^:]+)(:(.+))?$")
+      message(FATAL_ERROR "pioneer_programs: '${program}' is not NAME=MODULE[:FUNCTION]")
+    endif()
+    set(file "${CMAKE_CURRENT_BINARY_DIR}/programs/${CMAKE_MATCH_1}")
+    set(module "${CMAKE_MATCH_2}")
+    set(function "${CMAKE_MATCH_4}")
+    if(NOT function)
+      set(function main)
+    endif()
+    file(WRITE "${file}" "#!${PYTHON_EXECUTABLE}\n${import}\n\nraise SystemExit(imported(\"${module}\").${function}())\n")
+    foreach(destination ${destinations})
+      file(COPY "${file}" DESTINATION "${CATKIN_DEVEL_PREFIX}/${destination}" FILE_PERMISSIONS OWNER_READ OWNER_WRITE
+        OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
+      install(PROGRAMS "${file}" DESTINATION ${destination})
+    endforeach()
+  endforeach()
+endfunction()

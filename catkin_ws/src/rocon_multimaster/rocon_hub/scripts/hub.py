@@ -1,4 +1,0 @@
-#!/usr/bin/env python3
-from pioneer_node.nodes.patch import import_without_numpy
-
-raise SystemExit(import_without_numpy("rocon_hub.nodes.hub").main())
