@@ -16,6 +16,7 @@ import os
 import select
 import signal
 import socket
+import subprocess
 import sys
 import threading
 import traceback
@@ -29,6 +30,8 @@ from pioneer_node.adapters import process_title
 _LARGEST = 1 << 20
 """Bytes of a request at most; a socket of this kind takes less than that by default."""
 _STREAMS = 3
+_MOMENT = 0.05
+"""Within this [s] another thread may have read the report that one waits for."""
 _SIGNALS = (signal.SIGHUP, signal.SIGTERM, signal.SIGCHLD)
 _lent: list["ForkServer"] = []
 
@@ -116,6 +119,18 @@ class ForkedProcess:
             self._status = -signal.SIGKILL
         return self._status
 
+    def wait(self, timeout: float) -> int:
+        """Returns the exit status.
+
+        Raises:
+            TimeoutExpired: the program has not ended after so many seconds.
+        """
+        if not select.select([self._handle], [], [], timeout)[0]:
+            raise subprocess.TimeoutExpired(str(self.pid), timeout)
+        while (status := self.poll()) is None:
+            self._server.await_report()
+        return status
+
     def __del__(self) -> None:
         os.close(self._handle)
 
@@ -161,6 +176,10 @@ class ForkServer:
             while not self.is_lost and select.select([self._line], [], [], 0)[0]:
                 self._take()
             return self._ended.pop(pid, None)
+
+    def await_report(self) -> None:
+        """Waits a moment, or until the server reports the end of some program."""
+        select.select([self._line], [], [], _MOMENT)
 
     def _take(self) -> int | None:
         """Reads one message; returns the pid of a program that was started."""

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import psutil
 
 from pioneer_node.adapters.end_request import EndRequest
+from pioneer_node.adapters.fork_server import lent_server
 from rocon_launch.adapters.roslaunch import RoslaunchProcess
 from rocon_launch.core.concert import Launch
 
@@ -32,6 +33,7 @@ class ConcertRunner:
         self._screen = screen
         self._program = program
         self._stop = EndRequest()
+        self._server = lent_server()
         self._lock = threading.Lock()
         self._processes: list[RoslaunchProcess] = []
         self._told: list[RoslaunchProcess] = []
@@ -79,7 +81,7 @@ class ConcertRunner:
         command = [self._program, "--no-summary", *flags, "-p", str(launch.port)]
         command += [*([launch.package] if launch.package else []), launch.name]
         command += [f"{name}:={value}" for name, value in launch.arguments.items()]
-        return RoslaunchProcess(launch, command, _environment(launch), self._show)
+        return RoslaunchProcess(launch, command, _environment(launch), self._show, self._server)
 
     def _show(self, title: str, line: str) -> None:
         with self._lock:

@@ -8,6 +8,8 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 
+from pioneer_node.adapters.fork_server import ForkedProcess, ForkServer
+from pioneer_node.core.program import early_differences
 from rocon_launch.core.concert import Launch
 
 _REST = 1.0
@@ -24,6 +26,7 @@ class RoslaunchProcess:
         command: the whole command line.
         environment: of the process.
         show: called with the title and each line of output, from a thread.
+        server: forks the command where it can; None starts an interpreter.
     """
 
     def __init__(
@@ -32,24 +35,18 @@ class RoslaunchProcess:
         command: Sequence[str],
         environment: Mapping[str, str],
         show: Callable[[str, str], None],
+        server: ForkServer | None = None,
     ) -> None:
         self.launch = launch
         self._started, self._ended = time.monotonic(), 0.0
-        self._process = subprocess.Popen(
-            # The kernel signals roslaunch when this process is killed, and roslaunch ends its nodes.
-            ["setpriv", "--pdeathsig", "TERM", "--", *command],
-            env=dict(environment),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )
-        self._reader = threading.Thread(target=self._read, args=(show,), daemon=True)
+        reader, writer = os.pipe2(os.O_CLOEXEC)
+        self._process = _started(command, environment, writer, server)
+        os.close(writer)
+        self._reader = threading.Thread(target=self._read, args=(reader, show), daemon=True)
         self._reader.start()
 
-    def _read(self, show: Callable[[str, str], None]) -> None:
-        assert self._process.stdout is not None
-        with self._process.stdout as output:
+    def _read(self, reader: int, show: Callable[[str, str], None]) -> None:
+        with open(reader, "rb") as output:
             for line in output:
                 text = _WINDOW_TITLE.sub("", line.decode(errors="replace")).strip("\r\n")
                 if text:
@@ -70,7 +67,7 @@ class RoslaunchProcess:
     def interrupt(self) -> None:
         """Asks it to end; roslaunch then ends its nodes and its master."""
         if self.status is None:
-            self._process.send_signal(signal.SIGINT)
+            os.kill(self._process.pid, signal.SIGINT)
 
     def wait(self, timeout: float) -> bool:
         """Waits [s] for its end; tells whether it came."""
@@ -91,9 +88,27 @@ class RoslaunchProcess:
                 os.kill(pid, signal.SIGKILL)
             except ProcessLookupError:
                 continue
-        self._process.wait()
+        self.wait(_REST)
 
     @property
     def pid(self) -> int:
         """Its process number."""
         return self._process.pid
+
+
+def _started(
+    command: Sequence[str], environment: Mapping[str, str], output: int, server: ForkServer | None
+) -> "subprocess.Popen[bytes] | ForkedProcess":
+    forkable = os.path.isabs(command[0]) and not early_differences(os.environ, environment)
+    if server is not None and forkable and not server.is_lost:
+        # Of a computer whose main process ends with us, and with it everything.
+        return server.start(command, environment, os.getcwd(), output, output, lend=True)
+    return subprocess.Popen(
+        # The kernel signals roslaunch when this process is killed, and roslaunch ends its nodes.
+        ["setpriv", "--pdeathsig", "TERM", "--", *command],
+        env=dict(environment),
+        stdin=subprocess.DEVNULL,
+        stdout=output,
+        stderr=subprocess.STDOUT,
+        start_new_session=True,
+    )
