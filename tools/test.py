@@ -137,7 +137,7 @@ def containers() -> Iterator[Check]:
     """The tutorial's computers as containers."""
     folder = ROOT / "tools" / "test" / "containers"
     # First, so that faults of the images are reported as such.
-    yield Check("containers-images", [str(ROOT / "pioneer"), "image", "--desktop"], timeout=1500.0)
+    yield Check("containers-images", [str(ROOT / "pioneer"), "image", "--desktop", "--web"], timeout=1500.0)
     # The tests of a folder share one fleet; a file beside it has containers of its own.
     for path in sorted([*folder.glob("*/"), *folder.glob("test_*.py")]):
         if path.name not in ("__pycache__", SWARM):

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 
-from containers.engine import DESKTOP, ContainerError
+from containers.engine import DESKTOP, EXTRAS, WEB, ContainerError
 from containers.fleet_plan import LOCKSTEP, ROBOTS, WORLD, limits
 from containers.image import ensure_images
 from containers.state import fleet, project
@@ -33,7 +33,7 @@ def _commands() -> Subcommands:
     execute.add_argument("command", nargs=argparse.REMAINDER, metavar="COMMAND", help="with arguments; bash by default")
     text = "Builds the image that up starts, and starts nothing."
     image = commands.add("image", _image, text, "image --desktop")
-    image.add_argument("--desktop", action="store_true", help="the desktop's image too")
+    _add_extras(image, "the desktop's image too", "the fleet page's image too")
     return commands
 
 
@@ -45,7 +45,7 @@ def _add_up(parser: argparse.ArgumentParser) -> None:
     add("--rtf", type=_pace, metavar="R", help="real-time factor of the world (default: 1, or less where that is more "
         "than the processors carry), or lockstep: time waits for every robot's nodes (docs/lockstep.md)")  # fmt: skip
     add("--idle", action="store_true", help="start no steps, so that you can type them into ./pioneer exec")
-    add("--desktop", action="store_true", help="with RViz of the fleet, in the browser")
+    _add_extras(parser, "with RViz of the fleet, in the browser", "with the fleet page, for this machine (docs/web.md)")
     add("--swarm", action="store_true", help="on all machines of the Docker Swarm that this one manages")
     add("--registry", default="", metavar="HOST:PORT", help="from which the swarm's machines pull the image (default: "
         "one that is started on this machine)")  # fmt: skip
@@ -60,13 +60,18 @@ def _pace(text: str) -> float | str:
         raise argparse.ArgumentTypeError(f"a number or lockstep, not '{text}'") from None
 
 
+def _add_extras(parser: argparse.ArgumentParser, desktop: str, web: str) -> None:
+    for name, text in ((DESKTOP, desktop), (WEB, web)):
+        parser.add_argument(f"--{name}", action="append_const", const=name, dest="extras", default=[], help=text)
+
+
 def _down(options: argparse.Namespace) -> int:
-    fleet(options.project, COMPOSE_PROFILES=DESKTOP).down()
+    fleet(options.project, COMPOSE_PROFILES=",".join(EXTRAS)).down()
     return 0
 
 
 def _logs(options: argparse.Namespace) -> int:
-    fleet(options.project, COMPOSE_PROFILES=DESKTOP).logs(options.follow, options.computers)
+    fleet(options.project, COMPOSE_PROFILES=",".join(EXTRAS)).logs(options.follow, options.computers)
     return 0
 
 
@@ -82,7 +87,7 @@ def execute_on(options: argparse.Namespace) -> int:
 
 def _image(options: argparse.Namespace) -> int:
     project(options.project)  # reports an engine that does not answer before anything is fetched
-    ensure_images(functools.partial(print, flush=True), options.desktop)
+    ensure_images(functools.partial(print, flush=True), options.extras)
     return 0
 
 

@@ -28,8 +28,8 @@ def is_on_swarm(options: Namespace) -> bool:
             option = "update" if options.update else "registry"
             raise ContainerError(f"--{option} is for a fleet on a swarm: up --swarm")
         return False
-    if options.desktop:
-        raise ContainerError("--desktop is for a fleet on one machine; on a swarm nothing is published")
+    for extra in options.extras:
+        raise ContainerError(f"--{extra} is for a fleet on one machine; on a swarm nothing is published")
     if not there and project(options.project).computers():
         raise ContainerError(f"a fleet runs on this machine alone: {DOWN}")
     if options.update and not there:

@@ -11,8 +11,10 @@ from typing import Any
 
 DOCKER = ("docker",)
 """The command that talks to this machine's engine."""
-DESKTOP = "desktop"
-"""The service, and the profile that has it, whose container is no computer but a screen of the base station's."""
+DESKTOP, WEB = "desktop", "web"
+"""Services, and the profiles that have them, whose containers are no computers but on the base station's network."""
+EXTRAS = {DESKTOP: 6080, WEB: 8090}
+"""Those, with the ports of their pages."""
 
 
 class ContainerError(Exception):
@@ -136,10 +138,10 @@ class Project:
         return {**os.environ, **self.variables}
 
     def computers(self) -> list[Computer]:
-        """Returns the project's computers, the base station first, then robots by number; the desktop is none."""
+        """Returns the project's computers, the base station first, then robots by number; extras are none."""
         ids = output("docker", "ps", "-aq", "--filter", f"label=com.docker.compose.project={self.name}").split()
         facts = json.loads(output("docker", "inspect", *ids)) if ids else []
-        return sorted((one for one in map(_computer, facts) if one.name != DESKTOP), key=lambda one: one.number)
+        return sorted((one for one in map(_computer, facts) if one.name not in EXTRAS), key=lambda one: one.number)
 
 
 def _computer(fact: Mapping[str, Any]) -> Computer:

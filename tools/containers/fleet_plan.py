@@ -120,7 +120,7 @@ def _check_world(options: Namespace, robots: int, world: str, base: Computer | N
 
 def _check_steps(options: Namespace, base: Computer, more: bool) -> None:
     """Refuses what would need the steps of computers that run started, or ended."""
-    if is_idle(base) and not options.idle and (more or not options.desktop):
+    if is_idle(base) and not options.idle and (more or not options.extras):
         raise ContainerError(f"an idle fleet runs: {DOWN}")
     if options.idle and not is_idle(base) and not more:
         raise ContainerError(f"a fleet runs whose steps are started: {DOWN}")

@@ -4,6 +4,7 @@ import hashlib
 import os
 import platform
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -11,7 +12,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from containers.engine import ContainerError, output
+from containers.engine import DESKTOP, WEB, ContainerError, output
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 WHEELS = ROOT / "docker" / "wheels"
@@ -23,19 +24,28 @@ _PARTS = (
     "docker/Dockerfile",
     "docker/dpkg.cfg",
     "docker/dpkg-run.cfg",
+    "docker/beside-base",
     "docker/computer",
     "docker/desktop",
     "docker/healthy",
+    "docker/web",
 )
 MACHINES = ("x86_64", "AMD64")
 """What x86-64 is called: Debian has its packages for others too, but what PyPI gives is fetched for this one."""
-_FLEET, _DESKTOP, _REGISTRY = "docker/Dockerfile", "docker/Dockerfile.desktop", "docker/Dockerfile.registry"
+_FLEET, _REGISTRY = "docker/Dockerfile", "docker/Dockerfile.registry"
+_CHOICE = (
+    *("--no-deps", "--only-binary", ":all:", "--python-version", "3.11", "--implementation", "cp"),
+    *("--platform", "manylinux2014_x86_64", "--platform", "manylinux_2_28_x86_64"),
+)
+"""Of packages: those for the image's Debian 12."""
+_SECTIONS: dict[str, tuple[str, ...]] = {DESKTOP: (), WEB: ("web", "study")}
+"""Of the requirements, for extras: the page with recordings; foxglove-sdk is for tests only."""
 _LONG_STAGES = ("packages", "build")
 """Of the fleet's image; neither needs the other."""
 
 
-def ensure_images(say: Callable[[str], None], desktop: bool, fleet: bool = True) -> None:
-    """Builds what is missing of the ``fleet``'s image, unless ``PIONEER_IMAGE`` names one, and the ``desktop``'s.
+def ensure_images(say: Callable[[str], None], extras: Sequence[str], fleet: bool = True) -> None:
+    """Builds what is missing of the ``fleet``'s image, unless ``PIONEER_IMAGE`` names one, and of those of ``extras``.
 
     Raises:
         ContainerError: a step failed.
@@ -43,8 +53,8 @@ def ensure_images(say: Callable[[str], None], desktop: bool, fleet: bool = True)
     name = os.environ.get("PIONEER_IMAGE", "pioneer")
     if fleet and "PIONEER_IMAGE" not in os.environ:
         ensure_image(name, say)
-    if desktop:
-        ensure_desktop_image(f"{name}-desktop", name, say)
+    for extra in extras:
+        ensure_extra_image(extra, name, say)
 
 
 def ensure_image(name: str, say: Callable[[str], None]) -> None:
@@ -65,17 +75,28 @@ def ensure_image(name: str, say: Callable[[str], None]) -> None:
     _build(_FLEET, name, sources, log, say)
 
 
-def ensure_desktop_image(name: str, base: str, say: Callable[[str], None]) -> None:
-    """Builds the image ``name`` of the desktop upon the image ``base``, unless it was built from these very sources.
+def ensure_extra_image(extra: str, base: str, say: Callable[[str], None]) -> None:
+    """Builds the image of the desktop or the fleet page upon the image ``base``, unless there is one of these sources.
 
     Raises:
         ContainerError: a step failed.
     """
+    name, file = f"{base}-{extra}", f"docker/Dockerfile.{extra}"
+    packages = [one for section in _SECTIONS[extra] for one in requirements(section) if "foxglove-sdk" not in one]
+    # Which the checks need too, and are listed with.
+    packages += [one for one in requirements("checks") if extra == WEB and one.startswith("click==")]
     found = hashlib.sha256(output("docker", "image", "inspect", "-f", "{{.Id}}", base).encode())
-    found.update((ROOT / _DESKTOP).read_bytes())
+    found.update((ROOT / file).read_bytes() + " ".join(packages).encode())
     sources = found.hexdigest()[:32]
-    if _label(name) != sources:
-        _build(_DESKTOP, name, sources, _new_log(name, say), say, "--build-arg", f"IMAGE={base}")
+    if _label(name) == sources:
+        return
+    log, context = _new_log(name, say), ROOT / ".setup" / "containers" / f"{extra}-context"
+    shutil.rmtree(context, ignore_errors=True)
+    context.mkdir(parents=True)
+    if packages:
+        say(f"fetching {len(packages)} Python packages")
+        run_step([*_pip(packages), "install", *_CHOICE, "--target", str(context / "packages"), *packages], log, say)
+    _build(file, name, sources, log, say, "--build-arg", f"IMAGE={base}", context=str(context))
 
 
 def ensure_registry_image(name: str, say: Callable[[str], None]) -> None:
@@ -126,14 +147,17 @@ def selected_stages(text: str, *names: str) -> str:
     return before + "".join(stage for stage in stages if stage.partition("\n")[0].partition(" AS ")[2] in names)
 
 
-def _build(file: str, name: str, sources: str, log: Path, say: Callable[[str], None], *options: str) -> None:
-    run_step(_build_command(file, "-t", name, "--label", f"{LABEL}={sources}", *options), log, say)
+def _build(
+    file: str, name: str, sources: str, log: Path, say: Callable[[str], None], *options: str, context: str = "."
+) -> None:
+    command = _build_command(file, "-t", name, "--label", f"{LABEL}={sources}", *options, context=context)
+    run_step(command, log, say)
 
 
-def _build_command(file: str, *options: str) -> list[str]:
+def _build_command(file: str, *options: str, context: str = ".") -> list[str]:
     # Docker hands these to the build's commands without their being part of the image.
     proxies = [word for key in PROXIES if os.environ.get(key) for word in ("--build-arg", key)]
-    return ["docker", "build", "-f", file, *options, *proxies, "."]
+    return ["docker", "build", "-f", file, *options, *proxies, context]
 
 
 def source_hash() -> str:
@@ -156,9 +180,9 @@ def _label(image: str) -> str:
     return answer.stdout.strip()
 
 
-def requirements() -> list[str]:
-    """Returns what the image needs from PyPI: the section ``run`` of the requirements."""
-    section = re.search(r"^## run\n(.*?)(?=^## |\Z)", (ROOT / "requirements.txt").read_text(), re.S | re.M)
+def requirements(name: str = "run") -> list[str]:
+    """Returns what an image needs from PyPI: the section of that name of the requirements."""
+    section = re.search(rf"^## {name}\n(.*?)(?=^## |\Z)", (ROOT / "requirements.txt").read_text(), re.S | re.M)
     lines = section[1].splitlines() if section else []
     # The image is Debian 12, with Python 3.11.
     return [line.partition(";")[0] for line in lines if line[:1].isalpha() and 'python_version >= "3.12"' not in line]
@@ -170,22 +194,28 @@ def _python() -> Path:
     return next((path for path in known if path.exists()), Path(sys.executable))
 
 
+def _pip(packages: Sequence[str]) -> list[str]:
+    """Returns the command that fetches them.
+
+    Raises:
+        ContainerError: it is missing.
+    """
+    python = str(_python())
+    if subprocess.run([python, "-m", "pip", "--version"], capture_output=True, check=False).returncode:
+        raise ContainerError(f"pip is missing, to fetch {', '.join(packages)}: apt install python3-pip")
+    return [python, "-m", "pip"]
+
+
 def _ensure_wheels(log: Path, say: Callable[[str], None]) -> None:
     have = {path.name.split("-")[0].lower() + "==" + path.name.split("-")[1] for path in WHEELS.glob("*.whl")}
     missing = [one for one in requirements() if one.lower() not in have]
     if not missing:
         return
-    python = _python()
-    target = ["--python-version", "3.11", "--implementation", "cp", "--platform", "manylinux2014_x86_64"]
-    if subprocess.run([python, "-m", "pip", "--version"], capture_output=True, check=False).returncode:
-        raise ContainerError(f"pip is missing, to fetch {', '.join(missing)}: apt install python3-pip")
-    pip = [str(python), "-m", "pip"]
+    pip = _pip(missing)
     for one in missing:
         say(f"fetching {one}")
         try:
-            run_step(
-                [*pip, "download", "--no-deps", "--only-binary", ":all:", *target, "-d", str(WHEELS), one], log, say
-            )
+            run_step([*pip, "download", *_CHOICE, "-d", str(WHEELS), one], log, say)
         except ContainerError:
             # PyPI has xacro's source only; without compiled parts, its wheel is the same for every Python.
             run_step([*pip, "wheel", "--no-deps", "-w", str(WHEELS), one], log, say)

@@ -60,7 +60,9 @@ def stack_text(shipped: str, robots: int, base_on: str, factor: float) -> str:
         factor: the world's real-time factor, by which reserved processors go; 0 as 1.
     """
     speed = factor or 1.0
-    computer, services, rest = re.split(r"\n\nservices:\n|  # Only with", shipped[shipped.index("x-computer:") :])
+    computer, services, rest = re.split(
+        r"\n\nservices:\n|  # Only with", shipped[shipped.index("x-computer:") :], maxsplit=2
+    )
     computer = computer.replace("  restart: on-failure\n", "").replace("interval: 15s", "interval: 5s")
     # A task runs once it is healthy, and a swarm ends one that is not: a busy machine must not look like a fault.
     computer = computer.replace("timeout: 5s", f"timeout: 20s\n    retries: {RETRIES}")

@@ -4,7 +4,7 @@ import secrets
 from pathlib import Path
 
 from containers import ROOT
-from containers.engine import ContainerError, Project, compose_command
+from containers.engine import DESKTOP, WEB, ContainerError, Project, compose_command
 from containers.swarm import Stack
 from tcpros.adapters.authority import Authority
 from tcpros.adapters.tls import CERTIFICATE
@@ -41,7 +41,11 @@ def project(name: str, **variables: str) -> Project:
         ContainerError: no engine answers.
     """
     written = written_compose(name)
-    files = {"PIONEER_HUB_PASSWORD_FILE": str(hub_password()), "PIONEER_DESKTOP_TOKEN_FILE": str(desktop_token())}
+    files = {
+        "PIONEER_HUB_PASSWORD_FILE": str(hub_password()),
+        "PIONEER_DESKTOP_TOKEN_FILE": str(token(DESKTOP)),
+        "PIONEER_WEB_TOKEN_FILE": str(token(WEB)),
+    }
     return Project(name, tuple(compose_command()), written if written.is_file() else SHIPPED, {**files, **variables})
 
 
@@ -50,9 +54,9 @@ def hub_password() -> Path:
     return _secret(STATE / "hub-password")
 
 
-def desktop_token() -> Path:
-    """Returns the file with the word that opens the desktop, which is made at the first call."""
-    return _secret(STATE / "desktop-token")
+def token(extra: str) -> Path:
+    """Returns the file with the word that opens the desktop or the fleet page, which is made at the first call."""
+    return _secret(STATE / f"{extra}-token")
 
 
 def certificates() -> Path:

@@ -11,11 +11,11 @@ from typing import Any
 
 from containers import image
 from containers.deployment import Deployment, is_on_swarm
-from containers.engine import DESKTOP, Computer, ContainerError, output
+from containers.engine import DESKTOP, EXTRAS, WEB, Computer, ContainerError, output
 from containers.fleet_plan import FleetPlan, is_idle, make_fleet_plan
 from containers.layout import write_compose
 from containers.report import follow
-from containers.state import BASE, SHIPPED, desktop_token, project, written_compose
+from containers.state import BASE, SHIPPED, project, token, written_compose
 from containers.table import progress_line
 from pioneer_harness.proc import processors
 
@@ -26,8 +26,7 @@ COMPUTERS_A_PROCESSOR = 3
 """So many may start at once. A computer starts a dozen programs, for about ten seconds of processor time, and roslaunch
 gives its master ten seconds to answer."""
 _UP = ("bash", "-c", "until /opt/pioneer/docker/healthy 2>/dev/null; do sleep 0.5; done")
-_PAGE = ("bash", "-c", "until (exec 3<>/dev/tcp/127.0.0.1/6080) 2>/dev/null; do sleep 0.5; done")
-"""The desktop is on the base station's network."""
+_PAGE = "until (exec 3<>/dev/tcp/$HOSTNAME/{port}) 2>/dev/null; do sleep 0.5; done"
 
 
 def up(options: Namespace) -> int:
@@ -43,7 +42,7 @@ def up(options: Namespace) -> int:
     plan = make_fleet_plan(options, there, swarm.processors if swarm else processors())
     if plan.remark:
         _say(plan.remark)
-    image.ensure_images(_say, options.desktop, fleet=options.update or not plan.base)
+    image.ensure_images(_say, options.extras, fleet=options.update or not plan.base)
     if swarm:
         name = swarm.image(plan)
         built = time.monotonic()
@@ -52,15 +51,17 @@ def up(options: Namespace) -> int:
         write_compose(SHIPPED, written_compose(options.project), plan.robots)
         built = time.monotonic()
         computers = _start(plan, options)
-    if options.desktop:
-        _await_page(next(one for one in computers if one.name == BASE))
-        _say(f"desktop with RViz: {_desktop_address()}")
+    for extra in options.extras:
+        # The fleet page waits for the world.
+        if extra == DESKTOP or (plan.base and not is_idle(plan.base)):
+            _await_page(next(one for one in computers if one.name == BASE), extra)
+        _say(_address(extra))
     if plan.base:
         _join(plan.base, plan.joiners(computers))
     if plan.idle:
         _say_idle(plan, computers)
         return 0
-    if options.desktop and not plan.started:
+    if options.extras and not plan.started:
         return 0
     return _await(plan, computers, options.waypoints, built - began, built)
 
@@ -74,8 +75,8 @@ def _start(plan: FleetPlan, options: Namespace) -> list[Computer]:
     }
     if plan.idle:
         variables["PIONEER_STEPS"] = "idle"
-    if options.desktop:
-        variables["COMPOSE_PROFILES"] = DESKTOP
+    if options.extras:
+        variables["COMPOSE_PROFILES"] = ",".join(options.extras)
     fleet = project(options.project, **variables)
     new, size = plan.started, max(1, int(COMPUTERS_A_PROCESSOR * processors()))
     # What runs is left alone, so that more robots can join.
@@ -97,19 +98,23 @@ def _await_gateways(computers: Sequence[Computer]) -> None:
             output("docker", "exec", one.container, "timeout", f"{START_UP:g}", *_UP)
 
 
-def _await_page(base: Computer) -> None:
-    """Waits until a browser would find the desktop."""
+def _await_page(base: Computer, extra: str) -> None:
+    """Waits until a browser would find the page of an extra, which is on the base station's network."""
+    wait = ("bash", "-c", _PAGE.format(port=EXTRAS[extra]))
     try:
-        output("docker", "exec", base.container, "timeout", f"{START_UP:g}", *_PAGE)
+        output("docker", "exec", base.container, "timeout", f"{START_UP:g}", *wait)
     except ContainerError:
-        raise ContainerError(f"the desktop does not answer after {START_UP:g} s; ./pioneer logs desktop") from None
+        raise ContainerError(f"service {extra} does not answer after {START_UP:g} s; ./pioneer logs {extra}") from None
 
 
-def _desktop_address() -> str:
-    subnet = os.environ.get("PIONEER_SUBNET", "192.168.2")
-    path = f"websockify?token={desktop_token().read_text().strip()}"
-    query = urllib.parse.urlencode({"autoconnect": "true", "resize": "scale", "path": path})
-    return f"http://{subnet}.100:6080/vnc.html?{query}"
+def _address(extra: str) -> str:
+    """Returns the line with the address of its page."""
+    word = token(extra).read_text().strip()
+    page = f"http://{os.environ.get('PIONEER_SUBNET', '192.168.2')}.100:{EXTRAS[extra]}"
+    if extra == WEB:
+        return f"Fleet page, once it is up: {page}/#{word}"
+    query = {"autoconnect": "true", "resize": "scale", "path": f"websockify?token={word}"}
+    return f"desktop with RViz: {page}/vnc.html?{urllib.parse.urlencode(query)}"
 
 
 def _join(base: Computer, robots: Sequence[str]) -> None:

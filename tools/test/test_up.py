@@ -65,7 +65,7 @@ class FakeProject:
 
     def run(self, *words: str) -> None:
         engine, variables = self._engine, self._variables
-        engine.composed.append((*words, *(("desktop",) if "COMPOSE_PROFILES" in variables else ())))
+        engine.composed.append((*words, *filter(None, variables.get("COMPOSE_PROFILES", "").split(","))))
         there = {one.name: one for one in engine.computers}
         numbers = sorted(int(text) for text in re.findall(r"^  aadi(\d+):", engine.file.read_text(), re.M))
         named = [word for word in words if word.startswith("aadi")]
@@ -91,7 +91,7 @@ def engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FakeEngine:
     monkeypatch.setattr(up, "output", fake.output)
     monkeypatch.setattr(up, "processors", lambda: 8.0)
     monkeypatch.setattr(up, "written_compose", lambda _: fake.file)
-    for name in ("ensure_image", "ensure_desktop_image"):
+    for name in ("ensure_image", "ensure_extra_image"):
         monkeypatch.setattr(image, name, lambda *_: None)
     return fake
 
@@ -134,6 +134,21 @@ def test_a_desktop_on_a_running_fleet_sends_nobody_and_waits_for_nobody(
     assert engine.composed == [("up", "-d", "--no-recreate", "desktop")]
     assert engine.asked == {}
     assert "desktop with RViz: http://" in capsys.readouterr().out
+
+
+def test_the_fleet_page_is_announced_with_a_new_fleet_and_awaited_on_a_running_one(
+    engine: FakeEngine, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert engine.up("--web --desktop") == 0
+    assert engine.composed == [("up", "-d", "web", "desktop")]
+    assert ["/8090" in line for line in engine.executed] == [False], "it waits for the world"
+    assert re.search(
+        r"^Fleet page, once it is up: http://192\.168\.2\.100:8090/#\S{32}$", capsys.readouterr().out, re.M
+    )
+    assert engine.up("--web") == 0
+    assert engine.composed == [("up", "-d", "--no-recreate", "web")]
+    assert ["/dev/tcp/$HOSTNAME/8090" in line for line in engine.executed] == [True]
+    assert engine.asked == {}
 
 
 def test_of_a_running_fleet_only_those_that_join_are_sent_and_awaited_moving(
@@ -229,7 +244,7 @@ def test_a_desktop_joins_an_idle_fleet_whose_steps_were_typed(engine: FakeEngine
     engine.up("--idle")
     assert engine.up("--desktop") == 0
     assert engine.composed == [("up", "-d", "--no-recreate", "desktop")]
-    assert ["/dev/tcp/127.0.0.1/6080" in line for line in engine.executed] == [True], "its page is waited for"
+    assert ["/dev/tcp/$HOSTNAME/6080" in line for line in engine.executed] == [True], "its page is waited for"
     assert engine.asked == {}
 
 

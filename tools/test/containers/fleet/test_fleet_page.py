@@ -1,0 +1,49 @@
+"""The fleet page beside the running fleet: its address, its lock, and the robots on it."""
+
+import json
+import re
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from http import HTTPStatus
+
+import pytest
+import websocket
+
+from containers.engine import WEB, output
+from containers.harness import PATIENCE, Fleet
+from pioneer_harness.wait import wait_until
+
+
+@pytest.fixture(scope="module")
+def page(driving: Fleet) -> Iterator[tuple[str, str]]:
+    """The address that `up --web` tells, and the token in it."""
+    said = driving.pioneer("up", "--web")
+    found = re.search(r"^Fleet page, once it is up: (http://\S+)/#(\S+)$", said, re.M)
+    assert found, said
+    yield found[1], found[2]
+    labels = f"label=com.docker.compose.project={driving.project}", f"label=com.docker.compose.service={WEB}"
+    container = output("docker", "ps", "-aq", "--filter", labels[0], "--filter", labels[1]).strip()
+    output("docker", "rm", "-f", container)
+
+
+def test_the_page_shows_five_robots_and_what_their_computers_do(page: tuple[str, str]) -> None:
+    url, token = page
+    with urllib.request.urlopen(urllib.request.Request(f"{url}/login", token.encode()), timeout=PATIENCE) as answer:
+        cookie = answer.headers["Set-Cookie"].partition(";")[0]
+    live = websocket.create_connection(url.replace("http", "ws") + "/live", timeout=PATIENCE, cookie=cookie)
+    state: dict[str, object] = {}
+
+    def shown() -> bool:
+        state.update(json.loads(live.recv()))
+        rows = [state.get(f"pioneer{number}.row") for number in range(1, 6)]
+        return all(isinstance(row, dict) and row["odom"] and row["load"] and not row["fault"] for row in rows)
+
+    wait_until(shown, "five robots without a fault, and the load of their computers", PATIENCE)
+    live.close()
+
+
+def test_without_the_token_there_is_nothing(page: tuple[str, str]) -> None:
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        urllib.request.urlopen(page[0], timeout=PATIENCE)
+    assert refused.value.code == HTTPStatus.UNAUTHORIZED
