@@ -34,8 +34,10 @@
     const line = document.createElement("p");
     line.textContent = answer.text;
     line.className = answer.good ? "" : "bad";
+    const file = answer.text.match(/(fleet-[-0-9]+\.mcap): \d+ messages/)?.[1];
+    if (file) line.append(Object.assign(document.createElement("a"), { href: `/recordings/${file}`, download: file, textContent: " Download" }));
     element("answers").append(line);
-    setTimeout(() => line.remove(), answer.good ? 3000 : 8000);
+    setTimeout(() => line.remove(), file ? 20000 : answer.good ? 3000 : 8000);
   }
 
   function take(buffer) {
@@ -204,26 +206,37 @@
   function words(news) {
     if ("time" in news || "factor" in news || "paused" in news)
       element("clock").textContent = `${(state.time ?? 0).toFixed(0)} s  ${state.paused ? "paused" : `× ${(state.factor ?? 0).toFixed(2)}`}`;
-    if (names.some(name => `${name}.row` in news)) robots();
+    if (names.some(name => `${name}.row` in news)) { robots(); mark(); }
+    if ("recording" in news) mark();
+    if (news.replay) replay(...news.replay);
     if ("network" in news || "rules" in news || "hub" in news) network();
-    if ("log" in news) log();
+    if (Object.keys(news).some(key => key.startsWith("log."))) log();
   }
 
   const seconds = age => age == null ? "none" : `${age.toFixed(1)} s`;
 
+  function replay(at, length) {
+    const [slider, text] = ["input", "span"].map(kind => document.querySelector(`#replay ${kind}`));
+    element("replay").hidden = false;
+    slider.max = length;
+    if (!slider.matches(":active")) slider.value = at;
+    text.textContent = `${at.toFixed(0)} of ${length.toFixed(0)} s`;
+  }
+
   function robots() {
     const rows = names.map(name => {
       const row = of(name, "row") ?? {}, rules = state.network ? Object.values(state.network).find(one => one.robot === name) : null;
-      const word = row.held ? "stopped, held" : row.fault ? row.fault : row.state;
+      const word = row.held ? "stopped, held" : row.fault ? row.fault : row.patrols ? `${row.state}, patrol` : row.state;
       return `<tr data-robot="${escaped(name)}" class="${selected.has(name) ? "selected" : ""}"><td><i style="background:${FLEET[name]}"></i>${escaped(name)}</td>
         <td class="${row.fault || row.held ? "bad" : ""}">${escaped(word)}</td><td>${(row.speed ?? 0).toFixed(2)}</td>
         <td>${row.deviation == null ? "–" : row.deviation.toFixed(2)}</td><td>${row.reached ?? 0}/${row.received ?? 0}</td>
         <td class="wide">${seconds(row.odom)}</td><td class="wide">${seconds(row.scan)}</td>
         <td class="wide">${rules ? `${rules.active}/${rules.rules}` : "–"}</td>
+        <td class="wide load">${row.load ? `${row.load[0].toFixed(2)}<br>${row.load[1]} MiB` : "–"}</td>
         <td class="wide">${row.battery == null ? "–" : `${Math.round(100 * row.battery)} %`}</td><td class="wide">${escaped(row.waypoint)}</td></tr>`;
     });
     element("robots").innerHTML = `<table><tr><th>Robot</th><th>State</th><th>m/s</th><th>± m</th><th>Goals</th><th class="wide">Odom</th>
-      <th class="wide">Scan</th><th class="wide">Rules</th><th class="wide">Battery</th><th class="wide">Last word</th></tr>${rows.join("")}</table>`;
+      <th class="wide">Scan</th><th class="wide">Rules</th><th class="wide">CPU</th><th class="wide">Battery</th><th class="wide">Last word</th></tr>${rows.join("")}</table>`;
   }
 
   function network() {
@@ -243,10 +256,13 @@
   }
 
   function log() {
-    const box = element("log"), wanted = element("filter")?.value.toLowerCase() ?? "";
+    const box = element("log"), levels = ["debug", "info", "warning", "error", "fatal"];
     if (!box) return;
-    box.innerHTML = (state.log ?? []).filter(entry => entry.join(" ").toLowerCase().includes(wanted)).reverse()
-      .map(([stamp, level, node, text]) => `<div class="${escaped(level)}">${stamp.toFixed(1)} ${escaped(node)}: ${escaped(text)}</div>`).join("");
+    const wanted = element("filter").value.toLowerCase().split(/\s+/), least = levels.indexOf(element("least").value);
+    const found = Object.keys(state).filter(key => key.startsWith("log.") && state[key]).map(key => state[key])
+      .filter(entry => levels.indexOf(entry[2]) >= least && wanted.every(word => entry.join(" ").toLowerCase().includes(word)));
+    box.innerHTML = found.sort((a, b) => b[0] - a[0]).map(([, stamp, level, computer, node, text]) =>
+      `<div class="${escaped(level)}">${stamp.toFixed(1)} <b>${escaped(computer || "base")}</b> ${escaped(node)}: ${escaped(text)}</div>`).join("");
   }
 
   // ---- hands
@@ -256,6 +272,9 @@
     if (kind === "tool") { tool = what; mark(); }
     else if (word === "stop-all" || word === "release-all") send({ do: kind, robots: names });
     else if (kind === "simulate") send({ do: "simulate", action: what });
+    else if (kind === "logout") fetch("/logout", { method: "POST" }).then(() => location.replace("/"));
+    else if (kind === "record") send({ do: kind, on: !state.recording });
+    else if (kind === "patrol") send({ do: kind, robots: chosen, on: !chosen.every(name => of(name, "row")?.patrols) });
     else if (kind === "follow") { view.follow = !view.follow; mark(); draw(); }
     else if (kind === "fit") { view.follow = false; fit(); mark(); draw(); }
     else send({ do: kind, robots: chosen });
@@ -264,14 +283,16 @@
   function mark() {
     for (const button of document.querySelectorAll("[data-act]")) {
       const word = button.dataset.act;
-      button.classList.toggle("active", word === `tool-${tool}` || word === "follow" && view.follow);
+      button.classList.toggle("active", word === `tool-${tool}` || word === "follow" && view.follow
+        || word === "patrol" && selected.size > 0 && [...selected].every(name => of(name, "row")?.patrols));
+      if (word === "record") button.classList.toggle("recording", Boolean(state.recording));
     }
   }
 
   function choose(name, more) {
     if (!more) selected = new Set([name]);
     else if (!selected.delete(name)) selected.add(name);
-    robots(); draw();
+    robots(); mark(); draw();
   }
 
   function at(event) { const box = canvas().getBoundingClientRect(); return [event.clientX - box.left, event.clientY - box.top]; }
@@ -339,7 +360,11 @@
       else if (row) choose(row.dataset.robot, event.shiftKey || event.ctrlKey);
       else setTimeout(() => { network(); log(); }, 300);
     });
-    document.addEventListener("input", event => event.target.id === "filter" && log());
+    document.addEventListener("input", event => ["filter", "least"].includes(event.target.id) && log());
+    document.querySelector("#replay input").addEventListener("change", event => {
+      trails.clear();
+      send({ do: "seek", at: Number(event.target.value) });
+    });
     window.fleetPage = { state, pixel, view, metre, shown: () => shown, labels: () => labels };
     mark();
     if (drawn) { words(state); draw(); }

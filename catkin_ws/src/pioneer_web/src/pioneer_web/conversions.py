@@ -1,16 +1,24 @@
 """ROS messages to values of the core."""
 
 import base64
+import io
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Point, PoseStamped, Quaternion
 from geometry_msgs.msg import Pose as PoseMessage
+from PIL import Image as Picture
 
 from pioneer_fleet.conversions import frame_from_message, points_from_path, pose_from_message
 from pioneer_fleet.core.geometry import Points, Pose
 from pioneer_web.core.picture import COSTS, png
 from pioneer_web.core.robot import BEAMS, Image
+
+_MODES = {
+    "rgb8": ("RGB", "RGB"), "bgr8": ("RGB", "BGR"), "rgba8": ("RGBA", "RGBA"), "bgra8": ("RGBA", "BGRA"),
+    "mono8": ("L", "L"), "8UC1": ("L", "L"),
+}  # fmt: skip
+_DEPTHS = {"16UC1": "<u2", "mono16": "<u2", "32FC1": "<f4"}
 
 
 def scan_from_message(message: Any) -> tuple[float, float, list[int]]:
@@ -34,6 +42,27 @@ def costs_from_grid(message: Any) -> tuple[str, Image]:
     text = base64.b64encode(png(cells, COSTS)).decode()
     size = info.width * info.resolution, info.height * info.resolution
     return frame_from_message(message.header.frame_id), Image(pose_from_message(info.origin), *size, text)
+
+
+def jpeg_from_image(message: Any) -> bytes:
+    """Returns a ``sensor_msgs/Image`` as JPEG: colours and grey as they are, distances from black (near) to white.
+
+    Raises:
+        ValueError: its encoding is unknown.
+    """
+    size, encoding = (message.width, message.height), message.encoding
+    if encoding in _DEPTHS:
+        rows = np.frombuffer(message.data, np.uint8).reshape(message.height, message.step)
+        cells = np.nan_to_num(rows.view(_DEPTHS[encoding])[:, : message.width].astype(np.float32), posinf=0.0)
+        picture = Picture.fromarray((255 * cells / max(1e-6, float(cells.max()))).astype(np.uint8))
+    elif encoding in _MODES:
+        mode, raw = _MODES[encoding]
+        picture = Picture.frombytes(mode, size, bytes(message.data), "raw", raw, message.step).convert("RGB")
+    else:
+        raise ValueError(f"images of the encoding {encoding!r} cannot be shown")
+    file = io.BytesIO()
+    picture.save(file, "JPEG", quality=70)
+    return file.getvalue()
 
 
 def goals_from_queue(message: Any) -> tuple[Pose, ...]:

@@ -47,7 +47,14 @@ def served(folder, robots=2, rate=100, parameters=(), scheme="http", context=Non
         environment = {**master.environment, **tokens}
         stand_in = [sys.executable, str(STAND_IN), str(robots), str(rate), "180"]
         group.start("robots", stand_in, environment, folder / "robots.log")
-        page = ["rosrun", "pioneer_web", "fleet_page", f"_port:={port}", *parameters]
+        page = [
+            "rosrun",
+            "pioneer_web",
+            "fleet_page",
+            f"_port:={port}",
+            f"_recordings:={folder / 'recordings'}",
+            *parameters,
+        ]
         group.start("page", page, environment, folder / "page.log")
         url = f"{scheme}://127.0.0.1:{port}"
 

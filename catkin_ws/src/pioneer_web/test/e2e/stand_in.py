@@ -12,7 +12,7 @@ from gateway_msgs.srv import Remote, RemoteResponse
 from geometry_msgs.msg import PoseStamped, TransformStamped, Twist
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import LaserScan
+from sensor_msgs.msg import Image, LaserScan
 from simple_navigation_goals.msg import WaypointQueue
 from std_msgs.msg import Empty, Float64, String
 from std_srvs.srv import Empty as EmptyService
@@ -43,6 +43,9 @@ class Robot:
         rospy.Subscriber(f"/{name}/pioneer/cmd_vel", Twist, self.obey, queue_size=1)
         rospy.Subscriber(f"/{name}/map_goal_pose", PoseStamped, self.add)
         rospy.Subscriber(f"/{name}/map_goal_client/cancel", Empty, self.clear)
+        self.load = rospy.Publisher(f"/{name}/computer", DiagnosticStatus, queue_size=1, latch=True)
+        values = {"processors": "0.310", "memory [byte]": str(180 * 2**20)}
+        self.load.publish(DiagnosticStatus(values=[KeyValue(*one) for one in values.items()]))
         rospy.set_param(f"/{name}/tf_prefix", name)
         self.rates = rates
         self.tell("waiting")
@@ -188,6 +191,7 @@ def main(count, rate, samples):
     clock, tf = rospy.Publisher("/clock", Clock, queue_size=1), rospy.Publisher("/tf", TFMessage, queue_size=10)
     factor = rospy.Publisher("/gazebo/real_time_factor", Float64, queue_size=1)
     rospy.set_param("/robot_names", names)
+    camera = rospy.Publisher(f"/{names[0]}/camera/image_raw", Image, queue_size=1)
     ticks, timer = 0, rospy.Rate(rate)
     while not rospy.is_shutdown():
         timer.sleep()
@@ -207,6 +211,9 @@ def main(count, rate, samples):
         if ticks % max(1, round(rate / 10)) == 0:
             tf.publish(TFMessage([transform("map", f"{name}/odom", stamp) for name in names]))
             factor.publish(1.0)
+            if camera.get_num_connections():
+                cells = np.full((48, 64, 3), (200, ticks % 256, 40), np.uint8)
+                camera.publish(Image(width=64, height=48, step=192, encoding="rgb8", data=cells.tobytes()))
 
 
 def transform(parent, child, stamp):

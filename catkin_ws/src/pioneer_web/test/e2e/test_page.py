@@ -4,15 +4,21 @@ import math
 import os
 import subprocess
 import time
+from pathlib import Path
 
 import pytest
 from page_driver import MOVE, PHONE, SOON, assert_fits_a_phone, press, send_to
 from selenium.webdriver.common.by import By
+from served import VIEWER
 
+from pioneer_fleet.adapters.recording import messages_of
 from pioneer_harness.wait import wait_until
 
 # Selenium leaves a connection to its driver open.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+
+
+CAMERA = "/pioneer1/camera/image_raw"
 
 
 def place(opened, robot="pioneer1"):
@@ -73,6 +79,51 @@ def test_a_waypoint_replaces_those_that_wait_and_append_does_not(driver, opened)
     wait_until(lambda: goals(opened) == [], "none", SOON)
 
 
+def test_a_patrol_repeats_the_waypoints_until_they_are_dropped(driver, opened):
+    here = place(opened)
+    # So that it reaches nothing meanwhile.
+    press(driver, "simulate-pause")
+    send_to(driver, here[0] + 1.0, here[1])
+    wait_until(lambda: len(goals(opened)) == 1, "one waypoint", SOON)
+    press(driver, "patrol")
+    wait_until(lambda: "append some first" in driver.find_element(By.ID, "answers").text, "the refusal", SOON)
+    press(driver, "tool-append")
+    driver.execute_script(MOVE, here[0], here[1])
+    wait_until(lambda: len(goals(opened)) == 2, "two waypoints", SOON)
+    before = opened.state("pioneer1.row")["reached"]
+    press(driver, "patrol")
+    press(driver, "simulate-resume")
+    wait_until(lambda: opened.state("pioneer1.row")["reached"] >= before + 4, "two rounds", SOON)
+    assert opened.state("pioneer1.row")["patrols"]
+    press(driver, "cancel")
+    wait_until(lambda: goals(opened) == [] and not opened.state("pioneer1.row")["patrols"], "the end", SOON)
+
+
+def test_a_recording_begins_and_ends_and_can_be_downloaded(driver, opened, fleet):
+    press(driver, "record")
+    wait_until(lambda: opened.state("recording"), "the recording", SOON)
+    path = opened.state("recording")
+    wait_until(lambda: Path(path).is_file() and Path(path).stat().st_size > 1000, "its first messages", SOON)
+    press(driver, "record")
+    link = wait_until(lambda: driver.find_elements(By.CSS_SELECTOR, "#answers a"), "the link to the file", SOON)
+    assert {"/base/pioneer1/odom", "/base/map"} <= {message.topic for message in messages_of(Path(path))}
+    address = link[0].get_attribute("href").removeprefix(fleet.url)
+    assert fleet.request(address)[0] == 401
+    assert fleet.request(address, fleet.login(VIEWER))[2] == Path(path).read_bytes()
+    Path(path).unlink()
+
+
+def test_camera_images_are_shown_when_asked_for(driver, opened, fleet, shot):
+    seen = (
+        "return [...document.querySelectorAll('.camera img')].some(one => one.src.includes('jpeg') && one.naturalWidth)"
+    )
+    driver.execute_script("document.querySelector('[aria-label=\"Camera images\"]').click()")
+    wait_until(lambda: driver.execute_script(seen), "an image", SOON)
+    shot("camera")
+    driver.execute_script("[...document.querySelectorAll('.camera button')].at(-1).click()")
+    wait_until(lambda: CAMERA not in fleet.master.system_state()[1], "the end of the subscription", SOON)
+
+
 def test_a_lost_gateway_is_red_with_its_reason(driver, opened, fleet, shot):
     publish(fleet, "/stand_in/lose", "std_msgs/String", "aadi2_gateway")
     began = time.monotonic()
@@ -94,6 +145,11 @@ def test_a_reload_changes_nothing(driver, opened):
     assert place(opened)[:2] == pytest.approx(before[:2], abs=0.1)
 
 
+def test_load_and_log_of_a_robots_computer_are_shown(driver, opened):
+    assert opened.state("pioneer1.row")["load"] == [0.31, 180]
+    assert "180 MiB" in driver.find_element(By.CSS_SELECTOR, '[data-robot="pioneer1"]').text
+
+
 def test_a_phone_shows_map_table_and_stop(driver, opened, shot):
     try:
         driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", PHONE)
@@ -103,5 +159,18 @@ def test_a_phone_shows_map_table_and_stop(driver, opened, shot):
         wait_until(lambda: opened.state("pioneer1.plan"), "a plan", SOON)
         assert_fits_a_phone(driver)
         shot("phone")
+        for number, name in enumerate(("robots", "network", "filter")):
+            driver.execute_script(f"document.querySelectorAll('.q-tab')[{number}].click()")
+            seen = f"return (document.getElementById('{name}')?.offsetHeight ?? 0) > 0"
+            wait_until(lambda seen=seen: driver.execute_script(seen), f"the tab of {name}", SOON)
+            assert_fits_a_phone(driver)
+            shot(f"phone-{name}")
     finally:
         driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_logging_out_ends_the_session(driver, opened):
+    press(driver, "logout")
+    wait_until(lambda: driver.find_elements(By.ID, "token"), "the login page", SOON)
+    driver.refresh()
+    assert driver.find_elements(By.ID, "token")

@@ -82,6 +82,16 @@ def test_models_that_move_or_come_later_are_shown():
     assert station.values(0.0)["actors"] == [["person", 1.2, 1.0], ["box", 3.0, 3.0]]
 
 
+def test_a_new_line_of_the_log_takes_the_oldest_ones_place():
+    station, stream = Station([]), Stream()
+    for number in range(201):
+        station.add_log(1.0, 2, "aadi1", "/amcl", f"line {number}")
+    stream.update(station.values(0.0))
+    station.add_log(1.5, 8, "", "/gazebo", "the last")
+    new = json.loads(stream.update(station.values(0.0)))
+    assert new == {"log.1": [201, 1.5, "error", "", "/gazebo", "the last"]}
+
+
 def test_maps_keep_their_known_cells_and_free_costs_are_transparent():
     from io import BytesIO
 

@@ -80,7 +80,8 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
         ),
     ]
     if config.web:
-        page = ("rosrun", "pioneer_web", "fleet_page", f"_port:={ports.page}")
+        masters = " ".join(_named_masters(ports))
+        page = ("rosrun", "pioneer_web", "fleet_page", f"_port:={ports.page}", f"_masters:={masters}")
         own = {**shared, "ROS_MASTER_URI": master_uri(ports.hub_gateway_master), "PIONEER_WEB_TOKEN": config.token}
         found.append(Command("fleet page", page, own))
     for number, (name, port) in enumerate(zip(config.names, ports.robot_masters, strict=True), 1):
@@ -106,11 +107,15 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
 def _recorder(config: FleetConfig, ports: Ports) -> list[Command]:
     if config.record is None:
         return []
+    module = ("python3", "-m", "pioneer_fleet.adapters.recorder", str(config.record.absolute()))
+    return [Command("recorder", (*module, *_named_masters(ports)), {})]
+
+
+def _named_masters(ports: Ports) -> list[str]:
+    """Returns what recordings are of: NAME=URI of each master."""
     named = [("hub", ports.hub_master), ("base", ports.hub_gateway_master)]
     named += [(f"aadi{number}", port) for number, port in enumerate(ports.robot_masters, 1)]
-    words = [f"{name}={master_uri(port)}" for name, port in named]
-    module = ("python3", "-m", "pioneer_fleet.adapters.recorder", str(config.record.absolute()))
-    return [Command("recorder", (*module, *words), {})]
+    return [f"{name}={master_uri(port)}" for name, port in named]
 
 
 def written_files(config: FleetConfig) -> dict[str, Any]:

@@ -1,7 +1,8 @@
 """Recordings: bytes of messages as they came, in MCAP files (``.mcap``) or ROS 1 bags (``.bag``)."""
 
+import contextlib
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -111,20 +112,70 @@ def messages_of(path: Path) -> Iterator[Message]:
     return _of_bag(path) if path.suffix == ".bag" else _of_mcap(path)
 
 
+class Contents(NamedTuple):
+    """What an MCAP file has: times of its first and last message [ns], and topics."""
+
+    begin: int
+    end: int
+    topics: Sequence[str]
+
+
+def contents(path: Path) -> Contents:
+    """Returns what an MCAP file has, from its index.
+
+    Raises:
+        RecordingError: it is no complete MCAP file.
+        OSError: it cannot be read.
+    """
+    with _mcap(path) as reader:
+        summary = reader.get_summary()
+        if summary is None or summary.statistics is None:
+            raise RecordingError(f"{path} has no index")
+        topics = sorted(channel.topic for channel in summary.channels.values())
+        return Contents(summary.statistics.message_start_time, summary.statistics.message_end_time, topics)
+
+
+def messages_since(path: Path, since: int) -> Iterator[Message]:
+    """Yields an MCAP file's messages from a time on [ns], before them the latched ones that are in force then.
+
+    Raises:
+        RecordingError: it is no complete MCAP file.
+        OSError: it cannot be read.
+    """
+    with _mcap(path) as reader:
+        channels = reader.get_summary().channels.values()
+        latched = [one.topic for one in channels if one.metadata.get("latching") == "1"]
+        before = reader.iter_messages(topics=latched, ending_before=since) if latched else ()
+        newest = {(row[1].topic, row[1].id): row for row in before}
+        for row in newest.values():
+            yield from _message(*row)
+        for row in reader.iter_messages(starting_at=since):
+            yield from _message(*row)
+
+
 def _of_mcap(path: Path) -> Iterator[Message]:
+    with _mcap(path) as reader:
+        for row in reader.iter_messages():
+            yield from _message(*row)
+
+
+@contextlib.contextmanager
+def _mcap(path: Path) -> Iterator[Any]:
     from mcap.exceptions import McapError
     from mcap.reader import make_reader
 
     try:
         with path.open("rb") as file:
-            for schema, channel, message in make_reader(file).iter_messages():
-                if schema is not None and schema.encoding == _ENCODING:
-                    about: Mapping[str, str] = channel.metadata
-                    latching = about.get("latching") == "1"
-                    kind = Kind(schema.name, about.get("md5sum", "*"), schema.data.decode(), latching)
-                    yield Message(channel.topic, kind, message.log_time, message.data)
+            yield make_reader(file)
     except (McapError, struct.error) as error:
         raise RecordingError(f"{path} is no complete MCAP file: {error}") from None
+
+
+def _message(schema: Any, channel: Any, message: Any) -> Iterator[Message]:
+    if schema is not None and schema.encoding == _ENCODING:
+        about: Mapping[str, str] = channel.metadata
+        kind = Kind(schema.name, about.get("md5sum", "*"), schema.data.decode(), about.get("latching") == "1")
+        yield Message(channel.topic, kind, message.log_time, message.data)
 
 
 def _of_bag(path: Path) -> Iterator[Message]:

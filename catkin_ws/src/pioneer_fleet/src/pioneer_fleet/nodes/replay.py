@@ -5,48 +5,16 @@ import os
 import signal
 import sys
 import threading
-import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import rospy
 
-from pioneer_fleet.adapters.recording import Kind, Message, RecordingError, messages_of
+from pioneer_fleet.adapters.recording import RecordingError, messages_of
 from pioneer_fleet.core.replay_option import parser
+from pioneer_fleet.nodes.player import Pace, Replay
+from pioneer_fleet.nodes.replay_page import ReplayPage
+from pioneer_harness.error import HarnessError
 from pioneer_harness.masters import Master
-
-
-class Replay:
-    """Publishes recorded messages on this node's master, at the pace they came; topics lose their masters' names."""
-
-    def __init__(self, rate: float, end: threading.Event) -> None:
-        """``rate`` is how many recorded seconds pass in one; ``end`` ends it early."""
-        self._rate, self._end = rate, end
-        self._publishers: dict[tuple[str, Kind], tuple[rospy.Publisher, type]] = {}
-
-    def play(self, messages: Iterable[Message]) -> int:
-        """Publishes all; returns how many were published."""
-        count, began, first = 0, time.monotonic(), 0
-        for message in messages:
-            first = first or message.time
-            due = began + (message.time - first) / 1e9 / self._rate
-            if self._end.wait(max(0.0, due - time.monotonic())):
-                break
-            publisher, raw = self._publisher(message)
-            data = raw()
-            data._buff = message.data
-            publisher.publish(data)
-            count += 1
-        return count
-
-    def _publisher(self, message: Message) -> tuple[rospy.Publisher, type]:
-        topic = "/" + message.topic.lstrip("/").partition("/")[2]
-        key = (topic, message.kind)
-        if key not in self._publishers:
-            kind = message.kind
-            fields = {"_type": kind.type, "_md5sum": kind.md5sum, "_full_text": kind.definition}
-            raw = type("Raw", (rospy.AnyMsg,), fields)
-            self._publishers[key] = rospy.Publisher(topic, raw, queue_size=100, latch=kind.latching), raw
-        return self._publishers[key]
 
 
 def main(words: Sequence[str]) -> int:
@@ -57,6 +25,8 @@ def main(words: Sequence[str]) -> int:
         command.error(f"--rate must be above 0 (got {options.rate:g})")
     if not options.file.is_file():
         command.error(f"there is no recording {options.file}")
+    if options.web and options.file.suffix != ".mcap":
+        command.error("--web plays .mcap files only")
     end = threading.Event()
     numbers = list[int]()
 
@@ -71,11 +41,16 @@ def main(words: Sequence[str]) -> int:
             os.environ.update(ROS_MASTER_URI=master.uri, ROS_IP="127.0.0.1")
             print(f"export ROS_MASTER_URI={master.uri}", flush=True)
             rospy.init_node("replay", disable_signals=True, disable_rostime=True)
-            print(f"{Replay(options.rate, end).play(messages_of(options.file))} messages were published", flush=True)
-            if options.stay:
-                end.wait()
+            pace = Pace(options.rate, end)
+            if options.web:
+                with ReplayPage(options.file, pace) as page:
+                    page.play(Replay(pace), end)
+            else:
+                print(f"{Replay(pace).play(messages_of(options.file))} messages were published", flush=True)
+                if options.stay:
+                    end.wait()
             rospy.signal_shutdown("the recording has ended")
-    except (RecordingError, OSError) as error:
+    except (RecordingError, HarnessError, OSError) as error:
         print(f"pioneer replay: {error}", file=sys.stderr)
         return 1
     return 128 + numbers[0] if numbers else 0

@@ -11,7 +11,7 @@ from pioneer_fleet.core.geometry import Pose
 LONGEST = 10_000
 """Of a command's JSON [characters]."""
 FARTHEST = 10_000.0
-"""Largest coordinate [m]."""
+"""Largest coordinate [m], and time in a replay [s]."""
 SPACING = 1.2
 """Between the places of robots that are sent as a group [m]."""
 SIMULATOR_ACTIONS = ("pause", "resume", "step", "reset")
@@ -67,7 +67,29 @@ class Simulate:
     action: str
 
 
-Command = Drive | Locate | Cancel | Stop | Spawn | Simulate
+@dataclasses.dataclass(frozen=True)
+class Patrol:
+    """Robots that repeat the waypoints that they have; without ``on`` no longer."""
+
+    robots: Sequence[str]
+    on: bool
+
+
+@dataclasses.dataclass(frozen=True)
+class Record:
+    """Begins a recording, or without ``on`` completes it."""
+
+    on: bool
+
+
+@dataclasses.dataclass(frozen=True)
+class Seek:
+    """Where a replay continues [s], after its begin."""
+
+    at: float
+
+
+Command = Drive | Locate | Cancel | Stop | Spawn | Simulate | Patrol | Record | Seek
 
 
 def command_from_text(text: str, robots: Collection[str]) -> Command:
@@ -105,6 +127,12 @@ def command_from_text(text: str, robots: Collection[str]) -> Command:
             return Spawn(_number(fields, "x"), _number(fields, "y"))
         case "simulate" if fields.get("action") in SIMULATOR_ACTIONS:
             return Simulate(str(fields["action"]))
+        case "patrol":
+            return Patrol(_robots(fields, robots), fields.get("on") is True)
+        case "record":
+            return Record(fields.get("on") is True)
+        case "seek":
+            return Seek(max(0.0, _number(fields, "at")))
     raise CommandError("unknown command")
 
 

@@ -45,7 +45,9 @@ class Robot(RobotMonitor):
         costs: frame and picture of the local costmap.
         goals: the waypoint under way and those that wait, in ``map``.
         battery: charge, 0 … 1.
+        load: processors and memory [MiB] that the programs on its computer take.
         held: whether it is stopped from here.
+        patrols: whether it repeats its waypoints.
     """
 
     name: str
@@ -59,7 +61,9 @@ class Robot(RobotMonitor):
     costs: tuple[str, Image] | None = None
     goals: Sequence[Pose] = ()
     battery: float | None = None
+    load: Sequence[float] | None = None
     held: bool = False
+    patrols: bool = False
 
     @property
     def place(self) -> Pose | None:
@@ -114,7 +118,9 @@ class Robot(RobotMonitor):
             "odom": _tenths(shown["odom_age"]),
             "scan": _tenths(shown["scan_age"]),
             "battery": self.battery,
+            "load": self.load,
             "held": self.held,
+            "patrols": self.patrols,
             "fault": fault,
         }
 

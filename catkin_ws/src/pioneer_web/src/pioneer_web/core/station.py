@@ -1,7 +1,6 @@
 """What is known at the base station: the world, its robots, the network between them."""
 
 import math
-from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -24,18 +23,23 @@ class Station:
         robots: in the order of their computers.
         gateway, hub: the base station's, empty while unknown.
         real_time_factor: of the simulator, None without one.
+        recording: the file, empty while nothing is recorded.
+        replay: position and length of the recording that is played [s], None without one.
     """
 
     def __init__(self, robots: Sequence[Robot]) -> None:
         self.robots, self.gateway, self.hub = robots, "", ""
         self.real_time_factor: float | None = None
+        self.recording = ""
+        self.replay: list[float] | None = None
         self.rules: list[dict[str, str]] = []
         self.links: dict[str, dict[str, dict[str, float]]] = {}
         self._time, self._ticked = 0.0, -math.inf
         self._map: dict[str, Any] | None = None
         self._first: dict[str, tuple[float, float]] = {}
         self._actors: list[list[Any]] = []
-        self._log: deque[list[Any]] = deque(maxlen=LINES)
+        self._log: dict[str, list[Any]] = {}
+        self._lines = 0
 
     def tick(self, simulated: float, now: float) -> None:
         """Records simulated time at ``now`` (monotonic) [s]."""
@@ -62,9 +66,12 @@ class Station:
                 numbers = {key: float(value) for key, value in flow.items()}
                 self.links.setdefault(other, {})[f"{way} {topic}"] = numbers
 
-    def add_log(self, stamp: float, level: int, node: str, text: str) -> None:
-        """Adds a line of the log."""
-        self._log.append([round(stamp, 2), LEVELS.get(level, "info"), node, text[:500]])
+    def add_log(self, stamp: float, level: int, computer: str, node: str, text: str) -> None:
+        """Adds a line of the log of a robot's computer, or with an empty name of the base station."""
+        line = [self._lines, round(stamp, 2), LEVELS.get(level, "info"), computer, node, text[:500]]
+        # In place of the oldest, so that a new line is all that pages get.
+        self._log[f"log.{self._lines % LINES}"] = line
+        self._lines += 1
 
     def set_models(self, models: Iterable[tuple[str, float, float]]) -> None:
         """Records where models are [m]; those that have moved, or came later than the first, are actors."""
@@ -94,12 +101,14 @@ class Station:
             "time": round(self._time, 1),
             "paused": now - self._ticked > STANDS,
             "factor": self.real_time_factor,
+            "recording": self.recording,
+            "replay": self.replay,
             "hub": self.hub,
             "gateway": self.gateway,
             "actors": self._actors,
             "network": self._network(),
             "rules": [rule for rule in self.rules if rule["state"] not in CARRYING],
-            "log": list(self._log),
+            **self._log,
         }
         for robot in self.robots:
             for name, value in robot.values(robot.fault(faults, now), now).items():

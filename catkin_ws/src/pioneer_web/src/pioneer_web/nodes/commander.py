@@ -10,12 +10,16 @@ from actionlib_msgs.msg import GoalID
 from gazebo_msgs.srv import SpawnModel
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist
 from std_msgs.msg import Empty as EmptyMessage
+from std_msgs.msg import Float64
 from std_srvs.srv import Empty
 
 from pioneer_fleet.core.geometry import Pose
 from pioneer_web import conversions
+from pioneer_web.core import command as commands
 from pioneer_web.core.command import Cancel, Command, CommandError, Drive, Locate, Simulate, Spawn, Stop
 from pioneer_web.core.robot import Robot
+from pioneer_web.nodes.patrol import FEWEST, Patrol
+from pioneer_web.nodes.recording import Recording
 
 ZERO_EVERY = 0.05
 """How often a robot that is held gets a zero [s]."""
@@ -38,14 +42,18 @@ class Commander:
     """Publishes what RViz's tools and ``ESTOP`` publish.
 
     Publishes, of each robot: map_goal_pose, initialpose, map_goal_client/cancel, move_base/cancel; these cross to the
-    robot's computer. pioneer/cmd_vel, which the simulator hears here: zero while the robot is held.
+    robot's computer. pioneer/cmd_vel, which the simulator hears here: zero while the robot is held. /replay/seek.
     Calls: services of /gazebo.
+    Subscribes, of each robot that patrols: map_goal_client/queue.
 
     Threads: one sends zeros while a robot is held; rospy's answer every command to move with a zero at once.
     """
 
-    def __init__(self, robots: Sequence[Robot]) -> None:
+    def __init__(self, robots: Sequence[Robot], recording: Recording) -> None:
         self._robots = {robot.name: robot for robot in robots}
+        self.recording = recording
+        self._patrols: dict[str, Patrol] = {}
+        self._seek = rospy.Publisher("/replay/seek", Float64, queue_size=1)
         self._due: dict[str, list[Pose]] = {}
         self._replacing = threading.Lock()
         self._boxes = itertools.count(1)
@@ -68,6 +76,7 @@ class Commander:
                 return f"{robot} is at ({pose.x:.2f}, {pose.y:.2f})"
             case Cancel(robots):
                 for robot in robots:
+                    self._end_patrol(robot)
                     self._cancel(robot)
                 return f"waypoints of {', '.join(robots)} dropped"
             case Stop(robots, release):
@@ -77,6 +86,13 @@ class Commander:
             case Simulate():
                 _call(_SERVICES[command.action], Empty)
                 return f"simulator: {command.action}"
+            case commands.Patrol(robots, on):
+                return self._patrol(robots) if on else self._end_patrols(robots)
+            case commands.Record(on):
+                return self.recording.start() if on else self.recording.stop()
+            case commands.Seek(at):
+                self._seek.publish(at)
+                return f"replay from {at:.0f} s on"
         raise CommandError("unknown command")
 
     def on_queue(self, robot: Robot) -> None:
@@ -112,7 +128,33 @@ class Commander:
                 self._send(name, place, append)
         return ", ".join(f"{name} to ({place.x:.2f}, {place.y:.2f})" for name, place in places.items())
 
+    def _patrol(self, robots: Sequence[str]) -> str:
+        for name in robots:
+            if len(self._robots[name].goals) < FEWEST:
+                raise CommandError(f"{name} has no {FEWEST} waypoints to repeat: append some first")
+        for name in robots:
+            self._end_patrol(name)
+            self._robots[name].patrols = True
+            self._patrols[name] = Patrol(
+                name,
+                self._robots[name].goals,
+                lambda place, name=name: self._publish(name, "map_goal_pose", conversions.goal_from_pose(place)),
+                lambda name=name: self._end_patrol(name),
+            )
+        return f"{', '.join(robots)} repeat their waypoints"
+
+    def _end_patrols(self, robots: Sequence[str]) -> str:
+        for name in robots:
+            self._end_patrol(name)
+        return f"{', '.join(robots)} end with the waypoints that are left"
+
+    def _end_patrol(self, name: str) -> None:
+        self._robots[name].patrols = False
+        if patrol := self._patrols.pop(name, None):
+            patrol.end()
+
     def _send(self, name: str, place: Pose, append: bool) -> None:
+        self._end_patrol(name)
         if append and name in self._due:
             self._due[name].append(place)
         elif append or not self._robots[name].goals:
@@ -131,6 +173,7 @@ class Commander:
             self._publish(name, "pioneer/cmd_vel", Twist())
         for name in robots:
             self._due.pop(name, None)
+            self._end_patrol(name)
             self._robots[name].held = True
             self._cancel(name)
             self._publish(name, "move_base/cancel", GoalID())

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import rospy
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from gateway_msgs.msg import GatewayInfo
 from gazebo_msgs.msg import ModelStates
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -16,7 +16,7 @@ from rosgraph_msgs.msg import Clock, Log
 from rospy.numpy_msg import numpy_msg
 from sensor_msgs.msg import BatteryState, LaserScan
 from simple_navigation_goals.msg import WaypointQueue
-from std_msgs.msg import Float64
+from std_msgs.msg import Float64, Float64MultiArray
 from tf2_msgs.msg import TFMessage
 
 from pioneer_fleet.conversions import (
@@ -47,8 +47,8 @@ class Feed:
     """Keeps a `Station` up to date between `open` and `close`.
 
     Subscribes, while open: /clock, /map, /tf, /diagnostics, /rosout_agg, /gateway/gateway_info, /gateway/rules,
-    /gazebo/model_states, /gazebo/real_time_factor; of each robot its scan, odom, battery_state, amcl_pose,
-    map_goal_client/queue, and move_base's plans and local costmap.
+    /gazebo/model_states, /gazebo/real_time_factor, /replay/position; of each robot its scan, odom, battery_state,
+    amcl_pose, computer, map_goal_client/queue, and move_base's plans and local costmap.
 
     Threads: rospy's, one a connection. Each takes the newest message only, then waits for the next beat while the
     kernel keeps what comes: odometry at 100 Hz costs as much as at 5 Hz.
@@ -99,10 +99,12 @@ class Feed:
         self._listen_to_each("move_base/local_costmap/costmap", numpy_msg(OccupancyGrid), self._on_costs, COSTS)
         self._listen_to_each("amcl_pose", PoseWithCovarianceStamped, self._on_estimate, 0)
         self._listen_to_each("battery_state", BatteryState, self._on_battery)
+        self._listen_to_each("computer", DiagnosticStatus, self._on_computer, 0)
         listen("/diagnostics", DiagnosticArray, self._on_diagnostics, queue_size=20)
         listen("/rosout_agg", Log, self._on_log, queue_size=100)
         self._listen("/gazebo/real_time_factor", Float64, self._on_factor)
         self._listen("/gazebo/model_states", ModelStates, self._on_models)
+        self._listen("/replay/position", Float64MultiArray, self._on_replay)
 
     def _listen_to_each(self, topic: str, kind: Any, callback: Callable[[Robot, Any], None], beats: int = 1) -> None:
         for robot in self.station.robots:
@@ -166,7 +168,9 @@ class Feed:
         )
 
     def _on_log(self, message: Any) -> None:
-        self.station.add_log(message.header.stamp.to_sec(), message.level, message.name, message.msg)
+        # As a gateway's proxy names it: /aadi1_gateway/rosout.
+        computer = message._connection_header["callerid"].strip("/").rpartition("/")[0].removesuffix("_gateway")
+        self.station.add_log(message.header.stamp.to_sec(), message.level, computer, message.name, message.msg)
 
     def _on_clock(self, message: Any) -> None:
         self.station.tick(message.clock.to_sec(), time.monotonic())
@@ -178,6 +182,9 @@ class Feed:
         self.station.set_models(
             (name, pose.position.x, pose.position.y) for name, pose in zip(message.name, message.pose, strict=True)
         )
+
+    def _on_replay(self, message: Any) -> None:
+        self.station.replay = [round(value, 1) for value in message.data]
 
     def _on_odom(self, robot: Robot, message: Any) -> None:
         robot.add_odom(time.monotonic(), message.header.stamp.to_sec())
@@ -191,8 +198,10 @@ class Feed:
         if self._mounts.get(robot.name) != frame:
             self._mounts[robot.name] = frame
             own = f"/{robot.name}/robot_description"
-            model = rospy.get_param(own if rospy.has_param(own) else "/robot_description")
-            robot.mount = mount_of(model, frame.rpartition("/")[2])
+            name = own if rospy.has_param(own) else "/robot_description"
+            # A replay has none.
+            if rospy.has_param(name):
+                robot.mount = mount_of(rospy.get_param(name), frame.rpartition("/")[2])
 
     def _on_local_plan(self, robot: Robot, message: Any) -> None:
         robot.local_plan = conversions.line_from_path(message)
@@ -205,6 +214,10 @@ class Feed:
 
     def _on_battery(self, robot: Robot, message: Any) -> None:
         robot.battery = round(message.percentage, 2)
+
+    def _on_computer(self, robot: Robot, message: Any) -> None:
+        values = {one.key: float(one.value) for one in message.values}
+        robot.load = [round(values["processors"], 2), round(values["memory [byte]"] / 2**20)]
 
     def _on_estimate(self, robot: Robot, message: Any) -> None:
         robot.deviation = deviation_from_covariance(message.pose.covariance)

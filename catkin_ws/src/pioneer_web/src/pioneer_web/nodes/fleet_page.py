@@ -6,6 +6,7 @@ import secrets
 import threading
 from pathlib import Path
 
+import rosgraph
 import rospkg
 import rospy
 
@@ -16,6 +17,7 @@ from pioneer_web.core.robot import Robot
 from pioneer_web.core.station import Station
 from pioneer_web.nodes.commander import Commander
 from pioneer_web.nodes.feed import Feed
+from pioneer_web.nodes.recording import Recording
 from pioneer_web.nodes.server import Server
 from rocon_flip.core.rule_set import Action, Wish, flipped_from_hub, topic_in
 from rocon_flip.nodes.gateway_client import GatewayClient
@@ -26,7 +28,7 @@ TOKENS = {Role.OPERATOR: "PIONEER_WEB_TOKEN", Role.VIEWER: "PIONEER_WEB_VIEWER_T
 SHORTEST = 16
 """Of a token [characters]."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-_SEEN = ("map_goal_client/queue", "amcl_pose")
+_SEEN = ("map_goal_client/queue", "amcl_pose", "computer", "/rosout_agg")
 _SENT = ("map_goal_pose", "initialpose", "map_goal_client/cancel", "move_base/cancel")
 
 
@@ -40,6 +42,8 @@ class PageConfig:
         session_hours: after which a session must log in again [h].
         tls_directory: with the machine's ``tls.crt`` and ``tls.key``, as ``make_certificates`` makes them.
         insecure: listens on other addresses without TLS too.
+        masters: what recordings are of, "NAME=URI …"; empty for this node's master only.
+        recordings: folder of their files.
     """
 
     host: str = "127.0.0.1"
@@ -47,6 +51,8 @@ class PageConfig:
     session_hours: float = 12.0
     tls_directory: str = ""
     insecure: bool = False
+    masters: str = ""
+    recordings: str = "~/.ros/recordings"
 
     def __post_init__(self) -> None:
         if not 0 < self.port < 65536:
@@ -80,7 +86,10 @@ class FleetPageNode:
         if is_ending():
             return
         robots = [Robot(name=name, gateway=f"aadi{number}_gateway") for number, name in enumerate(names, 1)]
-        commander = Commander(robots)
+        masters = self._config.masters or f"base={rosgraph.get_master_uri()}"
+        recording = Recording(Path(self._config.recordings).expanduser(), masters.split())
+        on_shutdown(recording.close)
+        commander = Commander(robots, recording)
         feed = Feed(Station(robots), commander.on_queue)
         threading.Thread(target=_ask_for_flips, args=(names,), name="flips", daemon=True).start()
         config, static = self._config, Path(rospkg.RosPack().get_path("pioneer_web")) / "static"

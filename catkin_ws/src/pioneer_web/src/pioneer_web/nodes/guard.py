@@ -10,7 +10,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from pioneer_web.core.access import Access, Role, same_origin
 
-LOGIN = "/login"
+LOGIN, LOGOUT = "/login", "/logout"
 LONGEST_LOGIN = 1000
 """Of a request to log in [bytes]."""
 _POLICY = {"X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY", "Referrer-Policy": "no-referrer"}
@@ -49,6 +49,12 @@ class Guard:
         role = bearer or (None if writes and foreign else self._access.role(session, time.monotonic()))
         if role is None:
             await self._refuse(scope, receive, send)
+            return
+        if scope["type"] == "http" and scope["path"] == LOGOUT and scope["method"] == "POST":
+            self._access.logout(session)
+            answer = Response(status_code=204)
+            answer.delete_cookie(self.cookie)
+            await answer(scope, receive, send)
             return
         scope["role"] = role
         scope["still"] = (lambda: True) if bearer else lambda: self._access.role(session, time.monotonic()) is not None

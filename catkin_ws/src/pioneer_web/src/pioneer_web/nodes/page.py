@@ -6,11 +6,13 @@ import subprocess
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import rospy
 import yaml
 from nicegui import ui
 
 from pioneer_description.core.fleet_view import turned
 from pioneer_description.nodes.rviz_snapshot import TEMPLATE
+from pioneer_web.nodes.camera import image_topics, next_image
 
 DOCTOR_LIMIT = 60.0
 """For the examination of all gateways [s]."""
@@ -21,6 +23,12 @@ _TOOLS = (
     ("locate", "pin_drop", "Set the selected robot's initial pose: press, drag"),
     ("spawn", "add_box", "Put a box into the simulated world"),
 )
+_LOG = """<select id="least" aria-label="least severity"><option value="info">all<option value="warning">warnings
+<option value="error">errors</select><input id="filter" placeholder="filter: aadi1 move_base …" aria-label="filter">
+<div id="log"></div>"""
+_SLIDER = '<label id="replay" hidden>Replay <input type="range" min="0" step="0.1"><span></span></label>'
+LOOK_AGAIN = 0.3
+"""Between two camera images [s]."""
 _ACTIONS = (("pause", "pause"), ("resume", "play_arrow"), ("step", "skip_next"), ("reset", "restart_alt"))
 
 
@@ -49,6 +57,7 @@ def build(robots: Sequence[str], on_open: Callable[[], None]) -> None:
         dark = ui.dark_mode(None)
         _header(dark)
         _tools()
+        ui.html(_SLIDER, sanitize=False).style("width: 100%")
         with ui.element("main").props("id=main"):
             ui.html('<canvas id="map" tabindex="0" aria-label="Map of the fleet"></canvas>', sanitize=False).props(
                 "id=stage"
@@ -65,6 +74,7 @@ def _header(dark: ui.dark_mode) -> None:
         ui.button(icon="contrast", on_click=lambda: dark.set_value(not dark.value)).props(
             'flat dense color=white aria-label="dark or light"'
         )
+        _act("", "logout", "flat dense color=white", "logout", "Log out")
         _act("RELEASE", "release-all", "outline dense color=white")
         _act("STOP ALL", "stop-all", "dense color=negative")
 
@@ -80,11 +90,16 @@ def _tools() -> None:
         for name, icon, tip in _TOOLS:
             _act("", f"tool-{name}", "flat dense", icon, tip)
         _act("", "cancel", "flat dense", "playlist_remove", "Drop the waypoints of the selected robots")
+        _act("", "patrol", "flat dense", "repeat", "Repeat the waypoints of the selected robots, or no longer")
         _act("", "follow", "flat dense", "gps_fixed", "Follow the selected robot")
         _act("", "fit", "flat dense", "fit_screen", "Show the whole map")
         _act("STOP", "stop", "dense color=negative", None, "Stop the selected robots and hold them")
         _act("RELEASE", "release", "outline dense", None, "Release the selected robots")
         ui.space()
+        _act("", "record", "flat dense", "fiber_manual_record", "Record the fleet, or end the recording")
+        ui.button(icon="photo_camera", on_click=_camera).props('flat dense aria-label="Camera images"').tooltip(
+            "Camera images"
+        )
         for name, icon in _ACTIONS:
             _act("", f"simulate-{name}", "flat dense", icon, f"Simulator: {name}")
 
@@ -100,7 +115,28 @@ def _tabs() -> None:
             ui.html('<div id="network"></div>', sanitize=False)
             ui.button("Ask the doctor", icon="medical_services", on_click=_doctor).props("dense outline no-caps")
         with ui.tab_panel("Log"):
-            ui.html('<input id="filter" placeholder="filter" aria-label="filter"><div id="log"></div>', sanitize=False)
+            ui.html(_LOG, sanitize=False)
+
+
+async def _camera() -> None:
+    """Shows what a camera sees while the dialog is open."""
+    topics = await asyncio.to_thread(image_topics)
+    with ui.dialog(value=True) as dialog, ui.card().classes("camera"):
+        words = ui.label("" if topics else "There are no camera images (sensor_msgs/Image) on this master.")
+        chosen = ui.select(topics, value=topics[0] if topics else None).props("dense options-dense")
+        picture = ui.image().props("no-transition no-spinner")
+
+        async def look() -> None:
+            try:
+                picture.set_source(await asyncio.to_thread(next_image, chosen.value))
+                words.set_text("")
+            except (rospy.ROSException, ValueError) as error:
+                words.set_text(str(error))
+
+        looking = ui.timer(LOOK_AGAIN, look, active=bool(topics))
+        chosen.set_visibility(bool(topics))
+        ui.button("Close", on_click=dialog.close).props("dense")
+    dialog.on("hide", looking.cancel)
 
 
 async def _doctor() -> None:

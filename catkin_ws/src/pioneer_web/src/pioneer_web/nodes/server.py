@@ -86,6 +86,7 @@ class Server:
         self.foxglove = Foxglove()
         app = FastAPI(lifespan=self._lifespan, docs_url=None, redoc_url=None, openapi_url=None)
         app.mount("/static", StaticFiles(directory=static))
+        app.mount("/recordings", StaticFiles(directory=commander.recording.folder, check_dir=False))
         app.add_api_route("/map.png", self._map)
         app.add_api_route("/metrics", self._metrics)
         app.add_api_websocket_route("/live", self._live)
@@ -147,6 +148,7 @@ class Server:
         return bool(self._viewers) or time.monotonic() < self._wanted_until
 
     def _send(self) -> None:
+        self._feed.station.recording = self._commander.recording.file
         with self._feed.lock:
             values = self._feed.station.values(time.monotonic())
         changes = self._stream.update(values)

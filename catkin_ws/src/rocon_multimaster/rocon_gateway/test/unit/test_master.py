@@ -116,3 +116,12 @@ def test_a_master_that_fails_to_look_a_node_up_counts_as_lost(master: FakeMaster
     master.answers["lookupNode"] = NONSENSE["a fault"]
     with pytest.raises(MasterError, match="KeyError"):
         watch.changed()
+
+
+def test_of_our_own_topics_only_those_that_are_to_cross_count(master: FakeMaster) -> None:
+    rows = [["/chatter", ["/talker"]], ["/pioneer1/computer", ["/gateway"]], ["/gateway/rules", ["/gateway"]]]
+    master.answers["getSystemState"] = answer([rows, [], []])
+    watch = MasterWatch(f"http://127.0.0.1:{master.server_port}/", "/gateway", {"/pioneer1/computer"})
+    assert watch.changed()
+    assert {one.name for one in watch.local} == {"/chatter", "/pioneer1/computer"}
+    watch.close()

@@ -1,6 +1,7 @@
 """What our ROS master knows: who publishes, subscribes and serves what, without ourselves and without proxies."""
 
 import http.client
+from collections.abc import Collection
 from typing import Any
 
 from rocon_gateway.adapters.master_line import MasterError, MasterLine, UnknownError, request, value
@@ -15,15 +16,16 @@ class MasterWatch:
 
     Args:
         uri: the master's.
-        node: our own node's name, whose connections never count.
+        node: our own node's name, whose connections do not count.
+        own: its topics that do.
 
     Attributes:
         knows_us: whether the master named a service of ours at the last look; one that was restarted does not.
     """
 
-    def __init__(self, uri: str, node: str) -> None:
+    def __init__(self, uri: str, node: str, own: Collection[str] = ()) -> None:
         self._line = MasterLine(uri)
-        self._node = node
+        self._node, self._own = node, own
         self._state_request = request("getSystemState", node)
         self._types_request = request("getTopicTypes", node)
         self._seen: bytes | None = None
@@ -75,7 +77,7 @@ class MasterWatch:
             Connection(kind, name, ANY if kind == Kind.SERVICE else types.get(name, ANY), node)
             for kind, name, names in rows
             for node in names
-            if node != self._node and not self._is_proxy(node)
+            if (node != self._node or name in self._own) and not self._is_proxy(node)
         )
 
     def _is_proxy(self, node: str) -> bool:

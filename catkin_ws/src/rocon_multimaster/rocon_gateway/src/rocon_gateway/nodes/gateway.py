@@ -32,6 +32,7 @@ from rocon_gateway.core.error import ConfigError, GatewayError
 from rocon_gateway.core.membership import Overview
 from rocon_gateway.core.reconcile import reconcile
 from rocon_gateway.core.situation import Outcome, Situation
+from rocon_gateway.nodes.computer import ComputerTopic
 from rocon_gateway.nodes.registration import register_anew
 from rocon_gateway.nodes.service_handlers import ServiceHandlers
 from rocon_hub_protocol.adapters.password import password_from
@@ -62,7 +63,7 @@ class GatewayNode:
 
     Publishes: `~gateway_info` (GatewayInfo, latched, on change), `~rules` (DiagnosticArray, latched, on change: one
     status a rule, with state and reason), `/diagnostics` (the same, and one status a connection with what flows on it,
-    each second while somebody listens).
+    each second while somebody listens), a robot's `/NAMESPACE/computer` (`ComputerTopic`).
 
     Services: see `ServiceHandlers`.
 
@@ -95,7 +96,10 @@ class GatewayNode:
         self._info = rospy.Publisher("~gateway_info", GatewayInfo, queue_size=5, latch=True)
         self._rules = rospy.Publisher("~rules", DiagnosticArray, queue_size=5, latch=True)
         self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=5)
-        self._master = MasterWatch(rosgraph.get_master_uri(), rospy.get_name())
+        namespace = self._config.own_namespace
+        self._computer = ComputerTopic(self._name, namespace) if namespace else None
+        own = {self._computer.topic} if self._computer else ()
+        self._master = MasterWatch(rosgraph.get_master_uri(), rospy.get_name(), own)
         self._bell = MasterBell(rosgraph.get_master_uri(), rospy.get_name())
         self._master_lost = False
         self._traffic = Traffic()
@@ -190,6 +194,8 @@ class GatewayNode:
                     self._keyring.refresh()
                 if self._kept:
                     self._hubs.keep(self._kept.text())
+                if self._computer:
+                    self._computer.turn()
                 if self._diagnostics.get_num_connections():
                     self._diagnostics.publish(self._diagnostic_array(with_links=True))
 

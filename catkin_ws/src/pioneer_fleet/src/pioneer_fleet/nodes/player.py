@@ -1,0 +1,80 @@
+"""Plays recorded messages at the pace they came."""
+
+import threading
+import time
+from collections.abc import Iterable
+
+import rospy
+
+from pioneer_fleet.adapters.recording import Kind, Message
+
+_SLICE = 0.1
+"""Longest until a jump or a pause takes effect [s]."""
+
+
+class Pace:
+    """When recorded messages are due.
+
+    Attributes:
+        jump: where to continue [ns of the recording]; None to stay in order.
+        paused: whether none is due.
+    """
+
+    def __init__(self, rate: float, end: threading.Event) -> None:
+        """``rate`` is how many recorded seconds pass in one; ``end`` ends it early."""
+        self._rate, self._end, self._looked = rate, end, 0.0
+        self.jump: int | None = None
+        self.paused = False
+        self.at = 0
+        """The recorded time [ns]."""
+
+    def begin(self, at: int) -> None:
+        """Continues at a recorded time [ns]."""
+        self.at, self.jump, self._looked = at, None, time.monotonic()
+
+    def waits_for(self, due: int) -> bool:
+        """Waits until a message of that time is due; returns False where a jump or the end comes first."""
+        while not self._end.is_set() and self.jump is None:
+            now = time.monotonic()
+            if not self.paused:
+                self.at += round(1e9 * self._rate * (now - self._looked))
+            self._looked = now
+            if self.at >= due:
+                return True
+            self._end.wait(_SLICE if self.paused else min(_SLICE, (due - self.at) / 1e9 / self._rate))
+        return False
+
+
+class Replay:
+    """Publishes recorded messages on this node's master, at the pace they came; topics lose their masters' names."""
+
+    def __init__(self, pace: Pace) -> None:
+        self._pace = pace
+        self._publishers: dict[tuple[str, Kind], tuple[rospy.Publisher, type]] = {}
+
+    def play(self, messages: Iterable[Message], at: int = 0) -> int:
+        """Publishes all from a time on [ns], by default that of the first; returns how many were published."""
+        count = 0
+        if at:
+            self._pace.begin(at)
+        for message in messages:
+            if not count and not at:
+                self._pace.begin(message.time)
+            if not self._pace.waits_for(message.time):
+                break
+            publisher, raw = self._publisher(message)
+            data = raw()
+            data._buff = message.data
+            publisher.publish(data)
+            count += 1
+        return count
+
+    def _publisher(self, message: Message) -> tuple[rospy.Publisher, type]:
+        topic = "/" + message.topic.lstrip("/").partition("/")[2]
+        key = (topic, message.kind)
+        if key not in self._publishers:
+            kind = message.kind
+            fields = {"_type": kind.type, "_md5sum": kind.md5sum, "_full_text": kind.definition}
+            raw = type("Raw", (rospy.AnyMsg,), fields)
+            self._publishers[key] = rospy.Publisher(topic, raw, queue_size=100, latch=kind.latching), raw
+        return self._publishers[key]
