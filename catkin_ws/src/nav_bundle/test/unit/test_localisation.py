@@ -9,7 +9,7 @@ from drawn_room import ROOM, enlarged, ranges_at
 
 from nav_bundle.core.amcl_config import AmclConfig
 from nav_bundle.core.localisation import Localisation, NoMapError
-from nav_bundle.core.pose import Pose
+from nav_bundle.core.pose import Pose, angle_difference
 from nav_bundle.core.sensor import Scan
 
 CONFIG = AmclConfig(
@@ -74,6 +74,20 @@ def test_a_driving_robot_is_tracked_to_two_centimetres(seed: int) -> None:
 def test_the_particles_alone_stay_within_a_decimetre(seed: int) -> None:
     errors = errors_along(*localised(dataclasses.replace(CONFIG, refine_estimate=False), seed))[60:]
     assert errors.mean() < 0.1
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_odometry_that_overrates_turns_by_a_tenth_does_not_turn_the_estimate(seed: int) -> None:
+    robot, localisation = localised(CONFIG, seed)
+    update, errors = None, []
+    for step in range(400):
+        if localisation.due(robot.odom):
+            update = localisation.advance(robot.odom, robot.scan()).estimate or update
+            assert update is not None
+            errors.append(abs(angle_difference(update.pose.yaw, robot.pose.yaw)))
+        robot.drive(0.0, 0.1 if step < 200 else -0.1)
+        robot.odom = robot.odom.compose(Pose(0.0, 0.0, 0.01 if step < 200 else -0.01))
+    assert np.mean(errors) < 0.005
 
 
 def test_things_the_map_does_not_know_mislead_nobody() -> None:

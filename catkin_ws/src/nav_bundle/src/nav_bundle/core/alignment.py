@@ -1,7 +1,8 @@
 """The last centimetres: an estimate moved to where its scan lies best on the map.
 
 A particle filter with amcl's blunt likelihoods follows the robot some 5 to 10 cm behind, the more the worse the
-odometry. Its estimate is a good start for a least-squares fit of the scan to the map, within the filter's spread.
+odometry. Its estimate is a good start for a least-squares fit of the scan to the map, within the filter's spread. A few
+particles move to where the scan fits, so that the cloud does not fall farther behind.
 """
 
 import numpy as np

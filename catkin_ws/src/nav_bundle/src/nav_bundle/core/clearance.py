@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from nav_bundle.core.costmap.config import CostmapConfig
 from nav_bundle.core.costmap.cost import INSCRIBED
 from nav_bundle.core.costmap.costmap import Costmap
+from nav_bundle.core.costmap.footprint import Footprint
 from nav_bundle.core.local_planner import Situation
 
 _ASIDE = 0.25
@@ -34,6 +35,14 @@ class Clearance:
             self._prices = self.scale * np.interp(np.arange(256), costs, 1.0 - gaps / gaps[0])
             self._prices[0] = 0.0
         return self._prices
+
+    def ends(self, footprint: Footprint) -> NDArray[np.float64]:
+        """Returns where along the robot [m] its nearness to obstacles is looked at: centre, rear and front.
+
+        The middles of circles that cover a long footprint's corners, too, which swing out in turns.
+        """
+        half, x = footprint.inscribed_radius / 2.0, footprint.vertices[:, 0]
+        return np.array([0.0, min(0.0, x.min() + half), max(0.0, x.max() - half)])
 
     def allowed(self, situation: Situation, plan: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns the price that the plan itself cannot avoid, by distance from the robot in cells; shape (n,).

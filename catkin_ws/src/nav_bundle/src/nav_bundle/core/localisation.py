@@ -163,11 +163,13 @@ class Localisation:
         return Update(estimate, estimate.pose.compose(odom.inverse()))
 
     def _refined(self, estimate: Estimate, scan: Scan) -> Estimate:
-        """Lays the scan onto the map near the estimate; the particles do not learn of it: it would narrow them."""
+        """Lays the scan onto the map near the estimate; few particles learn of it: all would narrow them."""
         if not (self._config.refine_estimate and isinstance(self._sensor, LikelihoodField)):
             return estimate
         pose, self.agreement = refined(estimate, self._thinned(scan, REFINING_BEAMS), self._sensor.field)
         self._doubts = self._doubts + 1 if self.agreement < LEAST_AGREEMENT else 0
+        if pose is not estimate.pose:
+            self._filter.learn(pose)
         return replace(estimate, pose=pose)
 
     def _thinned(self, scan: Scan, beams: int) -> Beams:

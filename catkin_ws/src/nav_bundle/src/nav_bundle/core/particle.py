@@ -21,6 +21,10 @@ LARGEST_SHARE = 0.1
 the average and by the share that is not random; a share that follows the fall of the average cancels the first."""
 AT_ONCE = 10_000
 """Poses drawn and judged together: many calls cost time, many poses memory."""
+LEARNT = 0.05
+"""Share of the particles that move to a pose at which a scan fits."""
+LEARNT_SPREAD = (0.03, 0.03, 0.01)
+"""Standard deviations of x, y [m], yaw [rad] about such a pose."""
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 """Its multiples modulo 1 lie evenly, however many are taken."""
 
@@ -156,6 +160,18 @@ class ParticleFilter:
         count = kernel.resample(self.poses, draws, limits, self._table, drawn)
         self.poses = drawn[:count].copy()
         self.weights = _equal_weights(count)
+
+    def learn(self, pose: Pose) -> None:
+        """Moves a few particles to ``pose``, about which scans then decide: the cloud lags behind poor odometry.
+
+        None with recovery by random particles: it finds a robot that was carried off, and a wrong place that fits in
+        part must not hold it.
+        """
+        if self._config.recovery_alpha_fast > 0.0:
+            return
+        count = int(LEARNT * len(self.poses))
+        drawn = self._generator.normal((pose.x, pose.y, pose.yaw), LEARNT_SPREAD, (count, 3))
+        self.poses[self._generator.integers(0, len(self.poses), count)] = drawn
 
     def estimate(self) -> Estimate:
         """Returns the mean of the heaviest cluster and the covariance of all particles."""

@@ -59,7 +59,8 @@ class Rollout:
             self._acc,
         )
         steps = self._to_plan, self._to_goal
-        prices = self._clearance.prices(costmap), self._clearance.allowed(situation, plan)
+        clearance = self._clearance
+        prices = clearance.prices(costmap), clearance.allowed(situation, plan), clearance.ends(costmap.footprint)
         self._ground = Ground(costmap.cells, place, *steps, costmap.footprint.vertices, *prices)
         self._floor = Floor(costmap.cells, place, costmap.footprint.outline(pose))
         points = np.ascontiguousarray(plan[:, :2])

@@ -57,7 +57,7 @@ class TrajectoryConfig:
     goal_distance_bias: Annotated[float, Live(0.0, 5.0)] = 0.8
     occdist_scale: Annotated[float, Live(0.0, 5.0)] = 0.01
     clearance: Annotated[float, Live(0.0, 2.0)] = 0.4
-    clearance_scale: Annotated[float, Live(0.0, 100.0)] = 10.0
+    clearance_scale: Annotated[float, Live(0.0, 100.0)] = 14.0
     heading_lookahead: Annotated[float, Live(0.0, 5.0)] = 0.325
     dwa: Annotated[bool, Live()] = False
     prune_plan: Annotated[bool, Live()] = True

@@ -28,9 +28,9 @@ COST, X, Y, YAW, BOUND = 0, 1, 2, 3, 4
 class Ground(NamedTuple):
     """What trajectories are scored on: the local costmap, steps to the plan and to the local goal, and the footprint.
 
-    The footprint's vertices are relative to the robot. ``prices`` of nearness to obstacles go by the cost of the cell
-    of the robot's centre, shape (256,); ``allowed`` is what of them is free, by distance from the robot in cells, all
-    where that is empty.
+    The footprint's vertices are relative to the robot. ``prices`` of nearness to obstacles go by the cost of a cell,
+    shape (256,), the dearest of those at the robot's centre and at ``ends`` [m] before and behind it; ``allowed`` is
+    what of them is free, by distance from the robot in cells, all where that is empty.
     """
 
     costs: Costs
@@ -40,6 +40,7 @@ class Ground(NamedTuple):
     footprint: Points
     prices: Array1[np.float64]
     allowed: Array1[np.float64]
+    ends: Array1[np.float64]
 
 
 class Motion(NamedTuple):
@@ -148,6 +149,18 @@ def is_reached(ground, row, col):
 
 
 @njit
+def _price(ground, x, y, yaw):
+    """Returns what nearness to obstacles costs a robot at a pose, at its dearest place."""
+    rows, cols = ground.costs.shape
+    highest = 0.0
+    for along in ground.ends:
+        row, col = cell_at(ground.place, x + along * np.cos(yaw), y + along * np.sin(yaw))
+        if 0 <= row < rows and 0 <= col < cols:
+            highest = max(highest, ground.prices[ground.costs[row, col]])
+    return highest
+
+
+@njit
 def _check(ground, motion, start, sample, time, steps, scales, reach):
     """Follows one sample over the costmap: returns what obstacles near its way cost, or HIT, or UNREACHED."""
     rows, cols = ground.costs.shape
@@ -166,8 +179,7 @@ def _check(ground, motion, start, sample, time, steps, scales, reach):
             return HIT
         if bins > 0:
             away = np.hypot(x - motion.pose[0], y - motion.pose[1]) / ground.place.resolution
-            price = ground.prices[ground.costs[row, col]] - ground.allowed[min(int(away), bins - 1)]
-            near += max(0.0, price)
+            near += max(0.0, _price(ground, x, y, yaw) - ground.allowed[min(int(away), bins - 1)])
         highest = max(highest, max(cost, np.int64(ground.costs[row, col])))
         if reach and not is_reached(ground, row, col):
             return UNREACHED
