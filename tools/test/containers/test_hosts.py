@@ -12,7 +12,7 @@ from router import Network, Router, router
 from containers.engine import ContainerError, Project, compose_command
 from containers.harness import PATIENCE, Fleet, fleet
 from containers.image import ensure_image
-from containers.state import desktop_token, hub_password
+from containers.state import hub_password, token
 
 COMPOSE = Path(__file__).parents[3] / "docker" / "compose.yaml"
 HUB, RELAY = 6380, 6381
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.skipif(os.geteuid() != 0, reason="a router's rules need
 
 
 def start(made: Fleet, *computers: str, **variables: str) -> None:
-    files = {"PIONEER_HUB_PASSWORD_FILE": str(hub_password()), "PIONEER_DESKTOP_TOKEN_FILE": str(desktop_token())}
+    files = {"PIONEER_HUB_PASSWORD_FILE": str(hub_password()), "PIONEER_DESKTOP_TOKEN_FILE": str(token("desktop"))}
     shared = {**files, "PIONEER_ROBOTS": "2", **variables}
     Project(made.project, tuple(compose_command()), COMPOSE, {**made.environment, **shared}).run("up", "-d", *computers)
 
