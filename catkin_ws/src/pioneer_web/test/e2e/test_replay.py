@@ -22,10 +22,12 @@ def recording(fleet, tmp_path):
     """Some seconds of two robots."""
     path = tmp_path / "run.mcap"
     words = [sys.executable, "-m", "pioneer_fleet.adapters.recorder", str(path), f"base={fleet.master.uri}"]
-    recorder = subprocess.Popen(words)
-    wait_until(lambda: path.is_file() and path.stat().st_size > 300_000, "some seconds of recording", SOON)
-    recorder.send_signal(signal.SIGTERM)
-    assert recorder.wait(SOON) == 0
+    with subprocess.Popen(words) as recorder:
+        try:
+            wait_until(lambda: path.is_file() and path.stat().st_size > 300_000, "some seconds of recording", SOON)
+        finally:
+            recorder.send_signal(signal.SIGTERM)
+    assert recorder.returncode == 0
     return path
 
 
