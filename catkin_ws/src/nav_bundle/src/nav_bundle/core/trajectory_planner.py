@@ -80,7 +80,7 @@ class TrajectoryPlanner:
                 config.occdist_scale * unit,
                 _HEADING_SCALE if config.heading_scoring else 0.0,
             ),
-            Clearance(config.clearance, config.clearance_scale * unit / resolution),
+            Clearance(config.clearance, config.clearance_scale * unit / resolution, whole=True),
         )
         self._period = 1.0 / config.controller_frequency
         self._approach = GoalApproach(config.approach())
