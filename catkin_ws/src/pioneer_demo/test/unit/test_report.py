@@ -92,6 +92,13 @@ def test_the_verdict_is_one_line(fleet, outcome):
     assert verdict_line(report(fleet, failed, {})) == "Failed: pioneer1 collided once"
 
 
+def test_a_success_that_allows_misses_and_collisions_tells_them(fleet, outcome):
+    numbers = report(fleet, outcome, {})
+    robot = numbers["robots"]["pioneer1"] | {"waypoints": 3, "collisions": 2}
+    allowed = numbers | {"robots": {"pioneer1": robot}}
+    assert verdict_line(allowed) == "Success: 1 robot, 1 of 3 waypoints reached, 2 collisions"
+
+
 def test_columns_line_up():
     assert columns(("a", "bb"), [("xxx", "1")]) == "a    bb\nxxx   1"
 

@@ -158,8 +158,11 @@ def verdict_line(numbers: Mapping[str, Any]) -> str:
     """Returns the one sentence that the demo ends with."""
     if not numbers["success"]:
         return "Failed: " + "; ".join(numbers["faults"])
-    robots, count = len(numbers["robots"]), sum(robot["waypoints"] for robot in numbers["robots"].values())
-    return f"Success: {counted(robots, 'robot')}, {counted(count, 'waypoint')} reached, no collision"
+    robots = numbers["robots"].values()
+    sent, reached, collisions = (sum(robot[key] for robot in robots) for key in ("waypoints", "reached", "collisions"))
+    arrived = counted(sent, "waypoint") if reached == sent else f"{reached} of {counted(sent, 'waypoint')}"
+    contacts = counted(collisions, "collision") if collisions else "no collision"
+    return f"Success: {counted(len(robots), 'robot')}, {arrived} reached, {contacts}"
 
 
 def _number(value: float | None, digits: int) -> str:
