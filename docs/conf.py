@@ -1,10 +1,12 @@
 """Sphinx: the documents of this folder, and the API from docstrings. ``./pioneer docs`` builds it."""
 
+import functools
 from pathlib import Path
 from typing import Any
 
 from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
+from sphinx.pycode import ModuleAnalyzer
 
 _ROOT = Path(__file__).resolve().parent.parent
 _PACKAGES = sorted(path.parent / "src" for path in (_ROOT / "catkin_ws" / "src").rglob("setup.py"))
@@ -33,7 +35,26 @@ def text_of_link(_: Sphinx, env: Any, node: Any, content: Any) -> Any:
     return content if file.exists() else None
 
 
+@functools.cache
+def comments_of(module: str) -> dict[tuple[str, str], list[str]]:
+    """Returns the ``#:`` comments of a module's fields, by class and field."""
+    for folder in _PACKAGES:
+        file = folder.joinpath(*module.split("."))
+        for path in (file.with_suffix(".py"), file / "__init__.py"):
+            if path.exists():
+                return ModuleAnalyzer.for_file(str(path), module).find_attr_docs()
+    return {}
+
+
+def describe_field(_: Sphinx, what: str, name: str, item: Any, *__: Any) -> None:
+    """Gives a field the comment beside it as its docstring: autoapi reads docstrings alone."""
+    if what == "attribute":
+        module, owner, field = name.rsplit(".", 2)
+        item.docstring = item.docstring or "\n".join(comments_of(module).get((owner, field), []))
+
+
 def setup(app: Sphinx) -> None:
     """Shows diagrams as their text: the script that draws them would have to be loaded from elsewhere."""
     app.add_lexer("mermaid", TextLexer)
     app.connect("missing-reference", text_of_link)
+    app.connect("autoapi-skip-member", describe_field)

@@ -40,15 +40,12 @@ def is_on_swarm(options: Namespace) -> bool:
 class Deployment:
     """A fleet on the swarm that this machine manages.
 
-    Attributes:
-        stack: the fleet.
-
     Raises:
         ContainerError: this machine manages no swarm, or the engine of a node does not answer.
     """
 
     def __init__(self, options: Namespace, say: Callable[[str], None]) -> None:
-        self.stack = stack(options.project)
+        self.stack = stack(options.project)  #: the fleet
         self._options, self._say = options, say
         found = nodes()
         self._manager, self._nodes = found[0], [one for one in found if one.works]

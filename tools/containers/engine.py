@@ -62,31 +62,18 @@ def output(*command: str) -> str:
 
 @dataclass(frozen=True)
 class Computer:
-    """A container of the fleet.
+    """A container of the fleet."""
 
-    Attributes:
-        name: the service's.
-        container: its id.
-        state: in Docker's words; in a swarm the task's.
-        health: likewise; empty in a swarm, where a task runs once it is healthy.
-        environment: of its processes.
-        image: what it runs.
-        node: the machine in the swarm; empty without one.
-        docker: the command that talks to the engine it is on.
-        task: the swarm's name for it.
-        problem: why the swarm does not have it run.
-    """
-
-    name: str
-    container: str
-    state: str
-    health: str
-    environment: Mapping[str, str]
-    image: str
-    node: str = ""
-    docker: tuple[str, ...] = DOCKER
-    task: str = ""
-    problem: str = ""
+    name: str  #: the service's
+    container: str  #: its id
+    state: str  #: in Docker's words; in a swarm the task's
+    health: str  #: likewise; empty in a swarm, where a task runs once it is healthy
+    environment: Mapping[str, str]  #: of its processes
+    image: str  #: what it runs
+    node: str = ""  #: the machine in the swarm; empty without one
+    docker: tuple[str, ...] = DOCKER  #: the command that talks to the engine it is on
+    task: str = ""  #: the swarm's name for it
+    problem: str = ""  #: why the swarm does not have it run
 
     @property
     def running(self) -> bool:

@@ -23,25 +23,15 @@ _STACK = SOURCE / "pioneer_gazebo_ros"
 
 @dataclass(frozen=True)
 class FleetPlan:
-    """The fleet as it is to be.
+    """The fleet as it is to be."""
 
-    Attributes:
-        robots: how many, with those there are.
-        world: the world's name.
-        pace: its real-time factor, or ``lockstep``.
-        remark: one line on a factor that is less than was to be expected; empty otherwise.
-        idle: no steps are started.
-        before: the fleet's computers as they were, by name.
-        base: the base station if it runs: what runs with it is left alone.
-    """
-
-    robots: int
-    world: str
-    pace: str
-    remark: str
-    idle: bool
-    before: Mapping[str, Computer]
-    base: Computer | None
+    robots: int  #: how many, with those there are
+    world: str  #: the world's name
+    pace: str  #: its real-time factor, or ``lockstep``
+    remark: str  #: one line on a factor that is less than was to be expected; empty otherwise
+    idle: bool  #: no steps are started
+    before: Mapping[str, Computer]  #: the fleet's computers as they were, by name
+    base: Computer | None  #: the base station if it runs: what runs with it is left alone
 
     @property
     def factor(self) -> float:

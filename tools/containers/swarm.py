@@ -24,27 +24,16 @@ REMOVAL = 120.0
 
 @dataclass(frozen=True)
 class Node:
-    """A machine of the swarm.
+    """A machine of the swarm."""
 
-    Attributes:
-        name: its host name.
-        ident: Swarm's name for it.
-        address: where the swarm reaches it.
-        up: whether it is there.
-        works: whether it takes tasks, too.
-        base: whether it has the label of the base station.
-        processors: so many.
-        docker: the command that talks to its engine.
-    """
-
-    name: str
-    ident: str
-    address: str
-    up: bool
-    works: bool
-    base: bool
-    processors: float
-    docker: tuple[str, ...] = DOCKER
+    name: str  #: its host name
+    ident: str  #: Swarm's name for it
+    address: str  #: where the swarm reaches it
+    up: bool  #: whether it is there
+    works: bool  #: whether it takes tasks, too
+    base: bool  #: whether it has the label of the base station
+    processors: float  #: so many
+    docker: tuple[str, ...] = DOCKER  #: the command that talks to its engine
 
 
 def nodes() -> list[Node]:

@@ -126,16 +126,11 @@ class Errand:
 
 
 class Errands:
-    """The errands of a fleet; those that a test leaves unfinished are abandoned.
-
-    Attributes:
-        fleet: whose.
-        sent: all that there have been.
-    """
+    """The errands of a fleet; those that a test leaves unfinished are abandoned."""
 
     def __init__(self, fleet: Fleet) -> None:
-        self.fleet = fleet
-        self.sent: list[Errand] = []
+        self.fleet = fleet  #: whose
+        self.sent: list[Errand] = []  #: all that there have been
 
     def send(self, *numbers: int, part: slice = ROUND, wall: bool = False) -> dict[int, Errand]:
         """Sends robots on their rounds, or a part of them, first to a ``wall``; returns once all of them drive."""

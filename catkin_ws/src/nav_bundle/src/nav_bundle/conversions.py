@@ -137,15 +137,11 @@ class LoadMapArray(LoadMap):  # type: ignore[misc]
 
 
 class ParticlesMessage(PoseArray):  # type: ignore[misc]
-    """A PoseArray written from an array. For publishers.
-
-    Attributes:
-        particles: x, y [m], yaw [rad], shape (n, 3).
-    """
+    """A PoseArray written from an array. For publishers."""
 
     def __init__(self, particles: NDArray[np.float64], frame: str, stamp: Any) -> None:
         super().__init__(Header(0, stamp, stripped(frame)), [])
-        self.particles = particles
+        self.particles = particles  #: x, y [m], yaw [rad], shape (n, 3)
 
     def serialize(self, buff: io.BytesIO) -> None:
         """Writes the particles as poses at z = 0."""
@@ -344,14 +340,11 @@ class GridUpdateMessage(_Cells, OccupancyGridUpdate):  # type: ignore[misc]
 
 
 class PathMessage(Path):  # type: ignore[misc]
-    """A Path written from an array, because a PoseStamped object for each of hundreds of poses costs milliseconds.
-
-    Attributes:
-        track: poses (x, y [m], yaw [rad]), float64, shape (n, 3), in the header's frame and at its stamp.
-    """
+    """A Path written from an array, because a PoseStamped object for each of hundreds of poses costs milliseconds."""
 
     def __init__(self, *args: Any, **fields: Any) -> None:
         super().__init__(*args, **fields)
+        #: poses (x, y [m], yaw [rad]), float64, shape (n, 3), in the header's frame and at its stamp
         self.track = np.empty((0, 3))
 
     def serialize(self, buff: io.BytesIO) -> None:

@@ -10,17 +10,11 @@ KindOf = Callable[[Sequence[str]], str]
 
 @dataclasses.dataclass(frozen=True)
 class Usage:
-    """What the processes of one kind have cost.
+    """What the processes of one kind have cost."""
 
-    Attributes:
-        cpu: [s] user and system time since their start.
-        rss: [bytes] the largest sum of resident memory seen at one sample, shared pages counted in each.
-        processes: how many were seen.
-    """
-
-    cpu: float
-    rss: int
-    processes: int
+    cpu: float  #: [s] user and system time since their start
+    rss: int  #: [bytes] the largest sum of resident memory seen at one sample, shared pages counted in each
+    processes: int  #: how many were seen
 
 
 @dataclasses.dataclass

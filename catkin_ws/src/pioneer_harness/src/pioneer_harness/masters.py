@@ -14,14 +14,10 @@ _LOOPBACK = "127.0.0.1"
 
 
 class MasterClient:
-    """Calls of a master's API, on connections that ``close_clients`` closes.
-
-    Attributes:
-        uri: the master's address, ``http://127.0.0.1:PORT/``.
-    """
+    """Calls of a master's API, on connections that ``close_clients`` closes."""
 
     def __init__(self, uri: str) -> None:
-        self.uri = uri
+        self.uri = uri  #: the master's address, ``http://127.0.0.1:PORT/``
         self._clients: list[rosgraph.Master] = []
         self._client = self.proxy()
 
@@ -50,19 +46,14 @@ class MasterClient:
 
 
 class Master(MasterClient):
-    """A ROS master of one's own, as a context manager; several may live at once.
-
-    Attributes:
-        port: its port, chosen by the kernel.
-        home: a temporary directory for ``ROS_HOME`` (logs), removed at the end.
-    """
+    """A ROS master of one's own, as a context manager; several may live at once."""
 
     def __init__(self) -> None:
         self._home = tempfile.TemporaryDirectory(prefix="pioneer-master-")
-        self.home = Path(self._home.name)
+        self.home = Path(self._home.name)  #: a temporary directory for ``ROS_HOME`` (logs), removed at the end
         self._master = rosmaster.master.Master(port=0)
         self._master.start()
-        self.port = int(self._master.master_node.port)
+        self.port = int(self._master.master_node.port)  #: its port, chosen by the kernel
         super().__init__(f"http://{_LOOPBACK}:{self.port}/")
 
     @property

@@ -16,27 +16,16 @@ _libc = ctypes.CDLL(None, use_errno=True)
 
 @dataclasses.dataclass(frozen=True)
 class ProcessState:
-    """One process at one moment.
+    """One process at one moment."""
 
-    Attributes:
-        pid: its number.
-        parent: its parent's number.
-        session: its session's leader.
-        alive: False for a zombie.
-        started: [clock ticks since boot] with the pid this names a process for good.
-        cpu: [s] user and system time of its own threads.
-        waited_cpu: [s] the same of its children that ended and were waited for, and of theirs.
-        rss: [bytes] resident memory, shared pages included.
-    """
-
-    pid: int
-    parent: int
-    session: int
-    alive: bool
-    started: int
-    cpu: float
-    waited_cpu: float
-    rss: int
+    pid: int  #: its number
+    parent: int  #: its parent's number
+    session: int  #: its session's leader
+    alive: bool  #: False for a zombie
+    started: int  #: [clock ticks since boot] with the pid this names a process for good
+    cpu: float  #: [s] user and system time of its own threads
+    waited_cpu: float  #: [s] the same of its children that ended and were waited for, and of theirs
+    rss: int  #: [bytes] resident memory, shared pages included
 
 
 def become_subreaper() -> None:

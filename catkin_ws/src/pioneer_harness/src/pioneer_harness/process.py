@@ -36,19 +36,12 @@ _PREFIX = ("/usr/bin/env", "--default-signal=INT", "/usr/bin/setpriv", "--pdeath
 
 @dataclasses.dataclass(frozen=True)
 class Death:
-    """A process that died unexpectedly.
+    """A process that died unexpectedly."""
 
-    Attributes:
-        name: as given to ``start``.
-        pid: its process number.
-        status: as ``subprocess.Popen.returncode``: minus the signal's number where one ended it.
-        log: where its output went, if into a file.
-    """
-
-    name: str
-    pid: int
-    status: int
-    log: Path | None
+    name: str  #: as given to ``start``
+    pid: int  #: its process number
+    status: int  #: as ``subprocess.Popen.returncode``: minus the signal's number where one ended it
+    log: Path | None  #: where its output went, if into a file
 
     def __str__(self) -> str:
         how = (

@@ -35,25 +35,15 @@ class MapImageError(MapError):
 
 @dataclass(frozen=True)
 class MapDescription:
-    """What a map's YAML file says.
+    """What a map's YAML file says."""
 
-    Attributes:
-        image: path of the image.
-        resolution: side of a pixel [m].
-        origin: pose of the image's lower left corner in the map frame.
-        occupied_thresh: a pixel at least this dark (0 … 1) is occupied.
-        free_thresh: a pixel darker than that, and no darker than the former, is not free.
-        negate: white is occupied instead of black.
-        mode: one of ``MODES``.
-    """
-
-    image: Path
-    resolution: float
-    origin: Pose
-    occupied_thresh: float
-    free_thresh: float
-    negate: bool
-    mode: str
+    image: Path  #: path of the image
+    resolution: float  #: side of a pixel [m]
+    origin: Pose  #: pose of the image's lower left corner in the map frame
+    occupied_thresh: float  #: a pixel at least this dark (0 … 1) is occupied
+    free_thresh: float  #: a pixel darker than that, and no darker than the former, is not free
+    negate: bool  #: white is occupied instead of black
+    mode: str  #: one of ``MODES``
 
 
 def read_description(path: Path) -> MapDescription:

@@ -25,15 +25,11 @@ Refuse = Callable[[str], None]
 
 
 class RawTFMessage(TFMessage):  # type: ignore[misc]
-    """A TFMessage that keeps its bytes instead of unpacking them. For subscribers.
-
-    Attributes:
-        buffer: the serialised message.
-    """
+    """A TFMessage that keeps its bytes instead of unpacking them. For subscribers."""
 
     def __init__(self, *args: Any, **fields: Any) -> None:
         super().__init__(*args, **fields)
-        self.buffer = b""
+        self.buffer = b""  #: the serialised message
 
     def deserialize(self, data: bytes) -> Self:
         """Keeps ``data``."""

@@ -24,17 +24,13 @@ _CELL_OF_SYMBOL = {"#": OCCUPIED, ".": FREE, " ": FREE, "?": UNKNOWN}
 class Grid:
     """A map of square cells; row 0 and column 0 lie at the origin, rows grow with y, columns with x.
 
-    Attributes:
-        resolution: side of a cell [m], positive.
-        origin: pose of the outer corner of cell (0, 0) in the map frame. Its yaw turns the whole grid.
-        cells: int8, shape (rows, cols): ``UNKNOWN`` (-1), or occupancy from 0 to 100, as nav_msgs/OccupancyGrid.
-
     Raises:
         MapError: a resolution that is not positive, or cells that are not a non-empty int8 table.
     """
 
-    resolution: float
-    origin: Pose
+    resolution: float  #: side of a cell [m], positive
+    origin: Pose  #: pose of the outer corner of cell (0, 0) in the map frame. Its yaw turns the whole grid.
+    #: int8, shape (rows, cols): ``UNKNOWN`` (-1), or occupancy from 0 to 100, as nav_msgs/OccupancyGrid
     cells: NDArray[np.int8] = field(repr=False)
 
     def __post_init__(self) -> None:

@@ -34,37 +34,24 @@ STANDSTILL = Velocity()
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """What a local planner decides on.
+    """What a local planner decides on."""
 
-    Attributes:
-        costmap: the local costmap.
-        pose: the robot's, in the local costmap's frame.
-        velocity: the robot's, measured.
-        local_from_global: pose of the global plan's frame in the local costmap's frame.
-        fastest: how fast to go [m/s] at most, for care in front of what the map does not know.
-    """
-
-    costmap: Costmap
-    pose: Pose
-    velocity: Velocity
-    local_from_global: Pose
-    fastest: float = math.inf
+    costmap: Costmap  #: the local costmap
+    pose: Pose  #: the robot's, in the local costmap's frame
+    velocity: Velocity  #: the robot's, measured
+    local_from_global: Pose  #: pose of the global plan's frame in the local costmap's frame
+    fastest: float = math.inf  #: how fast to go [m/s] at most, for care in front of what the map does not know
 
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """What to drive now, and why.
+    """What to drive now, and why."""
 
-    Attributes:
-        velocity: the command.
-        reached: the goal is reached; the command is to stand still.
-        local_plan: poses (n, 3) the command leads through, in the local frame; empty when there is none.
-        global_plan: the part of the plan (n, 3) in the local costmap, in the local frame.
-    """
-
-    velocity: Velocity = STANDSTILL
-    reached: bool = False
+    velocity: Velocity = STANDSTILL  #: the command
+    reached: bool = False  #: the goal is reached; the command is to stand still
+    #: poses (n, 3) the command leads through, in the local frame; empty when there is none
     local_plan: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    #: the part of the plan (n, 3) in the local costmap, in the local frame
     global_plan: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
 
 

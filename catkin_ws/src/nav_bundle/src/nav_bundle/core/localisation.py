@@ -33,15 +33,11 @@ class NoMapError(NavigationError):
 
 @dataclass(frozen=True, eq=False)
 class Update:
-    """What one scan led to.
+    """What one scan led to."""
 
-    Attributes:
-        estimate: where the robot was when the scan was taken; None when the particles were weighed, not resampled.
-        map_from_odom: the odometry frame's pose in the map; None as ``estimate``.
-    """
-
+    #: where the robot was when the scan was taken; None when the particles were weighed, not resampled
     estimate: Estimate | None
-    map_from_odom: Pose | None
+    map_from_odom: Pose | None  #: the odometry frame's pose in the map; None as ``estimate``
 
 
 class Localisation:
@@ -50,9 +46,6 @@ class Localisation:
     Args:
         config: amcl's parameters.
         generator: source of all randomness; equal ones give equal results.
-
-    Attributes:
-        agreement: share of the last scan's beams that fitted the map; 1 without ``refine_estimate``.
     """
 
     def __init__(self, config: AmclConfig, generator: np.random.Generator) -> None:
@@ -65,7 +58,7 @@ class Localisation:
         self._odom: Pose | None = None
         self._forced = self._scattered = False
         self._updates = self._doubts = 0
-        self.agreement = 1.0
+        self.agreement = 1.0  #: share of the last scan's beams that fitted the map; 1 without ``refine_estimate``
 
     @property
     def particles(self) -> NDArray[np.float64]:

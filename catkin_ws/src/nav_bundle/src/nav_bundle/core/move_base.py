@@ -89,33 +89,19 @@ class State:
 
 @dataclass(frozen=True)
 class Inputs:
-    """What happened since the last cycle.
+    """What happened since the last cycle."""
 
-    Attributes:
-        new_goal: a goal was accepted; it replaces the one under way.
-        cancel: the goal under way was cancelled.
-        pose: the robot's in the global frame, None when it is not known.
-        current: sensors, odometry and transforms are recent enough to drive on.
-        plan: how the search under way ended, if it did.
-        control: what the local planner wants, None when it found nothing to drive.
-        reached: the local planner says that the goal is reached.
-        recovery: what the recovery under way wants to drive.
-        recovered: the recovery under way has ended.
-        pushing: the robot is commanded to drive and does not move.
-        meeting: something that the map does not know is near: plans age fast.
-    """
-
-    new_goal: bool = False
-    cancel: bool = False
-    pose: Pose | None = None
-    current: bool = True
-    plan: PlanOutcome = PlanOutcome.NONE
-    control: Velocity | None = None
-    reached: bool = False
-    recovery: Velocity | None = None
-    recovered: bool = False
-    meeting: bool = False
-    pushing: bool = False
+    new_goal: bool = False  #: a goal was accepted; it replaces the one under way
+    cancel: bool = False  #: the goal under way was cancelled
+    pose: Pose | None = None  #: the robot's in the global frame, None when it is not known
+    current: bool = True  #: sensors, odometry and transforms are recent enough to drive on
+    plan: PlanOutcome = PlanOutcome.NONE  #: how the search under way ended, if it did
+    control: Velocity | None = None  #: what the local planner wants, None when it found nothing to drive
+    reached: bool = False  #: the local planner says that the goal is reached
+    recovery: Velocity | None = None  #: what the recovery under way wants to drive
+    recovered: bool = False  #: the recovery under way has ended
+    meeting: bool = False  #: something that the map does not know is near: plans age fast
+    pushing: bool = False  #: the robot is commanded to drive and does not move
 
 
 @dataclass(frozen=True)

@@ -101,13 +101,7 @@ class NavfnPlanner:
 
 
 class NavfnSearch:
-    """One search; its wave continues where the last call left it.
-
-    Attributes:
-        geometry: where the cells lie.
-        finish: makes the path that is returned of the one that was found.
-        follow_cells: the path leads from cell to cell instead of down the gradient.
-    """
+    """One search; its wave continues where the last call left it."""
 
     def __init__(
         self,
@@ -120,9 +114,10 @@ class NavfnSearch:
         weight: NDArray[np.float32],
         guided: bool = False,
     ) -> None:
-        self.geometry = geometry
+        self.geometry = geometry  #: where the cells lie
+        #: makes the path that is returned of the one that was found
         self.finish: Callable[[Path], Path] = lambda path: path
-        self.follow_cells = False
+        self.follow_cells = False  #: the path leads from cell to cell instead of down the gradient
         self._start, self._goal_cell, self._goal = start, goal_cell, goal
         self._tolerance = tolerance
         self._wave = Wave(costs, weight, start, _BAND)

@@ -42,44 +42,26 @@ _NO_POSE = "Unable to get starting pose of robot, unable to create global plan"
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """What is known about the robot in one cycle; None where it is not known.
+    """What is known about the robot in one cycle; None where it is not known."""
 
-    Attributes:
-        pose: in the global costmap's frame.
-        local_pose: in the local costmap's frame.
-        local_from_global: pose of the global costmap's frame in the local one's.
-        velocity: measured.
-        current: sensors, odometry and transforms are recent enough to drive on.
-    """
-
-    pose: Pose | None
-    local_pose: Pose | None = None
-    local_from_global: Pose | None = None
-    velocity: Velocity | None = None
-    current: bool = False
+    pose: Pose | None  #: in the global costmap's frame
+    local_pose: Pose | None = None  #: in the local costmap's frame
+    local_from_global: Pose | None = None  #: pose of the global costmap's frame in the local one's
+    velocity: Velocity | None = None  #: measured
+    current: bool = False  #: sensors, odometry and transforms are recent enough to drive on
 
 
 @dataclass(eq=False)
 class Cycle:
-    """What came of one cycle.
+    """What came of one cycle."""
 
-    Attributes:
-        command: what to drive, None to leave the base alone.
-        decision: what the local planner chose.
-        plan: the global plan that is followed from now on.
-        found: the search that found it.
-        recovery: the recovery behaviour that began.
-        finish: how the goal ended.
-        warnings: lines for the log.
-    """
-
-    command: Velocity | None = None
-    decision: Decision | None = None
-    plan: Path | None = None
-    found: Search | None = None
-    recovery: StartRecovery | None = None
-    finish: Finish | None = None
-    warnings: list[str] = field(default_factory=list)
+    command: Velocity | None = None  #: what to drive, None to leave the base alone
+    decision: Decision | None = None  #: what the local planner chose
+    plan: Path | None = None  #: the global plan that is followed from now on
+    found: Search | None = None  #: the search that found it
+    recovery: StartRecovery | None = None  #: the recovery behaviour that began
+    finish: Finish | None = None  #: how the goal ended
+    warnings: list[str] = field(default_factory=list)  #: lines for the log
 
 
 class Navigator:

@@ -31,35 +31,24 @@ GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Where the robot is thought to be.
+    """Where the robot is thought to be."""
 
-    Attributes:
-        pose: mean of the heaviest cluster of particles.
-        weight: that cluster's share of the weight, 0 … 1.
-        covariance: of all particles, over x [m], y [m], yaw [rad], shape (3, 3); yaw is not correlated.
-        cluster_covariance: of the heaviest cluster alone.
-    """
-
-    pose: Pose
-    weight: float
+    pose: Pose  #: mean of the heaviest cluster of particles
+    weight: float  #: that cluster's share of the weight, 0 … 1
+    #: of all particles, over x [m], y [m], yaw [rad], shape (3, 3); yaw is not correlated
     covariance: NDArray[np.float64]
-    cluster_covariance: NDArray[np.float64]
+    cluster_covariance: NDArray[np.float64]  #: of the heaviest cluster alone
 
 
 class FreeSpace:
-    """The free cells of a map, to draw poses from evenly; keeps one number a row, not one a cell.
-
-    Attributes:
-        grid: the map.
-        area: of its free cells [m²].
-    """
+    """The free cells of a map, to draw poses from evenly; keeps one number a row, not one a cell."""
 
     def __init__(self, grid: Grid, generator: np.random.Generator) -> None:
-        self.grid = grid
+        self.grid = grid  #: the map
         self._generator = generator
         self._cells = np.ascontiguousarray(grid.cells)
         self._until_row = np.cumsum(np.count_nonzero(grid.cells == FREE, axis=1), dtype=np.int64)
-        self.area = float(self._until_row[-1]) * grid.resolution**2
+        self.area = float(self._until_row[-1]) * grid.resolution**2  #: of its free cells [m²]
 
     def draw(self, count: int) -> NDArray[np.float64]:
         """Returns ``count`` poses, anywhere in free cells and at any heading; anywhere in the map if none is free."""
@@ -88,17 +77,13 @@ class FreeSpace:
 
 
 class ParticleFilter:
-    """Weighted poses in the map frame.
-
-    Attributes:
-        poses: x, y [m], yaw [rad], shape (n, 3), float64; n changes with each resampling.
-        weights: shape (n,), sum 1.
-    """
+    """Weighted poses in the map frame."""
 
     def __init__(self, config: AmclConfig, generator: np.random.Generator) -> None:
         self._config, self._generator = config, generator
+        #: x, y [m], yaw [rad], shape (n, 3), float64; n changes with each resampling
         self.poses: NDArray[np.float64] = np.zeros((config.max_particles, 3))
-        self.weights = _equal_weights(config.max_particles)
+        self.weights = _equal_weights(config.max_particles)  #: shape (n,), sum 1
         self._table, self._labels = _scratch(config.max_particles)
         self._slow = self._fast = 0.0
 

@@ -17,17 +17,11 @@ def angle_difference(first: float, second: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A pose in the plane, or the transform it stands for: ``parent_from_child``.
+    """A pose in the plane, or the transform it stands for: ``parent_from_child``."""
 
-    Attributes:
-        x: position [m] in the parent frame.
-        y: position [m] in the parent frame.
-        yaw: heading [rad], counter-clockwise from the parent's x axis; any number of turns.
-    """
-
-    x: float = 0.0
-    y: float = 0.0
-    yaw: float = 0.0
+    x: float = 0.0  #: position [m] in the parent frame
+    y: float = 0.0  #: position [m] in the parent frame
+    yaw: float = 0.0  #: heading [rad], counter-clockwise from the parent's x axis; any number of turns
 
     def compose(self, other: Self) -> "Pose":
         """Returns ``other``, a pose in this pose's frame, in the parent frame; yaw in [-pi, pi]."""

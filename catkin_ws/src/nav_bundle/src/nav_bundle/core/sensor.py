@@ -21,23 +21,15 @@ GATHERED = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """One planar laser scan.
+    """One planar laser scan."""
 
-    Attributes:
-        ranges: measured distances [m], shape (n,); NaN and anything at or beyond ``range_max`` is "nothing seen".
-        angle_min: direction of the first beam [rad] in the laser's frame.
-        angle_increment: angle between beams [rad]; negative for a laser mounted upside down.
-        range_min: shorter ranges count as nothing seen [m].
-        range_max: [m].
-        laser: pose of the laser in the robot's frame.
-    """
-
+    #: measured distances [m], shape (n,); NaN and anything at or beyond ``range_max`` is "nothing seen"
     ranges: NDArray[np.float32] = field(repr=False)
-    angle_min: float
-    angle_increment: float
-    range_min: float
-    range_max: float
-    laser: Pose
+    angle_min: float  #: direction of the first beam [rad] in the laser's frame
+    angle_increment: float  #: angle between beams [rad]; negative for a laser mounted upside down
+    range_min: float  #: shorter ranges count as nothing seen [m]
+    range_max: float  #: [m]
+    laser: Pose  #: pose of the laser in the robot's frame
 
     def thinned(self, beams: int, shortest: float, longest: float) -> "Beams":
         """Returns about ``beams`` beams spread over the scan, with range limits that bind where they are positive."""
@@ -70,13 +62,9 @@ class Beams:
 
 
 class SensorModel(Protocol):
-    """Judges particles by a scan.
+    """Judges particles by a scan."""
 
-    Attributes:
-        capacity: poses that it judges in half a second, more or less.
-    """
-
-    capacity: int
+    capacity: int  #: poses that it judges in half a second, more or less
 
     def likelihoods(self, particles: NDArray[np.float64], beams: Beams) -> NDArray[np.float64]:
         """Returns how well particles (x, y [m], yaw [rad], map frame; shape (n, 3)) explain the beams: shape (n,)."""
@@ -89,17 +77,12 @@ def placement(grid: Grid) -> NDArray[np.float64]:
 
 
 class DistanceField:
-    """How far each place of a map is from the nearest obstacle, in two bytes a cell.
-
-    Attributes:
-        cells: squared distances [cells²] between centres of cells, shape (rows, cols), at most the square of ``cap``.
-        cap: where the field ends [cells].
-        resolution: side of a cell [m].
-    """
+    """How far each place of a map is from the nearest obstacle, in two bytes a cell."""
 
     def __init__(self, grid: Grid, reach: float) -> None:
-        self.resolution = grid.resolution
-        self.cap = max(1, min(LONGEST_FIELD, math.ceil(reach / grid.resolution)))
+        self.resolution = grid.resolution  #: side of a cell [m]
+        self.cap = max(1, min(LONGEST_FIELD, math.ceil(reach / grid.resolution)))  #: where the field ends [cells]
+        #: squared distances [cells²] between centres of cells, shape (rows, cols), at most the square of ``cap``
         self.cells = kernel.Field(np.empty(grid.cells.shape, np.uint16), placement(grid))
         kernel.distance_field(np.ascontiguousarray(grid.cells), OCCUPIED, self.cap, self.cells.squares)
 
@@ -108,16 +91,13 @@ class LikelihoodField:
     """Obstacles blurred: how likely a beam ends at a place, by its distance to the nearest obstacle of the map.
 
     A table turns squared distances into likelihoods, so that weighing a particle needs no exponential.
-
-    Attributes:
-        field: the distances.
     """
 
     capacity = 600_000
 
     def __init__(self, config: AmclConfig, grid: Grid) -> None:
         self._config = config
-        self.field = DistanceField(grid, config.laser_likelihood_max_dist)
+        self.field = DistanceField(grid, config.laser_likelihood_max_dist)  #: the distances
         distances = np.sqrt(np.arange(self.field.cap**2 + 1)) * grid.resolution
         distances = np.minimum(distances, config.laser_likelihood_max_dist)
         self._hit = config.laser_z_hit * np.exp(-(distances**2) / (2.0 * config.laser_sigma_hit**2))

@@ -29,17 +29,14 @@ class TileMaps:
         x: [m], and
         y: of the corner of cell (0, 0); cells at negative rows and columns exist as well [m].
         delta: side of a cell [m].
-
-    Attributes:
-        pool: the tiles, as kernels/slam.py has them.
-        directories: tile numbers, int32, shape (count, tile rows, tile columns).
     """
 
     def __init__(self, count: int, x: float, y: float, delta: float) -> None:
         self._corner, self._delta = (x, y), delta
+        #: tile numbers, int32, shape (count, tile rows, tile columns)
         self.directories = np.empty((count, 0, 0), np.int32)
         self._first = (0, 0)  # tile row and column of the directories' first, from cell (0, 0)
-        self.pool = np.zeros((_FIRST, TILE * TILE, 4), np.uint16)
+        self.pool = np.zeros((_FIRST, TILE * TILE, 4), np.uint16)  #: the tiles, as kernels/slam.py has them
         self._users = np.zeros(_FIRST, np.int32)
         self._spare = self._unused()
 

@@ -29,28 +29,20 @@ class FrameError(TransformError):
 
 
 class ExtrapolationError(TransformError):
-    """The frames are joined, but not at the time asked for.
-
-    Attributes:
-        future: whether the time lies after the newest transform (wait for more) or before the oldest (too late).
-    """
+    """The frames are joined, but not at the time asked for."""
 
     def __init__(self, message: str, future: bool) -> None:
         super().__init__(message)
+        #: whether the time lies after the newest transform (wait for more) or before the oldest (too late)
         self.future = future
 
 
 @dataclass(frozen=True, slots=True)
 class Transform:
-    """A rigid transform ``target_from_source``: the pose of the source frame in the target frame.
+    """A rigid transform ``target_from_source``: the pose of the source frame in the target frame."""
 
-    Attributes:
-        translation: x, y, z [m].
-        rotation: unit quaternion x, y, z, w.
-    """
-
-    translation: Vector = (0.0, 0.0, 0.0)
-    rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+    translation: Vector = (0.0, 0.0, 0.0)  #: x, y, z [m]
+    rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)  #: unit quaternion x, y, z, w
 
     def compose(self, other: "Transform") -> "Transform":
         """Returns a_from_c for this a_from_b and ``other`` b_from_c."""
@@ -150,16 +142,11 @@ def _slerp(first: Quaternion, second: Quaternion, fraction: float) -> Quaternion
 
 
 class Edge:
-    """One child frame's transforms to its parent over the last seconds.
-
-    Attributes:
-        parent: frame the transforms lead to.
-        static: valid at all times; holds one transform.
-    """
+    """One child frame's transforms to its parent over the last seconds."""
 
     def __init__(self, parent: str, static: bool) -> None:
-        self.parent = parent
-        self.static = static
+        self.parent = parent  #: frame the transforms lead to
+        self.static = static  #: valid at all times; holds one transform
         self._stamps: list[float] = []
         self._transforms: list[Transform] = []
 

@@ -30,25 +30,15 @@ Cell = tuple[int, int]
 
 
 class Front(NamedTuple):
-    """The state of a wave over a grid.
+    """The state of a wave over a grid."""
 
-    Attributes:
-        potential: of the cells, shape (rows, cols).
-        waiting: 1 where a cell waits in a buffer.
-        costs: of the cells.
-        weights: what a cell of each cost adds, negative where nothing may pass, shape (256,).
-        queue: the buffers, shape (4, room).
-        counts: cells in each buffer.
-        limits: potential that is final, its step, bound of a guided wave, and its step.
-    """
-
-    potential: Array2[np.float32]
-    waiting: Array2[np.uint8]
-    costs: Array2[np.uint8]
-    weights: Array1[np.float32]
-    queue: Array2[np.int32]
-    counts: Array1[np.int64]
-    limits: Array1[np.float64]
+    potential: Array2[np.float32]  #: of the cells, shape (rows, cols)
+    waiting: Array2[np.uint8]  #: 1 where a cell waits in a buffer
+    costs: Array2[np.uint8]  #: of the cells
+    weights: Array1[np.float32]  #: what a cell of each cost adds, negative where nothing may pass, shape (256,)
+    queue: Array2[np.int32]  #: the buffers, shape (4, room)
+    counts: Array1[np.int64]  #: cells in each buffer
+    limits: Array1[np.float64]  #: potential that is final, its step, bound of a guided wave, and its step
 
 
 @njit

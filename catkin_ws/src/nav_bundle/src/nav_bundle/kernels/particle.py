@@ -20,19 +20,12 @@ OFFSET = 1 << 24
 
 
 class Draws(NamedTuple):
-    """The chances of one resampling; ``most`` is the largest number of particles.
+    """The chances of one resampling; ``most`` is the largest number of particles."""
 
-    Attributes:
-        cumulative: running sum of the particles' weights, ending at 1, shape (n,).
-        uniforms: from [0, 1), shape (most,).
-        renew: where not 0, the particle comes from ``fresh`` instead, shape (most,).
-        fresh: poses for those, shape (most, 3).
-    """
-
-    cumulative: Array1[np.float64]
-    uniforms: Array1[np.float64]
-    renew: Array1[np.uint8]
-    fresh: Array2[np.float64]
+    cumulative: Array1[np.float64]  #: running sum of the particles' weights, ending at 1, shape (n,)
+    uniforms: Array1[np.float64]  #: from [0, 1), shape (most,)
+    renew: Array1[np.uint8]  #: where not 0, the particle comes from ``fresh`` instead, shape (most,)
+    fresh: Array2[np.float64]  #: poses for those, shape (most, 3)
 
 
 class Limits(NamedTuple):

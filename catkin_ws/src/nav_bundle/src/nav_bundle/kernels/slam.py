@@ -39,39 +39,23 @@ class Maps(NamedTuple):
 
 
 class Matching(NamedTuple):
-    """How scans are matched.
+    """How scans are matched."""
 
-    Attributes:
-        sigma: [m].
-        lsigma: [m].
-        lstep: first step along x and y [m].
-        astep: first step of the heading [rad].
-        least: a particle whose best score is no better stays where it was (minimumScore).
-        iterations: halvings of the steps.
-        reach: cells about a beam's end in which an obstacle is looked for, along x and y (kernelSize).
-    """
-
-    sigma: float
-    lsigma: float
-    lstep: float
-    astep: float
-    least: float
-    iterations: int
-    reach: int
+    sigma: float  #: [m]
+    lsigma: float  #: [m]
+    lstep: float  #: first step along x and y [m]
+    astep: float  #: first step of the heading [rad]
+    least: float  #: a particle whose best score is no better stays where it was (minimumScore)
+    iterations: int  #: halvings of the steps
+    reach: int  #: cells about a beam's end in which an obstacle is looked for, along x and y (kernelSize)
 
 
 class Tiles(NamedTuple):
-    """The pool of tiles for writing.
+    """The pool of tiles for writing."""
 
-    Attributes:
-        pool: the tiles.
-        users: how many maps name each tile.
-        spare: the number k of unused tiles, then their numbers, of which the k-th is taken first.
-    """
-
-    pool: Array3[np.uint16]
-    users: Array1[np.int32]
-    spare: Array1[np.int32]
+    pool: Array3[np.uint16]  #: the tiles
+    users: Array1[np.int32]  #: how many maps name each tile
+    spare: Array1[np.int32]  #: the number k of unused tiles, then their numbers, of which the k-th is taken first
 
 
 @njit

@@ -23,27 +23,16 @@ _ROOM_FOR_ROBOT = 0.75
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """One course.
+    """One course."""
 
-    Attributes:
-        name: for rows.
-        walls: outlines of what the map shows, each that of one solid.
-        hidden: what stands there and is not in the map.
-        low: what stands there and lies below the laser.
-        start: of the robot.
-        goals: driven to one after the other.
-        limit: time for all goals [s].
-        reachable: whether the goals can be reached.
-    """
-
-    name: str
-    walls: tuple[Section, ...]
-    start: Pose
-    goals: tuple[Pose, ...]
-    hidden: Section = EMPTY
-    low: Section = EMPTY
-    limit: float = 120.0
-    reachable: bool = True
+    name: str  #: for rows
+    walls: tuple[Section, ...]  #: outlines of what the map shows, each that of one solid
+    start: Pose  #: of the robot
+    goals: tuple[Pose, ...]  #: driven to one after the other
+    hidden: Section = EMPTY  #: what stands there and is not in the map
+    low: Section = EMPTY  #: what stands there and lies below the laser
+    limit: float = 120.0  #: time for all goals [s]
+    reachable: bool = True  #: whether the goals can be reached
 
     @property
     def standing(self) -> Section:

@@ -9,21 +9,13 @@ from pioneer_bench.core.row import Row
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """What one subscriber got in one window, and what carrying it cost.
+    """What one subscriber got in one window, and what carrying it cost."""
 
-    Attributes:
-        messages: a second.
-        bytes: of the messages, a second.
-        cpu: of whatever carries them, CPU-s a second; 0 for a direct connection.
-        p50: half of the messages were quicker [s].
-        p99: 99 of 100 were quicker [s].
-    """
-
-    messages: float
-    bytes: float
-    cpu: float
-    p50: float
-    p99: float
+    messages: float  #: a second
+    bytes: float  #: of the messages, a second
+    cpu: float  #: of whatever carries them, CPU-s a second; 0 for a direct connection
+    p50: float  #: half of the messages were quicker [s]
+    p99: float  #: 99 of 100 were quicker [s]
 
 
 Flows = dict[str, list[Flow]]

@@ -5,35 +5,21 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """How much is sensed and published.
+    """How much is sensed and published."""
 
-    Attributes:
-        title: over the table.
-        robots: numbers of robots to run.
-        beams: of a scan.
-        scan_rate: [Hz].
-        odometry_rate: of odom and tf [Hz].
-        other_rate: of joint states and ground truth [Hz]; 0: nobody subscribes to them.
-        clock_rate: of ``/clock`` [Hz].
-        real_time_factor: to keep to; 0: as fast as possible.
-        goals: CPU-s a simulated second to reach, by number of robots.
-        least_factor: real-time factor to reach.
-        peers: cost of the peer, CPU-s a simulated second, by number of robots.
-        peer: who that is, and how it was run.
-    """
-
-    title: str
-    robots: tuple[int, ...]
-    beams: int = 180
-    scan_rate: float = 10.0
-    odometry_rate: float = 50.0
-    other_rate: float = 0.0
-    clock_rate: float = 100.0
-    real_time_factor: float = 1.0
-    goals: dict[int, float] = field(default_factory=dict)
-    least_factor: float | None = None
+    title: str  #: over the table
+    robots: tuple[int, ...]  #: numbers of robots to run
+    beams: int = 180  #: of a scan
+    scan_rate: float = 10.0  #: [Hz]
+    odometry_rate: float = 50.0  #: of odom and tf [Hz]
+    other_rate: float = 0.0  #: of joint states and ground truth [Hz]; 0: nobody subscribes to them
+    clock_rate: float = 100.0  #: of ``/clock`` [Hz]
+    real_time_factor: float = 1.0  #: to keep to; 0: as fast as possible
+    goals: dict[int, float] = field(default_factory=dict)  #: CPU-s a simulated second to reach, by number of robots
+    least_factor: float | None = None  #: real-time factor to reach
+    #: cost of the peer, CPU-s a simulated second, by number of robots
     peers: dict[int, float] = field(default_factory=dict)
-    peer: str = ""
+    peer: str = ""  #: who that is, and how it was run
 
 
 @dataclass(frozen=True, slots=True)

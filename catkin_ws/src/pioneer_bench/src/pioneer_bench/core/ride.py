@@ -43,35 +43,20 @@ BODY = np.array([[0.20, 0.20], [0.20, -0.20], [-0.30, -0.20], [-0.30, 0.20]])
 
 @dataclass
 class Ride:
-    """What one course showed.
+    """What one course showed."""
 
-    Attributes:
-        course: its name.
-        goals: how many it has.
-        reached: how many of them were reached.
-        seconds: simulated [s].
-        way: driven [m].
-        contacts: how often the body touched something.
-        clearance: least gap [m] between the body and what stands.
-        recoveries: how many behaviours began.
-        given_up: time [s] after which each aborted goal was given up.
-        stuck: whether the time ran out.
-        slow: share of the time in which the robot did not move at 5 cm/s or turn at 0.1 rad/s.
-        last: the last warning.
-    """
-
-    course: str
-    goals: int
-    reached: int = 0
-    seconds: float = 0.0
-    way: float = 0.0
-    contacts: int = 0
-    clearance: float = math.inf
-    recoveries: int = 0
-    given_up: tuple[float, ...] = ()
-    stuck: bool = False
-    slow: float = 0.0
-    last: str = ""
+    course: str  #: its name
+    goals: int  #: how many it has
+    reached: int = 0  #: how many of them were reached
+    seconds: float = 0.0  #: simulated [s]
+    way: float = 0.0  #: driven [m]
+    contacts: int = 0  #: how often the body touched something
+    clearance: float = math.inf  #: least gap [m] between the body and what stands
+    recoveries: int = 0  #: how many behaviours began
+    given_up: tuple[float, ...] = ()  #: time [s] after which each aborted goal was given up
+    stuck: bool = False  #: whether the time ran out
+    slow: float = 0.0  #: share of the time in which the robot did not move at 5 cm/s or turn at 0.1 rad/s
+    last: str = ""  #: the last warning
 
     def summary(self) -> str:
         """Returns the ride in one line."""

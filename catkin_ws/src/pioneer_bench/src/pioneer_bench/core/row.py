@@ -8,25 +8,15 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One figure.
+    """One figure."""
 
-    Attributes:
-        what: what was measured.
-        unit: of samples and goal.
-        samples: one for each repetition; none where it could not be measured.
-        goal: what the median is to reach; None where the row is for comparison.
-        every: whether each sample is to reach the goal, not only the median.
-        at_least: whether more is better.
-        remark: where the goal comes from, or what went wrong.
-    """
-
-    what: str
-    unit: str
-    samples: tuple[float, ...]
-    goal: float | None = None
-    at_least: bool = False
-    remark: str = ""
-    every: bool = False
+    what: str  #: what was measured
+    unit: str  #: of samples and goal
+    samples: tuple[float, ...]  #: one for each repetition; none where it could not be measured
+    goal: float | None = None  #: what the median is to reach; None where the row is for comparison
+    at_least: bool = False  #: whether more is better
+    remark: str = ""  #: where the goal comes from, or what went wrong
+    every: bool = False  #: whether each sample is to reach the goal, not only the median
 
     @property
     def median(self) -> float | None:

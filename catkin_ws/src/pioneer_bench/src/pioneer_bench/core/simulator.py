@@ -15,39 +15,23 @@ RSS_GOAL, RSS_GOAL_PER_ROBOT = 150.0, 1.0
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What one run measured.
+    """What one run measured."""
 
-    Attributes:
-        robots: how many drove.
-        beams: of a scan.
-        scan_rate: [Hz].
-        simulated: length of the window [simulated s].
-        wall: the same [s].
-        cpu: all threads of the simulator's process in the window [CPU-s].
-        first_step: from exec to the first tick, without robots [CPU-s].
-        rss: of the process at the end [MB].
-        scans: how many arrived.
-        scans_due: how many should have.
-        messages: of all topics that arrived, a simulated second.
-        asked_factor: real-time factor that was asked for; 0: as fast as possible, where subscribers may lose messages.
-        cost_goal: CPU-s a simulated second to reach; None where there is none.
-        factor_goal: real-time factor to reach; None where there is none.
-    """
-
-    robots: int
-    beams: int
-    scan_rate: float
-    simulated: float
-    wall: float
-    cpu: float
-    first_step: float
-    rss: float
-    scans: int
-    scans_due: int
-    messages: float
+    robots: int  #: how many drove
+    beams: int  #: of a scan
+    scan_rate: float  #: [Hz]
+    simulated: float  #: length of the window [simulated s]
+    wall: float  #: the same [s]
+    cpu: float  #: all threads of the simulator's process in the window [CPU-s]
+    first_step: float  #: from exec to the first tick, without robots [CPU-s]
+    rss: float  #: of the process at the end [MB]
+    scans: int  #: how many arrived
+    scans_due: int  #: how many should have
+    messages: float  #: of all topics that arrived, a simulated second
+    #: real-time factor that was asked for; 0: as fast as possible, where subscribers may lose messages
     asked_factor: float = 1.0
-    cost_goal: float | None = None
-    factor_goal: float | None = None
+    cost_goal: float | None = None  #: CPU-s a simulated second to reach; None where there is none
+    factor_goal: float | None = None  #: real-time factor to reach; None where there is none
 
     @property
     def factor(self) -> float:

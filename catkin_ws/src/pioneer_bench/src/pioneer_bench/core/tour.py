@@ -8,22 +8,15 @@ from pioneer_bench.core.row import Row
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Condition:
-    """What the robot drives with, and what is to be reached with it.
+    """What the robot drives with, and what is to be reached with it."""
 
-    Attributes:
-        title: over its rows.
-        odometry_scale: what the encoders believe of every wheel's diameter, as a part of the true one.
-        mapping: whether slam_gmapping draws the map that the robot drives in, instead of amcl in a given one.
-        mean: localisation error of a tour, at most [m]; None for no goal.
-        p95: the same of its 95th percentile [m].
-        peer: what the C++ stack reached, mean and 95th percentile [m]; None where nobody measured.
-    """
-
-    title: str
-    odometry_scale: float = 1.0
+    title: str  #: over its rows
+    odometry_scale: float = 1.0  #: what the encoders believe of every wheel's diameter, as a part of the true one
+    #: whether slam_gmapping draws the map that the robot drives in, instead of amcl in a given one
     mapping: bool = False
-    mean: float | None = None
-    p95: float | None = None
+    mean: float | None = None  #: localisation error of a tour, at most [m]; None for no goal
+    p95: float | None = None  #: the same of its 95th percentile [m]
+    #: what the C++ stack reached, mean and 95th percentile [m]; None where nobody measured
     peer: tuple[float, float] | None = None
 
 

@@ -10,15 +10,11 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 
 class Interrupted(DemoError):  # noqa: N818 - no error: a request
-    """The user, or the system, asked the command to end.
-
-    Attributes:
-        status: the exit status for it: 128 and the signal's number.
-    """
+    """The user, or the system, asked the command to end."""
 
     def __init__(self, number: int) -> None:
         super().__init__("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
-        self.status = 128 + number
+        self.status = 128 + number  #: the exit status for it: 128 and the signal's number
 
 
 class Interrupt:

@@ -16,15 +16,12 @@ class Display:
 
     On a terminal the block is drawn over itself, at most four times a second; elsewhere it is printed every five
     seconds. A new phase shows at once on both.
-
-    Attributes:
-        in_place: whether this is a terminal.
     """
 
     def __init__(self, output: TextIO = sys.stdout, columns: Callable[[], int] | None = None) -> None:
         """``columns`` returns the terminal's width; by default the system's answer."""
         self._output = output
-        self.in_place = output.isatty()
+        self.in_place = output.isatty()  #: whether this is a terminal
         self._columns = columns or (lambda: shutil.get_terminal_size().columns)
         self._drawn = 0
         self._next = 0.0

@@ -19,23 +19,15 @@ class Simulator:
 
 @dataclasses.dataclass
 class Fleet:
-    """All robots and their simulator.
+    """All robots and their simulator."""
 
-    Attributes:
-        robots: one track each, robot 1 first.
-        simulator: its newest figures.
-        began: simulated time when the waypoints were sent [s]; nan before.
-        ended: simulated time when the last of them was dealt with, or the demo ended otherwise [s]; nan before.
-        closest: smallest distance between the middles of two robots so far [m]; infinite with one.
-        traffic: what crosses between base station and robots.
-    """
-
-    robots: list[RobotTrack]
-    simulator: Simulator = dataclasses.field(default_factory=Simulator)
-    began: float = math.nan
+    robots: list[RobotTrack]  #: one track each, robot 1 first
+    simulator: Simulator = dataclasses.field(default_factory=Simulator)  #: its newest figures
+    began: float = math.nan  #: simulated time when the waypoints were sent [s]; nan before
+    #: simulated time when the last of them was dealt with, or the demo ended otherwise [s]; nan before
     ended: float = math.nan
-    closest: float = math.inf
-    traffic: Traffic = dataclasses.field(default_factory=Traffic)
+    closest: float = math.inf  #: smallest distance between the middles of two robots so far [m]; infinite with one
+    traffic: Traffic = dataclasses.field(default_factory=Traffic)  #: what crosses between base station and robots
 
     def note_distance(self, robot: RobotTrack) -> None:
         """Takes in how far a robot, which has just moved, is from the others."""

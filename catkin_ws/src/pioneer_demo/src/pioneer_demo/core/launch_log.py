@@ -15,19 +15,12 @@ _LOG = re.compile(r"\A\s*log file: (?P<path>.+)$", re.MULTILINE)
 
 @dataclasses.dataclass(frozen=True)
 class NodeDeath:
-    """A node that died.
+    """A node that died."""
 
-    Attributes:
-        name: its full name without the leading slash.
-        pid: its process number.
-        status: exit status, minus the signal's number where one ended it; None where roslaunch knows none.
-        log: pattern of its log files, empty where roslaunch names none.
-    """
-
-    name: str
-    pid: int
-    status: int | None
-    log: str
+    name: str  #: its full name without the leading slash
+    pid: int  #: its process number
+    status: int | None  #: exit status, minus the signal's number where one ended it; None where roslaunch knows none
+    log: str  #: pattern of its log files, empty where roslaunch names none
 
 
 def plain(text: str) -> str:

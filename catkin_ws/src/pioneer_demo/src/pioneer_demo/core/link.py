@@ -10,17 +10,11 @@ _LONGEST_QUEUE = 1.0
 
 @dataclasses.dataclass(frozen=True)
 class Condition:
-    """What a link does to each packet, in each direction.
+    """What a link does to each packet, in each direction."""
 
-    Attributes:
-        loss: share of packets that are lost.
-        delay: of each packet [s].
-        rate: of all packets [bit/s]; 0 for any.
-    """
-
-    loss: float = 0.0
-    delay: float = 0.0
-    rate: float = 0.0
+    loss: float = 0.0  #: share of packets that are lost
+    delay: float = 0.0  #: of each packet [s]
+    rate: float = 0.0  #: of all packets [bit/s]; 0 for any
 
     def __str__(self) -> str:
         parts = [(self.loss, f"{100 * self.loss:g} % loss"), (self.delay, f"{self.delay:g} s delay")]

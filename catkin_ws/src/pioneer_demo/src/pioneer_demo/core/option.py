@@ -17,43 +17,26 @@ OBSERVER = "fleet_observer"
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FleetConfig:
-    """What a fleet is to be.
+    """What a fleet is to be."""
 
-    Attributes:
-        robots: how many.
-        world: name of a world of pioneer_gazebo, or path of a .world file whose map has been drawn beside it.
-        seed: of the simulator's sensor noise and the filters, and of a demo's waypoints.
-        real_time_factor: wanted; 0 is as fast as the machine can.
-        processors: how many the factor was chosen for; 0 where it was given.
-        log: directory for what every process logs.
-        fleet: file that describes the robots; None for Pioneers.
-        names: the robots' names, in order.
-        traffic: whether the robots keep the right of way with one another.
-        record: file that the topics of all masters are recorded in; None for none.
-        web: whether the fleet page is served.
-        token: the secret by which a browser gets in there.
-        entries: the robots of a scenario; written as the fleet file.
-        parameters: of nodes, by names in a robot's namespace, or ``/gazebo/NAME``.
-        programs: command lines that also run on each robot's computer; ``{robot}`` is its name.
-        lockstep: whether simulated time waits for the robots' nodes in each period; the factor is 0 then.
-    """
-
-    robots: int = 2
+    robots: int = 2  #: how many
+    #: name of a world of pioneer_gazebo, or path of a .world file whose map has been drawn beside it
     world: str = "closed_maze"
-    seed: int = 1
-    real_time_factor: float = 1.0
-    processors: float = 0.0
-    log: Path = Path("fleet-log")
-    fleet: Path | None = None
-    names: tuple[str, ...] = ("pioneer1", "pioneer2")
-    traffic: bool = False
-    record: Path | None = None
-    web: bool = False
-    token: str = ""
-    entries: tuple[RobotEntry, ...] = ()
+    seed: int = 1  #: of the simulator's sensor noise and the filters, and of a demo's waypoints
+    real_time_factor: float = 1.0  #: wanted; 0 is as fast as the machine can
+    processors: float = 0.0  #: how many the factor was chosen for; 0 where it was given
+    log: Path = Path("fleet-log")  #: directory for what every process logs
+    fleet: Path | None = None  #: file that describes the robots; None for Pioneers
+    names: tuple[str, ...] = ("pioneer1", "pioneer2")  #: the robots' names, in order
+    traffic: bool = False  #: whether the robots keep the right of way with one another
+    record: Path | None = None  #: file that the topics of all masters are recorded in; None for none
+    web: bool = False  #: whether the fleet page is served
+    token: str = ""  #: the secret by which a browser gets in there
+    entries: tuple[RobotEntry, ...] = ()  #: the robots of a scenario; written as the fleet file
+    #: of nodes, by names in a robot's namespace, or ``/gazebo/NAME``
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    programs: tuple[str, ...] = ()
-    lockstep: bool = False
+    programs: tuple[str, ...] = ()  #: command lines that also run on each robot's computer; ``{robot}`` is its name
+    lockstep: bool = False  #: whether simulated time waits for the robots' nodes in each period; the factor is 0 then
 
     @property
     def choice(self) -> str:
@@ -98,28 +81,17 @@ class FleetConfig:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DemoConfig(FleetConfig):
-    """What a demo is to do.
+    """What a demo is to do."""
 
-    Attributes:
-        waypoints: a robot.
-        report: directory for report.json and fleet.png; the logs are in it.
-        limit: simulated time after which the fleet counts as stuck [s]; 0 is in proportion to the way.
-        video: where a film of the run goes; None for none.
-        goals: of each robot; empty for random waypoints.
-        faults: what goes wrong on purpose.
-        success: what the run must reach.
-        scenario: file that all this is from; None for the command line.
-    """
-
-    waypoints: int = 3
-    report: Path = Path("demo-report")
+    waypoints: int = 3  #: a robot
+    report: Path = Path("demo-report")  #: directory for report.json and fleet.png; the logs are in it
     log: Path = Path("demo-report/log")
-    limit: float = 0.0
-    video: Path | None = None
-    goals: tuple[tuple[Goal, ...], ...] = ()
-    faults: tuple[Fault, ...] = ()
-    success: Success = dataclasses.field(default_factory=Success)
-    scenario: Path | None = None
+    limit: float = 0.0  #: simulated time after which the fleet counts as stuck [s]; 0 is in proportion to the way
+    video: Path | None = None  #: where a film of the run goes; None for none
+    goals: tuple[tuple[Goal, ...], ...] = ()  #: of each robot; empty for random waypoints
+    faults: tuple[Fault, ...] = ()  #: what goes wrong on purpose
+    success: Success = dataclasses.field(default_factory=Success)  #: what the run must reach
+    scenario: Path | None = None  #: file that all this is from; None for the command line
 
     @property
     def rings(self) -> tuple[str, ...]:
@@ -160,20 +132,14 @@ class Parser(argparse.ArgumentParser):
 
 @dataclasses.dataclass(frozen=True)
 class Machine:
-    """What the options depend on.
+    """What the options depend on."""
 
-    Attributes:
-        places: for each world of pioneer_gazebo that has a map, how many robots have an initial pose in it.
-        places_elsewhere: how many have one in any other world.
-        processors: how many there are, by which the real-time factor is chosen unless the options do.
-        names_of: returns the names of the robots in a fleet file.
-        scenario_of: returns what a scenario's file says; raises OptionError where it is wrong.
-    """
-
+    #: for each world of pioneer_gazebo that has a map, how many robots have an initial pose in it
     places: Mapping[str, int]
-    places_elsewhere: int
-    processors: float
-    names_of: Callable[[Path], Sequence[str]] = lambda _: ()
+    places_elsewhere: int  #: how many have one in any other world
+    processors: float  #: how many there are, by which the real-time factor is chosen unless the options do
+    names_of: Callable[[Path], Sequence[str]] = lambda _: ()  #: returns the names of the robots in a fleet file
+    #: returns what a scenario's file says; raises OptionError where it is wrong
     scenario_of: Callable[[Path], Scenario] = lambda _: Scenario()
 
 

@@ -16,25 +16,15 @@ FORMAT = 1
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """How the demo ended.
+    """How the demo ended."""
 
-    Attributes:
-        success: every waypoint reached, no collision, every process ended when asked to.
-        faults: what was not so, a line each.
-        milestones: seconds of wall time since the command was typed, in the order they came.
-        seconds_to_moving: the same for the moment when the last robot had begun to move; nan if one never did.
-        drive_wall: wall time [s] between sending the waypoints and the end.
-        drive_cpu: CPU time [s] of all processes in that time.
-        costs: by kind of process, start-up included.
-    """
-
-    success: bool
-    faults: list[str]
-    milestones: Mapping[str, float]
-    seconds_to_moving: float
-    drive_wall: float
-    drive_cpu: float
-    costs: Mapping[str, Cost]
+    success: bool  #: every waypoint reached, no collision, every process ended when asked to
+    faults: list[str]  #: what was not so, a line each
+    milestones: Mapping[str, float]  #: seconds of wall time since the command was typed, in the order they came
+    seconds_to_moving: float  #: the same for the moment when the last robot had begun to move; nan if one never did
+    drive_wall: float  #: wall time [s] between sending the waypoints and the end
+    drive_cpu: float  #: CPU time [s] of all processes in that time
+    costs: Mapping[str, Cost]  #: by kind of process, start-up included
 
 
 def report(fleet: Fleet, outcome: Outcome, settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -25,39 +25,25 @@ class ScenarioRobot(RobotEntry):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Fault:
-    """One disturbance; exactly one of the first six fields after ``at`` is given.
+    """One disturbance; exactly one of the first six fields after ``at`` is given."""
 
-    Attributes:
-        at: simulated time since the waypoints were sent [s].
-        kill: a robot, or ``hub``: all processes of its computer are killed, and started again after ``lasts``.
-        freeze: a robot, or ``base station``: its gateway gets no processor, so that nothing crosses, for ``lasts``.
-        blind: a robot whose scans do not reach its computer for ``lasts``.
-        move: a robot that is put ``to`` another place.
-        door: a wall that stands for ``lasts``: middle x, y [m], direction [degrees] and length [m].
-        link: a robot whose computer's packets have ``loss``, ``delay`` and ``rate`` for ``lasts``, in each direction.
-        to: x, y [m], heading [degrees].
-        loss: share of packets that are lost; 1 cuts the link.
-        delay: of each packet, in wall time [s].
-        rate: of all packets, in wall time [bit/s]; 0 for any.
-        lasts: simulated time [s].
-        every: the fault is repeated after this simulated time [s] …
-        times: … so often in all.
-    """
-
-    at: float = 0.0
-    kill: str = ""
+    at: float = 0.0  #: simulated time since the waypoints were sent [s]
+    kill: str = ""  #: a robot, or ``hub``: all processes of its computer are killed, and started again after ``lasts``
+    #: a robot, or ``base station``: its gateway gets no processor, so that nothing crosses, for ``lasts``
     freeze: str = ""
-    blind: str = ""
-    move: str = ""
+    blind: str = ""  #: a robot whose scans do not reach its computer for ``lasts``
+    move: str = ""  #: a robot that is put ``to`` another place
+    #: a wall that stands for ``lasts``: middle x, y [m], direction [degrees] and length [m]
     door: tuple[float, ...] = ()
+    #: a robot whose computer's packets have ``loss``, ``delay`` and ``rate`` for ``lasts``, in each direction
     link: str = ""
-    to: tuple[float, ...] = ()
-    loss: float = 0.0
-    delay: float = 0.0
-    rate: float = 0.0
-    lasts: float = 0.0
-    every: float = 0.0
-    times: int = 1
+    to: tuple[float, ...] = ()  #: x, y [m], heading [degrees]
+    loss: float = 0.0  #: share of packets that are lost; 1 cuts the link
+    delay: float = 0.0  #: of each packet, in wall time [s]
+    rate: float = 0.0  #: of all packets, in wall time [bit/s]; 0 for any
+    lasts: float = 0.0  #: simulated time [s]
+    every: float = 0.0  #: the fault is repeated after this simulated time [s] …
+    times: int = 1  #: … so often in all
 
     def __post_init__(self) -> None:
         """Refuses what cannot be done."""
@@ -110,21 +96,13 @@ class Fault:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Success:
-    """What a run must reach.
+    """What a run must reach."""
 
-    Attributes:
-        reached: share of each robot's waypoints.
-        collisions: of each robot, at most.
-        seconds: simulated time until all are done, at most; None for any.
-        localisation_error: 95th percentile of each robot's [m], at most; None for any.
-        closest_approach: distance between the middles of any two robots [m], at least.
-    """
-
-    reached: float = 1.0
-    collisions: int = 0
-    seconds: float | None = None
-    localisation_error: float | None = None
-    closest_approach: float = 0.0
+    reached: float = 1.0  #: share of each robot's waypoints
+    collisions: int = 0  #: of each robot, at most
+    seconds: float | None = None  #: simulated time until all are done, at most; None for any
+    localisation_error: float | None = None  #: 95th percentile of each robot's [m], at most; None for any
+    closest_approach: float = 0.0  #: distance between the middles of any two robots [m], at least
 
     def __post_init__(self) -> None:
         """Refuses what cannot be reached."""
@@ -134,41 +112,25 @@ class Success:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """One run.
+    """One run."""
 
-    Attributes:
-        about: what it shows, in a sentence.
-        world: name of a world, or a ``.world`` file with its map beside it.
-        robots: how many Pioneers, at the world's initial poses; or a list of robots.
-        waypoints: random ones of each robot that has no goals of its own.
-        rounds: how often a robot with goals drives them.
-        seed: of waypoints, sensors' noise and filters.
-        real_time_factor: simulated seconds a second; 0 is as fast as possible; None what the processors carry.
-        traffic: whether robots keep the right of way with one another.
-        lockstep: whether simulated time waits for the robots' nodes in each period.
-        navigation: YAML file of move_base parameters, for robots that have none of their own; empty for none.
-        parameters: of nodes, by names in each robot's namespace (``amcl/min_particles``), or ``/gazebo/NAME``.
-        programs: command lines that also run on each robot's computer; ``{robot}`` is its name.
-        faults: what goes wrong.
-        success: what the run must reach.
-        limit: simulated time after which it counts as stuck [s]; 0 is in proportion to the way.
-    """
-
-    about: str = ""
-    world: str = "closed_maze"
-    robots: int | tuple[ScenarioRobot, ...] = 2
-    waypoints: int = 3
-    rounds: int = 1
-    seed: int = 1
+    about: str = ""  #: what it shows, in a sentence
+    world: str = "closed_maze"  #: name of a world, or a ``.world`` file with its map beside it
+    robots: int | tuple[ScenarioRobot, ...] = 2  #: how many Pioneers, at the world's initial poses; or a list of robots
+    waypoints: int = 3  #: random ones of each robot that has no goals of its own
+    rounds: int = 1  #: how often a robot with goals drives them
+    seed: int = 1  #: of waypoints, sensors' noise and filters
+    #: simulated seconds a second; 0 is as fast as possible; None what the processors carry
     real_time_factor: float | None = None
-    traffic: bool = False
-    lockstep: bool = False
-    navigation: str = ""
+    traffic: bool = False  #: whether robots keep the right of way with one another
+    lockstep: bool = False  #: whether simulated time waits for the robots' nodes in each period
+    navigation: str = ""  #: YAML file of move_base parameters, for robots that have none of their own; empty for none
+    #: of nodes, by names in each robot's namespace (``amcl/min_particles``), or ``/gazebo/NAME``
     parameters: dict[str, Any] = dataclasses.field(default_factory=dict)
-    programs: tuple[str, ...] = ()
-    faults: tuple[Fault, ...] = ()
-    success: Success = dataclasses.field(default_factory=Success)
-    limit: float = 0.0
+    programs: tuple[str, ...] = ()  #: command lines that also run on each robot's computer; ``{robot}`` is its name
+    faults: tuple[Fault, ...] = ()  #: what goes wrong
+    success: Success = dataclasses.field(default_factory=Success)  #: what the run must reach
+    limit: float = 0.0  #: simulated time after which it counts as stuck [s]; 0 is in proportion to the way
 
     def __post_init__(self) -> None:
         """Checks what depends on more than one field; names robots that have no name."""

@@ -23,23 +23,16 @@ METRICS = {
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Study:
-    """A study's file.
+    """A study's file."""
 
-    Attributes:
-        scenario: name of a shipped scenario, or a file.
-        about: what it is to find out.
-        variants: by name, what each changes in the scenario; the first is what the others are compared with.
-        runs: of each variant, with seeds from ``first_seed`` on.
-        first_seed: of the first run of each variant.
-        program: command line in place of ``run-scenario``; it gets ``FILE --seed S --report DIR`` and writes
-            DIR/report.json as the demo does.
-    """
-
-    scenario: str
-    about: str = ""
+    scenario: str  #: name of a shipped scenario, or a file
+    about: str = ""  #: what it is to find out
+    #: by name, what each changes in the scenario; the first is what the others are compared with
     variants: dict[str, dict[str, Any]] = dataclasses.field(default_factory=lambda: {"as it is": {}})
-    runs: int = 10
-    first_seed: int = 1
+    runs: int = 10  #: of each variant, with seeds from ``first_seed`` on
+    first_seed: int = 1  #: of the first run of each variant
+    #: command line in place of ``run-scenario``; it gets ``FILE --seed S --report DIR`` and writes DIR/report.json as
+    #: the demo does
     program: str = ""
 
     def __post_init__(self) -> None:

@@ -14,23 +14,14 @@ MOST_JOBS = 1000
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ExperimentConfig:
-    """What an experiment is to do.
+    """What an experiment is to do."""
 
-    Attributes:
-        study: its file.
-        runs: of each variant; 0 for what the file says.
-        jobs: workers on this machine.
-        scheduler: address of a dask scheduler to use in their place; empty for none.
-        output: the study's folder.
-        keep: whether each run's own report and logs stay.
-    """
-
-    study: Path
-    runs: int = 0
-    jobs: int = 1
-    scheduler: str = ""
-    output: Path
-    keep: bool = False
+    study: Path  #: its file
+    runs: int = 0  #: of each variant; 0 for what the file says
+    jobs: int = 1  #: workers on this machine
+    scheduler: str = ""  #: address of a dask scheduler to use in their place; empty for none
+    output: Path  #: the study's folder
+    keep: bool = False  #: whether each run's own report and logs stay
 
 
 def experiment_config(arguments: Sequence[str], machine: Machine) -> ExperimentConfig:

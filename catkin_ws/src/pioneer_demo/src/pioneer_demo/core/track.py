@@ -19,21 +19,13 @@ _ODOMETRY_KEPT = 400
 
 @dataclasses.dataclass
 class Visit:
-    """One waypoint as it went.
+    """One waypoint as it went."""
 
-    Attributes:
-        leg: where it is and the way the demo saw to it.
-        planned: the first plan of move_base towards it, in ``map``.
-        reached: None while under way, then whether it was reached.
-        time: simulated time of that [s].
-        distance: true distance to the waypoint at that moment [m].
-    """
-
-    leg: Leg
-    planned: Points = dataclasses.field(default_factory=list)
-    reached: bool | None = None
-    time: float = math.nan
-    distance: float = math.nan
+    leg: Leg  #: where it is and the way the demo saw to it
+    planned: Points = dataclasses.field(default_factory=list)  #: the first plan of move_base towards it, in ``map``
+    reached: bool | None = None  #: None while under way, then whether it was reached
+    time: float = math.nan  #: simulated time of that [s]
+    distance: float = math.nan  #: true distance to the waypoint at that moment [m]
 
 
 class RobotTrack:

@@ -5,15 +5,10 @@ import dataclasses
 
 @dataclasses.dataclass
 class Traffic:
-    """Messages and their bytes on the connections of the base station's gateway, since the last `restart`.
+    """Messages and their bytes on the connections of the base station's gateway, since the last `restart`."""
 
-    Attributes:
-        messages: in both directions; of a service, calls.
-        bytes: of the messages, before compression.
-    """
-
-    messages: int = 0
-    bytes: int = 0
+    messages: int = 0  #: in both directions; of a service, calls
+    bytes: int = 0  #: of the messages, before compression
     _seen: dict[str, tuple[int, int]] = dataclasses.field(default_factory=dict)
 
     def add(self, connection: str, messages: int, size: int) -> None:

@@ -37,17 +37,11 @@ class WaypointConfig:
 
 @dataclasses.dataclass(frozen=True)
 class Leg:
-    """The way to one waypoint.
+    """The way to one waypoint."""
 
-    Attributes:
-        goal: in the frame ``map``; the heading is whole degrees, in the direction of arrival.
-        way: cells of a shortest way as positions [m], array [n, 2].
-        length: of that way [m].
-    """
-
-    goal: Pose
-    way: NDArray[np.float64]
-    length: float
+    goal: Pose  #: in the frame ``map``; the heading is whole degrees, in the direction of arrival
+    way: NDArray[np.float64]  #: cells of a shortest way as positions [m], array [n, 2]
+    length: float  #: of that way [m]
 
 
 def fleet_waypoints(

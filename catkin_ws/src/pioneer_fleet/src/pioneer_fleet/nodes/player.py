@@ -13,18 +13,13 @@ _SLICE = 0.1
 
 
 class Pace:
-    """When recorded messages are due.
-
-    Attributes:
-        jump: where to continue [ns of the recording]; None to stay in order.
-        paused: whether none is due.
-    """
+    """When recorded messages are due."""
 
     def __init__(self, rate: float, end: threading.Event) -> None:
         """``rate`` is how many recorded seconds pass in one; ``end`` ends it early."""
         self._rate, self._end, self._looked = rate, end, 0.0
-        self.jump: int | None = None
-        self.paused = False
+        self.jump: int | None = None  #: where to continue [ns of the recording]; None to stay in order
+        self.paused = False  #: whether none is due
         self.at = 0
         """The recorded time [ns]."""
 

@@ -12,15 +12,11 @@ _TWIST = struct.Struct("<6d")
 
 
 class CommandMessage(Twist):  # type: ignore[misc]
-    """A geometry_msgs/Twist that reads and writes its six numbers at once, without the Vector3 objects.
-
-    Attributes:
-        command: the velocity.
-    """
+    """A geometry_msgs/Twist that reads and writes its six numbers at once, without the Vector3 objects."""
 
     def __init__(self, *args: Any, **fields: Any) -> None:
         super().__init__(*args, **fields)
-        self.command: Command = ZERO
+        self.command: Command = ZERO  #: the velocity
 
     def serialize(self, buff: io.BytesIO) -> None:
         """Writes ``command``."""

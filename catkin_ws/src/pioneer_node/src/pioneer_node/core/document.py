@@ -16,15 +16,11 @@ Kind = TypeVar("Kind")
 
 
 class DocumentError(ParameterError):
-    """A document that cannot be used.
-
-    Attributes:
-        place: of what is wrong.
-    """
+    """A document that cannot be used."""
 
     def __init__(self, text: str, *place: str | int) -> None:
         super().__init__(text)
-        self.place: Place = place
+        self.place: Place = place  #: of what is wrong
 
     def within(self, *outer: str | int) -> "DocumentError":
         """Returns the error as one of the document that has this one at ``outer``."""

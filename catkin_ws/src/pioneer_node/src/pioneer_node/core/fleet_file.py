@@ -18,21 +18,14 @@ class FleetFileError(ParameterError):
 
 @dataclasses.dataclass(frozen=True)
 class RobotEntry:
-    """One robot of a fleet.
+    """One robot of a fleet."""
 
-    Attributes:
-        name: its name, namespace and tf prefix.
-        description: xacro or URDF file; empty for the Pioneer.
-        pose: where it starts: x, y [m] and heading a [rad] in ``map``; empty for its place of the world's.
-        navigation: YAML file of move_base parameters that replace those of pioneer_2dnav; empty for none.
-        laser: topic of its scans, in its namespace.
-    """
-
-    name: str = ""
-    description: str = ""
+    name: str = ""  #: its name, namespace and tf prefix
+    description: str = ""  #: xacro or URDF file; empty for the Pioneer
+    #: where it starts: x, y [m] and heading a [rad] in ``map``; empty for its place of the world's
     pose: dict[str, float] = dataclasses.field(default_factory=dict)
-    navigation: str = ""
-    laser: str = "base_scan"
+    navigation: str = ""  #: YAML file of move_base parameters that replace those of pioneer_2dnav; empty for none
+    laser: str = "base_scan"  #: topic of its scans, in its namespace
 
 
 def fleet_from_mapping(content: Any, source: str) -> tuple[RobotEntry, ...]:

@@ -22,19 +22,12 @@ _UNBOUNDED: dict[str, tuple[Value, Value]] = {
 
 @dataclasses.dataclass(frozen=True)
 class Live:
-    """Marks a field of a configuration as one that may change: ``speed: Annotated[float, Live(0.0, 20.0)] = 0.55``.
+    """Marks a field of a configuration as one that may change: ``speed: Annotated[float, Live(0.0, 20.0)] = 0.55``."""
 
-    Attributes:
-        low: least value, None for none.
-        high: greatest value, None for none.
-        choices: the only values, by name; empty for any.
-        whole: whether clients see and set a whole number where the field holds a float.
-    """
-
-    low: float | None = None
-    high: float | None = None
-    choices: tuple[tuple[str, Value], ...] = ()
-    whole: bool = False
+    low: float | None = None  #: least value, None for none
+    high: float | None = None  #: greatest value, None for none
+    choices: tuple[tuple[str, Value], ...] = ()  #: the only values, by name; empty for any
+    whole: bool = False  #: whether clients see and set a whole number where the field holds a float
 
 
 def one_of(*values: str) -> Live:
@@ -44,23 +37,14 @@ def one_of(*values: str) -> Live:
 
 @dataclasses.dataclass(frozen=True)
 class LiveParameter:
-    """One parameter that may change.
+    """One parameter that may change."""
 
-    Attributes:
-        name: as in the configuration.
-        kind: ``bool``, ``int``, ``double`` or ``str``.
-        default: what the configuration's class says.
-        low: least value; for texts an empty one.
-        high: greatest value; for texts an empty one.
-        choices: the only values, by name; empty for any.
-    """
-
-    name: str
-    kind: str
-    default: Value
-    low: Value
-    high: Value
-    choices: tuple[tuple[str, Value], ...] = ()
+    name: str  #: as in the configuration
+    kind: str  #: ``bool``, ``int``, ``double`` or ``str``
+    default: Value  #: what the configuration's class says
+    low: Value  #: least value; for texts an empty one
+    high: Value  #: greatest value; for texts an empty one
+    choices: tuple[tuple[str, Value], ...] = ()  #: the only values, by name; empty for any
 
     def clamped(self, value: Value) -> Value:
         """Returns ``value`` within the bounds."""

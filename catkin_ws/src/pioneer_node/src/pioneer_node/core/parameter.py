@@ -17,14 +17,10 @@ class ParameterError(ValueError):
 
 
 class UnknownNames:
-    """What happens to parameters that a node does not read: a warning each, once, as they have no effect in Noetic.
-
-    Attributes:
-        strict: whether they are refused instead.
-    """
+    """What happens to parameters that a node does not read: a warning each, once, as they have no effect in Noetic."""
 
     def __init__(self) -> None:
-        self.strict = False
+        self.strict = False  #: whether they are refused instead
         self._reported: set[str] = set()
 
     def report(self, owner: str, name: str, known: Collection[str], above: str = "") -> None:

@@ -25,22 +25,17 @@ class Exchange:
     not take part, but no scans, point clouds, odometry, ``/clock`` and ``/tf`` of theirs.
 
     Threads: ``deliver``, ``run_timers`` and ``take`` belong to the one that handles tokens; any may publish.
-
-    Attributes:
-        name: of this node.
-        partners: nodes that take part, this one too, whose messages come in tokens.
-        wanted: topics to which anybody in lockstep subscribes.
     """
 
     current: "Exchange | None" = None
     """Of this process, where it takes part."""
 
     def __init__(self, name: str) -> None:
-        self.name = name
-        self.partners: tuple[str, ...] = ()
+        self.name = name  #: of this node
+        self.partners: tuple[str, ...] = ()  #: nodes that take part, this one too, whose messages come in tokens
         self.timers: list[_Timer] = []
         self.latched: list[_Publisher] = []
-        self.wanted: frozenset[str] = frozenset()
+        self.wanted: frozenset[str] = frozenset()  #: topics to which anybody in lockstep subscribes
         self._listeners: dict[str, list[_Subscriber]] = {}
         self._sent: list[LockstepMessage] = []
         self._parts: dict[str, dict[bytes, bytes]] = {}

@@ -19,21 +19,14 @@ from pioneer_traffic.core.roadmap import Roadmap
 
 @dataclass(frozen=True)
 class CoordinatorConfig:
-    """Times [s] and distances [m].
+    """Times [s] and distances [m]."""
 
-    Attributes:
-        horizon: places that a robot takes ahead.
-        reach: distance at which a place or the waypoint counts as reached: the navigation's goal tolerance and a bit.
-        lease: a robot that has not been heard for so long is gone: an obstacle where it was last heard of.
-        patience: how long to wait at the start for robots that are expected.
-        replan_period: least time between two plans of one robot.
-    """
-
-    horizon: int = 3
+    horizon: int = 3  #: places that a robot takes ahead
+    #: distance at which a place or the waypoint counts as reached: the navigation's goal tolerance and a bit
     reach: float = 0.3
-    lease: float = 2.0
-    patience: float = 20.0
-    replan_period: float = 0.4
+    lease: float = 2.0  #: a robot that has not been heard for so long is gone: an obstacle where it was last heard of
+    patience: float = 20.0  #: how long to wait at the start for robots that are expected
+    replan_period: float = 0.4  #: least time between two plans of one robot
 
 
 class Coordinator:
@@ -44,10 +37,6 @@ class Coordinator:
         roadmap: the same for all robots.
         config: the same for all robots.
         expected: the other robots' names, as far as they are known.
-
-    Attributes:
-        route: points to drive to now, one after the other; the last is where to stop. Empty: stay.
-        finished: whether the waypoint has been reached.
     """
 
     def __init__(
@@ -67,8 +56,9 @@ class Coordinator:
         self._track: list[int] = []  # places taken, from the one reached last
         self._aside: tuple[int, ...] = ()  # places held beside the track: on the way to it, or off it
         self._made_at, self._made_for = -math.inf, ""
+        #: points to drive to now, one after the other; the last is where to stop. Empty: stay.
         self.route: list[Point] = []
-        self.finished = False
+        self.finished = False  #: whether the waypoint has been reached
 
     @property
     def report(self) -> Report:

@@ -18,19 +18,12 @@ Configuration = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Problem:
-    """Who stands where and wants to go where.
+    """Who stands where and wants to go where."""
 
-    Attributes:
-        graph: neighbours of each place; a way into a place that is closed to all is left out.
-        starts: a place for each robot, all different.
-        distances: for each robot, the number of steps from each place to where it wants to be.
-        goals: for each robot the place it must be at in the end, None where that does not matter.
-    """
-
-    graph: Graph
-    starts: Configuration
-    distances: Sequence[Sequence[int]]
-    goals: Sequence[int | None]
+    graph: Graph  #: neighbours of each place; a way into a place that is closed to all is left out
+    starts: Configuration  #: a place for each robot, all different
+    distances: Sequence[Sequence[int]]  #: for each robot, the number of steps from each place to where it wants to be
+    goals: Sequence[int | None]  #: for each robot the place it must be at in the end, None where that does not matter
 
 
 @dataclass

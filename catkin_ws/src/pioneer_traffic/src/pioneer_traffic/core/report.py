@@ -27,55 +27,35 @@ class Wait(NamedTuple):
 
 @dataclass(frozen=True)
 class Plan:
-    """Who goes where after whom.
-
-    Attributes:
-        held: by robot, the places it held when the plan was made.
-        paths: by robot, places from the last one held on.
-        regions: by robot, the places about its own that it alone may use, to leave the roadmap.
-        waits: an order of passing that no robot may break.
-    """
+    """Who goes where after whom."""
 
     id: PlanId = field(default_factory=PlanId)
+    #: by robot, the places it held when the plan was made
     held: dict[str, tuple[int, ...]] = field(default_factory=dict)
-    paths: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    paths: dict[str, tuple[int, ...]] = field(default_factory=dict)  #: by robot, places from the last one held on
+    #: by robot, the places about its own that it alone may use, to leave the roadmap
     regions: dict[str, tuple[int, ...]] = field(default_factory=dict)
-    waits: tuple[Wait, ...] = ()
+    waits: tuple[Wait, ...] = ()  #: an order of passing that no robot may break
 
 
 @dataclass(frozen=True)
 class Report:
-    """State of one robot, as all others get it a few times a second.
+    """State of one robot, as all others get it a few times a second."""
 
-    Attributes:
-        robot: its name.
-        roadmap: signature of its roadmap; robots with another one do not take part.
-        position: x, y [m], frame map.
-        held: places that it is at or may go to without asking, its next stop last; empty while it has no place.
-        goal: place it wants to be at; -1 without.
-        since: when it got that goal [s]; the longest wait goes first.
-        region: places about its goal that must be free when it leaves the roadmap there.
-        out: it is off the roadmap, within its region, until it is back at its stop.
-        adopted: the plan it follows.
-        reached: how much of its path in that plan it has driven: index of a place, -1 before the first.
-        ready: the newest plan it knows. While that is not the adopted one, it takes no further place.
-        heard: robots it has heard lately.
-        plan: the newest plan that it has made itself.
-    """
-
-    robot: str
-    roadmap: int
-    position: Point
+    robot: str  #: its name
+    roadmap: int  #: signature of its roadmap; robots with another one do not take part
+    position: Point  #: x, y [m], frame map
+    #: places that it is at or may go to without asking, its next stop last; empty while it has no place
     held: tuple[int, ...] = ()
-    goal: int = -1
-    since: float = 0.0
-    region: tuple[int, ...] = ()
-    out: bool = False
-    adopted: PlanId = NO_PLAN
-    reached: int = -1
-    ready: PlanId = NO_PLAN
-    heard: tuple[str, ...] = ()
-    plan: Plan | None = None
+    goal: int = -1  #: place it wants to be at; -1 without
+    since: float = 0.0  #: when it got that goal [s]; the longest wait goes first
+    region: tuple[int, ...] = ()  #: places about its goal that must be free when it leaves the roadmap there
+    out: bool = False  #: it is off the roadmap, within its region, until it is back at its stop
+    adopted: PlanId = NO_PLAN  #: the plan it follows
+    reached: int = -1  #: how much of its path in that plan it has driven: index of a place, -1 before the first
+    ready: PlanId = NO_PLAN  #: the newest plan it knows. While that is not the adopted one, it takes no further place.
+    heard: tuple[str, ...] = ()  #: robots it has heard lately
+    plan: Plan | None = None  #: the newest plan that it has made itself
 
     @property
     def stop(self) -> int:

@@ -28,21 +28,16 @@ _HALF_CELL = 0.7
 
 @dataclass(frozen=True)
 class RoadmapConfig:
-    """How places are chosen; all [m].
+    """How places are chosen; all [m]."""
 
-    Attributes:
-        spacing: between places that a way joins, at least.
-        clearance: between a robot's way and where another may be, at least: more than the robot's largest diameter.
-        turning_radius: room about a place, wherever there is so much: a bit more than a robot needs to turn.
-        driving_radius: room about a place, at least, for a turn; and about a way, wherever there is so much.
-        passing_radius: room about a way, at least: half of the narrowest passage to use.
-    """
-
-    spacing: float = 1.0
+    spacing: float = 1.0  #: between places that a way joins, at least
+    #: between a robot's way and where another may be, at least: more than the robot's largest diameter
     clearance: float = 0.8
+    #: room about a place, wherever there is so much: a bit more than a robot needs to turn
     turning_radius: float = 0.41
+    #: room about a place, at least, for a turn; and about a way, wherever there is so much
     driving_radius: float = 0.37
-    passing_radius: float = 0.28
+    passing_radius: float = 0.28  #: room about a way, at least: half of the narrowest passage to use
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,15 +74,10 @@ class FreeSpace:
 
 @dataclass
 class Roadmap:
-    """Places and the ways between them.
+    """Places and the ways between them."""
 
-    Attributes:
-        places: x, y [m], frame map.
-        neighbours: of each place, those that a straight way leads to, ascending.
-    """
-
-    places: list[Point]
-    neighbours: list[list[int]]
+    places: list[Point]  #: x, y [m], frame map
+    neighbours: list[list[int]]  #: of each place, those that a straight way leads to, ascending
     config: RoadmapConfig = field(default_factory=RoadmapConfig)
     space: FreeSpace | None = None
 

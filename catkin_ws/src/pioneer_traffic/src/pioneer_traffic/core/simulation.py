@@ -64,23 +64,14 @@ class Body:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a trial showed.
+    """What a trial showed."""
 
-    Attributes:
-        reached: waypoints reached, of all robots.
-        asked: waypoints given.
-        contacts: pairs of robots, and robots at walls, that touched.
-        finished: when each robot reached its last waypoint [s]; inf where it did not.
-        gap: least distance between two footprints [m].
-        shared: whether two robots ever held one place.
-    """
-
-    reached: int
-    asked: int
-    contacts: int
-    finished: tuple[float, ...]
-    gap: float
-    shared: bool
+    reached: int  #: waypoints reached, of all robots
+    asked: int  #: waypoints given
+    contacts: int  #: pairs of robots, and robots at walls, that touched
+    finished: tuple[float, ...]  #: when each robot reached its last waypoint [s]; inf where it did not
+    gap: float  #: least distance between two footprints [m]
+    shared: bool  #: whether two robots ever held one place
 
 
 class Trial:

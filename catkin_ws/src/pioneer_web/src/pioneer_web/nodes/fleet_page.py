@@ -34,25 +34,15 @@ _SENT = ("map_goal_pose", "initialpose", "map_goal_client/cancel", "move_base/ca
 
 @dataclasses.dataclass(frozen=True)
 class PageConfig:
-    """Parameters.
+    """Parameters."""
 
-    Attributes:
-        host: address to listen on; others than the loopback want TLS.
-        port: TCP port.
-        session_hours: after which a session must log in again [h].
-        tls_directory: with the machine's ``tls.crt`` and ``tls.key``, as ``make_certificates`` makes them.
-        insecure: listens on other addresses without TLS too.
-        masters: what recordings are of, "NAME=URI …"; empty for this node's master only.
-        recordings: folder of their files.
-    """
-
-    host: str = "127.0.0.1"
-    port: int = 8090
-    session_hours: float = 12.0
-    tls_directory: str = ""
-    insecure: bool = False
-    masters: str = ""
-    recordings: str = "~/.ros/recordings"
+    host: str = "127.0.0.1"  #: address to listen on; others than the loopback want TLS
+    port: int = 8090  #: TCP port
+    session_hours: float = 12.0  #: after which a session must log in again [h]
+    tls_directory: str = ""  #: with the machine's ``tls.crt`` and ``tls.key``, as ``make_certificates`` makes them
+    insecure: bool = False  #: listens on other addresses without TLS too
+    masters: str = ""  #: what recordings are of, "NAME=URI …"; empty for this node's master only
+    recordings: str = "~/.ros/recordings"  #: folder of their files
 
     def __post_init__(self) -> None:
         if not 0 < self.port < 65536:

@@ -41,19 +41,13 @@ class Action(enum.StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """One rule to ask for.
+    """One rule to ask for."""
 
-    Attributes:
-        kind: "publisher" or "subscriber", seen from this gateway for a flip and from the other for a pull; "parameter".
-        name: the topic, or a pattern.
-        node: the node, or a pattern; empty for any.
-        gateway: the other gateway; empty for an advertisement.
-    """
-
+    #: "publisher" or "subscriber", seen from this gateway for a flip and from the other for a pull; "parameter"
     kind: str
-    name: str
-    node: str = ""
-    gateway: str = ""
+    name: str  #: the topic, or a pattern
+    node: str = ""  #: the node, or a pattern; empty for any
+    gateway: str = ""  #: the other gateway; empty for an advertisement
 
     def __str__(self) -> str:
         return ", ".join(part for part in (self.gateway, self.name, self.kind, self.node) if part)

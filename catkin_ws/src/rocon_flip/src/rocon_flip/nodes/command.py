@@ -17,21 +17,13 @@ from rocon_flip.nodes.gateway_client import GatewayClient
 
 
 class Script(NamedTuple):
-    """A script whose arguments are words.
+    """A script whose arguments are words."""
 
-    Attributes:
-        action: what it asks the gateway for.
-        wishes: the rules that follow from its arguments.
-        usage: the arguments, and which options of `_SHARED` it has.
-        least: how many arguments it needs.
-        most: how many it takes.
-    """
-
-    action: Action
-    wishes: Callable[[list[str]], list[Wish]]
-    usage: str = ""
-    least: int = 0
-    most: int = 0
+    action: Action  #: what it asks the gateway for
+    wishes: Callable[[list[str]], list[Wish]]  #: the rules that follow from its arguments
+    usage: str = ""  #: the arguments, and which options of `_SHARED` it has
+    least: int = 0  #: how many arguments it needs
+    most: int = 0  #: how many it takes
 
 
 def _seen_at_hub(arguments: list[str]) -> list[Wish]:

@@ -28,17 +28,11 @@ class HandshakeError(RuleSetError):
 
 @dataclass(frozen=True)
 class SenderConfig:
-    """Parameters of `test_sender`.
+    """Parameters of `test_sender`."""
 
-    Attributes:
-        gateway: the gateway where `test_receiver` runs.
-        count: how many messages must come back.
-        timeout: within which each must [s].
-    """
-
-    gateway: str = rule_set.HUB_GATEWAY
-    count: int = 10
-    timeout: float = 30.0
+    gateway: str = rule_set.HUB_GATEWAY  #: the gateway where `test_receiver` runs
+    count: int = 10  #: how many messages must come back
+    timeout: float = 30.0  #: within which each must [s]
 
     def __post_init__(self) -> None:
         """Raises RuleSetError for invalid parameter values."""

@@ -72,19 +72,14 @@ def test_a_password_that_does_not_fit_is_one_line(fleet, tmp_path, hubs, ours, s
 
 
 class Rogue:
-    """A host without the password that announces a hub by mDNS and answers those who come.
-
-    Attributes:
-        heard: all that anybody has sent it.
-        port: where it listens.
-    """
+    """A host without the password that announces a hub by mDNS and answers those who come."""
 
     def __init__(self, name: str, answers: Callable[[bytes], bytes]) -> None:
-        self.heard: list[bytes] = []
+        self.heard: list[bytes] = []  #: all that anybody has sent it
         self._answers = answers
         self._listener = socket.create_server(("127.0.0.1", 0))
         threading.Thread(target=self._serve, daemon=True).start()
-        self.port = self._listener.getsockname()[1]
+        self.port = self._listener.getsockname()[1]  #: where it listens
         self._announcement = Announcement(name, self.port, everywhere=False, tls=False)
         self._announcement.refresh()
 

@@ -17,21 +17,14 @@ class SpinConfig:
 
 @dataclass(frozen=True)
 class SpinState:
-    """What the recovery remembers.
+    """What the recovery remembers."""
 
-    Attributes:
-        now: time of the newest step [s].
-        standing_since: since when a goal has been active without a command that moves; None while it is not so.
-        turning_until: end of the turn under way; None when there is none.
-        direction: side last commanded, 1 counter-clockwise or -1.
-        active: whether move_base has an active goal.
-    """
-
-    now: float = 0.0
+    now: float = 0.0  #: time of the newest step [s]
+    #: since when a goal has been active without a command that moves; None while it is not so
     standing_since: float | None = None
-    turning_until: float | None = None
-    direction: float = 1.0
-    active: bool = False
+    turning_until: float | None = None  #: end of the turn under way; None when there is none
+    direction: float = 1.0  #: side last commanded, 1 counter-clockwise or -1
+    active: bool = False  #: whether move_base has an active goal
 
     @property
     def turning(self) -> bool:

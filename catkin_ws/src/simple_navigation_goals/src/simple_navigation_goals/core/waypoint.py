@@ -10,22 +10,15 @@ from simple_navigation_goals.core.error import WaypointError
 class Waypoint:
     """A pose in the plane of some frame.
 
-    Attributes:
-        x: position [m].
-        y: position [m].
-        yaw: heading [rad], counter-clockwise from the frame's x axis.
-        frame: name of the frame, without leading slash.
-        wait: how long to stand there once it is reached [s].
-
     Raises:
         WaypointError: a number that is not finite, or a negative wait.
     """
 
-    x: float
-    y: float
-    yaw: float
-    frame: str
-    wait: float = 0.0
+    x: float  #: position [m]
+    y: float  #: position [m]
+    yaw: float  #: heading [rad], counter-clockwise from the frame's x axis
+    frame: str  #: name of the frame, without leading slash
+    wait: float = 0.0  #: how long to stand there once it is reached [s]
 
     def __post_init__(self) -> None:
         for name in ("x", "y", "yaw", "wait"):

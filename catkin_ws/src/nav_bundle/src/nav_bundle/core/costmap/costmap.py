@@ -23,17 +23,11 @@ class Costmap:
     """Costs around a robot, either fixed in a map's frame or rolling with the robot.
 
     Not thread-safe: one owner updates and reads it.
-
-    Attributes:
-        config: what it was made from.
-        footprint: the robot's padded outline.
-        geometry: where the cells lie.
-        cells: uint8, shape (rows, cols), C-contiguous.
     """
 
     def __init__(self, config: CostmapConfig) -> None:
-        self.config = config
-        self.footprint = config.outline()
+        self.config = config  #: what it was made from
+        self.footprint = config.outline()  #: the robot's padded outline
         self._static = _static_layers(config)
         self._obstacles: list[ObstacleLayer] = []
         self._obstacle_at: dict[int, ObstacleLayer] = {}
@@ -41,8 +35,8 @@ class Costmap:
         self._layers: list[StaticLayer | ObstacleLayer | FleetLayer | InflationLayer] = []
         self._margin = 0
         self._pending = EMPTY
-        self.geometry = self._own_geometry()
-        self.cells: Cells = np.empty((0, 0), np.uint8)
+        self.geometry = self._own_geometry()  #: where the cells lie
+        self.cells: Cells = np.empty((0, 0), np.uint8)  #: uint8, shape (rows, cols), C-contiguous
         self._resize(self.geometry)
 
     def _own_geometry(self) -> Geometry:

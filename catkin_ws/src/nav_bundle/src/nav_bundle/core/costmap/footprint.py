@@ -19,20 +19,17 @@ class FootprintError(NavigationError):
 
 
 class Footprint:
-    """A polygon around the robot's origin.
-
-    Attributes:
-        vertices: float64, shape (n, 2) [m], in the robot's frame, n at least 3.
-        inscribed_radius: of the largest circle around the origin inside the polygon [m].
-        circumscribed_radius: of the smallest circle around the origin that holds the polygon [m].
-    """
+    """A polygon around the robot's origin."""
 
     def __init__(self, vertices: NDArray[np.float64], padding: float = 0.0) -> None:
+        #: float64, shape (n, 2) [m], in the robot's frame, n at least 3
         self.vertices: NDArray[np.float64] = np.ascontiguousarray(vertices + np.sign(vertices) * padding, np.float64)
         following = np.roll(self.vertices, -1, axis=0)
+        #: of the largest circle around the origin inside the polygon [m]
         self.inscribed_radius = min(
             _distance_to_segment(*first, *second) for first, second in zip(self.vertices, following, strict=True)
         )
+        #: of the smallest circle around the origin that holds the polygon [m]
         self.circumscribed_radius = float(np.hypot(self.vertices[:, 0], self.vertices[:, 1]).max())
 
     def outline(self, pose: Pose) -> NDArray[np.float64]:

@@ -36,14 +36,11 @@ class Observation:
 
 
 class StaticLayer:
-    """The map, as costs.
-
-    Attributes:
-        cells: the map's costs in the costmap's cells, unknown where the map does not reach; None without a map.
-    """
+    """The map, as costs."""
 
     def __init__(self, config: StaticConfig) -> None:
         self.config = config
+        #: the map's costs in the costmap's cells, unknown where the map does not reach; None without a map
         self.cells: Cells | None = None
         self._map: Cells | None = None
         self._place = Geometry(0.0, 0.0, 1.0, 0, 0)

@@ -13,17 +13,11 @@ Graph = Mapping[str, Collection[str]]
 
 @dataclass(frozen=True)
 class Targets:
-    """Where to say stop.
+    """Where to say stop."""
 
-    Attributes:
-        commands: velocity topics of robots, ``…/pioneer/cmd_vel``.
-        actions: names of move_base actions that somebody serves, ``…/move_base``.
-        clears: services that clear a waypoint client's queue, ``…/clear``.
-    """
-
-    commands: frozenset[str] = frozenset()
-    actions: frozenset[str] = frozenset()
-    clears: frozenset[str] = frozenset()
+    commands: frozenset[str] = frozenset()  #: velocity topics of robots, ``…/pioneer/cmd_vel``
+    actions: frozenset[str] = frozenset()  #: names of move_base actions that somebody serves, ``…/move_base``
+    clears: frozenset[str] = frozenset()  #: services that clear a waypoint client's queue, ``…/clear``
 
     def of(self, robots: Collection[str]) -> "Targets":
         """Returns those in the namespaces ``robots``; all of them where no robot is named."""

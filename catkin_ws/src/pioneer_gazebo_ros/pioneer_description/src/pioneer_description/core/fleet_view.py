@@ -16,17 +16,11 @@ _HUE_STEP = 0.065
 
 @dataclasses.dataclass(frozen=True)
 class RobotView:
-    """What RViz has to know of a robot.
+    """What RViz has to know of a robot."""
 
-    Attributes:
-        name: its namespace and tf prefix.
-        laser: topic of its scans.
-        description: parameter of its model.
-    """
-
-    name: str
-    laser: str
-    description: str = "robot_description"
+    name: str  #: its namespace and tf prefix
+    laser: str  #: topic of its scans
+    description: str = "robot_description"  #: parameter of its model
 
 
 @dataclasses.dataclass(frozen=True)

@@ -33,15 +33,10 @@ class SceneError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """An orthographic view from above, x to the right, y up.
+    """An orthographic view from above, x to the right, y up."""
 
-    Attributes:
-        centre: of the picture, in the fixed frame [m].
-        scale: [pixels/m].
-    """
-
-    centre: Point
-    scale: float
+    centre: Point  #: of the picture, in the fixed frame [m]
+    scale: float  #: [pixels/m]
 
     def around(self, image: Image, point: Point, radius: float) -> Image:
         """Returns the square of half-width `radius` [m] around a point; empty where it is outside."""
@@ -56,21 +51,13 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """Something that must be seen.
+    """Something that must be seen."""
 
-    Attributes:
-        robot: whose; "" for what belongs to all.
-        what: in words, "scan".
-        colour: red, green, blue; None for the many colours of a costmap.
-        radius: it must be seen this near to the robot [m]; 0 for anywhere.
-        least: pixels.
-    """
-
-    robot: str
-    what: str
-    colour: tuple[int, int, int] | None
-    radius: float = 0.0
-    least: int = 8
+    robot: str  #: whose; "" for what belongs to all
+    what: str  #: in words, "scan"
+    colour: tuple[int, int, int] | None  #: red, green, blue; None for the many colours of a costmap
+    radius: float = 0.0  #: it must be seen this near to the robot [m]; 0 for anywhere
+    least: int = 8  #: pixels
 
     def __str__(self) -> str:
         return f"{self.robot}'s {self.what}" if self.robot else f"the {self.what}"

@@ -27,21 +27,13 @@ _KINDS = {
 
 @dataclass(frozen=True, slots=True)
 class Made:
-    """A body in the engine. pybullet numbers a base -1 and its links from 0.
+    """A body in the engine. pybullet numbers a base -1 and its links from 0."""
 
-    Attributes:
-        body: what it was made of.
-        centres: of each part, the frame seen from its centre of mass.
-        links: pybullet's number of each part.
-        hosts: the part that each of pybullet's numbers belongs to, base first.
-        solid: pybullet's numbers of what meets more than the ground.
-    """
-
-    body: Body
-    centres: list[Pose]
-    links: list[int]
-    hosts: list[int]
-    solid: list[int]
+    body: Body  #: what it was made of
+    centres: list[Pose]  #: of each part, the frame seen from its centre of mass
+    links: list[int]  #: pybullet's number of each part
+    hosts: list[int]  #: the part that each of pybullet's numbers belongs to, base first
+    solid: list[int]  #: pybullet's numbers of what meets more than the ground
 
 
 def make_body(body: Body, pose: Pose, client: int) -> tuple[int, Made]:

@@ -40,17 +40,12 @@ def _repaired(data: bytes) -> bytes:
 
 
 class Element:
-    """An XML element that knows which file it is from.
-
-    Attributes:
-        tag: its name.
-        source: what errors call the file.
-    """
+    """An XML element that knows which file it is from."""
 
     def __init__(self, node: etree._Element, source: str) -> None:
         self._node = node
-        self.source = source
-        self.tag = str(node.tag)
+        self.source = source  #: what errors call the file
+        self.tag = str(node.tag)  #: its name
 
     @classmethod
     def from_text(cls, text: str | bytes, source: str, notes: Notes | None = None) -> Self:

@@ -49,27 +49,16 @@ _CLEARANCE, _APART = 0.45, 1.2
 
 @dataclasses.dataclass(frozen=True)
 class State:
-    """A robot after a step, for rewards.
+    """A robot after a step, for rewards."""
 
-    Attributes:
-        pose: in the world.
-        distance: to its goal [m].
-        progress: by how much that has become less in this step [m].
-        speed: of the body [m/s].
-        turn: of the body [rad/s].
-        reached: whether it is at its goal.
-        collided: whether it began to touch something in this step.
-        nearest: smallest range of its scan [m].
-    """
-
-    pose: Pose
-    distance: float
-    progress: float
-    speed: float
-    turn: float
-    reached: bool
-    collided: bool
-    nearest: float
+    pose: Pose  #: in the world
+    distance: float  #: to its goal [m]
+    progress: float  #: by how much that has become less in this step [m]
+    speed: float  #: of the body [m/s]
+    turn: float  #: of the body [rad/s]
+    reached: bool  #: whether it is at its goal
+    collided: bool  #: whether it began to touch something in this step
+    nearest: float  #: smallest range of its scan [m]
 
 
 Reward = Callable[[State], float]

@@ -42,19 +42,12 @@ RADIUS_OF_GYRATION = 0.1
 
 @dataclass(frozen=True)
 class Scope:
-    """What the reading of one file needs to know.
+    """What the reading of one file needs to know."""
 
-    Attributes:
-        directory: of the file, for relative paths.
-        models: search path of ``model://``.
-        notes: takes what is left out.
-        tolerant: whether an invalid element is noted and left out, as Gazebo does with worlds, or an error.
-    """
-
-    directory: Path
-    models: Sequence[Path]
-    notes: Notes
-    tolerant: bool = False
+    directory: Path  #: of the file, for relative paths
+    models: Sequence[Path]  #: search path of ``model://``
+    notes: Notes  #: takes what is left out
+    tolerant: bool = False  #: whether an invalid element is noted and left out, as Gazebo does with worlds, or an error
 
     @contextmanager
     def leaving_out(self) -> Iterator[None]:

@@ -31,42 +31,25 @@ LED_INERTIA = Inertia(LED_MASS, LED_MASS, LED_MASS)
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One rigid part.
+    """One rigid part."""
 
-    Attributes:
-        name: of its first link.
-        parent: index of the part that carries it; -1 for the base.
-        joint: what connects it to its parent; None for the base. Its pose is in the parent part's frame.
-        mass: [kg]; 0 for a base that is held where it stands.
-        inertia: principal moments; its pose is that of the centre of mass and the principal axes in the part.
-        touches: the shapes.
-        visuals: what cameras see; poses are in the part's frame.
-        frames: (link name, pose in the part) of every link that is lumped here.
-    """
-
-    name: str
-    parent: int
-    joint: Joint | None
-    mass: float
-    inertia: Inertia
-    touches: tuple[Touch, ...]
-    frames: tuple[tuple[str, Pose], ...]
-    visuals: tuple[Visual, ...] = ()
+    name: str  #: of its first link
+    parent: int  #: index of the part that carries it; -1 for the base
+    joint: Joint | None  #: what connects it to its parent; None for the base. Its pose is in the parent part's frame.
+    mass: float  #: [kg]; 0 for a base that is held where it stands
+    inertia: Inertia  #: principal moments; its pose is that of the centre of mass and the principal axes in the part
+    touches: tuple[Touch, ...]  #: the shapes
+    frames: tuple[tuple[str, Pose], ...]  #: (link name, pose in the part) of every link that is lumped here
+    visuals: tuple[Visual, ...] = ()  #: what cameras see; poses are in the part's frame
 
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """A tree of parts, base first and depth first: behind each part stands all that it carries.
+    """A tree of parts, base first and depth first: behind each part stands all that it carries."""
 
-    Attributes:
-        name: of the model.
-        parts: the tree.
-        led: pushes and is not pushed: it goes where it is led, through all that stands.
-    """
-
-    name: str
-    parts: tuple[Part, ...]
-    led: bool = False
+    name: str  #: of the model
+    parts: tuple[Part, ...]  #: the tree
+    led: bool = False  #: pushes and is not pushed: it goes where it is led, through all that stands
 
     def part_of(self, link: str) -> tuple[int, Pose]:
         """Returns the index of the part that holds ``link`` and the link's pose in it.

@@ -28,21 +28,13 @@ class CommandError(SimulatorError):
 
 @dataclass(frozen=True, slots=True)
 class Odometry:
-    """Where the robot believes it is, in its odom frame.
+    """Where the robot believes it is, in its odom frame."""
 
-    Attributes:
-        x: [m].
-        y: [m].
-        yaw: [rad].
-        speed: forward [m/s].
-        turn: [rad/s].
-    """
-
-    x: float = 0.0
-    y: float = 0.0
-    yaw: float = 0.0
-    speed: float = 0.0
-    turn: float = 0.0
+    x: float = 0.0  #: [m]
+    y: float = 0.0  #: [m]
+    yaw: float = 0.0  #: [rad]
+    speed: float = 0.0  #: forward [m/s]
+    turn: float = 0.0  #: [rad/s]
 
     def towards(self, other: "Odometry", part: float) -> "Odometry":
         """Returns the state at ``part`` (0 … 1) of the way to ``other``."""

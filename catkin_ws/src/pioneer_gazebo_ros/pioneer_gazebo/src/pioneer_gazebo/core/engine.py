@@ -36,40 +36,24 @@ STILL = Velocity()
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """A point where a body touches something.
+    """A point where a body touches something."""
 
-    Attributes:
-        part: index of the body's part.
-        other: handle of the other body; None for the standing world.
-        other_part: index of the other body's part; 0 for the standing world.
-        position: on the other's surface [m].
-        normal: unit vector from the other towards the body.
-        depth: penetration [m]; negative while the surfaces are apart.
-        force: along the normal [N].
-    """
-
-    part: int
-    other: int | None
-    other_part: int
-    position: Vector
-    normal: Vector
-    depth: float
-    force: float
+    part: int  #: index of the body's part
+    other: int | None  #: handle of the other body; None for the standing world
+    other_part: int  #: index of the other body's part; 0 for the standing world
+    position: Vector  #: on the other's surface [m]
+    normal: Vector  #: unit vector from the other towards the body
+    depth: float  #: penetration [m]; negative while the surfaces are apart
+    force: float  #: along the normal [N]
 
 
 @dataclass(frozen=True, slots=True)
 class Physics:
-    """Settings of the engine.
+    """Settings of the engine."""
 
-    Attributes:
-        step: [s] of one step.
-        iterations: of the constraint solver.
-        gravity: [m/s²].
-    """
-
-    step: float = 0.02
-    iterations: int = 20
-    gravity: Vector = (0.0, 0.0, -9.81)
+    step: float = 0.02  #: [s] of one step
+    iterations: int = 20  #: of the constraint solver
+    gravity: Vector = (0.0, 0.0, -9.81)  #: [m/s²]
 
 
 class Engine(Protocol):

@@ -19,22 +19,14 @@ COMMANDS_KEPT = 100
 
 @dataclass(slots=True)
 class Driven:
-    """A drive together with what it turns.
+    """A drive together with what it turns."""
 
-    Attributes:
-        drive: wheel speeds and odometry.
-        parts: of the left wheels, then of as many right ones.
-        torque: at each wheel [N m].
-        handle: of the body in the engine.
-        before: odometry after the step before the last one.
-        commands: what is still to be obeyed: tick, speed [m/s], turn [rad/s]. The newest counts, so few are kept.
-    """
-
-    drive: Drive
-    parts: tuple[int, ...]
-    torque: float
-    handle: int = -1
-    before: Odometry = field(default_factory=Odometry)
+    drive: Drive  #: wheel speeds and odometry
+    parts: tuple[int, ...]  #: of the left wheels, then of as many right ones
+    torque: float  #: at each wheel [N m]
+    handle: int = -1  #: of the body in the engine
+    before: Odometry = field(default_factory=Odometry)  #: odometry after the step before the last one
+    #: what is still to be obeyed: tick, speed [m/s], turn [rad/s]. The newest counts, so few are kept.
     commands: deque[tuple[int, float, float]] = field(default_factory=lambda: deque(maxlen=COMMANDS_KEPT))
 
     def command(self, tick: int, speed: float, turn: float) -> None:
@@ -77,19 +69,12 @@ class Driven:
 
 @dataclass(frozen=True, slots=True)
 class Mounted:
-    """A fan of beams on a robot.
+    """A fan of beams on a robot."""
 
-    Attributes:
-        device: the sensor it stands for.
-        laser: casts the beams.
-        part: of the body that carries it.
-        pose: in that part.
-    """
-
-    device: LaserSensor | SonarSensor
-    laser: Laser
-    part: int
-    pose: Pose
+    device: LaserSensor | SonarSensor  #: the sensor it stands for
+    laser: Laser  #: casts the beams
+    part: int  #: of the body that carries it
+    pose: Pose  #: in that part
 
 
 def mounted_on(body: Body, name: str, device: LaserSensor | SonarSensor, seed: int) -> Mounted:
@@ -129,17 +114,12 @@ def _y(body: Body, number: int) -> float:
 
 @dataclass(slots=True)
 class Mover:
-    """What moves a base in the plane, in any direction.
+    """What moves a base in the plane, in any direction."""
 
-    Attributes:
-        config: names of topics and frames.
-        commands: what is still to be obeyed: tick, velocity ahead and to the left [m/s], turn rate [rad/s].
-        motion: what is obeyed now.
-    """
-
-    config: PlanarMove
+    config: PlanarMove  #: names of topics and frames
+    #: what is still to be obeyed: tick, velocity ahead and to the left [m/s], turn rate [rad/s]
     commands: deque[tuple[int, float, float, float]] = field(default_factory=lambda: deque(maxlen=COMMANDS_KEPT))
-    motion: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    motion: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: what is obeyed now
 
     def command(self, tick: int, ahead: float, left: float, turn: float) -> None:
         """Takes a motion that came at ``tick``; any thread may call this. Raises CommandError."""
@@ -171,45 +151,28 @@ class Mover:
 
 @dataclass(slots=True, eq=False)
 class Entity:
-    """A body in the engine and what the simulator keeps of it.
+    """A body in the engine and what the simulator keeps of it."""
 
-    Attributes:
-        name: of the model.
-        namespace: of its topics, without slashes at the ends; empty for none.
-        body: as the engine knows it.
-        outline: what lasers see where its base is; the parts that swing apart from it are `Swinging`.
-        handle: the engine's number.
-        initial: where it was spawned, and returns to on a reset.
-        robot: what it was read from; None for a model without sensors and plugins.
-        before: pose before the last step; kept only where something between the two is asked for.
-        after: pose after the step ``seen``.
-        seen: tick that `after` was read at.
-        number: its row among all that moves.
-        at_rest: whether the engine may let it sleep.
-        script: what moves it in place of physics; None for a body of its own.
-        began: tick at which its script began.
-        motion: velocity that the script gave it in the last step.
-    """
-
-    name: str
-    namespace: str
-    body: Body
-    handle: int
-    initial: Pose
-    robot: Robot | None = None
+    name: str  #: of the model
+    namespace: str  #: of its topics, without slashes at the ends; empty for none
+    body: Body  #: as the engine knows it
+    handle: int  #: the engine's number
+    initial: Pose  #: where it was spawned, and returns to on a reset
+    robot: Robot | None = None  #: what it was read from; None for a model without sensors and plugins
     drives: list[Driven] = field(default_factory=list)
     movers: list[Mover] = field(default_factory=list)
     lasers: list[Mounted] = field(default_factory=list)
     sonars: list[Mounted] = field(default_factory=list)
-    before: Pose = IDENTITY
-    after: Pose = IDENTITY
-    seen: int = 0
+    before: Pose = IDENTITY  #: pose before the last step; kept only where something between the two is asked for
+    after: Pose = IDENTITY  #: pose after the step ``seen``
+    seen: int = 0  #: tick that `after` was read at
     collisions: CollisionCounter = field(default_factory=CollisionCounter)
-    number: int = 0
-    at_rest: bool = False
-    script: Script | None = None
-    began: int = 0
-    motion: Velocity = STILL
+    number: int = 0  #: its row among all that moves
+    at_rest: bool = False  #: whether the engine may let it sleep
+    script: Script | None = None  #: what moves it in place of physics; None for a body of its own
+    began: int = 0  #: tick at which its script began
+    motion: Velocity = STILL  #: velocity that the script gave it in the last step
+    #: what lasers see where its base is; the parts that swing apart from it are `Swinging`
     outline: Body = field(init=False)
 
     def touch_name(self, part: int) -> str:

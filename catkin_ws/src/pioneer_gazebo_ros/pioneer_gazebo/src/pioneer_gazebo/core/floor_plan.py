@@ -22,23 +22,14 @@ ACROSS, DOWN = 4, 2
 
 @dataclass(frozen=True, slots=True)
 class Measures:
-    """What the head of a plan says, all in metres.
+    """What the head of a plan says, all in metres."""
 
-    Attributes:
-        cell: side of a cell.
-        x: of the drawing's lower left corner.
-        y: of the drawing's lower left corner.
-        thickness: of a wall.
-        height: of walls, pillars and solid cells.
-        pillar: radius of a pillar.
-    """
-
-    cell: float = 1.0
-    x: float = 0.0
-    y: float = 0.0
-    thickness: float = 0.1
-    height: float = 0.8
-    pillar: float = 0.2
+    cell: float = 1.0  #: side of a cell
+    x: float = 0.0  #: of the drawing's lower left corner
+    y: float = 0.0  #: of the drawing's lower left corner
+    thickness: float = 0.1  #: of a wall
+    height: float = 0.8  #: of walls, pillars and solid cells
+    pillar: float = 0.2  #: radius of a pillar
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,37 +13,21 @@ WORLD = "world"
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """A joint between two links.
+    """A joint between two links."""
 
-    Attributes:
-        name: unique in the robot or model.
-        kind: fixed, continuous, revolute, prismatic or floating.
-        parent: name of the link towards the root.
-        child: name of the link that this joint moves.
-        pose: of the joint's frame in the parent's frame, at position 0.
-        axis: unit vector in the joint's frame.
-        lower: smallest position [rad or m]; -inf where there is no limit.
-        upper: largest position.
-        effort: largest force or torque [N or N m]; inf where there is none.
-        velocity: largest speed [rad/s or m/s].
-        damping: [N m s/rad or N s/m].
-        friction: static friction [N m or N].
-        offset: of the child's frame in the joint's frame; URDF has none.
-    """
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    pose: Pose = IDENTITY
-    axis: Vector = (1.0, 0.0, 0.0)
-    lower: float = float("-inf")
-    upper: float = float("inf")
-    effort: float = float("inf")
-    velocity: float = float("inf")
-    damping: float = 0.0
-    friction: float = 0.0
-    offset: Pose = IDENTITY
+    name: str  #: unique in the robot or model
+    kind: str  #: fixed, continuous, revolute, prismatic or floating
+    parent: str  #: name of the link towards the root
+    child: str  #: name of the link that this joint moves
+    pose: Pose = IDENTITY  #: of the joint's frame in the parent's frame, at position 0
+    axis: Vector = (1.0, 0.0, 0.0)  #: unit vector in the joint's frame
+    lower: float = float("-inf")  #: smallest position [rad or m]; -inf where there is no limit
+    upper: float = float("inf")  #: largest position
+    effort: float = float("inf")  #: largest force or torque [N or N m]; inf where there is none
+    velocity: float = float("inf")  #: largest speed [rad/s or m/s]
+    damping: float = 0.0  #: [N m s/rad or N s/m]
+    friction: float = 0.0  #: static friction [N m or N]
+    offset: Pose = IDENTITY  #: of the child's frame in the joint's frame; URDF has none
 
     def reversed(self) -> "Joint":
         """Returns the same joint with parent and child exchanged."""

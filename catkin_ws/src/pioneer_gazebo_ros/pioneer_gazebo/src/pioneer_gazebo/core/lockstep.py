@@ -23,25 +23,16 @@ class Message(Protocol):
 
 @dataclass(eq=False)
 class Ring:
-    """Nodes that pass a token on, one to the next.
+    """Nodes that pass a token on, one to the next."""
 
-    Attributes:
-        name: its namespace; empty for the root.
-        members: its nodes, in the order in which they act; empty until it has joined.
-        wants: topics that they subscribe to.
-        kept: what its members and those of other rings published last and it subscribes to, for its next token.
-        waiting: whether its token is on the way.
-        told: whether it knows who takes part and what is wanted.
-        awaited: whether time stands until it has joined.
-    """
-
-    name: str
-    members: tuple[str, ...] = ()
-    wants: frozenset[str] = frozenset()
+    name: str  #: its namespace; empty for the root
+    members: tuple[str, ...] = ()  #: its nodes, in the order in which they act; empty until it has joined
+    wants: frozenset[str] = frozenset()  #: topics that they subscribe to
+    #: what its members and those of other rings published last and it subscribes to, for its next token
     kept: list[Message] = field(default_factory=list)
-    waiting: bool = False
-    told: bool = False
-    awaited: bool = True
+    waiting: bool = False  #: whether its token is on the way
+    told: bool = False  #: whether it knows who takes part and what is wanted
+    awaited: bool = True  #: whether time stands until it has joined
     returned: list[Message] = field(default_factory=list)
 
     @property
@@ -51,20 +42,14 @@ class Ring:
 
 
 class Lockstep:
-    """All rings and the period that they are in.
-
-    Attributes:
-        period: serial number of the period under way; 0 before the first.
-        rings: by name, in the order in which their messages are taken.
-        begun: whether the first period has begun: all expected rings had joined.
-        withheld: topics of which no token has messages, and rings to and from which nothing passes.
-    """
+    """All rings and the period that they are in."""
 
     def __init__(self, wanted: Iterable[str] = ()) -> None:
         """Takes the topics that the simulator itself subscribes to."""
-        self.period = 0
-        self.begun = False
-        self.rings: dict[str, Ring] = {}
+        self.period = 0  #: serial number of the period under way; 0 before the first
+        self.begun = False  #: whether the first period has begun: all expected rings had joined
+        self.rings: dict[str, Ring] = {}  #: by name, in the order in which their messages are taken
+        #: topics of which no token has messages, and rings to and from which nothing passes
         self.withheld: frozenset[str] = frozenset()
         self._own = frozenset(wanted)
 

@@ -100,15 +100,10 @@ def _normalised(rotation: Quaternion) -> Quaternion:
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A frame seen from its parent frame, or what takes points of it into the parent.
+    """A frame seen from its parent frame, or what takes points of it into the parent."""
 
-    Attributes:
-        position: x, y, z [m] of the frame's origin.
-        rotation: unit quaternion (x, y, z, w).
-    """
-
-    position: Vector = (0.0, 0.0, 0.0)
-    rotation: Quaternion = IDENTITY_ROTATION
+    position: Vector = (0.0, 0.0, 0.0)  #: x, y, z [m] of the frame's origin
+    rotation: Quaternion = IDENTITY_ROTATION  #: unit quaternion (x, y, z, w)
 
     @classmethod
     def from_rpy(

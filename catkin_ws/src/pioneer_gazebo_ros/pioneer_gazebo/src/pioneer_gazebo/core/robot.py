@@ -36,44 +36,32 @@ NO_LIMITS = Limits()
 
 @dataclass(frozen=True, slots=True)
 class DiffDrive:
-    """``libgazebo_ros_diff_drive.so``: drives two wheels by a Twist and publishes odometry.
-
-    Attributes:
-        leftJoint: wheel joint on the left, and so on; every other name is the plugin's element.
-        wheelSeparation: between the wheels' contact points [m].
-        wheelDiameter: [m].
-        wheelAcceleration: largest change of a wheel's rim speed [m/s²]; 0 for no limit.
-        wheelTorque: largest torque at a wheel [N m].
-        commandTimeout: without a command for longer the wheels stop [s]; 0 for never (ours, not gazebo_ros').
-        updateRate: of commands and odometry [Hz]; 0 for every step.
-        odometrySource: ``encoder`` (integrates the wheels) or ``world`` (the true pose).
-        legacyMode: ``true`` if the joint called left is on the right; empty: as the joints lie.
-        leftRearJoint: further wheels on the left, as ``libgazebo_ros_skid_steer_drive.so`` has; so ``rightRearJoint``.
-        speedLimits: of the commanded speed, as ``diff_drive_controller`` has; so ``turnLimits``.
-    """
+    """``libgazebo_ros_diff_drive.so``: drives two wheels by a Twist and publishes odometry."""
 
     name: str = "diff_drive"
-    leftJoint: str = "left_joint"
+    leftJoint: str = "left_joint"  #: wheel joint on the left, and so on; every other name is the plugin's element
     rightJoint: str = "right_joint"
-    wheelSeparation: float = 0.34
-    wheelDiameter: float = 0.15
-    wheelAcceleration: float = 0.0
-    wheelTorque: float = 5.0
+    wheelSeparation: float = 0.34  #: between the wheels' contact points [m]
+    wheelDiameter: float = 0.15  #: [m]
+    wheelAcceleration: float = 0.0  #: largest change of a wheel's rim speed [m/s²]; 0 for no limit
+    wheelTorque: float = 5.0  #: largest torque at a wheel [N m]
+    #: without a command for longer the wheels stop [s]; 0 for never (ours, not gazebo_ros')
     commandTimeout: float = 0.0
-    updateRate: float = 100.0
+    updateRate: float = 100.0  #: of commands and odometry [Hz]; 0 for every step
     commandTopic: str = "cmd_vel"
     odometryTopic: str = "odom"
     odometryFrame: str = "odom"
     robotBaseFrame: str = "base_footprint"
-    odometrySource: str = "world"
+    odometrySource: str = "world"  #: ``encoder`` (integrates the wheels) or ``world`` (the true pose)
     publishTf: bool = True
     publishOdomTF: bool = True
     publishWheelTF: bool = False
     publishWheelJointState: bool = False
-    legacyMode: str = ""
+    legacyMode: str = ""  #: ``true`` if the joint called left is on the right; empty: as the joints lie
+    #: further wheels on the left, as ``libgazebo_ros_skid_steer_drive.so`` has; so ``rightRearJoint``
     leftRearJoint: tuple[str, ...] = ()
     rightRearJoint: tuple[str, ...] = ()
-    speedLimits: Limits = NO_LIMITS
+    speedLimits: Limits = NO_LIMITS  #: of the commanded speed, as ``diff_drive_controller`` has; so ``turnLimits``
     turnLimits: Limits = NO_LIMITS
 
     def joints(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -83,193 +71,113 @@ class DiffDrive:
 
 @dataclass(frozen=True, slots=True)
 class LinkSensor:
-    """What all sensors of a link have.
+    """What all sensors of a link have."""
 
-    Attributes:
-        name: the sensor's.
-        link: the link that carries it.
-        pose: of the sensor in that link; it looks along x, and its beams lie in the x-y plane.
-        update_rate: measurements a second; 0 for every step.
-        frame: ``frame_id``, before the prefix.
-    """
-
-    name: str
-    link: str
-    pose: Pose = IDENTITY
-    update_rate: float = 10.0
-    frame: str = ""
+    name: str  #: the sensor's
+    link: str  #: the link that carries it
+    pose: Pose = IDENTITY  #: of the sensor in that link; it looks along x, and its beams lie in the x-y plane
+    update_rate: float = 10.0  #: measurements a second; 0 for every step
+    frame: str = ""  #: ``frame_id``, before the prefix
 
 
 @dataclass(frozen=True, slots=True)
 class LaserSensor(LinkSensor):
-    """A planar laser: ``<sensor type="ray">`` with ``libgazebo_ros_laser.so`` (or the gpu one).
+    """A planar laser: ``<sensor type="ray">`` with ``libgazebo_ros_laser.so`` (or the gpu one)."""
 
-    Attributes:
-        samples: beams a scan, the first at ``min_angle``, the last at ``max_angle``.
-        min_range: nearest distance that is reported [m].
-        max_range: farthest distance that is reported [m].
-        resolution: step of a range [m]; 0 for none.
-        noise_mean: of the gaussian noise [m].
-        noise_stddev: of the gaussian noise [m].
-        topic: relative to the robot's namespace.
-    """
-
-    samples: int = 180
+    samples: int = 180  #: beams a scan, the first at ``min_angle``, the last at ``max_angle``
     min_angle: float = -1.5707963267948966
     max_angle: float = 1.5707963267948966
-    min_range: float = 0.1
-    max_range: float = 30.0
-    resolution: float = 0.0
-    noise_mean: float = 0.0
-    noise_stddev: float = 0.0
-    topic: str = "base_scan"
+    min_range: float = 0.1  #: nearest distance that is reported [m]
+    max_range: float = 30.0  #: farthest distance that is reported [m]
+    resolution: float = 0.0  #: step of a range [m]; 0 for none
+    noise_mean: float = 0.0  #: of the gaussian noise [m]
+    noise_stddev: float = 0.0  #: of the gaussian noise [m]
+    topic: str = "base_scan"  #: relative to the robot's namespace
 
 
 @dataclass(frozen=True, slots=True)
 class SonarSensor(LinkSensor):
-    """A range finder with a cone about x: ``<sensor type="ray">`` with ``libgazebo_ros_range.so``.
+    """A range finder with a cone about x: ``<sensor type="ray">`` with ``libgazebo_ros_range.so``."""
 
-    Attributes:
-        samples: rays across the cone (horizontal) that find the nearest thing.
-        fov: full opening angle [rad].
-        min_range: [m].
-        max_range: [m]; also what is published when nothing is met.
-        radiation: ``ultrasound`` or ``infrared``.
-        gaussianNoise: standard deviation [m].
-        topic: relative to the robot's namespace.
-    """
-
-    samples: int = 5
-    fov: float = 0.3490658503988659
-    min_range: float = 0.1
-    max_range: float = 5.0
-    radiation: str = "ultrasound"
-    gaussianNoise: float = 0.0
-    topic: str = "sonar"
+    samples: int = 5  #: rays across the cone (horizontal) that find the nearest thing
+    fov: float = 0.3490658503988659  #: full opening angle [rad]
+    min_range: float = 0.1  #: [m]
+    max_range: float = 5.0  #: [m]; also what is published when nothing is met
+    radiation: str = "ultrasound"  #: ``ultrasound`` or ``infrared``
+    gaussianNoise: float = 0.0  #: standard deviation [m]
+    topic: str = "sonar"  #: relative to the robot's namespace
 
 
 @dataclass(frozen=True, slots=True)
 class Camera(LinkSensor):
-    """``<sensor type="camera">`` with ``libgazebo_ros_camera.so``; its name, ``cameraName``, is its topics' namespace.
+    """``<sensor type="camera">`` with ``libgazebo_ros_camera.so``; ``cameraName`` is its topics' namespace."""
 
-    Attributes:
-        horizontal_fov: [rad].
-        width: [pixel].
-        height: [pixel].
-        near: nearest depth that is drawn [m].
-        far: farthest [m].
-        format: SDF's name of the pixel format, ``R8G8B8`` or ``L8``.
-        noise_stddev: gaussian, of a pixel's value in 0 … 1.
-        image_topic: relative to ``name``; so the other topics.
-        depth_topic: of the picture's distances [m]; empty for none.
-        cloud_topic: of the same as points; empty for none.
-    """
-
-    horizontal_fov: float = 1.3962634
-    width: int = 320
-    height: int = 240
-    near: float = 0.02
-    far: float = 300.0
-    format: str = "R8G8B8"
-    noise_stddev: float = 0.0
-    image_topic: str = "image_raw"
+    horizontal_fov: float = 1.3962634  #: [rad]
+    width: int = 320  #: [pixel]
+    height: int = 240  #: [pixel]
+    near: float = 0.02  #: nearest depth that is drawn [m]
+    far: float = 300.0  #: farthest [m]
+    format: str = "R8G8B8"  #: SDF's name of the pixel format, ``R8G8B8`` or ``L8``
+    noise_stddev: float = 0.0  #: gaussian, of a pixel's value in 0 … 1
+    image_topic: str = "image_raw"  #: relative to ``name``; so the other topics
     info_topic: str = "camera_info"
-    depth_topic: str = ""
-    cloud_topic: str = ""
+    depth_topic: str = ""  #: of the picture's distances [m]; empty for none
+    cloud_topic: str = ""  #: of the same as points; empty for none
 
 
 @dataclass(frozen=True, slots=True)
 class GroundTruth:
-    """``libgazebo_ros_p3d.so``: the true pose and velocity of one link.
-
-    Attributes:
-        bodyName: the link.
-        topicName: relative to the robot's namespace.
-        frameName: ``frame_id``: ``map`` and ``world`` both mean the world's origin.
-        updateRate: [Hz]; 0 for every step.
-        gaussianNoise: standard deviation of the velocities, as the plugin does it.
-        xyzOffset: added to the position [m].
-        rpyOffset: added to the rotation [rad].
-    """
+    """``libgazebo_ros_p3d.so``: the true pose and velocity of one link."""
 
     name: str
-    bodyName: str
-    topicName: str = "base_pose_ground_truth"
-    frameName: str = "map"
-    updateRate: float = 10.0
-    gaussianNoise: float = 0.0
-    xyzOffset: Vector = (0.0, 0.0, 0.0)
-    rpyOffset: Vector = (0.0, 0.0, 0.0)
+    bodyName: str  #: the link
+    topicName: str = "base_pose_ground_truth"  #: relative to the robot's namespace
+    frameName: str = "map"  #: ``frame_id``: ``map`` and ``world`` both mean the world's origin
+    updateRate: float = 10.0  #: [Hz]; 0 for every step
+    gaussianNoise: float = 0.0  #: standard deviation of the velocities, as the plugin does it
+    xyzOffset: Vector = (0.0, 0.0, 0.0)  #: added to the position [m]
+    rpyOffset: Vector = (0.0, 0.0, 0.0)  #: added to the rotation [rad]
 
 
 @dataclass(frozen=True, slots=True)
 class Bumper:
-    """``<sensor type="contact">`` with ``libgazebo_ros_bumper.so``.
+    """``<sensor type="contact">`` with ``libgazebo_ros_bumper.so``."""
 
-    Attributes:
-        name: the sensor's.
-        link: the link whose contacts are published.
-        collision: SDF's name of the collision; empty for all of the link and of what is fixed to it,
-            as Gazebo lumps them.
-        bumperTopicName: relative to the robot's namespace.
-        frameName: ``frame_id``: ``map`` and ``world`` both mean the world's origin.
-        update_rate: [Hz].
-    """
-
-    name: str
-    link: str
+    name: str  #: the sensor's
+    link: str  #: the link whose contacts are published
+    #: SDF's name of the collision; empty for all of the link and of what is fixed to it, as Gazebo lumps them
     collision: str = ""
-    bumperTopicName: str = "bumper"
-    frameName: str = "map"
-    update_rate: float = 10.0
+    bumperTopicName: str = "bumper"  #: relative to the robot's namespace
+    frameName: str = "map"  #: ``frame_id``: ``map`` and ``world`` both mean the world's origin
+    update_rate: float = 10.0  #: [Hz]
 
 
 @dataclass(frozen=True, slots=True)
 class JointStatePublisher:
-    """``libgazebo_ros_joint_state_publisher.so``.
-
-    Attributes:
-        jointName: joints that are published, in this order; empty for every joint that moves.
-        updateRate: [Hz]; 0 for every step.
-        topicName: relative to the robot's namespace.
-    """
+    """``libgazebo_ros_joint_state_publisher.so``."""
 
     name: str = "joint_state_publisher"
-    jointName: tuple[str, ...] = ()
-    updateRate: float = 100.0
-    topicName: str = "joint_states"
+    jointName: tuple[str, ...] = ()  #: joints that are published, in this order; empty for every joint that moves
+    updateRate: float = 100.0  #: [Hz]; 0 for every step
+    topicName: str = "joint_states"  #: relative to the robot's namespace
 
 
 @dataclass(frozen=True, slots=True)
 class BaseDriver:
-    """``libpioneer_base_driver.so``, ours: what the maker's driver (rosaria) publishes about the robot's base.
-
-    Attributes:
-        updateRate: of the topics [Hz].
-        frameName: ``frame_id`` of bumpers and sonar points, before the prefix.
-        capacity: of the battery [A h].
-        fullVoltage: of a full battery without load [V].
-        emptyVoltage: of an empty one [V].
-        resistance: inside the battery [Ω].
-        initialCharge: 0 … 1.
-        idlePower: what electronics and sensors draw [W].
-        rollingResistance: force that rolling takes [N].
-        driveEfficiency: of motors and gears, above 0, at most 1.
-        windingLoss: what torque costs a motor [W/(N m)²].
-    """
+    """``libpioneer_base_driver.so``, ours: what the maker's driver (rosaria) publishes about the robot's base."""
 
     name: str = "base_driver"
-    updateRate: float = 2.0
-    frameName: str = "base_link"
-    capacity: float = 21.6
-    fullVoltage: float = 12.9
-    emptyVoltage: float = 11.4
-    resistance: float = 0.05
-    initialCharge: float = 1.0
-    idlePower: float = 15.0
-    rollingResistance: float = 3.0
-    driveEfficiency: float = 0.5
-    windingLoss: float = 3.0
+    updateRate: float = 2.0  #: of the topics [Hz]
+    frameName: str = "base_link"  #: ``frame_id`` of bumpers and sonar points, before the prefix
+    capacity: float = 21.6  #: of the battery [A h]
+    fullVoltage: float = 12.9  #: of a full battery without load [V]
+    emptyVoltage: float = 11.4  #: of an empty one [V]
+    resistance: float = 0.05  #: inside the battery [Ω]
+    initialCharge: float = 1.0  #: 0 … 1
+    idlePower: float = 15.0  #: what electronics and sensors draw [W]
+    rollingResistance: float = 3.0  #: force that rolling takes [N]
+    driveEfficiency: float = 0.5  #: of motors and gears, above 0, at most 1
+    windingLoss: float = 3.0  #: what torque costs a motor [W/(N m)²]
 
 
 Device = (
@@ -293,25 +201,17 @@ Kind = TypeVar("Kind")
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """A whole robot.
+    """A whole robot."""
 
-    Attributes:
-        name: as the file names it.
-        links: in the file's order. A link's pose is that of its frame in the root link's frame, all joints at 0.
-        joints: in the file's order; they make one tree over all links.
-        devices: sensors and plugins, in the file's order.
-        static: the model never moves (``<gazebo><static>``).
-        warnings: one line for each kind of thing in the file that is not supported and was left out.
-        namespace: that a plugin names for its topics; it counts where the robot is spawned without one.
-    """
-
-    name: str
+    name: str  #: as the file names it
+    #: in the file's order. A link's pose is that of its frame in the root link's frame, all joints at 0.
     links: tuple[Link, ...]
-    joints: tuple[Joint, ...] = ()
-    devices: tuple[Device, ...] = ()
-    static: bool = False
+    joints: tuple[Joint, ...] = ()  #: in the file's order; they make one tree over all links
+    devices: tuple[Device, ...] = ()  #: sensors and plugins, in the file's order
+    static: bool = False  #: the model never moves (``<gazebo><static>``)
+    #: one line for each kind of thing in the file that is not supported and was left out
     warnings: tuple[str, ...] = ()
-    namespace: str = ""
+    namespace: str = ""  #: that a plugin names for its topics; it counts where the robot is spawned without one
 
     def of(self, kind: type[Kind]) -> tuple[Kind, ...]:
         """Returns the devices of one kind, in the file's order."""

@@ -10,14 +10,10 @@ LONGEST_NAME = 200
 
 
 class Roster:
-    """The entities of a simulation.
-
-    Attributes:
-        entities: in the order of spawning; replaced, never changed.
-    """
+    """The entities of a simulation."""
 
     def __init__(self) -> None:
-        self.entities: list[Entity] = []
+        self.entities: list[Entity] = []  #: in the order of spawning; replaced, never changed
         self._by_name: dict[str, Entity] = {}
         self._by_handle: dict[int, Entity] = {}
 

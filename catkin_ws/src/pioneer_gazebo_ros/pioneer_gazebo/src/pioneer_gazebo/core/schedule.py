@@ -44,21 +44,13 @@ def _always() -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """Something that happens every ``period`` ticks, at whole multiples of it.
+    """Something that happens every ``period`` ticks, at whole multiples of it."""
 
-    Attributes:
-        owner: what it is, for messages.
-        period: [ticks].
-        action: gets the tick.
-        wanted: whether anybody needs it at present.
-        needs_state: whether it looks at the simulated world, or at the time only.
-    """
-
-    owner: str
-    period: int
-    action: Callable[[int], None]
-    wanted: Callable[[], bool] = _always
-    needs_state: bool = True
+    owner: str  #: what it is, for messages
+    period: int  #: [ticks]
+    action: Callable[[int], None]  #: gets the tick
+    wanted: Callable[[], bool] = _always  #: whether anybody needs it at present
+    needs_state: bool = True  #: whether it looks at the simulated world, or at the time only
 
 
 class Schedule:

@@ -20,14 +20,10 @@ class Waypoint:
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """A way through waypoints; it stands at the first until that one's time.
+    """A way through waypoints; it stands at the first until that one's time."""
 
-    Attributes:
-        waypoints: one or more, times rising from 0 or above.
-        tension: 0 (Catmull-Rom, which may swing past a corner) … 1 (straight lines, slowing down at each waypoint).
-    """
-
-    waypoints: tuple[Waypoint, ...]
+    waypoints: tuple[Waypoint, ...]  #: one or more, times rising from 0 or above
+    #: 0 (Catmull-Rom, which may swing past a corner) … 1 (straight lines, slowing down at each waypoint)
     tension: float = 0.0
 
     @property
@@ -70,21 +66,13 @@ class Trajectory:
 
 @dataclass(frozen=True, slots=True)
 class Script:
-    """A model's whole motion, one trajectory after the other.
+    """A model's whole motion, one trajectory after the other."""
 
-    Attributes:
-        trajectories: in the order they are played.
-        home: where it stands before the first begins, and always without ``auto_start``.
-        loop: whether it begins again at the end.
-        delay_start: waits so long [s] before each round.
-        auto_start: whether it begins by itself; nothing else starts it here.
-    """
-
-    trajectories: tuple[Trajectory, ...]
-    home: Pose
-    loop: bool = True
-    delay_start: float = 0.0
-    auto_start: bool = True
+    trajectories: tuple[Trajectory, ...]  #: in the order they are played
+    home: Pose  #: where it stands before the first begins, and always without ``auto_start``
+    loop: bool = True  #: whether it begins again at the end
+    delay_start: float = 0.0  #: waits so long [s] before each round
+    auto_start: bool = True  #: whether it begins by itself; nothing else starts it here
 
     def moved(self, base: Pose) -> "Script":
         """Returns the script with all of it, given in ``base``'s frame, in the frame that ``base`` is given in."""

@@ -24,15 +24,11 @@ SEARCH_STEP, DIRECTIONS = 0.05, 16
 
 
 class OverlapError(ModelError):
-    """A model would overlap something.
-
-    Attributes:
-        contact: where it would overlap most.
-    """
+    """A model would overlap something."""
 
     def __init__(self, contact: Contact) -> None:
         super().__init__(f"would overlap by {contact.depth:.2f} m")
-        self.contact = contact
+        self.contact = contact  #: where it would overlap most
 
 
 def added(

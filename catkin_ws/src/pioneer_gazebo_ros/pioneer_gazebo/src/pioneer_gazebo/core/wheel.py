@@ -34,17 +34,11 @@ LEVEL = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """A shape of a part.
+    """A shape of a part."""
 
-    Attributes:
-        link: name of the link it came from.
-        collision: the shape; its pose is in the part's frame.
-        rolling: meets the ground only.
-    """
-
-    link: str
-    collision: Collision
-    rolling: bool = False
+    link: str  #: name of the link it came from
+    collision: Collision  #: the shape; its pose is in the part's frame
+    rolling: bool = False  #: meets the ground only
 
 
 @dataclass(frozen=True, slots=True)

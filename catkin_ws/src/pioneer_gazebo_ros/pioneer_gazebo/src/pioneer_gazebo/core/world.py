@@ -35,14 +35,10 @@ class Sphere:
 
 @dataclass(frozen=True, slots=True)
 class Plane:
-    """The half space below a plane through its own origin.
+    """The half space below a plane through its own origin."""
 
-    Attributes:
-        normal: points out of the solid.
-        size: extent along x and y that is drawn; as in Gazebo the collision knows no border.
-    """
-
-    normal: Vector = (0.0, 0.0, 1.0)
+    normal: Vector = (0.0, 0.0, 1.0)  #: points out of the solid
+    #: extent along x and y that is drawn; as in Gazebo the collision knows no border
     size: tuple[float, float] = (100.0, 100.0)
 
 
@@ -59,21 +55,13 @@ Shape = Box | Cylinder | Sphere | Plane | Mesh
 
 @dataclass(frozen=True, slots=True)
 class Collision:
-    """A shape that is touched and that lasers see.
+    """A shape that is touched and that lasers see."""
 
-    Attributes:
-        name: unique in its link.
-        pose: of the shape in the link.
-        shape: the shape.
-        friction: Coulomb coefficient along the first direction (SDF's ``mu``, URDF's ``mu1``).
-        restitution: 0 (no bounce) … 1.
-    """
-
-    name: str
-    pose: Pose
-    shape: Shape
-    friction: float = 1.0
-    restitution: float = 0.0
+    name: str  #: unique in its link
+    pose: Pose  #: of the shape in the link
+    shape: Shape  #: the shape
+    friction: float = 1.0  #: Coulomb coefficient along the first direction (SDF's ``mu``, URDF's ``mu1``)
+    restitution: float = 0.0  #: 0 (no bounce) … 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,11 +76,7 @@ class Visual:
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
-    """Moments and products of inertia [kg m²] about the centre of mass, in the axes of ``pose``.
-
-    Attributes:
-        pose: of the centre of mass, and of the axes, in the link.
-    """
+    """Moments and products of inertia [kg m²] about the centre of mass, in the axes of ``pose``."""
 
     ixx: float = 1.0
     iyy: float = 1.0
@@ -100,7 +84,7 @@ class Inertia:
     ixy: float = 0.0
     ixz: float = 0.0
     iyz: float = 0.0
-    pose: Pose = IDENTITY
+    pose: Pose = IDENTITY  #: of the centre of mass, and of the axes, in the link
 
 
 UNIT_INERTIA = Inertia()
@@ -121,27 +105,17 @@ class Link:
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """A named group of links.
+    """A named group of links."""
 
-    Attributes:
-        name: unique in the world.
-        pose: in the world.
-        static: whether it never moves.
-        links: poses are in the model's frame, all joints at 0.
-        script: what moves it in place of physics.
-        joints: one tree of all links (see `joint.tree_of`); none where all links are held together.
-        devices: sensors and plugins (see `robot.Device`).
-        namespace: that a plugin names for its topics; it counts where the model is spawned without one.
-    """
-
-    name: str
-    pose: Pose = IDENTITY
-    static: bool = False
-    links: tuple[Link, ...] = ()
-    script: Script | None = None
+    name: str  #: unique in the world
+    pose: Pose = IDENTITY  #: in the world
+    static: bool = False  #: whether it never moves
+    links: tuple[Link, ...] = ()  #: poses are in the model's frame, all joints at 0
+    script: Script | None = None  #: what moves it in place of physics
+    #: one tree of all links (see `joint.tree_of`); none where all links are held together
     joints: tuple[Joint, ...] = ()
-    devices: tuple[Any, ...] = ()
-    namespace: str = ""
+    devices: tuple[Any, ...] = ()  #: sensors and plugins (see `robot.Device`)
+    namespace: str = ""  #: that a plugin names for its topics; it counts where the model is spawned without one
 
     def moved(self, base: Pose) -> "Model":
         """Returns the model with its pose and script, given in ``base``'s frame, in the frame of ``base``'s parent."""
@@ -161,18 +135,12 @@ class PlacedCollision:
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """A whole world.
+    """A whole world."""
 
-    Attributes:
-        name: as the file names it.
-        models: in the file's order, names unique.
-        gravity: acceleration along x, y, z [m/s²].
-        warnings: one line for each kind of thing in the file that is not supported and was left out.
-    """
-
-    name: str
-    models: tuple[Model, ...] = ()
-    gravity: Vector = (0.0, 0.0, -9.81)
+    name: str  #: as the file names it
+    models: tuple[Model, ...] = ()  #: in the file's order, names unique
+    gravity: Vector = (0.0, 0.0, -9.81)  #: acceleration along x, y, z [m/s²]
+    #: one line for each kind of thing in the file that is not supported and was left out
     warnings: tuple[str, ...] = field(default=(), compare=False)
 
     def collisions(self, static_only: bool = False) -> Iterator[PlacedCollision]:

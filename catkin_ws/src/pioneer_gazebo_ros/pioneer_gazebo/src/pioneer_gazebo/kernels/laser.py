@@ -55,21 +55,13 @@ class Fan(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """How distances become ranges.
+    """How distances become ranges."""
 
-    Attributes:
-        mean: of the noise [m].
-        deviation: of the noise [m].
-        resolution: ranges are whole multiples of it [m]; 0 for any.
-        least: least range [m]; what is nearer becomes -inf.
-        most: greatest range [m]; what is farther becomes +inf.
-    """
-
-    mean: float
-    deviation: float
-    resolution: float
-    least: float
-    most: float
+    mean: float  #: of the noise [m]
+    deviation: float  #: of the noise [m]
+    resolution: float  #: ranges are whole multiples of it [m]; 0 for any
+    least: float  #: least range [m]; what is nearer becomes -inf
+    most: float  #: greatest range [m]; what is farther becomes +inf
 
 
 @njit(inline="always")

@@ -29,19 +29,13 @@ _SAY_AFTER = 5.0
 
 @dataclass(frozen=True, slots=True)
 class LockstepConfig:
-    """Parameters ``~lockstep/…``.
+    """Parameters ``~lockstep/…``."""
 
-    Attributes:
-        rings: names of the rings that the first period waits for, with blanks between; empty for those of all robots.
-        rate: periods a simulated second [Hz].
-        deadline: how long a period may take [s of wall time]; 0 for any time.
-        silence: what follows then: ``abort`` ends the simulator, ``drop`` continues without that ring.
-    """
-
+    #: names of the rings that the first period waits for, with blanks between; empty for those of all robots
     rings: str = ""
-    rate: float = 20.0
-    deadline: float = 60.0
-    silence: str = "abort"
+    rate: float = 20.0  #: periods a simulated second [Hz]
+    deadline: float = 60.0  #: how long a period may take [s of wall time]; 0 for any time
+    silence: str = "abort"  #: what follows then: ``abort`` ends the simulator, ``drop`` continues without that ring
 
     def __post_init__(self) -> None:
         """Refuses what makes no sense."""

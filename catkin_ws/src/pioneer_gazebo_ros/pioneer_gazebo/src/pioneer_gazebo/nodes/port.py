@@ -20,23 +20,14 @@ from pioneer_node.nodes.standing_warning import StandingWarning
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """What all robots share.
+    """What all robots share."""
 
-    Attributes:
-        simulation: the world.
-        schedule: when something is due.
-        transforms: ``/tf``.
-        now: returns the tick that a command arrives at; any thread may call it.
-        renderer: returns what draws pictures, made at the first call.
-        budget: the wall time that pictures may take.
-    """
-
-    simulation: Simulation
-    schedule: Schedule
-    transforms: TransformTopic
-    now: Callable[[], int]
-    renderer: Callable[[], Renderer]
-    budget: Budget
+    simulation: Simulation  #: the world
+    schedule: Schedule  #: when something is due
+    transforms: TransformTopic  #: ``/tf``
+    now: Callable[[], int]  #: returns the tick that a command arrives at; any thread may call it
+    renderer: Callable[[], Renderer]  #: returns what draws pictures, made at the first call
+    budget: Budget  #: the wall time that pictures may take
 
 
 class Port:

@@ -96,20 +96,15 @@ def publish_while_alive(publisher: rospy.Publisher, message: Any) -> None:
 
 
 class Topic(rospy.SubscribeListener):
-    """A publisher of frames. Used from one thread; rospy tells in its own of subscribers that come and go.
-
-    Attributes:
-        dropped: frames that a slow subscriber did not get.
-        exchange: what carries messages to nodes in lockstep; None without.
-    """
+    """A publisher of frames. Used from one thread; rospy tells in its own of subscribers that come and go."""
 
     def __init__(self, name: str, message_class: type, changed: Callable[[], None] = lambda: None) -> None:
         """Advertises ``name``; ``changed`` is called, by any thread, when a subscriber has come or gone."""
         self._changed = changed
         self._outlets: dict[Any, _Outlet] = {}
         self._stale = True
-        self.dropped = 0
-        self.exchange = Exchange.current
+        self.dropped = 0  #: frames that a slow subscriber did not get
+        self.exchange = Exchange.current  #: what carries messages to nodes in lockstep; None without
         self._name = rospy.resolve_name(name)
         # A queue size keeps rospy from writing, and so from waiting, in this thread; its queues stay empty.
         self._publisher = rospy.Publisher(name, message_class, subscriber_listener=self, queue_size=FRAMES_KEPT)

@@ -19,15 +19,10 @@ class CommandError(ValueError):
 
 @dataclass(frozen=True)
 class Gains:
-    """Factors between a commanded velocity and the one passed on.
+    """Factors between a commanded velocity and the one passed on."""
 
-    Attributes:
-        linear: of the linear parts.
-        angular: of the angular parts.
-    """
-
-    linear: float = 1.0
-    angular: float = 1.0
+    linear: float = 1.0  #: of the linear parts
+    angular: float = 1.0  #: of the angular parts
 
     def scaled(self, command: Command) -> Command:
         """Returns ``command`` scaled.

@@ -39,30 +39,22 @@ def retry_pause() -> float:
 
 @dataclass(frozen=True)
 class HubContext:
-    """What all our hubs share.
+    """What all our hubs share."""
 
-    Attributes:
-        open: returns a new session with a hub, if we may join it; else raises HubError.
-        claim: called with ourselves and a session; raises HubError if we are on that hub already.
-        linked: returns the gateways to which data links stand.
-        take: called from the hub's thread with each new view, None when it ends.
-        complain: called with an address and why there is no hub.
-        examine: called with a session and the number of a request to look at our links; returns at once.
-        restore: called with what the hub has kept for us, before we join; returns what it is to keep from now on.
-        logger: takes one line when a hub is found and one when it is lost.
-        host: our address for others; empty: the one on the way to the hub.
-        namespaces: of robots, to announce to all.
-    """
-
+    #: returns a new session with a hub, if we may join it; else raises HubError
     open: Callable[[Candidate], HubSession]
+    #: called with ourselves and a session; raises HubError if we are on that hub already
     claim: Callable[["HubClient", HubSession], None]
-    linked: Callable[[], Collection[str]]
+    linked: Callable[[], Collection[str]]  #: returns the gateways to which data links stand
+    #: called from the hub's thread with each new view, None when it ends
     take: Callable[["HubClient", HubView | None], None]
-    complain: Callable[[object, str], None]
+    complain: Callable[[object, str], None]  #: called with an address and why there is no hub
+    #: called with a session and the number of a request to look at our links; returns at once
     examine: Callable[[HubSession, str], None]
-    logger: logging.Logger
-    host: str = ""
-    namespaces: frozenset[str] = frozenset()
+    logger: logging.Logger  #: takes one line when a hub is found and one when it is lost
+    host: str = ""  #: our address for others; empty: the one on the way to the hub
+    namespaces: frozenset[str] = frozenset()  #: of robots, to announce to all
+    #: called with what the hub has kept for us, before we join; returns what it is to keep from now on
     restore: Callable[[str], str] = lambda text: text
 
 
@@ -76,19 +68,14 @@ class HubClient:
         named: whether a user named it; otherwise it ends when this gateway does not accept the hub.
         said: what we tell at first.
         context: see there.
-
-    Attributes:
-        lost_since: when the hub was seen last, or looked for first; monotonic [s].
-        refused: whether this gateway does not accept the hub as it was found last.
-        failures: how often all its addresses were tried since it was joined last.
     """
 
     def __init__(self, ways: Sequence[Candidate], named: bool, said: Publication, context: HubContext) -> None:
         self.ways = tuple(ways)
         self.named = named
-        self.lost_since = time.monotonic()
-        self.refused = False
-        self.failures = 0
+        self.lost_since = time.monotonic()  #: when the hub was seen last, or looked for first; monotonic [s]
+        self.refused = False  #: whether this gateway does not accept the hub as it was found last
+        self.failures = 0  #: how often all its addresses were tried since it was joined last
         self._context = context
         self._state = HubState(said, context.namespaces)
         self._shown = HubView()

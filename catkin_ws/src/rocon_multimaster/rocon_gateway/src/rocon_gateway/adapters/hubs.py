@@ -40,28 +40,18 @@ _NO_SEARCH = "no hub_uri is given and mDNS is off: waiting for a call of ~connec
 
 @dataclass(frozen=True)
 class HubsConfig:
-    """Which hubs we join.
+    """Which hubs we join."""
 
-    Attributes:
-        uris: addresses of hubs.
-        whitelist: hub names or addresses; empty allows all.
-        blacklist: hub names or addresses; goes before the whitelist.
-        discover: also join hubs that announce themselves by mDNS.
-        access: what the hubs' Redis asks for.
-        host: our address for others; empty: the one on the way to the hub.
-        namespaces: of robots, to announce to all.
-        learn: called with the salt of each hub that we may join, before we do.
-        restore: called with what a hub has kept for a gateway of our name; returns what it is to keep from now on.
-    """
-
-    uris: tuple[str, ...] = ()
-    whitelist: tuple[str, ...] = ()
-    blacklist: tuple[str, ...] = ()
-    discover: bool = False
-    access: Access = OPEN
-    host: str = ""
-    namespaces: frozenset[str] = frozenset()
+    uris: tuple[str, ...] = ()  #: addresses of hubs
+    whitelist: tuple[str, ...] = ()  #: hub names or addresses; empty allows all
+    blacklist: tuple[str, ...] = ()  #: hub names or addresses; goes before the whitelist
+    discover: bool = False  #: also join hubs that announce themselves by mDNS
+    access: Access = OPEN  #: what the hubs' Redis asks for
+    host: str = ""  #: our address for others; empty: the one on the way to the hub
+    namespaces: frozenset[str] = frozenset()  #: of robots, to announce to all
+    #: called with the salt of each hub that we may join, before we do
     learn: Callable[[str], None] = lambda _salt: None
+    #: called with what a hub has kept for a gateway of our name; returns what it is to keep from now on
     restore: Callable[[str], str] = lambda text: text
 
 

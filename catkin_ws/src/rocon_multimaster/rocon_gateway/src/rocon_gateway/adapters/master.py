@@ -18,9 +18,6 @@ class MasterWatch:
         uri: the master's.
         node: our own node's name, whose connections do not count.
         own: its topics that do.
-
-    Attributes:
-        knows_us: whether the master named a service of ours at the last look; one that was restarted does not.
     """
 
     def __init__(self, uri: str, node: str, own: Collection[str] = ()) -> None:
@@ -30,6 +27,7 @@ class MasterWatch:
         self._types_request = request("getTopicTypes", node)
         self._seen: bytes | None = None
         self._types_due = False
+        #: whether the master named a service of ours at the last look; one that was restarted does not
         self.knows_us = False
         self._local: frozenset[Connection] = frozenset()
         self._proxies: dict[str, bool] = {}

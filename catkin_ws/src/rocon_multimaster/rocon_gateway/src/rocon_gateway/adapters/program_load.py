@@ -12,15 +12,10 @@ _MASTER = b"ROS_MASTER_URI="
 
 @dataclass(frozen=True)
 class Load:
-    """What programs take.
+    """What programs take."""
 
-    Attributes:
-        processors: of processor time, since the last look [s/s].
-        memory: shared pages by their share [byte].
-    """
-
-    processors: float
-    memory: int
+    processors: float  #: of processor time, since the last look [s/s]
+    memory: int  #: shared pages by their share [byte]
 
 
 class ProgramLoad:

@@ -19,67 +19,46 @@ APPENDED = ("default_flips", "default_advertisements", "default_pulls")
 
 @dataclass(frozen=True)
 class GatewayConfig:
-    """Parameters of the node `gateway`, named as rocon names them where rocon has them.
+    """Parameters of the node `gateway`, named as rocon names them where rocon has them."""
 
-    Attributes:
-        name: the gateway's name for people.
-        disable_uuids: whether that is its unique name too; otherwise 32 hexadecimal digits follow.
-        hub_uri: the hub's address, `http://host:port` (`rediss://` for one with TLS) or `host:port`; several divided by
-            semicolons, or a list.
-        hub_whitelist: names or addresses of the only hubs to join; empty allows all.
-        hub_blacklist: names or addresses of hubs never to join.
-        hub_password_file: a file that holds the hub's password; empty for none, or the environment's.
-        tls_directory: a directory with the fleet's certificates, for TLS with hubs and gateways; empty for none, or the
-            environment's.
-        insecure: take links from other machines though there is neither password nor certificate.
-        disable_zeroconf: do not look for hubs by mDNS, which only a gateway without `hub_uri` does.
-        firewall: refuse flips to here.
-        watch_loop_period: the longest time between two comparisons, even if nothing seems to change [s].
-        default_blacklist: `{name, node, type}` of what never leaves this gateway.
-        default_advertisements: `{name, node, type}`.
-        default_flips: `{gateway, rule: {name, node, type}}`; without `rule`, everything is flipped there.
-        default_pulls: likewise.
-        rule_options: `{name, node, gateway, rate, queue_size, compress, tf_frames, stamp_rate}`: what is asked of the
-            links that rules bring for a topic (name), publishing node and other gateway, patterns as in rules, all by
-            default; the first row that matches counts. See `core.option.LinkOptions`.
-        advertise_all: start with everything advertised.
-        custom_rules_file: YAML with more of these; empty for none.
-        network_interface: the interface whose address is announced to other gateways; empty: the one towards the hub.
-        namespace: the robot's own namespace, `pioneer1`: rules whose name is a pattern then bring nothing here out of
-            other robots' namespaces, unless the pattern spells one out; empty: no such guard. Other robots' are those
-            that differ from it in the number at their end only, and those that any gateway has told the hub.
-        robot_namespaces: more robots' namespaces to tell the hub, `alice; bob`, so that all gateways know them before
-            the robots' own gateways come.
-        kept_folder: a folder of small files that the hub keeps a copy of, 64 KiB in all: a gateway of this name that
-            starts where there are none, as on another computer, writes them there before it joins; empty for none.
-        relay_port: TCP port for links from other gateways; 0 is any free one.
-        max_message_size: the longest message that is carried [bytes].
-    """
-
-    name: str = "gateway"
-    disable_uuids: bool = False
+    name: str = "gateway"  #: the gateway's name for people
+    disable_uuids: bool = False  #: whether that is its unique name too; otherwise 32 hexadecimal digits follow
+    #: the hub's address, `http://host:port` (`rediss://` for one with TLS) or `host:port`; several divided by
+    #: semicolons, or a list
     hub_uri: Any = ""
-    hub_whitelist: Any = ()
-    hub_blacklist: Any = ()
-    hub_password_file: str = ""
+    hub_whitelist: Any = ()  #: names or addresses of the only hubs to join; empty allows all
+    hub_blacklist: Any = ()  #: names or addresses of hubs never to join
+    hub_password_file: str = ""  #: a file that holds the hub's password; empty for none, or the environment's
+    #: a directory with the fleet's certificates, for TLS with hubs and gateways; empty for none, or the environment's
     tls_directory: str = ""
-    insecure: bool = False
-    disable_zeroconf: bool = False
-    firewall: bool = True
-    watch_loop_period: float = 10.0
-    default_blacklist: Any = ()
-    default_advertisements: Any = ()
-    default_flips: Any = ()
-    default_pulls: Any = ()
+    insecure: bool = False  #: take links from other machines though there is neither password nor certificate
+    disable_zeroconf: bool = False  #: do not look for hubs by mDNS, which only a gateway without `hub_uri` does
+    firewall: bool = True  #: refuse flips to here
+    watch_loop_period: float = 10.0  #: the longest time between two comparisons, even if nothing seems to change [s]
+    default_blacklist: Any = ()  #: `{name, node, type}` of what never leaves this gateway
+    default_advertisements: Any = ()  #: `{name, node, type}`
+    default_flips: Any = ()  #: `{gateway, rule: {name, node, type}}`; without `rule`, everything is flipped there
+    default_pulls: Any = ()  #: likewise
+    #: `{name, node, gateway, rate, queue_size, compress, tf_frames, stamp_rate}`: what is asked of the links that rules
+    #: bring for a topic (name), publishing node and other gateway, patterns as in rules, all by default; the first row
+    #: that matches counts. See `core.option.LinkOptions`.
     rule_options: Any = ()
-    advertise_all: Any = ()
-    custom_rules_file: str = ""
+    advertise_all: Any = ()  #: start with everything advertised
+    custom_rules_file: str = ""  #: YAML with more of these; empty for none
+    #: the interface whose address is announced to other gateways; empty: the one towards the hub
     network_interface: str = ""
+    #: the robot's own namespace, `pioneer1`: rules whose name is a pattern then bring nothing here out of other robots'
+    #: namespaces, unless the pattern spells one out; empty: no such guard. Other robots' are those that differ from it
+    #: in the number at their end only, and those that any gateway has told the hub.
     namespace: str = ""
+    #: more robots' namespaces to tell the hub, `alice; bob`, so that all gateways know them before the robots' own
+    #: gateways come
     robot_namespaces: Any = ()
+    #: a folder of small files that the hub keeps a copy of, 64 KiB in all: a gateway of this name that starts where
+    #: there are none, as on another computer, writes them there before it joins; empty for none
     kept_folder: str = ""
-    relay_port: int = 0
-    max_message_size: int = 256 * 2**20
+    relay_port: int = 0  #: TCP port for links from other gateways; 0 is any free one
+    max_message_size: int = 256 * 2**20  #: the longest message that is carried [bytes]
 
     def __post_init__(self) -> None:
         """Raises ConfigError for invalid parameter values."""

@@ -22,17 +22,11 @@ class Level(enum.StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was looked at.
+    """One thing that was looked at."""
 
-    Attributes:
-        level: how it is.
-        what: what was found, one sentence.
-        fix: what to do; empty if all is well.
-    """
-
-    level: Level
-    what: str
-    fix: str = ""
+    level: Level  #: how it is
+    what: str  #: what was found, one sentence
+    fix: str = ""  #: what to do; empty if all is well
 
 
 def of_contact(contact: Contact, fix: str, there: str = "here") -> Finding:

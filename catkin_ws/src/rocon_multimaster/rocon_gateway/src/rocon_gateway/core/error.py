@@ -12,12 +12,8 @@ class ConfigError(GatewayError):
 
 
 class RequestError(GatewayError):
-    """A request that is refused; nothing was changed.
-
-    Attributes:
-        code: what the service answers in `result`.
-    """
+    """A request that is refused; nothing was changed."""
 
     def __init__(self, code: Code, message: str) -> None:
         super().__init__(message)
-        self.code = code
+        self.code = code  #: what the service answers in `result`

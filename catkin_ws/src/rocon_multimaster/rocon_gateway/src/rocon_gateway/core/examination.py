@@ -17,45 +17,27 @@ class ExaminationError(GatewayError):
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """An attempt to reach a TCP port.
+    """An attempt to reach a TCP port."""
 
-    Attributes:
-        what: whose port it is.
-        host: the host as it was named.
-        port: the port.
-        address: what the name resolved to; empty if it did not.
-        error: why the port was not reached; empty if it was.
-    """
-
-    what: str
-    host: str
-    port: int
-    address: str = ""
-    error: str = ""
+    what: str  #: whose port it is
+    host: str  #: the host as it was named
+    port: int  #: the port
+    address: str = ""  #: what the name resolved to; empty if it did not
+    error: str = ""  #: why the port was not reached; empty if it was
 
 
 @dataclass(frozen=True, slots=True)
 class Examination:
-    """What one gateway sees.
+    """What one gateway sees."""
 
-    Attributes:
-        gateway: its unique name.
-        clock: how far the hub's clock is ahead of its own [s].
-        host_name: what the nodes of its master are known by: ROS_HOSTNAME, ROS_IP or the host's name.
-        host_address: what that resolves to there; empty if it does not.
-        python: the first `python3` on its PATH; empty if there is none.
-        python_works: whether that imports rospy.
-        interpreter: the interpreter that runs the gateway.
-        contacts: one for each other gateway that lives, by unique name: its attempt to reach that one's relay.
-    """
-
-    gateway: str
-    clock: float
-    host_name: str
-    host_address: str
-    python: str
-    python_works: bool
-    interpreter: str
+    gateway: str  #: its unique name
+    clock: float  #: how far the hub's clock is ahead of its own [s]
+    host_name: str  #: what the nodes of its master are known by: ROS_HOSTNAME, ROS_IP or the host's name
+    host_address: str  #: what that resolves to there; empty if it does not
+    python: str  #: the first `python3` on its PATH; empty if there is none
+    python_works: bool  #: whether that imports rospy
+    interpreter: str  #: the interpreter that runs the gateway
+    #: one for each other gateway that lives, by unique name: its attempt to reach that one's relay
     contacts: tuple[Contact, ...] = ()
 
 

@@ -19,17 +19,11 @@ from rocon_hub_protocol.core.record import NO_REQUEST, PeerRequest, Record, is_g
 
 @dataclass(frozen=True)
 class Publication:
-    """What we publish on the hub.
+    """What we publish on the hub."""
 
-    Attributes:
-        record: to all; its host is filled in, which depends on the route to the hub.
-        requests: to each other gateway.
-        interest: patterns of the gateways whose records we follow.
-    """
-
-    record: Record
-    requests: Mapping[str, PeerRequest] = field(default_factory=dict)
-    interest: frozenset[str] = frozenset()
+    record: Record  #: to all; its host is filled in, which depends on the route to the hub
+    requests: Mapping[str, PeerRequest] = field(default_factory=dict)  #: to each other gateway
+    interest: frozenset[str] = frozenset()  #: patterns of the gateways whose records we follow
 
 
 class Session(Protocol):
@@ -74,16 +68,12 @@ class HubState:
     Args:
         said: what we publish; may be replaced at any time.
         namespaces: of robots, published to all.
-
-    Attributes:
-        view: what we know of the hub and of the others on it.
-        displaced: whether another gateway has taken our name; `enter` refuses then while that one lives.
     """
 
     def __init__(self, said: Publication, namespaces: Collection[str] = ()) -> None:
         self.said = said
-        self.view = HubView()
-        self.displaced = False
+        self.view = HubView()  #: what we know of the hub and of the others on it
+        self.displaced = False  #: whether another gateway has taken our name; `enter` refuses then while that one lives
         self._own_namespaces = namespaces
         self._namespaces: frozenset[str] = frozenset()
         self._host = ""

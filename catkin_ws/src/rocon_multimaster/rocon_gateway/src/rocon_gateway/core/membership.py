@@ -10,19 +10,14 @@ from rocon_gateway.core.situation import Remote
 
 @dataclass(frozen=True)
 class Overview:
-    """What all our hubs tell together.
+    """What all our hubs tell together."""
 
-    Attributes:
-        hubs: those that we are on now.
-        names: unique names of all gateways that are present on any of them, or were on one that is lost.
-        remotes: those of them that our rules or their requests concern; each once, however many hubs it is on.
-        namespaces: of all robots that any of them knows.
-    """
-
-    hubs: tuple[HubView, ...] = ()
+    hubs: tuple[HubView, ...] = ()  #: those that we are on now
+    #: unique names of all gateways that are present on any of them, or were on one that is lost
     names: frozenset[str] = frozenset()
+    #: those of them that our rules or their requests concern; each once, however many hubs it is on
     remotes: Mapping[str, Remote] = field(default_factory=dict)
-    namespaces: frozenset[str] = frozenset()
+    namespaces: frozenset[str] = frozenset()  #: of all robots that any of them knows
 
     @property
     def connected(self) -> bool:

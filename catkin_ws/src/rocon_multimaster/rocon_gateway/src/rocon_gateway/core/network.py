@@ -25,42 +25,25 @@ LABEL_LINES = 8
 
 @dataclass(frozen=True)
 class Member:
-    """A gateway of the network.
+    """A gateway of the network."""
 
-    Attributes:
-        name: its unique name.
-        advertised: what others may pull.
-        flips: its flip rules.
-        pulls: its pull rules.
-        alive: whether the hub hears of it.
-    """
-
-    name: str
-    advertised: tuple[Rule, ...] = ()
-    flips: tuple[RemoteRule, ...] = ()
-    pulls: tuple[RemoteRule, ...] = ()
-    alive: bool = True
+    name: str  #: its unique name
+    advertised: tuple[Rule, ...] = ()  #: what others may pull
+    flips: tuple[RemoteRule, ...] = ()  #: its flip rules
+    pulls: tuple[RemoteRule, ...] = ()  #: its pull rules
+    alive: bool = True  #: whether the hub hears of it
 
 
 @dataclass(frozen=True)
 class Arrow:
-    """Rules of one gateway towards another.
+    """Rules of one gateway towards another."""
 
-    Attributes:
-        action: "flip" or "pull".
-        origin: the gateway whose rules these are.
-        target: the other one's unique name, or the rule's pattern if it means none.
-        missing: whether it means none.
-        outward: whether data, or requests to a service, go from the origin to the target.
-        labels: the rules, for people.
-    """
-
-    action: str
-    origin: str
-    target: str
-    missing: bool
-    outward: bool
-    labels: tuple[str, ...]
+    action: str  #: "flip" or "pull"
+    origin: str  #: the gateway whose rules these are
+    target: str  #: the other one's unique name, or the rule's pattern if it means none
+    missing: bool  #: whether it means none
+    outward: bool  #: whether data, or requests to a service, go from the origin to the target
+    labels: tuple[str, ...]  #: the rules, for people
 
     @property
     def ends(self) -> tuple[str, str]:

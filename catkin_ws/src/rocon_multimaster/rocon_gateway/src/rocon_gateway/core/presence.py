@@ -45,40 +45,26 @@ def _plain(address: HubAddress) -> HubAddress:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A hub to try.
+    """A hub to try."""
 
-    Attributes:
-        address: where to dial.
-        aliases: more addresses of it, as lists of allowed and refused hubs may have them.
-    """
-
-    address: HubAddress
-    aliases: tuple[HubAddress, ...] = ()
+    address: HubAddress  #: where to dial
+    aliases: tuple[HubAddress, ...] = ()  #: more addresses of it, as lists of allowed and refused hubs may have them
 
 
 @dataclass(frozen=True)
 class HubView:
-    """What we know of one hub and of the others on it; without a connection, what we knew last.
+    """What we know of one hub and of the others on it; without a connection, what we knew last."""
 
-    Attributes:
-        connected: whether we are on it now.
-        hub_name: its name; empty when we were never there.
-        hub_uri: its address; empty likewise.
-        host: where the others on it reach us; empty likewise.
-        listed: unique names of all gateways that the hub says are alive, ourselves apart.
-        names: unique names of all that count as present: those, and some that it has just stopped listing.
-        remotes: those of them that our rules or their requests concern.
-        namespaces: of all robots that it knows.
-    """
-
-    connected: bool = False
-    hub_name: str = ""
-    hub_uri: str = ""
-    host: str = ""
-    listed: frozenset[str] = frozenset()
+    connected: bool = False  #: whether we are on it now
+    hub_name: str = ""  #: its name; empty when we were never there
+    hub_uri: str = ""  #: its address; empty likewise
+    host: str = ""  #: where the others on it reach us; empty likewise
+    listed: frozenset[str] = frozenset()  #: unique names of all gateways that the hub says are alive, ourselves apart
+    #: unique names of all that count as present: those, and some that it has just stopped listing
     names: frozenset[str] = frozenset()
+    #: those of them that our rules or their requests concern
     remotes: Mapping[str, Remote] = field(default_factory=dict)
-    namespaces: frozenset[str] = frozenset()
+    namespaces: frozenset[str] = frozenset()  #: of all robots that it knows
 
 
 class Presence:

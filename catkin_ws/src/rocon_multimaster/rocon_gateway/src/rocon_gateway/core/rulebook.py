@@ -12,29 +12,19 @@ from rocon_hub_protocol.core.rule import CONNECTIONS, Connection, Kind, RemoteRu
 
 @dataclass(frozen=True)
 class Advertisements:
-    """What other gateways may pull.
+    """What other gateways may pull."""
 
-    Attributes:
-        rules: explicit rules, in order of arrival; a `.*` rule of each kind in advertise-all mode.
-        everything: whether that mode is on.
-        blacklist: what the mode's caller excluded; the gateway's own blacklist comes on top.
-    """
-
-    rules: tuple[Rule, ...] = ()
-    everything: bool = False
-    blacklist: tuple[Rule, ...] = ()
+    rules: tuple[Rule, ...] = ()  #: explicit rules, in order of arrival; a `.*` rule of each kind in advertise-all mode
+    everything: bool = False  #: whether that mode is on
+    blacklist: tuple[Rule, ...] = ()  #: what the mode's caller excluded; the gateway's own blacklist comes on top
 
 
 @dataclass(frozen=True)
 class Targets:
-    """Flips or pulls.
+    """Flips or pulls."""
 
-    Attributes:
-        rules: all of them, in order of arrival.
-        everything: by gateway pattern, what the caller of flip_all or pull_all excluded.
-    """
-
-    rules: tuple[RemoteRule, ...] = ()
+    rules: tuple[RemoteRule, ...] = ()  #: all of them, in order of arrival
+    #: by gateway pattern, what the caller of flip_all or pull_all excluded
     everything: tuple[tuple[str, tuple[Rule, ...]], ...] = ()
 
     def excluded(self, remote: RemoteRule) -> tuple[Rule, ...]:
@@ -44,15 +34,10 @@ class Targets:
 
 @dataclass(frozen=True)
 class RuleBook:
-    """The rules, and what a change is checked against.
+    """The rules, and what a change is checked against."""
 
-    Attributes:
-        name: our unique name.
-        blacklist: what never leaves this gateway.
-    """
-
-    name: str
-    blacklist: tuple[Rule, ...] = ()
+    name: str  #: our unique name
+    blacklist: tuple[Rule, ...] = ()  #: what never leaves this gateway
     advertisements: Advertisements = field(default_factory=Advertisements)
     flips: Targets = field(default_factory=Targets)
     pulls: Targets = field(default_factory=Targets)

@@ -45,19 +45,12 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True)
 class RuleState:
-    """How one rule does.
+    """How one rule does."""
 
-    Attributes:
-        action: "advertise", "flip" or "pull".
-        gateway: the rule's gateway pattern; empty for an advertisement.
-        rule: the rule.
-        verdict: its state.
-    """
-
-    action: str
-    gateway: str
-    rule: Rule
-    verdict: Verdict
+    action: str  #: "advertise", "flip" or "pull"
+    gateway: str  #: the rule's gateway pattern; empty for an advertisement
+    rule: Rule  #: the rule
+    verdict: Verdict  #: its state
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,68 +63,41 @@ class Remote:
 
 @dataclass(frozen=True)
 class Situation:
-    """All that decides what to connect.
+    """All that decides what to connect."""
 
-    Attributes:
-        book: our rules.
-        firewall: whether we refuse flips to us.
-        local: our master's publishers, subscribers and services, without our own and without any gateway's proxies.
-        connected: whether we are on a hub. Without one the remotes are those last seen.
-        names: unique names of all other gateways that are alive.
-        remotes: those of them that our rules or their requests concern, by unique name.
-        links: how our imports do.
-        namespace: our robot's; patterns bring nothing out of another robot's. "" where there is none.
-        robots: namespaces of all robots that we have heard of.
-        options: what is asked of links; the first that means a connection counts.
-    """
-
-    book: RuleBook
-    firewall: bool
+    book: RuleBook  #: our rules
+    firewall: bool  #: whether we refuse flips to us
+    #: our master's publishers, subscribers and services, without our own and without any gateway's proxies
     local: frozenset[Connection]
-    connected: bool
-    names: frozenset[str] = frozenset()
+    connected: bool  #: whether we are on a hub. Without one the remotes are those last seen.
+    names: frozenset[str] = frozenset()  #: unique names of all other gateways that are alive
+    #: those of them that our rules or their requests concern, by unique name
     remotes: Mapping[str, Remote] = field(default_factory=dict)
-    links: Mapping[Import, LinkStatus] = field(default_factory=dict)
-    options: tuple[OptionRule, ...] = ()
-    namespace: str = ""
-    robots: frozenset[str] = frozenset()
+    links: Mapping[Import, LinkStatus] = field(default_factory=dict)  #: how our imports do
+    options: tuple[OptionRule, ...] = ()  #: what is asked of links; the first that means a connection counts
+    namespace: str = ""  #: our robot's; patterns bring nothing out of another robot's. "" where there is none.
+    robots: frozenset[str] = frozenset()  #: namespaces of all robots that we have heard of
 
 
 @dataclass(frozen=True, slots=True)
 class Flipped:
-    """A local connection that is flipped to a gateway, or a remote one that is flipped or pulled to here.
+    """A local connection that is flipped to a gateway, or a remote one that is flipped or pulled to here."""
 
-    Attributes:
-        gateway: the other gateway's unique name.
-        connection: the connection; its node is the one on the flipping or advertising side.
-        status: a word of `gateway_msgs/RemoteRuleWithStatus`.
-    """
-
-    gateway: str
-    connection: Connection
-    status: str = "accepted"
+    gateway: str  #: the other gateway's unique name
+    connection: Connection  #: the connection; its node is the one on the flipping or advertising side
+    status: str = "accepted"  #: a word of `gateway_msgs/RemoteRuleWithStatus`
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What to do and what to say.
+    """What to do and what to say."""
 
-    Attributes:
-        advertised: our public interface.
-        requests: by unique name of the receiver; gateways that are absent get none.
-        exports: what our relay shall export.
-        imports: what our relay shall import.
-        states: one for each rule, in the order advertisements, flips, pulls.
-        flipped: local connections flipped away.
-        flipped_in: remote connections flipped to here.
-        pulled: remote connections pulled to here.
-    """
-
-    advertised: tuple[Connection, ...] = ()
+    advertised: tuple[Connection, ...] = ()  #: our public interface
+    #: by unique name of the receiver; gateways that are absent get none
     requests: Mapping[str, PeerRequest] = field(default_factory=dict)
-    exports: frozenset[Export] = frozenset()
-    imports: frozenset[Import] = frozenset()
-    states: tuple[RuleState, ...] = ()
-    flipped: tuple[Flipped, ...] = ()
-    flipped_in: tuple[Flipped, ...] = ()
-    pulled: tuple[Flipped, ...] = ()
+    exports: frozenset[Export] = frozenset()  #: what our relay shall export
+    imports: frozenset[Import] = frozenset()  #: what our relay shall import
+    states: tuple[RuleState, ...] = ()  #: one for each rule, in the order advertisements, flips, pulls
+    flipped: tuple[Flipped, ...] = ()  #: local connections flipped away
+    flipped_in: tuple[Flipped, ...] = ()  #: remote connections flipped to here
+    pulled: tuple[Flipped, ...] = ()  #: remote connections pulled to here

@@ -51,10 +51,6 @@ class RedisServer:
         config: the hub's parameters.
         directory: for configuration, log and socket; made if absent, readable by us only.
         access: what gateways must say and show.
-
-    Attributes:
-        client: of the user that may do everything, over the socket.
-        log: what the server prints.
     """
 
     def __init__(self, config: HubConfig, directory: Path, access: Access) -> None:
@@ -66,7 +62,7 @@ class RedisServer:
         self._process: subprocess.Popen[bytes] | None = None
         self._admin_password = secrets.token_hex(32)
         self._users: list[str] = []
-        self.log = directory / "redis-server.log"
+        self.log = directory / "redis-server.log"  #: what the server prints
         directory.mkdir(parents=True, exist_ok=True)
         directory.chmod(0o700)
         # A socket's path may have 107 bytes, which the directory's own may exceed; this one is short.
@@ -82,7 +78,7 @@ class RedisServer:
             # A gateway whose name is not valid UTF-8 is removed like any other that falls silent.
             encoding_errors="surrogateescape",
         )
-        self.client = redis.Redis(connection_pool=pool)
+        self.client = redis.Redis(connection_pool=pool)  #: of the user that may do everything, over the socket
 
     def salt(self) -> str:
         """Returns this fleet's salt, made at first and kept in the directory, so that restarts do not change it."""

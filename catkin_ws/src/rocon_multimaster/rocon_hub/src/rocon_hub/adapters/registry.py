@@ -35,9 +35,6 @@ class Registry:
         client: a client of our own server.
         patience: how long the record of a silent gateway is kept [s].
         salt: the fleet's, for its gateways; empty for none.
-
-    Attributes:
-        returned: gateways that the last look found alive after a silence.
     """
 
     def __init__(self, client: redis.Redis, patience: float, salt: str = "") -> None:
@@ -46,7 +43,7 @@ class Registry:
         self._patience = patience
         self._watch = Watch(patience)
         self._name = ""
-        self.returned: set[str] = set()
+        self.returned: set[str] = set()  #: gateways that the last look found alive after a silence
 
     def open(self, name: str) -> None:
         """Writes the name by which gateways know that this is a hub; all silences are forgotten."""

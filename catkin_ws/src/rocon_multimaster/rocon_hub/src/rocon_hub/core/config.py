@@ -35,31 +35,21 @@ _PATTERNS = (
 
 @dataclass(frozen=True)
 class HubConfig:
-    """Parameters of the node `hub`.
+    """Parameters of the node `hub`."""
 
-    Attributes:
-        name: what gateways see as the hub's name.
-        port: TCP port of the hub's own Redis.
-        zeroconf: whether to announce the hub by mDNS.
-        max_memory: what Redis may use for data and connections, in its notation: a limit, of which a thousand gateways
-            that come back at once take 80 MB for a moment, and more where they are slow to read.
-        gateway_gone_timeout: time after which the record of a gateway that is not heard of is deleted [s].
-        watcher_thread_rate: how often records are looked over for that [Hz].
-        password_file: a file that holds the hub's password; empty for none, or the environment's.
-        tls_directory: a directory with the fleet's certificates; only who has one then connects. Empty for no TLS, or
-            the environment's.
-        insecure: accept everybody on the network without a password.
-    """
-
-    name: str = "Gateway Hub"
-    port: int = 6380
-    zeroconf: bool = True
+    name: str = "Gateway Hub"  #: what gateways see as the hub's name
+    port: int = 6380  #: TCP port of the hub's own Redis
+    zeroconf: bool = True  #: whether to announce the hub by mDNS
+    #: what Redis may use for data and connections, in its notation: a limit, of which a thousand gateways that come
+    #: back at once take 80 MB for a moment, and more where they are slow to read
     max_memory: str = "256mb"
-    gateway_gone_timeout: float = 300.0
-    watcher_thread_rate: float = 0.2
-    password_file: str = ""
+    gateway_gone_timeout: float = 300.0  #: time after which the record of a gateway that is not heard of is deleted [s]
+    watcher_thread_rate: float = 0.2  #: how often records are looked over for that [Hz]
+    password_file: str = ""  #: a file that holds the hub's password; empty for none, or the environment's
+    #: a directory with the fleet's certificates; only who has one then connects. Empty for no TLS, or the
+    #: environment's.
     tls_directory: str = ""
-    insecure: bool = False
+    insecure: bool = False  #: accept everybody on the network without a password
 
     def __post_init__(self) -> None:
         """Raises HubNodeError for invalid parameter values."""
@@ -80,20 +70,13 @@ class HubConfig:
 
 @dataclass(frozen=True)
 class Guard:
-    """What keeps unauthenticated clients off the hub.
+    """What keeps unauthenticated clients off the hub."""
 
-    Attributes:
-        has_password: whether clients must prove that they know a password. Redis then has no port: they come over
-            the hub's `Front`.
-        certificate: our own, a file; empty for no TLS. With it, clients must show one of the same authority.
-        key: its key.
-        authority: the authority's certificate.
-    """
-
+    #: whether clients must prove that they know a password. Redis then has no port: they come over the hub's `Front`.
     has_password: bool = False
-    certificate: str = ""
-    key: str = ""
-    authority: str = ""
+    certificate: str = ""  #: our own, a file; empty for no TLS. With it, clients must show one of the same authority.
+    key: str = ""  #: its key
+    authority: str = ""  #: the authority's certificate
 
 
 def is_open(config: HubConfig, guard: Guard) -> bool:

@@ -28,15 +28,11 @@ PROOF_TIMEOUT = 5.0
 
 @dataclass(frozen=True)
 class Access:
-    """What a hub may ask for.
+    """What a hub may ask for."""
 
-    Attributes:
-        password: what it wants a proof of; None for nothing. Not shown by repr.
-        certificates: for TLS; None for none.
-    """
-
+    #: what it wants a proof of; None for nothing. Not shown by repr.
     password: Password | None = field(default=None, repr=False)
-    certificates: Certificates | None = None
+    certificates: Certificates | None = None  #: for TLS; None for none
 
 
 OPEN = Access()

@@ -13,17 +13,11 @@ TLS_SCHEME = "rediss"
 
 @dataclass(frozen=True, slots=True)
 class HubAddress:
-    """Where a hub's Redis listens.
+    """Where a hub's Redis listens."""
 
-    Attributes:
-        host: its machine.
-        port: its port.
-        tls: whether it is known to speak TLS; no part of the address.
-    """
-
-    host: str
-    port: int
-    tls: bool = field(default=False, compare=False)
+    host: str  #: its machine
+    port: int  #: its port
+    tls: bool = field(default=False, compare=False)  #: whether it is known to speak TLS; no part of the address
 
     def __str__(self) -> str:
         return f"{TLS_SCHEME if self.tls else 'http'}://{self.host}:{self.port}"

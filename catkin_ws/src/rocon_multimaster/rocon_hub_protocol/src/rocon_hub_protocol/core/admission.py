@@ -33,16 +33,13 @@ class GatewaySide:
 
     Args:
         password: ours.
-
-    Attributes:
-        first: the first line.
     """
 
     def __init__(self, password: str) -> None:
         session = secrets.token_bytes(16)
         self._exchange = Exchange(password, _CHANNEL, session)
         self._expected = b""
-        self.first = b"ROCON-PROVE 1 %s\r\n" % session.hex().encode()
+        self.first = b"ROCON-PROVE 1 %s\r\n" % session.hex().encode()  #: the first line
 
     def prove(self, line: bytes) -> bytes:
         """Returns our proof, the answer to the hub's first line; raises ProofError if that is none."""
@@ -61,14 +58,11 @@ class HubSide:
     Args:
         password: ours.
         first: the client's first line; raises ProofError if it is none.
-
-    Attributes:
-        answer: our first line.
     """
 
     def __init__(self, password: str, first: bytes) -> None:
         self._exchange = Exchange(password, _CHANNEL, _bytes(_FIRST, first))
-        self.answer = b"+%s\r\n" % self._exchange.share.hex().encode()
+        self.answer = b"+%s\r\n" % self._exchange.share.hex().encode()  #: our first line
 
     def verdict(self, line: bytes) -> tuple[bool, bytes]:
         """Returns whether the client's proof is right, and our answer to it; raises ProofError if it is none."""

@@ -33,12 +33,8 @@ class HubProtocolError(Exception):
 
 
 class HubError(HubProtocolError):
-    """A hub that cannot be used.
-
-    Attributes:
-        code: what `connect_hub` answers.
-    """
+    """A hub that cannot be used."""
 
     def __init__(self, code: Code, message: str) -> None:
         super().__init__(message)
-        self.code = code
+        self.code = code  #: what `connect_hub` answers

@@ -34,14 +34,12 @@ class Exchange:
         password: what both sides should know.
         channel: what this exchange is for, the same on both sides.
         session: bytes that the two sides agree on and that never served before.
-
-    Attributes:
-        share: what to send to the other side.
     """
 
     def __init__(self, password: str, channel: bytes, session: bytes) -> None:
         self._session = session
         self._scalar = secrets.token_bytes(32)
+        #: what to send to the other side
         self.share = crypto_scalarmult(self._scalar, generator(password.encode(), channel, session))
 
     def tags(self, first: bytes, second: bytes) -> tuple[bytes, bytes]:

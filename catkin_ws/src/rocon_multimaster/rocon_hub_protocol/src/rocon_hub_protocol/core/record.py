@@ -28,29 +28,17 @@ class RecordError(HubProtocolError):
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A gateway as it describes itself to all.
+    """A gateway as it describes itself to all."""
 
-    Attributes:
-        name: its unique name.
-        instance: changes with each start, so that a restart under the same name is seen.
-        host: where others reach it.
-        port: its relay's port.
-        firewall: whether it refuses flips to it.
-        advertisements: local connections that others may pull.
-        flips: its flips, for information.
-        pulls: its pulls, for information.
-        namespace: its robot's namespace; "" where it has none.
-    """
-
-    name: str
-    instance: str
-    host: str
-    port: int
-    firewall: bool = False
-    advertisements: tuple[Connection, ...] = ()
-    flips: tuple[RemoteRule, ...] = ()
-    pulls: tuple[RemoteRule, ...] = ()
-    namespace: str = ""
+    name: str  #: its unique name
+    instance: str  #: changes with each start, so that a restart under the same name is seen
+    host: str  #: where others reach it
+    port: int  #: its relay's port
+    firewall: bool = False  #: whether it refuses flips to it
+    advertisements: tuple[Connection, ...] = ()  #: local connections that others may pull
+    flips: tuple[RemoteRule, ...] = ()  #: its flips, for information
+    pulls: tuple[RemoteRule, ...] = ()  #: its pulls, for information
+    namespace: str = ""  #: its robot's namespace; "" where it has none
 
 
 class Purpose(enum.StrEnum):
@@ -70,70 +58,42 @@ class Purpose(enum.StrEnum):
 
 @dataclass(frozen=True, slots=True, order=True)
 class Offer:
-    """The sender's publisher or server, for the receiver to import.
+    """The sender's publisher or server, for the receiver to import."""
 
-    Attributes:
-        topic: its topic; the name of a service.
-        type: its message type; of a service, any.
-        node: the publishing or serving node.
-        purpose: why it is offered.
-        to_node: for a pulled subscriber, that subscriber's node; empty otherwise.
-    """
-
-    topic: str
-    type: str
-    node: str
-    purpose: Purpose
-    to_node: str = ""
+    topic: str  #: its topic; the name of a service
+    type: str  #: its message type; of a service, any
+    node: str  #: the publishing or serving node
+    purpose: Purpose  #: why it is offered
+    to_node: str = ""  #: for a pulled subscriber, that subscriber's node; empty otherwise
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class Want:
-    """What the sender asks the receiver to offer or export.
+    """What the sender asks the receiver to offer or export."""
 
-    Attributes:
-        topic: the topic, or the name of a service or parameter.
-        node: for a pull the publishing or serving node; for a flip the subscribing one, a pattern, for information.
-        purpose: any of them.
-    """
-
-    topic: str
-    node: str
-    purpose: Purpose
+    topic: str  #: the topic, or the name of a service or parameter
+    node: str  #: for a pull the publishing or serving node; for a flip the subscribing one, a pattern, for information
+    purpose: Purpose  #: any of them
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class Reply:
-    """How the receiver of an offer or a want took it.
+    """How the receiver of an offer or a want took it."""
 
-    Attributes:
-        kind: PUBLISHER for an offer, SUBSCRIBER for a want, SERVICE for the offer of one.
-        topic: as in what it replies to.
-        node: as in what it replies to.
-        state: one of the words of rule states.
-        reason: a sentence for people.
-    """
-
-    kind: Kind
-    topic: str
-    node: str
-    state: str
-    reason: str = ""
+    kind: Kind  #: PUBLISHER for an offer, SUBSCRIBER for a want, SERVICE for the offer of one
+    topic: str  #: as in what it replies to
+    node: str  #: as in what it replies to
+    state: str  #: one of the words of rule states
+    reason: str = ""  #: a sentence for people
 
 
 @dataclass(frozen=True, slots=True)
 class PeerRequest:
-    """All that one gateway has to tell one other; a new one replaces the old.
+    """All that one gateway has to tell one other; a new one replaces the old."""
 
-    Attributes:
-        offers: publishers to import, at the receiver's discretion.
-        wants: what to offer or export to the sender.
-        replies: on what the receiver's own request asks.
-    """
-
-    offers: tuple[Offer, ...] = ()
-    wants: tuple[Want, ...] = ()
-    replies: tuple[Reply, ...] = ()
+    offers: tuple[Offer, ...] = ()  #: publishers to import, at the receiver's discretion
+    wants: tuple[Want, ...] = ()  #: what to offer or export to the sender
+    replies: tuple[Reply, ...] = ()  #: on what the receiver's own request asks
 
 
 NO_REQUEST = PeerRequest()

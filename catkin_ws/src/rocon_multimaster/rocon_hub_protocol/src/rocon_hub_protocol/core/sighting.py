@@ -17,21 +17,13 @@ LABEL_LENGTH = 63
 
 @dataclass(frozen=True, slots=True, order=True)
 class Sighting:
-    """What a hub's announcement says.
+    """What a hub's announcement says."""
 
-    Attributes:
-        name: the announcement's instance name, for people; the hub's own name is in its Redis.
-        port: the hub's port.
-        addresses: its machine's IPv4 addresses.
-        stack: a text that only programs of the same machine (and network namespace) share; empty if unknown.
-        tls: whether it says that it speaks TLS.
-    """
-
-    name: str
-    port: int
-    addresses: tuple[str, ...]
-    stack: str = ""
-    tls: bool = False
+    name: str  #: the announcement's instance name, for people; the hub's own name is in its Redis
+    port: int  #: the hub's port
+    addresses: tuple[str, ...]  #: its machine's IPv4 addresses
+    stack: str = ""  #: a text that only programs of the same machine (and network namespace) share; empty if unknown
+    tls: bool = False  #: whether it says that it speaks TLS
 
     @property
     def hubs(self) -> tuple[HubAddress, ...]:

@@ -22,27 +22,16 @@ SHORT_LIFE = 10.0
 
 @dataclass(frozen=True)
 class Launch:
-    """One roslaunch to run.
+    """One roslaunch to run."""
 
-    Attributes:
-        package: where the launch file is; empty if `name` is a path.
-        name: the launch file.
-        port: the port of its ROS master.
-        title: what its lines of output begin with.
-        arguments: its arguments, by name.
-        waits: whether an earlier one starts the master on that port.
-        respawn: whether it is started again when it ends.
-        required: whether its end is the end of all.
-    """
-
-    package: str
-    name: str
-    port: int
-    title: str
-    arguments: Mapping[str, str]
-    waits: bool = False
-    respawn: bool = False
-    required: bool = False
+    package: str  #: where the launch file is; empty if `name` is a path
+    name: str  #: the launch file
+    port: int  #: the port of its ROS master
+    title: str  #: what its lines of output begin with
+    arguments: Mapping[str, str]  #: its arguments, by name
+    waits: bool = False  #: whether an earlier one starts the master on that port
+    respawn: bool = False  #: whether it is started again when it ends
+    required: bool = False  #: whether its end is the end of all
 
     def starts_again(self, lived: float) -> bool:
         """Returns whether it is to be started again after it ended by itself, having run for ``lived`` seconds."""

@@ -16,18 +16,7 @@ from tcpros.core.backlog import Backlog
 
 
 class Context:
-    """Configuration, loop, log, and the servers that are called.
-
-    Attributes:
-        config: what the relay was given.
-        reactor: its loop.
-        resolver: its look-ups.
-        logger: where its log lines go.
-        master: our master.
-        round_trips: to other gateways, by name.
-        changed: to be called when the state of a link has changed.
-        tls: encrypts links; None if they are not encrypted.
-    """
+    """Configuration, loop, log, and the servers that are called."""
 
     def __init__(
         self,
@@ -37,14 +26,14 @@ class Context:
         changed: Callable[[], None],
         certificates: Certificates | None,
     ) -> None:
-        self.config = config
-        self.tls = Tls(certificates) if certificates else None
-        self.reactor = reactor
-        self.resolver = Resolver(reactor)
-        self.logger = logger
-        self.changed = changed
-        self.round_trips: dict[str, RoundTrips] = {}
-        self.master = self.server(config.master_uri)
+        self.config = config  #: what the relay was given
+        self.tls = Tls(certificates) if certificates else None  #: encrypts links; None if they are not encrypted
+        self.reactor = reactor  #: its loop
+        self.resolver = Resolver(reactor)  #: its look-ups
+        self.logger = logger  #: where its log lines go
+        self.changed = changed  #: to be called when the state of a link has changed
+        self.round_trips: dict[str, RoundTrips] = {}  #: to other gateways, by name
+        self.master = self.server(config.master_uri)  #: our master
 
     def server(self, uri: str) -> Server:
         """Returns a client of a node's or master's XML-RPC server."""

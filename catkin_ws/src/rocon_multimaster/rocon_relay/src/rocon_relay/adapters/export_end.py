@@ -55,28 +55,21 @@ class Exporter(Protocol):
 
 
 class ExportEnd(Stream):
-    """One link that another gateway's relay dialled.
-
-    Attributes:
-        hello: what it wants, once it has sent that.
-        is_proven: whether it has proved that it belongs to the fleet.
-        export: what it was given, once it was accepted.
-        outlet: where its messages go in: itself, or what looks at them first.
-    """
+    """One link that another gateway's relay dialled."""
 
     def __init__(self, context: Context, exporter: Exporter, sock: socket.socket, peer: str) -> None:
         super().__init__(context.reactor, sock, peer, context.tls.accepted(sock) if context.tls else None)
         watch_liveness(sock)
-        self.hello: Hello | None = None
-        self.export: Export | None = None
-        self.outlet: Outlet = self
+        self.hello: Hello | None = None  #: what it wants, once it has sent that
+        self.export: Export | None = None  #: what it was given, once it was accepted
+        self.outlet: Outlet = self  #: where its messages go in: itself, or what looks at them first
         self._options = NO_OPTIONS
         self._sieve: Sieve | None = None
         self._left_out = self._saved = 0
         self._pong = b""
         self._context = context
         self._exporter = exporter
-        self.is_proven = self._tls is not None
+        self.is_proven = self._tls is not None  #: whether it has proved that it belongs to the fleet
         self._expected = self._proof = ""
         self._wanted = False
         self._demand = ""

@@ -61,27 +61,19 @@ class ProxyNodes:
 
 
 class ProxyNode:
-    """A node on our master that stands for a node of another gateway.
-
-    Attributes:
-        name: its name.
-        uri: its XML-RPC URI.
-        port: its port, for both protocols.
-        topics: its topics by name.
-        services: its services by name.
-    """
+    """A node on our master that stands for a node of another gateway."""
 
     def __init__(self, context: Context, name: str) -> None:
-        self.name = name
-        self.topics: dict[str, ProxyTopic] = {}
-        self.services: dict[str, ProxyService] = {}
+        self.name = name  #: its name
+        self.topics: dict[str, ProxyTopic] = {}  #: its topics by name
+        self.services: dict[str, ProxyService] = {}  #: its services by name
         self._context = context
         config = context.config
         self._listener = Listener(context.reactor, config.node_bind, 0, self._accepted)
         self._connections: set[ProxyConnection] = set()
         self._unidentified: dict[ProxyConnection, None] = {}
-        self.port = self._listener.port
-        self.uri = proxy_uri(config.host, self.port, config.gateway)
+        self.port = self._listener.port  #: its port, for both protocols
+        self.uri = proxy_uri(config.host, self.port, config.gateway)  #: its XML-RPC URI
         self.api = SlaveApi(self.name, self.uri, config.master_uri, config.host, self.port, self.topics)
         self._listener.start()
 

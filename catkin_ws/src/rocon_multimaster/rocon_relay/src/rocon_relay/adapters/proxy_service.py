@@ -23,17 +23,12 @@ class ServiceOwner(Owner, Protocol):
 
 
 class ProxyService(Registration):
-    """A server on our master that is another gateway's.
-
-    Attributes:
-        wanted: what is shown; replaced by one of the same key.
-        calls: the connections of clients.
-    """
+    """A server on our master that is another gateway's."""
 
     def __init__(self, context: Context, nodes: Nodes, owner: ServiceOwner, wanted: Import) -> None:
         super().__init__(context, nodes, owner, wanted.proxy)
-        self.wanted = wanted
-        self.calls: set[Call] = set()
+        self.wanted = wanted  #: what is shown; replaced by one of the same key
+        self.calls: set[Call] = set()  #: the connections of clients
         self._host = context.config.host
         self._service_owner = owner
 

@@ -21,17 +21,12 @@ class TopicOwner(Owner, Protocol):
 
 
 class ProxyTopic(Registration):
-    """A publisher on our master that is another gateway's.
-
-    Attributes:
-        wanted: what is shown; replaced by one of the same key.
-        subscribers: connected subscribers, name by connection.
-    """
+    """A publisher on our master that is another gateway's."""
 
     def __init__(self, context: Context, nodes: Nodes, owner: TopicOwner, wanted: Import) -> None:
         super().__init__(context, nodes, owner, wanted.proxy)
-        self.wanted = wanted
-        self.subscribers: dict[Stream, str] = {}
+        self.wanted = wanted  #: what is shown; replaced by one of the same key
+        self.subscribers: dict[Stream, str] = {}  #: connected subscribers, name by connection
         self._topic_owner = owner
 
     def registering(self, node: Node) -> tuple[str, tuple[str, ...]]:

@@ -53,15 +53,11 @@ class Registration:
     """A topic or service of a proxy node.
 
     Its users are closed only after the master has unregistered it: a rospy subscriber does not reconnect by itself.
-
-    Attributes:
-        proxy: the node's name.
-        is_serving: whether users are accepted.
     """
 
     def __init__(self, context: Context, nodes: Nodes, owner: Owner, proxy: str) -> None:
-        self.proxy = proxy
-        self.is_serving = False
+        self.proxy = proxy  #: the node's name
+        self.is_serving = False  #: whether users are accepted
         self._context = context
         self._nodes = nodes
         self._owner = owner

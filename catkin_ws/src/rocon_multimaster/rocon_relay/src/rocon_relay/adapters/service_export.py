@@ -21,16 +21,14 @@ class ServiceExportEnd:
     Args:
         context: what all parts share.
         export: what is exported.
-
-    Attributes:
-        server: host and port where the last call found the server; None if it has to be looked up.
-        standing: the link that is up as long as the far gateway shows the service; None for none.
     """
 
     def __init__(self, context: Context, export: Export) -> None:
         self.export = export
+        #: host and port where the last call found the server; None if it has to be looked up
         self.server: tuple[str, int] | None = None
         self._context = context
+        #: the link that is up as long as the far gateway shows the service; None for none
         self.standing: ExportEnd | None = None
         self._calls: set[ExportedCall] = set()
         self._done = [0, 0]
@@ -92,14 +90,10 @@ class _Standing(Tenant):
 
 
 class ExportedCall(Tenant):
-    """One client of another gateway: looks the server up, connects to it, says what the client said, and joins both.
-
-    Attributes:
-        pipe: what joins link and server, once the server has answered the handshake.
-    """
+    """One client of another gateway: looks the server up, connects to it, says what the client said, and joins both."""
 
     def __init__(self, context: Context, owner: ServiceExportEnd, link: ExportEnd, hello: Hello) -> None:
-        self.pipe: ServicePipe | None = None
+        self.pipe: ServicePipe | None = None  #: what joins link and server, once the server has answered the handshake
         self._context = context
         self._owner = owner
         self._link = link

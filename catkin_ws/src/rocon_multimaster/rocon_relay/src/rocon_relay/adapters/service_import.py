@@ -91,14 +91,10 @@ class ServiceImportEnd(StandingImport):
 
 
 class ImportedCall(LinkOwner):
-    """One client's connection, and the link on which its calls go.
-
-    Attributes:
-        pipe: what joins both, once the server is reached.
-    """
+    """One client's connection, and the link on which its calls go."""
 
     def __init__(self, context: Context, owner: ServiceImportEnd, client: Stream, fields: dict[str, str]) -> None:
-        self.pipe: ServicePipe | None = None
+        self.pipe: ServicePipe | None = None  #: what joins both, once the server is reached
         self._context = context
         self._owner = owner
         self._client = client

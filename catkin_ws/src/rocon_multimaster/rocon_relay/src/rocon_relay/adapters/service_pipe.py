@@ -10,14 +10,10 @@ Follow = Callable[[memoryview], None]
 
 
 class ServicePipe:
-    """Joins a client's connection, or the link that stands for it, with the server's, or the link that leads there.
-
-    Attributes:
-        conversation: what has passed.
-    """
+    """Joins a client's connection, or the link that stands for it, with the server's, or the link that leads there."""
 
     def __init__(self, client: Stream, server: Stream, max_size: int) -> None:
-        self.conversation = Conversation(max_size)
+        self.conversation = Conversation(max_size)  #: what has passed
         _join(client, server, self.conversation.request)
         _join(server, client, self.conversation.response)
 

@@ -15,20 +15,14 @@ QUIET = 0.5
 
 
 class Sieve:
-    """Stands between a publisher's stream and one link; see `core.fanout.Outlet`.
-
-    Attributes:
-        backlog: the message that is arriving.
-        left_out: messages that did not cross because of the options.
-        saved: bytes that compression kept off the link.
-    """
+    """Stands between a publisher's stream and one link; see `core.fanout.Outlet`."""
 
     direct = None
 
     def __init__(self, reactor: Reactor, link: Outlet, options: LinkOptions, type_: str) -> None:
-        self.backlog = Backlog(UNBOUNDED, UNBOUNDED)
-        self.left_out = 0
-        self.saved = 0
+        self.backlog = Backlog(UNBOUNDED, UNBOUNDED)  #: the message that is arriving
+        self.left_out = 0  #: messages that did not cross because of the options
+        self.saved = 0  #: bytes that compression kept off the link
         self.pressure = link.pressure
         self._reactor = reactor
         self._link = link
@@ -128,18 +122,13 @@ class Sieve:
 
 
 class Inflater:
-    """Feeds a fanout with what a link carries compressed; see `core.fanout.Outlet`.
-
-    Attributes:
-        backlog: the message that is arriving.
-        saved: bytes that compression kept off the link.
-    """
+    """Feeds a fanout with what a link carries compressed; see `core.fanout.Outlet`."""
 
     direct = None
 
     def __init__(self, fanout: Fanout, max_message_size: int) -> None:
-        self.backlog = Backlog(UNBOUNDED, UNBOUNDED)
-        self.saved = 0
+        self.backlog = Backlog(UNBOUNDED, UNBOUNDED)  #: the message that is arriving
+        self.saved = 0  #: bytes that compression kept off the link
         self.pressure = fanout
         self._fanout = fanout
         self._max_message_size = max_message_size

@@ -70,13 +70,9 @@ class DialledImport:
 
 
 class StandingImport(DialledImport):
-    """The link is kept; the proxy is registered while it stands. Subclasses say what to show.
+    """The link is kept; the proxy is registered while it stands. Subclasses say what to show."""
 
-    Attributes:
-        registration: what is shown.
-    """
-
-    registration: Registration
+    registration: Registration  #: what is shown
 
     def end(self) -> None:
         """Unregisters, closes; `ended` is called when that is done."""

@@ -14,13 +14,9 @@ from tcpros.core.header import header_bytes, header_parser
 
 
 class Customer(Protocol):
-    """Who wants the messages: a link.
+    """Who wants the messages: a link."""
 
-    Attributes:
-        outlet: where they go, from the moment that `source_found` has accepted them.
-    """
-
-    outlet: Outlet
+    outlet: Outlet  #: where they go, from the moment that `source_found` has accepted them
 
     def source_found(self, header: Mapping[str, str]) -> bool:
         """The publisher's connection header has arrived; False refuses its messages."""

@@ -80,27 +80,19 @@ class Key(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Export:
-    """Gateway `to_gateway` may fetch what our node publishes on a topic, call its service, or read a parameter.
+    """Gateway `to_gateway` may fetch what our node publishes on a topic, call its service, or read a parameter."""
 
-    Attributes:
-        topic: resolved name of the topic, service or parameter, the same on both masters; a parameter that is a
-            namespace is one with all that is in it.
-        type: of a topic, the message type as our master knows it, or `ANY`.
-        source_node: resolved name of a node on our master, never one of our proxies; "" for a parameter.
-        to_gateway: unique name of the gateway that may fetch.
-        options: what our rules ask of the link.
-        subscriber: the node as which we subscribe to the publisher; "" is our own node. Clients of actions want to
-            see the server among their subscribers.
-        subject: which of the three it is.
-    """
-
+    #: resolved name of the topic, service or parameter, the same on both masters; a parameter that is a namespace is
+    #: one with all that is in it
     topic: str
-    type: str
-    source_node: str
-    to_gateway: str
-    options: LinkOptions = NO_OPTIONS
+    type: str  #: of a topic, the message type as our master knows it, or `ANY`
+    source_node: str  #: resolved name of a node on our master, never one of our proxies; "" for a parameter
+    to_gateway: str  #: unique name of the gateway that may fetch
+    options: LinkOptions = NO_OPTIONS  #: what our rules ask of the link
+    #: the node as which we subscribe to the publisher; "" is our own node. Clients of actions want to see the server
+    #: among their subscribers.
     subscriber: str = ""
-    subject: Subject = Subject.TOPIC
+    subject: Subject = Subject.TOPIC  #: which of the three it is
 
     @property
     def key(self) -> Key:
@@ -113,31 +105,21 @@ class Import:
     """Our master shall show a node `proxy_name(...)` that publishes, or serves, what a node of another gateway does.
 
     Of a parameter, it shall be given the value that the other master has when we read it: once.
-
-    Attributes:
-        topic: resolved name of the topic, service or parameter, the same on both masters. A service's may occur once in
-            a call of `TcpRelay.apply`.
-        type: message type, registered on our master; or `ANY`.
-        md5sum: what the publisher's MD5 sum must be, or `ANY`.
-        source_gateway: unique name of the gateway that exports.
-        source_node: resolved name of the publishing or serving node on that gateway's master; "" for a parameter.
-        address: where that gateway's relay listens.
-        allowed_nodes: regular expressions, sorted, of which the whole name of a subscribing node must match one; none
-            is any. They stay apart: flags and groups of one would mean something else, or nothing, in
-            an expression that joins several.
-        options: what our rules ask of the link; the source does it.
-        subject: which of the three it is.
     """
 
+    #: resolved name of the topic, service or parameter, the same on both masters. A service's may occur once in a call
+    #: of `TcpRelay.apply`.
     topic: str
-    type: str
-    md5sum: str
-    source_gateway: str
-    source_node: str
-    address: Address
+    type: str  #: message type, registered on our master; or `ANY`
+    md5sum: str  #: what the publisher's MD5 sum must be, or `ANY`
+    source_gateway: str  #: unique name of the gateway that exports
+    source_node: str  #: resolved name of the publishing or serving node on that gateway's master; "" for a parameter
+    address: Address  #: where that gateway's relay listens
+    #: regular expressions, sorted, of which the whole name of a subscribing node must match one; none is any. They stay
+    #: apart: flags and groups of one would mean something else, or nothing, in an expression that joins several.
     allowed_nodes: tuple[str, ...] = ()
-    options: LinkOptions = NO_OPTIONS
-    subject: Subject = Subject.TOPIC
+    options: LinkOptions = NO_OPTIONS  #: what our rules ask of the link; the source does it
+    subject: Subject = Subject.TOPIC  #: which of the three it is
 
     @property
     def key(self) -> Key:
@@ -152,43 +134,28 @@ class Import:
 
 @dataclass(frozen=True, slots=True)
 class LinkStatus:
-    """How one export or import does. Counters run from the moment it was asked for.
+    """How one export or import does. Counters run from the moment it was asked for."""
 
-    Attributes:
-        state: the state.
-        reason: one sentence for people, "" when there is nothing to add.
-        subscribers: import: local subscribers, or clients, now connected; export: 1 while the far side asks for
-            data, or the clients that it has connected.
-        messages: whole messages that came from the source (import) or went towards the gateway (export); of a
-            service, calls.
-        bytes: their bytes, the four of each length included; of a service, of requests and responses.
-        drops: messages dropped for receivers that were too slow.
-        left_out: export: messages that did not cross because of the link's options.
-        saved: bytes of the messages that compression kept off the link.
-    """
-
-    state: LinkState
-    reason: str = ""
+    state: LinkState  #: the state
+    reason: str = ""  #: one sentence for people, "" when there is nothing to add
+    #: import: local subscribers, or clients, now connected; export: 1 while the far side asks for data, or the clients
+    #: that it has connected
     subscribers: int = 0
+    #: whole messages that came from the source (import) or went towards the gateway (export); of a service, calls
     messages: int = 0
-    bytes: int = 0
-    drops: int = 0
-    left_out: int = 0
-    saved: int = 0
+    bytes: int = 0  #: their bytes, the four of each length included; of a service, of requests and responses
+    drops: int = 0  #: messages dropped for receivers that were too slow
+    left_out: int = 0  #: export: messages that did not cross because of the link's options
+    saved: int = 0  #: bytes of the messages that compression kept off the link
 
 
 @dataclass(frozen=True, slots=True)
 class RelayStatus:
-    """How everything that was asked for by the last `TcpRelay.apply` does.
+    """How everything that was asked for by the last `TcpRelay.apply` does."""
 
-    Attributes:
-        exports: by what was asked for.
-        imports: likewise.
-        latencies: by gateway, of those that a topic's link leads to or from.
-    """
-
-    exports: Mapping[Export, LinkStatus] = field(default_factory=dict)
-    imports: Mapping[Import, LinkStatus] = field(default_factory=dict)
+    exports: Mapping[Export, LinkStatus] = field(default_factory=dict)  #: by what was asked for
+    imports: Mapping[Import, LinkStatus] = field(default_factory=dict)  #: likewise
+    #: by gateway, of those that a topic's link leads to or from
     latencies: Mapping[str, Latency] = field(default_factory=dict)
 
 
@@ -204,50 +171,29 @@ class Keyring(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class RelayConfig:
-    """What a relay must know from the start. Times are wall time [s], monotonic.
+    """What a relay must know from the start. Times are wall time [s], monotonic."""
 
-    Attributes:
-        gateway: our unique name, as on the hub.
-        node: our ROS node's name: what local publishers see as their subscriber.
-        master_uri: our master.
-        host: name or address of this machine that nodes of our master can reach (ROS_IP, ROS_HOSTNAME).
-        port: TCP port for links; 0 is any free one.
-        bind: local address to listen on for links, "" is all.
-        node_bind: local address where the proxies of far nodes listen for nodes of our master, "" is all.
-        keyring: of the keys that all gateways share; None for none: see `docs/gateway.md`, Links.
-        max_links: links that one other gateway may have open here at once, calls of services included.
-        ping_period: between two measurements of the way to a gateway and back.
-        silence: for how long nothing may come on a topic's link, whose far end is asked to say something meanwhile; it
-            is noticed within a third more than this.
-        max_message_size: longest message that is carried [bytes]; a longer one closes its connection.
-        queue_size: messages that wait for one slow receiver at most.
-        queue_bytes: their bytes at most, though one message may always wait.
-        handshake_timeout: within which a peer must have introduced itself.
-        call_timeout: within which a master or node must have answered an XML-RPC call.
-        patience: how long a far relay waits for an export that is asked for and not there yet.
-        retry_shortest: first pause before a lost link is dialled again; doubles up to `retry_longest`.
-        retry_longest: longest such pause.
-    """
-
-    gateway: str
-    node: str
-    master_uri: str
-    host: str
-    port: int = 0
-    bind: str = ""
-    node_bind: str = ""
-    keyring: Keyring | None = None
-    max_message_size: int = 256 * 2**20
-    max_links: int = 1024
-    ping_period: float = 5.0
+    gateway: str  #: our unique name, as on the hub
+    node: str  #: our ROS node's name: what local publishers see as their subscriber
+    master_uri: str  #: our master
+    host: str  #: name or address of this machine that nodes of our master can reach (ROS_IP, ROS_HOSTNAME)
+    port: int = 0  #: TCP port for links; 0 is any free one
+    bind: str = ""  #: local address to listen on for links, "" is all
+    node_bind: str = ""  #: local address where the proxies of far nodes listen for nodes of our master, "" is all
+    keyring: Keyring | None = None  #: of the keys that all gateways share; None for none: see `docs/gateway.md`, Links
+    max_message_size: int = 256 * 2**20  #: longest message that is carried [bytes]; a longer one closes its connection
+    max_links: int = 1024  #: links that one other gateway may have open here at once, calls of services included
+    ping_period: float = 5.0  #: between two measurements of the way to a gateway and back
+    #: for how long nothing may come on a topic's link, whose far end is asked to say something meanwhile; it is noticed
+    #: within a third more than this
     silence: float = 7.0
-    queue_size: int = 1000
-    queue_bytes: int = 16 * 2**20
-    handshake_timeout: float = 5.0
-    call_timeout: float = 3.0
-    patience: float = 2.0
-    retry_shortest: float = 0.1
-    retry_longest: float = 2.0
+    queue_size: int = 1000  #: messages that wait for one slow receiver at most
+    queue_bytes: int = 16 * 2**20  #: their bytes at most, though one message may always wait
+    handshake_timeout: float = 5.0  #: within which a peer must have introduced itself
+    call_timeout: float = 3.0  #: within which a master or node must have answered an XML-RPC call
+    patience: float = 2.0  #: how long a far relay waits for an export that is asked for and not there yet
+    retry_shortest: float = 0.1  #: first pause before a lost link is dialled again; doubles up to `retry_longest`
+    retry_longest: float = 2.0  #: longest such pause
 
 
 def proxy_name(gateway: str, node: str) -> str:

@@ -31,16 +31,9 @@ CLIENT = "client."
 
 @dataclass(frozen=True, slots=True)
 class Hello:
-    """What the importing side says first. The attributes are the header's fields.
+    """What the importing side says first. The attributes are the header's fields."""
 
-    Attributes:
-        topic: the name of the subject, whatever that is.
-        keys: names of the keys that we can prove knowledge of, the one to prefer first.
-        client: of a call, the fields of its client's connection header, sorted.
-        options: of a topic, what the sink asks for; a field for each that is not off.
-    """
-
-    topic: str
+    topic: str  #: the name of the subject, whatever that is
     type: str
     md5sum: str
     source_node: str
@@ -49,9 +42,9 @@ class Hello:
     gateways_passed: tuple[str, ...]
     nonce: str
     subject: Subject = Subject.TOPIC
-    keys: tuple[str, ...] = ()
-    client: tuple[tuple[str, str], ...] = ()
-    options: LinkOptions = NO_OPTIONS
+    keys: tuple[str, ...] = ()  #: names of the keys that we can prove knowledge of, the one to prefer first
+    client: tuple[tuple[str, str], ...] = ()  #: of a call, the fields of its client's connection header, sorted
+    options: LinkOptions = NO_OPTIONS  #: of a topic, what the sink asks for; a field for each that is not off
 
     def of_client(self, fields: Mapping[str, str]) -> "Hello":
         """Returns the hello of a call for a client with this connection header."""

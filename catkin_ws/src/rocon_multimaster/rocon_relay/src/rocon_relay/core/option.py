@@ -17,23 +17,18 @@ class OptionError(RelayError):
 
 @dataclass(frozen=True, slots=True)
 class LinkOptions:
-    """What the source does before anything crosses a link; nothing by default.
+    """What the source does before anything crosses a link; nothing by default."""
 
-    Attributes:
-        rate: at most so many messages a second cross, always the newest; 0 is any number [Hz].
-        queue_size: so many messages wait for a slow link at most, the oldest are dropped; 0 leaves that to the
-            publisher, which is slowed instead.
-        compress: messages cross deflated (zlib, level 1).
-        tf_frames: regular expressions: of a tf message only transforms cross whose child frame matches each of them.
-        stamp_rate: at most so many messages a second of their own stamps cross, whatever the real-time factor, each the
-            first of its period, and those without a stamp; 0 is any number [Hz]. For clocks, tf (each set of frames
-            for itself), and types that begin with a header.
-    """
-
-    rate: float = 0.0
+    rate: float = 0.0  #: at most so many messages a second cross, always the newest; 0 is any number [Hz]
+    #: so many messages wait for a slow link at most, the oldest are dropped; 0 leaves that to the publisher, which is
+    #: slowed instead
     queue_size: int = 0
-    compress: bool = False
+    compress: bool = False  #: messages cross deflated (zlib, level 1)
+    #: regular expressions: of a tf message only transforms cross whose child frame matches each of them
     tf_frames: tuple[str, ...] = ()
+    #: at most so many messages a second of their own stamps cross, whatever the real-time factor, each the first of its
+    #: period, and those without a stamp; 0 is any number [Hz]. For clocks, tf (each set of frames for itself), and
+    #: types that begin with a header.
     stamp_rate: float = 0.0
 
     def __post_init__(self) -> None:

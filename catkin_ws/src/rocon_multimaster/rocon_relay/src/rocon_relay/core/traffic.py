@@ -11,15 +11,10 @@ Key = TypeVar("Key", bound=Hashable)
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """What a connection carried since it was last looked at.
+    """What a connection carried since it was last looked at."""
 
-    Attributes:
-        messages: a second.
-        bytes: of the messages, a second.
-    """
-
-    messages: float = 0.0
-    bytes: float = 0.0
+    messages: float = 0.0  #: a second
+    bytes: float = 0.0  #: of the messages, a second
 
 
 class Traffic:

@@ -21,13 +21,10 @@ class Brake:
         fanout: what the stream feeds.
         longest: receivers that take something, but not all of what waits within so long, are not waited for either [s].
         changed: called when the stream may resume.
-
-    Attributes:
-        is_on: whether the stream shall not be read now.
     """
 
     def __init__(self, reactor: Reactor, fanout: Fanout, longest: float, changed: Callable[[], None]) -> None:
-        self.is_on = False
+        self.is_on = False  #: whether the stream shall not be read now
         self._reactor = reactor
         self._fanout = fanout
         self._longest = longest

@@ -29,19 +29,13 @@ class Channel:
         sock: the connection.
         peer: the other end, for log lines.
         tls: encrypts the connection; None for none.
-
-    Attributes:
-        backlog: what waits to be sent.
-        peer: the other end, for log lines.
-        relieved: called when everything that waited has been sent.
-        is_closed: whether `close` was called.
     """
 
     def __init__(self, reactor: Reactor, sock: socket.socket, peer: str, tls: TlsSocket | None = None) -> None:
-        self.backlog = Backlog(1, 0)
-        self.peer = peer
-        self.relieved: Callable[[], None] = _do_nothing
-        self.is_closed = False
+        self.backlog = Backlog(1, 0)  #: what waits to be sent
+        self.peer = peer  #: the other end, for log lines
+        self.relieved: Callable[[], None] = _do_nothing  #: called when everything that waited has been sent
+        self.is_closed = False  #: whether `close` was called
         self._reactor = reactor
         self._socket = sock
         self._tls = tls

@@ -12,11 +12,7 @@ _EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
 class Listener:
-    """A listening socket in the reactor.
-
-    Attributes:
-        port: its port.
-    """
+    """A listening socket in the reactor."""
 
     def __init__(
         self, reactor: Reactor, host: str, port: int, accepted: Callable[[socket.socket, str], None], backlog: int = 128
@@ -31,7 +27,7 @@ class Listener:
             self._socket.close()
             raise
         self._socket.listen(backlog)
-        self.port = int(self._socket.getsockname()[1])
+        self.port = int(self._socket.getsockname()[1])  #: its port
 
     def start(self) -> None:
         """Begins to accept."""

@@ -14,26 +14,17 @@ _MOVE, _NONBLOCK, _MORE = 1, 2, 4  # splice(2); Python has no names for them
 
 
 class Moved(NamedTuple):
-    """What became of the bytes of one `Pipe.move`.
+    """What became of the bytes of one `Pipe.move`."""
 
-    Attributes:
-        taken: how many the sink has; none, and no rest: the source has ended.
-        rest: those that the source gave and the sink did not take.
-    """
-
-    taken: int
-    rest: bytes
+    taken: int  #: how many the sink has; none, and no rest: the source has ended
+    rest: bytes  #: those that the source gave and the sink did not take
 
 
 class Pipe:
-    """A pipe that bytes are spliced through. It is empty between two calls, so one serves all connections.
-
-    Attributes:
-        is_usable: false once the kernel has said that it cannot do it.
-    """
+    """A pipe that bytes are spliced through. It is empty between two calls, so one serves all connections."""
 
     def __init__(self) -> None:
-        self.is_usable = True
+        self.is_usable = True  #: false once the kernel has said that it cannot do it
         self._out, self._in = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         with contextlib.suppress(PermissionError):
             fcntl.fcntl(self._in, fcntl.F_SETPIPE_SZ, SIZE)

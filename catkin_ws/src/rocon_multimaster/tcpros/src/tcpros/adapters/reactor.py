@@ -45,17 +45,13 @@ class Reactor:
     """An epoll loop in a thread of its own.
 
     All methods but `call` and `join` belong to that thread.
-
-    Attributes:
-        buffer: a handler may receive into it; valid until the handler returns.
-        pipe: a handler may move bytes through it.
-        moved: bytes of topics' messages in this round; handlers add them.
     """
 
     def __init__(self, logger: logging.Logger) -> None:
+        #: a handler may receive into it; valid until the handler returns
         self.buffer = memoryview(bytearray(BUFFER_SIZE))
-        self.pipe = Pipe()
-        self.moved = 0
+        self.pipe = Pipe()  #: a handler may move bytes through it
+        self.moved = 0  #: bytes of topics' messages in this round; handlers add them
         self._moderation = Moderation()
         self._logger = logger
         self._epoll = select.epoll()

@@ -17,19 +17,14 @@ Parse = Callable[[memoryview], int]
 
 
 class Stream(Channel):
-    """One connection. Subclasses set `parse`.
+    """One connection. Subclasses set `parse`."""
 
-    Attributes:
-        parse: gets what has arrived, again as long as it consumes something and there is more.
-        fanout: what `parse` feeds with frames, once it does. Large messages may bypass `parse`. Nothing is read while
-            the fanout is full: back-pressure passes from the slowest part of the way to its beginning.
-        longest_hold: the longest time for which the peer is not read because of that [s].
-    """
-
-    longest_hold = math.inf
+    longest_hold = math.inf  #: the longest time for which the peer is not read because of that [s]
 
     def __init__(self, reactor: Reactor, sock: socket.socket, peer: str, tls: TlsSocket | None = None) -> None:
-        self.parse: Parse = len
+        self.parse: Parse = len  #: gets what has arrived, again as long as it consumes something and there is more
+        #: what `parse` feeds with frames, once it does. Large messages may bypass `parse`. Nothing is read while the
+        #: fanout is full: back-pressure passes from the slowest part of the way to its beginning.
         self.fanout: Fanout | None = None
         self._kept = b""
         self._held = False

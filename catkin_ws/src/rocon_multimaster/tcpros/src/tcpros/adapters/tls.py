@@ -34,16 +34,11 @@ class Certificates:
 
     Names in certificates are not compared with anything: addresses of robots change, and gateways are distinguished on
     the hub. A certificate says that its bearer is of the fleet.
-
-    Attributes:
-        directory: where the files are.
-        server: for connections that others open.
-        client: for those that we open.
     """
 
-    directory: Path
-    server: ssl.SSLContext
-    client: ssl.SSLContext
+    directory: Path  #: where the files are
+    server: ssl.SSLContext  #: for connections that others open
+    client: ssl.SSLContext  #: for those that we open
 
     def fault(self) -> str:
         """Returns why others of the fleet will not accept our own certificate now; "" if they will."""

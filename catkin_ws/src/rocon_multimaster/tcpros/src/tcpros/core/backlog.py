@@ -32,14 +32,10 @@ class _Rest(enum.Enum):
 
 
 class Backlog:
-    """The bytes between a stream of frames and one receiver.
-
-    Attributes:
-        drops: messages dropped so far.
-    """
+    """The bytes between a stream of frames and one receiver."""
 
     def __init__(self, max_messages: int, max_bytes: int) -> None:
-        self.drops = 0
+        self.drops = 0  #: messages dropped so far
         self._max_messages = max(1, max_messages)
         self._max_bytes = max_bytes
         self._drops_first = False

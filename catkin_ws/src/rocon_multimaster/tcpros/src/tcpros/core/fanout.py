@@ -8,13 +8,9 @@ from tcpros.core.frame import Chunk, FrameSplitter
 
 
 class Pressure(Protocol):
-    """How far behind something is that takes messages.
+    """How far behind something is that takes messages."""
 
-    Attributes:
-        relieved: to be called when it takes more again after it was full; the source sets it.
-    """
-
-    relieved: Callable[[], None]
+    relieved: Callable[[], None]  #: to be called when it takes more again after it was full; the source sets it
 
     @property
     def is_full(self) -> bool:
@@ -35,13 +31,9 @@ class DirectSink(Protocol):
 
 
 class Outlet(Protocol):
-    """A receiver of frames.
+    """A receiver of frames."""
 
-    Attributes:
-        backlog: what waits for it.
-    """
-
-    backlog: Backlog
+    backlog: Backlog  #: what waits for it
 
     @property
     def pressure(self) -> Pressure:
@@ -65,32 +57,20 @@ class Outlet(Protocol):
 
 
 class Passage(NamedTuple):
-    """A way on which messages bypass `Fanout.feed`.
+    """A way on which messages bypass `Fanout.feed`."""
 
-    Attributes:
-        sink: the receiver.
-        remaining: bytes to come of the arriving message; 0 between two, where the next length has to be read.
-    """
-
-    sink: DirectSink
-    remaining: int
+    sink: DirectSink  #: the receiver
+    remaining: int  #: bytes to come of the arriving message; 0 between two, where the next length has to be read
 
 
 class Fanout:
-    """Passes frames on as they come, cut where the reads cut them.
-
-    Attributes:
-        messages: whole messages that came in.
-        bytes: their bytes, lengths included.
-        latching: whether the source's last message is kept for newcomers.
-        relieved: is called when somebody takes more again after `is_full`.
-    """
+    """Passes frames on as they come, cut where the reads cut them."""
 
     def __init__(self, max_message_size: int) -> None:
-        self.messages = 0
-        self.bytes = 0
-        self.latching = False
-        self.relieved: Callable[[], None] = _nobody_waits
+        self.messages = 0  #: whole messages that came in
+        self.bytes = 0  #: their bytes, lengths included
+        self.latching = False  #: whether the source's last message is kept for newcomers
+        self.relieved: Callable[[], None] = _nobody_waits  #: is called when somebody takes more again after `is_full`
         self._max_message_size = max_message_size
         self._splitter = FrameSplitter(max_message_size)
         self._outlets: list[Outlet] = []

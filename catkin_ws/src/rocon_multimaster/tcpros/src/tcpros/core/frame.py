@@ -34,24 +34,16 @@ def control_frame(**fields: str) -> bytes:
 
 
 class Chunk:
-    """Consecutive bytes of a stream of frames, no length cut in two.
-
-    Attributes:
-        data: the bytes. Valid only until the next chunk is read: see `stable`.
-        head: how many of them continue a frame that began before; frames begin there.
-        head_ends: whether that frame ends with them; true as well where `head` is 0.
-        tail: where the frame begins that continues after this chunk; `len(data)` if there is none.
-        ended: number of frames that end in this chunk.
-    """
+    """Consecutive bytes of a stream of frames, no length cut in two."""
 
     __slots__ = ("__dict__", "data", "ended", "head", "head_ends", "tail")
 
     def __init__(self, data: memoryview, head: int, head_ends: bool, tail: int, ended: int) -> None:
-        self.data = data
-        self.head = head
-        self.head_ends = head_ends
-        self.tail = tail
-        self.ended = ended
+        self.data = data  #: the bytes. Valid only until the next chunk is read: see `stable`.
+        self.head = head  #: how many of them continue a frame that began before; frames begin there
+        self.head_ends = head_ends  #: whether that frame ends with them; true as well where `head` is 0
+        self.tail = tail  #: where the frame begins that continues after this chunk; `len(data)` if there is none
+        self.ended = ended  #: number of frames that end in this chunk
 
     @property
     def is_open(self) -> bool:
@@ -73,16 +65,11 @@ class Chunk:
 
 
 class FrameSplitter:
-    """Follows one stream of frames.
-
-    Attributes:
-        remaining: bytes still to come of the frame that is arriving; 0 between two frames.
-        is_large: whether the newest frame is of `LARGE` bytes at least, and did not come all at once.
-    """
+    """Follows one stream of frames."""
 
     def __init__(self, max_message_size: int) -> None:
-        self.remaining = 0
-        self.is_large = False
+        self.remaining = 0  #: bytes still to come of the frame that is arriving; 0 between two frames
+        self.is_large = False  #: whether the newest frame is of `LARGE` bytes at least, and did not come all at once
         self._limit = max_message_size
 
     def split(self, data: memoryview) -> Chunk:

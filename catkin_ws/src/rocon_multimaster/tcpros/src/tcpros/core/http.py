@@ -19,19 +19,12 @@ class HttpError(TcprosError):
 
 @dataclass(frozen=True, slots=True)
 class HttpMessage:
-    """A request or a response.
+    """A request or a response."""
 
-    Attributes:
-        first: its first line.
-        length: bytes of the body that follows; -1 if it ends with the connection.
-        start: where the body begins.
-        keep_alive: whether the sender wants to keep the connection.
-    """
-
-    first: str
-    length: int
-    start: int
-    keep_alive: bool
+    first: str  #: its first line
+    length: int  #: bytes of the body that follows; -1 if it ends with the connection
+    start: int  #: where the body begins
+    keep_alive: bool  #: whether the sender wants to keep the connection
 
     @property
     def end(self) -> int:

@@ -53,16 +53,11 @@ class _Follower:
 
 
 class Conversation:
-    """The calls of one connection, one after the other.
-
-    Attributes:
-        calls: whole responses so far.
-        bytes: of requests and responses so far.
-    """
+    """The calls of one connection, one after the other."""
 
     def __init__(self, max_size: int) -> None:
-        self.calls = 0
-        self.bytes = 0
+        self.calls = 0  #: whole responses so far
+        self.bytes = 0  #: of requests and responses so far
         self._asked = 0
         self._requests = _Follower(0, max_size)
         self._responses = _Follower(1, max_size)
