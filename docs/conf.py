@@ -1,12 +1,12 @@
 """Sphinx: the documents of this folder, and the API from docstrings. ``./pioneer docs`` builds it."""
 
 import functools
+import re
 from pathlib import Path
 from typing import Any
 
 from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
-from sphinx.pycode import ModuleAnalyzer
 
 _ROOT = Path(__file__).resolve().parent.parent
 _PACKAGES = sorted(path.parent / "src" for path in (_ROOT / "catkin_ws" / "src").rglob("setup.py"))
@@ -36,21 +36,28 @@ def text_of_link(_: Sphinx, env: Any, node: Any, content: Any) -> Any:
 
 
 @functools.cache
-def comments_of(module: str) -> dict[tuple[str, str], list[str]]:
+def comments_of(module: str) -> dict[tuple[str, str], str]:
     """Returns the ``#:`` comments of a module's fields, by class and field."""
-    for folder in _PACKAGES:
-        file = folder.joinpath(*module.split("."))
-        for path in (file.with_suffix(".py"), file / "__init__.py"):
-            if path.exists():
-                return ModuleAnalyzer.for_file(str(path), module).find_attr_docs()
-    return {}
+    files = [folder.joinpath(*module.split(".")).with_suffix(".py") for folder in _PACKAGES]
+    comments, owner, above = {}, "", ""
+    for line in "\n".join(file.read_text() for file in files if file.exists()).splitlines():
+        if found := re.match(r"\s*class (\w+)", line):
+            owner = found[1]
+        if found := re.match(r"\s*#: (.*)", line):
+            above += found[1] + "\n"
+        else:
+            found = re.match(r"\s*(?:self\.)?(\w+)(?:.*  #: (.*))?", line)
+            if found and (text := above or found[2]):
+                comments[owner, found[1]] = text
+            above = ""
+    return comments
 
 
 def describe_field(_: Sphinx, what: str, name: str, item: Any, *__: Any) -> None:
     """Gives a field the comment beside it as its docstring: autoapi reads docstrings alone."""
     if what == "attribute":
         module, owner, field = name.rsplit(".", 2)
-        item.docstring = item.docstring or "\n".join(comments_of(module).get((owner, field), []))
+        item.docstring = item.docstring or comments_of(module).get((owner, field), "")
 
 
 def setup(app: Sphinx) -> None:

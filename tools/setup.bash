@@ -159,8 +159,9 @@ workspace_state() {
 
 # make_workspace DEFINITION...: builds the workspace, with further definitions for CMake.
 make_workspace() {
-  # Built with the venv's interpreter, which catkin writes into every script.
-  (cd "$workspace" && catkin_make -j"$(nproc)" -DPYTHON_EXECUTABLE="$venv/bin/python3" -DCATKIN_ENABLE_TESTING=OFF "$@")
+  # Built with the venv's interpreter, which catkin writes into every script: Debian 12's asks for the first name of it,
+  # Debian 13's for the second.
+  (cd "$workspace" && catkin_make -j"$(nproc)" -D{PYTHON,Python}_EXECUTABLE="$venv/bin/python3" -DCATKIN_ENABLE_TESTING=OFF "$@")
 }
 
 build_workspace() {

@@ -47,9 +47,11 @@ class Announcement:
 
         logging.getLogger("zeroconf").setLevel(logging.ERROR)
         reachable = [address for address in addresses if not address.startswith("127.")] or [LOOPBACK]
+        instance = f"{instance_name(self._name, socket.gethostname(), self._port)}.{SERVICE}"
         service = zeroconf.ServiceInfo(
             SERVICE,
-            f"{instance_name(self._name, socket.gethostname(), self._port)}.{SERVICE}",
+            instance,
+            server=instance,  # Debian 13's zeroconf wants it said
             port=self._port,
             parsed_addresses=reachable,
             properties={"name": self._name, "stack": network_stack(), **({"tls": "1"} if self._tls else {})},
