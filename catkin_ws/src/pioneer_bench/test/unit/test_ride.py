@@ -8,6 +8,7 @@ from pioneer_bench.adapters.parameter_file import shipped_parameters
 from pioneer_bench.core import course
 from pioneer_bench.core.course import Course
 from pioneer_bench.core.ride import Body, Ride, ride, with_changes
+from pioneer_bench.hard import random_changes
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +33,11 @@ def test_a_robot_that_pushes_what_the_laser_does_not_see_gives_up(parameters: di
     assert (against.reached, against.stuck) == (0, False)
     assert "commanded to drive and does not move" in against.last
     assert against.given_up[0] < 60.0
+
+
+def test_a_robot_whose_parameters_make_turning_cheapest_does_not_circle_for_good(parameters: dict[str, object]) -> None:
+    through = ride(course.maze(5), with_changes(parameters, random_changes(5)), 5)
+    assert (through.reached, through.contacts, through.stuck) == (4, 0, False)
 
 
 def test_a_narrow_door_is_still_passed(parameters: dict[str, object]) -> None:

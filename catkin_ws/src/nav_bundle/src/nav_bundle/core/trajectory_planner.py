@@ -1,7 +1,7 @@
 """The local planner TrajectoryPlannerROS: trajectory rollout."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ _LONGEST_ESCAPE = 0.8
 _SHORT_ESCAPES = tuple((time, turn) for time in (0.5, 0.3) for turn in (0.0, 0.2, -0.2, 0.4, -0.4))
 """Where the way straight back is not free as far as others are looked at: for how long [s], and turning how [rad/s].
 Longer than stopping takes."""
+_CIRCLE_RADIUS = 0.5
+"""A robot that turned in place by a full circle takes what leads on, at any cost, until it has come so far [m]."""
 _HEADING_SCALE = 0.3
 """Cost of a radian between the robot's heading and the plan, with ``heading_scoring``, as in base_local_planner."""
 
@@ -42,11 +44,22 @@ class _Turning:
     left: bool = False
     right: bool = False
     since: Pose | None = None
+    angle: float = 0.0
+    _place: Pose | None = None
+
+    @property
+    def circled(self) -> bool:
+        """Whether the robot has turned by a full circle where it still is."""
+        return abs(self.angle) > math.tau
 
     def note(self, chosen: Velocity, pose: Pose, reset_distance: float) -> None:
         """Takes the chosen command at ``pose``."""
         if chosen.x <= 0.0 and chosen.turn != 0.0:
             self.left, self.right = chosen.turn > 0.0, chosen.turn < 0.0
+        if self._place is None or pose.distance(self._place) > _CIRCLE_RADIUS:
+            self._place, self.angle = pose, 0.0
+        self.angle += angle_difference(pose.yaw, self._place.yaw)
+        self._place = replace(self._place, yaw=pose.yaw)
         if self.since is None or pose.distance(self.since) > reset_distance:
             if self.since is not None:
                 self.left = self.right = False
@@ -124,9 +137,14 @@ class TrajectoryPlanner:
         if not self._is_escaping(situation.pose):
             goal_distance = math.hypot(ahead[-1, 0] - situation.pose.x, ahead[-1, 1] - situation.pose.y)
             fastest = min(goal_distance / self.config.sim_time, situation.fastest)
-            forward: Scored | None = self._rollout.cheapest(self._forward_samples(situation.velocity, fastest))
+            samples = self._forward_samples(situation.velocity, fastest)
+            forward: Scored | None = self._rollout.cheapest(samples)
+            if self._turning.circled:
+                forward = self._onward(samples, situation.pose) or forward
             if forward is not None and not self._leads_on(forward, situation.pose):
                 chosen: Scored | None = self._turn_in_place(situation.velocity, None) or forward
+            elif self._turning.circled and forward is not None:
+                chosen = forward
             else:
                 chosen = self._turn_in_place(situation.velocity, forward)
             if chosen is not None:
@@ -176,6 +194,11 @@ class TrajectoryPlanner:
             if ahead < nearest and not self._is_swaying(turned.velocity.turn):
                 chosen, nearest = turned, ahead
         return chosen
+
+    def _onward(self, samples: NDArray[np.float64], pose: Pose) -> Scored | None:
+        """Returns the cheapest sample that leads on, whatever it costs beside standing; None where none does."""
+        onward = [scored for scored in self._rollout.all_of(samples) if self._leads_on(scored, pose)]
+        return min(onward, key=lambda scored: scored.cost) if onward else None
 
     def _leads_on(self, scored: Scored, pose: Pose) -> bool:
         """Tells whether a sample ends nearer to the local goal than the robot is, and not in the last dead end.
