@@ -94,6 +94,23 @@ def test_a_robot_that_is_held_up_delays_others_and_nothing_else(late: int, since
     assert (outcome.reached, outcome.contacts, outcome.shared) == (2, 0, False)
 
 
+def test_a_plan_stays_while_it_leads_a_robot_off_its_goal() -> None:
+    """Robots stood for good: the next plan, made as soon as the robot made way, no longer had the others pass."""
+    one = Coordinator("a", ROW)
+
+    def plan_number(begin: float, *held: int) -> int:
+        for tick in range(15):
+            now = begin + 0.2 * tick
+            one.receive(Report("b", ROW.signature, ROW.places[4], held, 4, region=(5,), heard=("a",)), now)
+            report = one.advance(ROW.places[0], now)
+        return report.plan.id.number if report.plan else 0
+
+    made = plan_number(0.0, 4)
+    assert made > 0
+    assert plan_number(3.0, 4, 3) == made
+    assert plan_number(6.0, 4) > made
+
+
 def test_who_comes_back_hears_all_others_before_it_makes_a_plan() -> None:
     one = Coordinator("a", ROW)
 
@@ -114,7 +131,11 @@ def test_who_comes_back_hears_all_others_before_it_makes_a_plan() -> None:
     assert advance(100.2, "b") == {"a", "b"}
 
 
-def test_a_robot_leaves_the_roadmap_only_when_those_that_come_by_have_passed() -> None:
+@pytest.mark.parametrize("claimed", [(), (3,)])
+def test_a_robot_leaves_the_roadmap_only_when_nobody_comes_by_or_has_claimed_the_ground(
+    claimed: tuple[int, ...],
+) -> None:
+    """It did so over ground that a robot without a plan, where it started, had claimed since."""
     waypoint = (2.5, 0.0)
     leaver = Coordinator("z", ROW)
     assert leaver.set_waypoint(waypoint, 0.0)
@@ -135,7 +156,10 @@ def test_a_robot_leaves_the_roadmap_only_when_those_that_come_by_have_passed() -
         return leaver.advance(ROW.places[2], now).out
 
     assert not any(is_out(0, 0.2 * tick) for tick in range(1, 6))
-    assert is_out(2, 1.4)
+    leaver.receive(Report("c", ROW.signature, (3.0, 1.0), claimed), 1.3)
+    assert is_out(2, 1.4) != bool(claimed)
+    leaver.receive(Report("c", ROW.signature, (3.0, 1.0)), 1.5)
+    assert is_out(2, 1.6)
     assert leaver.route == [waypoint]
 
 

@@ -92,3 +92,35 @@ def test_a_robot_parked_behind_the_goal_of_another_is_led_past_it() -> None:
         plan = planned(BAY, [asking, parked], (), PlanId(1, "asking"))
         assert "asking" not in plan.regions
         assert plan.paths["parked"][-1] not in {3, 7}
+
+
+def test_who_has_to_leave_a_region_does_not_wait_for_a_place_whose_robot_is_cut_off() -> None:
+    """Fifteen robots stood for good: the way out led to a pocket as well, and one stood there that waited itself."""
+    places = [(0.0, 0.0), (1.0, 0.0), (0.5, 0.8), (2.0, 0.0), (3.0, 0.0)]
+    pocket = Roadmap(places, [[1, 2], [0, 2, 3], [0, 1], [1, 4], [3]])
+    asking = Report("asking", pocket.signature, places[0], (0,), 0, since=1.0, region=(1,))
+    cut_off = Report("cut off", pocket.signature, places[2], (2,), 4, since=2.0)
+    inside = Report("inside", pocket.signature, places[1], (1,), 1, since=3.0, region=(3,))
+    plan = planned(pocket, [asking, cut_off, inside], (), PlanId(1, "asking"))
+    assert plan.paths["inside"] == (1, 3)
+    assert plan.regions == {"asking": (1,)}
+
+
+def test_nobody_is_granted_a_region_whose_robot_could_leave_it_only_for_a_place_that_is_full() -> None:
+    """All stood for good in a dead end: its last place counted as a way out, with a robot there that was cut off."""
+    asking = Report("asking", BAY.signature, BAY.places[2], (2,), 2, since=1.0, region=(1,))
+    inside = Report("inside", BAY.signature, BAY.places[1], (1,), 5, since=2.0)
+    cut_off = Report("cut off", BAY.signature, BAY.places[0], (0,), 6, since=3.0)
+    plan = planned(BAY, [asking, inside, cut_off], (), PlanId(1, "asking"))
+    assert plan.regions == {}
+    assert plan.paths["inside"][-1] == 5
+
+
+def test_a_robot_backs_off_where_those_it_pushes_have_no_room_to_let_it_pass() -> None:
+    """Robots stood for good before a room that was full but for the goal: who had gone in could not come out."""
+    places = [*PLACES[:COLS], (0.0, 1.0), (0.0, -1.0), (4.0, 1.0)]
+    room = Roadmap(places, [[1, 7, 8], [0, 2], [1, 3], [2, 4], [3, 5, 9], [4, 6], [5], [0], [0], [4]])
+    coming = Report("coming", room.signature, room.places[2], (2,), 7, since=1.0)
+    idle = [Report(name, room.signature, room.places[at], (at,)) for name, at in (("front", 0), ("back", 8))]
+    plan = planned(room, [coming, *idle], (), PlanId(1, "back"))
+    assert plan.paths["coming"][-1] == 7

@@ -56,6 +56,7 @@ class Coordinator:
         self._track: list[int] = []  # places taken, from the one reached last
         self._aside: tuple[int, ...] = ()  # places held beside the track: on the way to it, or off it
         self._made_at, self._made_for = -math.inf, ""
+        self._wanted: dict[str, tuple[int, ...]] = {}  # by robot, the ground it wanted when last looked at
         #: points to drive to now, one after the other; the last is where to stop. Empty: stay.
         self.route: list[Point] = []
         self.finished = False  #: whether the waypoint has been reached
@@ -107,7 +108,7 @@ class Coordinator:
         self._follow_newest(fresh)
         if self._own.ready == self._plan.id and self._hear_one_another(fresh):
             self._take(fresh)
-            self._leave()
+            self._leave(fresh)
         self._visit()
         return self._own
 
@@ -195,9 +196,12 @@ class Coordinator:
         if not reports or self._own.robot != min(report.robot for report in reports):
             return
         barred = self._barred({report.robot for report in reports})
-        claims = [(one.robot, one.goal, _ground_wanted(one), one.out and one.goal != one.stop) for one in reports]
-        made_for = repr((claims, sorted(barred)))
-        if made_for == self._made_for and not self._is_overtaken(reports, now):
+        made_for = repr(([(one.robot, one.goal, one.out and one.goal != one.stop) for one in reports], sorted(barred)))
+        # Who leaves its goal to let others pass wants no ground until it is back: that plan still fits.
+        wanted, before = {one.robot: _ground_wanted(one) for one in reports}, self._wanted
+        self._wanted = wanted
+        wants_more = any(ground and ground != before.get(name) for name, ground in wanted.items())
+        if made_for == self._made_for and not wants_more and not self._is_overtaken(reports, now):
             return
         self._made_at, self._made_for = now, made_for
         number = 1 + max(report.ready.number for report in (self._own, *self._others.values()))
@@ -222,7 +226,10 @@ class Coordinator:
         if any(one.ready == plan.id and not _is_ready(one, plan) for one in reports):
             return True
         driven = all(one.adopted == plan.id and one.reached == len(plan.paths[one.robot]) - 1 for one in reports)
-        missing = any(one.goal not in (-1, one.stop) for one in reports)
+        missing = any(
+            one.goal not in (-1, one.stop) or not set(_ground_wanted(one)) <= set(plan.regions.get(one.robot, ()))
+            for one in reports
+        )
         return driven and missing and now - self._made_at > self._config.lease
 
     def _barred(self, partners: set[str]) -> frozenset[int]:
@@ -256,7 +263,7 @@ class Coordinator:
     def _take(self, fresh: dict[str, Report]) -> None:
         """Takes the next places of the path that no robot has to pass before, or holds without part in the plan."""
         path = self._plan.paths.get(self._own.robot, ())
-        held = {place for report in fresh.values() if report.robot not in self._plan.paths for place in report.held}
+        held = self._held_outside(fresh)
         while self._taken + 1 < len(path) and len(self._track) <= self._config.horizon and not self._own.out:
             index = self._taken + 1
             waits = (wait for wait in self._plan.waits if wait.robot == self._own.robot and wait.step == index)
@@ -266,12 +273,19 @@ class Coordinator:
             self._track.append(path[index])
             self._publish_held()
 
+    def _held_outside(self, fresh: dict[str, Report]) -> set[int]:
+        """Returns what is held by robots that have no part in the plan."""
+        return {place for report in fresh.values() if report.robot not in self._plan.paths for place in report.held}
+
     def _has_left(self, name: str, index: int, place: int) -> bool:
         other = self._others[name]
         return other.adopted == self._plan.id and (other.reached >= index or (index == 0 and place not in other.held))
 
-    def _leave(self) -> None:
-        """Leaves the roadmap for the waypoint, from a goal that is reached, where the plan grants the places near."""
+    def _leave(self, fresh: dict[str, Report]) -> None:
+        """Leaves the roadmap for the waypoint, from a goal that is reached, where the plan grants the places near.
+
+        A robot without part in the plan may have claimed some of them since.
+        """
         own, plan = self._own, self._plan
         if (
             self._waypoint is None
@@ -286,6 +300,7 @@ class Coordinator:
             return
         others = [self._others[name] for name in plan.paths if name != own.robot]
         free = all(other.adopted == plan.id and not _comes_by(other, plan, own.region) for other in others)
+        free = free and self._held_outside(fresh).isdisjoint(own.region)
         if free and set(own.region) <= set(plan.regions.get(own.robot, ())):
             self._visited, self._aside = self._waypoint, own.region
             self._own = replace(own, out=True)

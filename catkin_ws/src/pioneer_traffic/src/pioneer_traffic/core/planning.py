@@ -8,7 +8,7 @@ import math
 import random
 from collections import deque
 from collections.abc import Collection, Iterator, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 
 from pioneer_traffic.core.pathfinding import Configuration, Problem, solve
 from pioneer_traffic.core.report import Plan, PlanId, Report, Wait
@@ -41,18 +41,21 @@ def planned(roadmap: Roadmap, reports: Sequence[Report], barred: Collection[int]
         for name in shutting:
             # The robot inside has to pass its owner first.
             vacated.update(asked.pop(name).region)
-    stops = {report.stop for report in ordered if report.robot in regions}
     targets = _targets(roadmap, ordered, regions, closed, vacated)
     distances = [_distances(graph, target) for target in targets]
-    stuck = [robot for robot, one in enumerate(ordered) if distances[robot][one.stop] == len(graph)]
-    taken = set(closed).union(target for robot, target in enumerate(targets) if robot not in stuck)
-    for robot in stuck:
-        stop = ordered[robot].stop
-        if stop in closed - stops:
-            # It cannot get to its goal now, but stands where another robot wants to be.
-            targets[robot] = _nearest_free(graph, stop, taken, stop)
-            distances[robot] = _distances(graph, targets[robot])
-            taken.add(targets[robot])
+    reachable = {
+        one.robot: target
+        for one, target, steps in zip(ordered, targets, distances, strict=True)
+        if steps[one.stop] < len(graph)
+    }
+    outside, inside = _by_side(ordered, regions, closed)
+    taken = closed.union(reachable[one.robot] for one in outside if one.robot in reachable)
+    room = _room_for(graph, [one for one in outside if one.robot not in reachable] + inside, taken, reachable)
+    for one in inside:
+        # It stands where another robot wants to be, and perhaps cannot get to its goal now.
+        robot = ordered.index(one)
+        targets[robot] = room.get(one.robot, one.stop)
+        distances[robot] = _distances(graph, targets[robot])
     tracks = _search(graph, tuple(report.stop for report in ordered), targets, distances, plan_id.number)
     visits = [list(_visits(places)) for places in tracks]
     names = [report.robot for report in ordered]
@@ -98,11 +101,45 @@ def _shutting_in(
     ordered: Sequence[Report],
     regions: dict[str, frozenset[int]],
 ) -> list[str]:
-    """Returns the robots, still on the roadmap, in whose regions another one stands that has no way out."""
+    """Returns the robots, still on the roadmap, in whose regions another one stands that has nowhere to go."""
     owners = [report for report in ordered if report.robot in regions and not report.out]
-    inside = [report.stop for report in ordered if report.robot not in regions and report.stop in closed]
-    shut_in = {stop for stop in inside if _nearest_free(graph, stop, closed, -1) < 0}
+    outside, inside = _by_side(ordered, regions, closed)
+    room = _room_for(graph, outside + inside, closed, {})
+    shut_in = {report.stop for report in inside if report.robot not in room}
     return [report.robot for report in owners if shut_in & regions[report.robot]]
+
+
+def _by_side(
+    ordered: Sequence[Report], regions: dict[str, frozenset[int]], closed: Collection[int]
+) -> tuple[list[Report], list[Report]]:
+    """Returns the robots that own no region: those that stand where anyone may go, and those that have to get out."""
+    others = [report for report in ordered if report.robot not in regions]
+    outside = [report for report in others if report.stop not in closed]
+    return outside, [report for report in others if report.stop in closed]
+
+
+def _room_for(
+    graph: Sequence[Sequence[int]], robots: Sequence[Report], taken: Collection[int], wanted: dict[str, int]
+) -> dict[str, int]:
+    """Returns a place for each robot, no two the same: what it wants or what is near; who has no room is left out.
+
+    Who has a place gives it to another where it has a way to a further one (maximum matching, Kuhn 1955).
+    """
+    owners = dict[int, Report]()
+
+    def finds_room(report: Report, tried: set[int]) -> bool:
+        for place in chain([wanted.get(report.robot, report.stop)], _around(graph, report.stop)):
+            if place in taken or place in tried:
+                continue
+            tried.add(place)
+            if place not in owners or finds_room(owners[place], tried):
+                owners[place] = report
+                return True
+        return False
+
+    for report in robots:
+        finds_room(report, set())
+    return {report.robot: place for place, report in owners.items()}
 
 
 def _targets(
@@ -140,15 +177,18 @@ def _pocket(roadmap: Roadmap, report: Report) -> set[int]:
 
 
 def _nearest_free(graph: Sequence[Sequence[int]], wanted: int, taken: Collection[int], otherwise: int) -> int:
-    known, waiting = {wanted}, deque([wanted])
+    return next((place for place in _around(graph, wanted) if place not in taken), otherwise)
+
+
+def _around(graph: Sequence[Sequence[int]], start: int) -> Iterator[int]:
+    """Yields the places that one may go to, the nearest first."""
+    known, waiting = {start}, deque([start])
     while waiting:
         place = waiting.popleft()
-        if place not in taken:
-            return place
+        yield place
         fresh = [other for other in graph[place] if other not in known]
         known.update(fresh)
         waiting.extend(fresh)
-    return otherwise
 
 
 def _distances(graph: Sequence[Sequence[int]], goal: int) -> list[int]:
@@ -203,7 +243,44 @@ def _search(
             tracks = led_by([*led, robot], 0)
             if tracks is not None:
                 best, led = tracks, [*led, robot]
+    if least == math.inf and not led:
+        found = (_led_past(graph, starts, targets, guides, robot, seed) for robot in waiting)
+        best = next((tracks for tracks in found if tracks is not None), best)
     return best
+
+
+def _led_past(
+    graph: Sequence[Sequence[int]],
+    starts: Configuration,
+    targets: Sequence[int],
+    guides: Sequence[Sequence[int]],
+    led: int,
+    seed: int,
+) -> list[list[int]] | None:
+    """Returns each robot's place by step, with one led to its target once one in its way has gone to a free place.
+
+    For a robot that would else push those before it to where there is no room to pass them. None where no try succeeds.
+    """
+    occupant = {start: robot for robot, start in enumerate(starts)}
+    generator, place, ahead = random.Random(seed), starts[led], list[int]()
+    while place != targets[led]:
+        place = min(graph[place], key=guides[led].__getitem__)
+        if place in occupant:
+            ahead.append(occupant[place])
+    for robot in generator.choices(ahead, k=_TRIES) if ahead else ():
+        free = [place for place in _around(graph, starts[robot]) if place not in {*starts, *targets}]
+        if not free:
+            continue
+        aside = generator.choice(free[: 2 * len(starts)])
+        goals: list[int | None] = [None] * len(starts)
+        goals[led], goals[robot] = targets[led], aside
+        changed = [*guides]
+        changed[robot] = _distances(graph, aside)
+        order = sorted(range(len(starts)), key=lambda one: one != robot)
+        tracks = solve(Problem(graph, starts, changed, goals), order, seed, _MOST)
+        if tracks is not None:
+            return _without_detours(tracks)
+    return None
 
 
 def _without_detours(steps: Sequence[Configuration]) -> list[list[int]]:
