@@ -31,13 +31,10 @@ _ENGINE = (
 
 
 class Host:
-    """A further host.
-
-    Attributes:
-        name: its host name, and the Docker context of its engine.
-    """
+    """A further host."""
 
     def __init__(self, number: int, folder: Path) -> None:
+        #: name: its host name, and the Docker context of its engine
         self.name, self._home = f"node{number}", folder / f"node{number}"
         self._link, self._address = f"pioneer-node{number}", f"{SUBNET}.{10 + number}"
         self._process: subprocess.Popen[bytes] | None = None

@@ -16,22 +16,17 @@ from containers.state import BASE
 
 
 class FakeEngine:
-    """Computers that run as soon as Compose starts them; what ``up`` did with them.
-
-    Attributes:
-        computers: those there are, in order.
-        file: where ``up`` writes the compose file.
-        composed: words of each call of Compose.
-        asked: by computer, the stage that was waited for and the waypoints it was sent to; in the last call.
-        executed: what was run at the base station, but for questions.
-        joined: what the base station has noted of robots that joined.
-    """
+    """Computers that run as soon as Compose starts them; what ``up`` did with them."""
 
     def __init__(self, file: Path) -> None:
-        self.computers: list[Computer] = []
+        self.computers: list[Computer] = []  #: those there are, in order
+        #: executed: what was run at the base station, but for questions
+        #: composed: words of each call of Compose
+        #: file: where ``up`` writes the compose file
         self.file, self.composed, self.executed = file, list[tuple[str, ...]](), list[str]()
+        #: by computer, the stage that was waited for and the waypoints it was sent to; in the last call
         self.asked: dict[str, tuple[str, int]] = {}
-        self.joined = ""
+        self.joined = ""  #: what the base station has noted of robots that joined
 
     def project(self, name: str, **variables: str) -> "FakeProject":
         return FakeProject(self, variables)

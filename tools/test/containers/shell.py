@@ -15,11 +15,7 @@ REPEAT = 1.0 / 30.0
 
 
 class Shell:
-    """An interactive bash in a terminal of its own on one computer, by ``docker exec -it``.
-
-    Attributes:
-        text: everything that the terminal has shown.
-    """
+    """An interactive bash in a terminal of its own on one computer, by ``docker exec -it``."""
 
     def __init__(self, container: str) -> None:
         master, slave = pty.openpty()
@@ -27,6 +23,7 @@ class Shell:
         self._process = subprocess.Popen(command, stdin=slave, stdout=slave, stderr=slave, start_new_session=True)
         os.close(slave)
         self._master, self._changed = master, threading.Condition()
+        #: text: everything that the terminal has shown
         self.text, self._ended, self._typed = "", False, 0
         self._thread = threading.Thread(target=self._read)
         self._thread.start()

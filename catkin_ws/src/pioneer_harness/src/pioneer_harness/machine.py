@@ -17,20 +17,17 @@ class MachineError(HarnessError):
 class FarMachine:
     """A network namespace, joined to ours by a pair of virtual Ethernet devices.
 
-    Attributes:
-        here: our address on the cable, which no other machine of ours has.
-        there: that of the other end.
-        prefix: a command that runs another one there.
-
     Raises:
         MachineError: that needs CAP_NET_ADMIN and CAP_SYS_ADMIN (root, and no unprivileged container).
     """
 
     def __init__(self) -> None:
         number, self._reserved = _free_cable()
+        #: there: that of the other end
+        #: here: our address on the cable, which no other machine of ours has
         self.here, self.there = (f"{_NETWORK}.{4 * number + end}" for end in (1, 2))
         self.name, self._near = f"pioneer-{os.getpid()}-{number}", f"pioneer{number}"
-        self.prefix = ("ip", "netns", "exec", self.name)
+        self.prefix = ("ip", "netns", "exec", self.name)  #: a command that runs another one there
         try:
             _run("ip", "netns", "add", self.name)
             _run("ip", "link", "add", self._near, "type", "veth", "peer", "name", "eth0", "netns", self.name)

@@ -10,28 +10,21 @@ from nav_bundle.core.pose import Pose, angle_difference
 
 @dataclass(frozen=True)
 class ApproachConfig:
-    """What a local planner's parameters say about the end of the way.
+    """What a local planner's parameters say about the end of the way."""
 
-    Attributes:
-        acc: limits of the velocity's change [m/s**2, rad/s**2].
-        left, right: fastest turns [rad/s], both positive.
-        slowest: slowest turn [rad/s] that the robot carries out.
-        place, heading: tolerances [m], [rad].
-        latch: the place counts as reached for good once it was.
-        still, still_turning: slower [m/s], [rad/s] than this the robot stands.
-        period: of a control cycle [s].
-    """
-
-    acc: Velocity
+    acc: Velocity  #: limits of the velocity's change [m/s**2, rad/s**2]
+    #: left, right: fastest turns [rad/s], both positive
     left: float
     right: float
-    slowest: float
+    slowest: float  #: slowest turn [rad/s] that the robot carries out
+    #: place, heading: tolerances [m], [rad]
     place: float
     heading: float
-    latch: bool
+    latch: bool  #: the place counts as reached for good once it was
+    #: still, still_turning: slower [m/s], [rad/s] than this the robot stands
     still: float
     still_turning: float
-    period: float
+    period: float  #: of a control cycle [s]
 
 
 class GoalApproach:

@@ -38,16 +38,14 @@ class Slam:
     Args:
         config: slam_gmapping's parameters.
         generator: source of all randomness; equal ones give equal results.
-
-    Attributes:
-        poses: the particles' laser poses, x, y [m], yaw [rad], map frame, shape (particles, 3).
-        unmatched: particles whose last scan found no match better than ``minimumScore``.
-        resamplings: how often the particles have been resampled.
     """
 
     def __init__(self, config: GmappingConfig, generator: np.random.Generator) -> None:
         self._config, self._generator = config, generator
+        #: the particles' laser poses, x, y [m], yaw [rad], map frame, shape (particles, 3)
         self.poses = np.zeros((config.particles, 3))
+        #: resamplings: how often the particles have been resampled
+        #: unmatched: particles whose last scan found no match better than ``minimumScore``
         self.unmatched = self.resamplings = 0
         self._maps = TileMaps(config.particles, config.xmin, config.ymin, config.delta)
         self._odom: Pose | None = None

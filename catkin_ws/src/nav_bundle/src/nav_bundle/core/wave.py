@@ -22,14 +22,11 @@ class Wave:
         weights: what crossing a cell of each cost adds, negative where nothing may pass, float32, shape (256,).
         source: row and column where it begins.
         band: how far apart its bands of urgency lie; what lies within one is visited in any order.
-
-    Attributes:
-        potential: float32, shape (rows, cols): cost of the cheapest way from the source, ``FAR`` where none was found.
-        limit: up to here the potential is final.
     """
 
     def __init__(self, costs: NDArray[np.uint8], weights: NDArray[np.float32], source: Cell, band: float) -> None:
         self._guide = _NO_GUIDE
+        #: float32, shape (rows, cols): cost of the cheapest way from the source, ``FAR`` where none was found
         self.potential: NDArray[np.float32] = np.empty(costs.shape, np.float32)
         self._limits = np.array([0.0, band, 0.0, 0.0])
         self._front = Front(

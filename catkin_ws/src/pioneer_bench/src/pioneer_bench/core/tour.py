@@ -34,43 +34,26 @@ COST_GOAL, RSS_GOAL = 0.24, 160.0
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Tour:
-    """One robot's tour.
+    """One robot's tour."""
 
-    Attributes:
-        condition: name of what it drove with.
-        seed: of waypoints and noise.
-        waypoints: how many it was sent.
-        reached: how many of them it reached.
-        seconds: simulated, from sending to the last one dealt with [s].
-        wall: the same [s].
-        way: driven [m].
-        shortest: the ways between the waypoints by the map [m].
-        collisions: with anything.
-        clearance: least distance of base_link from a wall [m].
-        error_mean, error_p95, error_max: distance of the believed from the true position [m].
-        cpu: CPU-s a simulated second by kind of process.
-        rss: largest resident memory by kind of process [MB].
-        map_iou: agreement of the drawn map with the true one, 0 … 1; None without mapping.
-        fault: what went wrong, in words; empty where nothing did.
-    """
-
-    condition: str
-    seed: int
-    waypoints: int
-    reached: int
-    seconds: float
-    wall: float
-    way: float
-    shortest: float
-    collisions: int
-    clearance: float
+    condition: str  #: name of what it drove with
+    seed: int  #: of waypoints and noise
+    waypoints: int  #: how many it was sent
+    reached: int  #: how many of them it reached
+    seconds: float  #: simulated, from sending to the last one dealt with [s]
+    wall: float  #: the same [s]
+    way: float  #: driven [m]
+    shortest: float  #: the ways between the waypoints by the map [m]
+    collisions: int  #: with anything
+    clearance: float  #: least distance of base_link from a wall [m]
+    #: error_mean, error_p95, error_max: distance of the believed from the true position [m]
     error_mean: float
     error_p95: float
     error_max: float
-    cpu: dict[str, float]
-    rss: dict[str, float]
-    map_iou: float | None = None
-    fault: str = ""
+    cpu: dict[str, float]  #: CPU-s a simulated second by kind of process
+    rss: dict[str, float]  #: largest resident memory by kind of process [MB]
+    map_iou: float | None = None  #: agreement of the drawn map with the true one, 0 … 1; None without mapping
+    fault: str = ""  #: what went wrong, in words; empty where nothing did
 
     def summary(self) -> str:
         """Returns the tour in one line."""

@@ -14,20 +14,14 @@ _OCCUPIED = 50
 
 @dataclasses.dataclass(frozen=True)
 class Floor:
-    """A map reduced to what is free.
+    """A map reduced to what is free."""
 
-    Attributes:
-        resolution: edge of a cell [m].
-        x, y: position of the outer corner of cell (0, 0) in the frame ``map`` [m].
-        free: bool [row, col], row 0 at the smallest y.
-        occupied: bool [row, col]; what is neither is unknown.
-    """
-
-    resolution: float
+    resolution: float  #: edge of a cell [m]
+    #: x, y: position of the outer corner of cell (0, 0) in the frame ``map`` [m]
     x: float
     y: float
-    free: NDArray[np.bool_]
-    occupied: NDArray[np.bool_]
+    free: NDArray[np.bool_]  #: bool [row, col], row 0 at the smallest y
+    occupied: NDArray[np.bool_]  #: bool [row, col]; what is neither is unknown
 
     def cell(self, x: float, y: float) -> tuple[int, int]:
         """Returns (row, col) of a position, which may lie outside the map."""

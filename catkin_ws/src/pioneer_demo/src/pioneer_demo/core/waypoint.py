@@ -19,18 +19,12 @@ _TRIALS = 40
 
 @dataclasses.dataclass(frozen=True)
 class WaypointConfig:
-    """What makes a good waypoint.
+    """What makes a good waypoint."""
 
-    Attributes:
-        count: waypoints a robot.
-        clearance: distance to the nearest wall [m].
-        separation: distance to other robots' waypoints and starts [m].
-        shortest, longest: way to drive from the waypoint before [m].
-    """
-
-    count: int = 3
-    clearance: float = 0.6
-    separation: float = 1.5
+    count: int = 3  #: waypoints a robot
+    clearance: float = 0.6  #: distance to the nearest wall [m]
+    separation: float = 1.5  #: distance to other robots' waypoints and starts [m]
+    #: shortest, longest: way to drive from the waypoint before [m]
     shortest: float = 6.0
     longest: float = 14.0
 

@@ -29,14 +29,12 @@ class Course:
     Subscribes: what the observer does, each robot's ``base_pose_ground_truth`` and ``pioneer/cmd_vel``.
 
     Threads: `_step` runs in the member's, and waits there for the main thread at ``SENT_AT`` and where `release` said.
-
-    Attributes:
-        stands: set while time stands for the main thread; `release` has it continue.
-        ended: set once all waypoints are dealt with, or the limit is reached; time stands still from then on.
     """
 
     def __init__(self, name: str, fleet: Fleet, lock: threading.Lock) -> None:
         """Makes the process a member: before the observer has its topics."""
+        #: ended: set once all waypoints are dealt with, or the limit is reached; time stands still from then on
+        #: stands: set while time stands for the main thread; `release` has it continue
         self.stands, self.ended = threading.Event(), threading.Event()
         self._fleet, self._lock = fleet, lock
         self._released = threading.Event()

@@ -38,22 +38,17 @@ _GRACE, _GRACE_IN_A_HURRY = 30.0, 3.0
 
 
 class FleetRun:
-    """One fleet on this machine.
-
-    Attributes:
-        fleet: what is known of it; guarded by ``lock``.
-        processes: its processes.
-        observer: its node on the hub gateway's master; None until that master runs.
-        course: what holds simulated time, for a demo in lockstep; None until the observer runs.
-    """
+    """One fleet on this machine."""
 
     def __init__(self, config: FleetConfig, watch: Stopwatch, interrupt: Interrupt, processes: FleetProcesses) -> None:
         """``processes`` have been started; ``stop`` ends them."""
+        #: processes: its processes
         self.processes, self.watch = processes, watch
-        self.fleet = Fleet(list(map(RobotTrack, config.names)))
+        self.fleet = Fleet(list(map(RobotTrack, config.names)))  #: what is known of it; guarded by ``lock``
         self.lock = threading.Lock()
         self.display = Display()
-        self.observer: ObserverNode | None = None
+        self.observer: ObserverNode | None = None  #: its node on the hub gateway's master; None until that master runs
+        #: what holds simulated time, for a demo in lockstep; None until the observer runs
         self.course: Course | None = None
         self._flips: FlipRequest | None = None
         self._config, self._interrupt = config, interrupt

@@ -20,49 +20,37 @@ class ClientState(enum.IntEnum):
 
 @dataclasses.dataclass(frozen=True)
 class Queue:
-    """A report of the waypoint client.
+    """A report of the waypoint client."""
 
-    Attributes:
-        state: what it does.
-        received, reached, aborted: waypoints so far.
-        text: its last words.
-        waiting: waypoints not reached yet, the one under way included.
-    """
-
-    state: ClientState
+    state: ClientState  #: what it does
+    #: received, reached, aborted: waypoints so far
     received: int
     reached: int
     aborted: int
-    text: str
-    waiting: int = 0
+    text: str  #: its last words
+    waiting: int = 0  #: waypoints not reached yet, the one under way included
 
 
 @dataclasses.dataclass(kw_only=True)
 class RobotMonitor:
-    """The newest of everything; what was never received is None.
+    """The newest of everything; what was never received is None."""
 
-    Attributes:
-        odom_at, scan_at: when the last one arrived, monotonic [s].
-        odom_stamp, scan_stamp: their stamps [s of simulated time].
-        odom_gap, scan_gap: the longest time between two stamps so far [s of simulated time]: a simulator that pauses
-            leaves no gap, a link that loses messages does.
-        linear, angular: the robot's speed [m/s, rad/s].
-        pose: x, y [m] and heading [rad] in ``map``.
-        deviation: standard deviation of the position that amcl estimates [m].
-        queue: the waypoint client's newest report.
-    """
-
+    #: odom_at, scan_at: when the last one arrived, monotonic [s]
     odom_at: float | None = None
     scan_at: float | None = None
+    #: odom_stamp, scan_stamp: their stamps [s of simulated time]
     odom_stamp: float | None = None
     scan_stamp: float | None = None
+    #: odom_gap, scan_gap: the longest time between two stamps so far [s of simulated time]: a simulator that pauses
+    #: leaves no gap, a link that loses messages does
     odom_gap: float = 0.0
     scan_gap: float = 0.0
+    #: linear, angular: the robot's speed [m/s, rad/s]
     linear: float = 0.0
     angular: float = 0.0
-    pose: tuple[float, float, float] | None = None
-    deviation: float | None = None
-    queue: Queue | None = None
+    pose: tuple[float, float, float] | None = None  #: x, y [m] and heading [rad] in ``map``
+    deviation: float | None = None  #: standard deviation of the position that amcl estimates [m]
+    queue: Queue | None = None  #: the waypoint client's newest report
 
     @property
     def moving(self) -> bool:

@@ -23,22 +23,14 @@ class Stage(enum.IntEnum):
 
 @dataclasses.dataclass
 class Report(RobotMonitor):
-    """The newest of everything; what was never received is None or empty.
+    """The newest of everything; what was never received is None or empty."""
 
-    Attributes:
-        computer: name of the host.
-        robot: the robot driven from here; empty on the base station.
-        gateway: the gateway's name.
-        hub: the hub it is connected to; empty for none.
-        rules: state of each rule, by what it is about.
-        real_time_factor, models: the simulator's, on the base station.
-    """
-
-    computer: str
-    robot: str = ""
-    gateway: str = ""
-    hub: str = ""
-    rules: dict[str, str] = dataclasses.field(default_factory=dict)
+    computer: str  #: name of the host
+    robot: str = ""  #: the robot driven from here; empty on the base station
+    gateway: str = ""  #: the gateway's name
+    hub: str = ""  #: the hub it is connected to; empty for none
+    rules: dict[str, str] = dataclasses.field(default_factory=dict)  #: state of each rule, by what it is about
+    #: real_time_factor, models: the simulator's, on the base station
     real_time_factor: float | None = None
     models: tuple[str, ...] = ()
 

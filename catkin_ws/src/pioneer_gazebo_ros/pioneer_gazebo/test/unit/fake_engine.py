@@ -23,27 +23,19 @@ class _FakeBody:
 
 
 class FakeEngine:
-    """An engine without physics: bodies move as commanded, on a plane.
-
-    Attributes:
-        track: between a body's wheels [m].
-        radius: of its wheels [m].
-        steps: taken so far.
-        touched: handles that `touching` reports; set by the test.
-        resting: handles that may sleep.
-        pushed: arguments of every `push`.
-        standing: what `set_standing` was given last: ground, obstacles.
-        refuses: a body of this name is refused.
-    """
+    """An engine without physics: bodies move as commanded, on a plane."""
 
     def __init__(self, track: float = 0.33, radius: float = 0.0975) -> None:
+        #: radius: of its wheels [m]
+        #: track: between a body's wheels [m]
         self.track, self.radius = track, radius
-        self.steps = 0
-        self.touched: set[int] = set()
-        self.resting: set[int] = set()
-        self.pushed: list[tuple[int, int, Vector, Vector, Vector]] = []
+        self.steps = 0  #: taken so far
+        self.touched: set[int] = set()  #: handles that `touching` reports; set by the test
+        self.resting: set[int] = set()  #: handles that may sleep
+        self.pushed: list[tuple[int, int, Vector, Vector, Vector]] = []  #: arguments of every `push`
+        #: what `set_standing` was given last: ground, obstacles
         self.standing: tuple[list[PlacedCollision], list[PlacedCollision]] = ([], [])
-        self.refuses = ""
+        self.refuses = ""  #: a body of this name is refused
         self._bodies: dict[int, _FakeBody] = {}
         self._physics = Physics()
         self._last = 0

@@ -16,54 +16,35 @@ BEAMS = 180
 
 @dataclasses.dataclass(frozen=True)
 class Image:
-    """A costmap as a picture.
+    """A costmap as a picture."""
 
-    Attributes:
-        corner: of its lower left, in ``frame``.
-        width, height: [m].
-        png: encoded, base64.
-    """
-
-    corner: Pose
+    corner: Pose  #: of its lower left, in ``frame``
+    #: width, height: [m]
     width: float
     height: float
-    png: str
+    png: str  #: encoded, base64
 
 
 @dataclasses.dataclass(kw_only=True)
 class Robot(RobotMonitor):
-    """The newest of everything; what was never received is None or empty.
+    """The newest of everything; what was never received is None or empty."""
 
-    Attributes:
-        name: its namespace.
-        gateway: of its computer.
-        correction: of its odometry, in ``map``.
-        odometry: the pose in its odometry's frame.
-        mount: of its laser, on its base.
-        scan: ranges [cm], 0 for none, with the first angle and the step [rad].
-        plan, local_plan: frame and points [m].
-        costs: frame and picture of the local costmap.
-        goals: the waypoint under way and those that wait, in ``map``.
-        battery: charge, 0 … 1.
-        load: processors and memory [MiB] that the programs on its computer take.
-        held: whether it is stopped from here.
-        patrols: whether it repeats its waypoints.
-    """
-
-    name: str
-    gateway: str
-    correction: Pose | None = None
-    odometry: Pose | None = None
-    mount: Pose = dataclasses.field(default_factory=lambda: Pose(0.0, 0.0))
+    name: str  #: its namespace
+    gateway: str  #: of its computer
+    correction: Pose | None = None  #: of its odometry, in ``map``
+    odometry: Pose | None = None  #: the pose in its odometry's frame
+    mount: Pose = dataclasses.field(default_factory=lambda: Pose(0.0, 0.0))  #: of its laser, on its base
+    #: ranges [cm], 0 for none, with the first angle and the step [rad]
     scan: tuple[float, float, list[int]] | None = None
+    #: plan, local_plan: frame and points [m]
     plan: tuple[str, Points] = ("", [])
     local_plan: tuple[str, Points] = ("", [])
-    costs: tuple[str, Image] | None = None
-    goals: Sequence[Pose] = ()
-    battery: float | None = None
-    load: Sequence[float] | None = None
-    held: bool = False
-    patrols: bool = False
+    costs: tuple[str, Image] | None = None  #: frame and picture of the local costmap
+    goals: Sequence[Pose] = ()  #: the waypoint under way and those that wait, in ``map``
+    battery: float | None = None  #: charge, 0 … 1
+    load: Sequence[float] | None = None  #: processors and memory [MiB] that the programs on its computer take
+    held: bool = False  #: whether it is stopped from here
+    patrols: bool = False  #: whether it repeats its waypoints
 
     @property
     def place(self) -> Pose | None:

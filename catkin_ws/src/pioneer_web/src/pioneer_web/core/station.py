@@ -17,20 +17,15 @@ STANDS = 1.0
 
 
 class Station:
-    """The newest of everything.
-
-    Attributes:
-        robots: in the order of their computers.
-        gateway, hub: the base station's, empty while unknown.
-        real_time_factor: of the simulator, None without one.
-        recording: the file, empty while nothing is recorded.
-        replay: position and length of the recording that is played [s], None without one.
-    """
+    """The newest of everything."""
 
     def __init__(self, robots: Sequence[Robot]) -> None:
+        #: gateway, hub: the base station's, empty while unknown
+        #: robots: in the order of their computers
         self.robots, self.gateway, self.hub = robots, "", ""
-        self.real_time_factor: float | None = None
-        self.recording = ""
+        self.real_time_factor: float | None = None  #: of the simulator, None without one
+        self.recording = ""  #: the file, empty while nothing is recorded
+        #: position and length of the recording that is played [s], None without one
         self.replay: list[float] | None = None
         self.rules: list[dict[str, str]] = []
         self.links: dict[str, dict[str, dict[str, float]]] = {}

@@ -36,13 +36,10 @@ SCRAPED = 60.0
 
 
 class Viewer:
-    """A page's end of the stream.
-
-    Attributes:
-        lags: whether it has missed a change since the last whole picture.
-    """
+    """A page's end of the stream."""
 
     def __init__(self, socket: WebSocket) -> None:
+        #: lags: whether it has missed a change since the last whole picture
         self._socket, self.lags = socket, True
         self._next: asyncio.Queue[bytes] = asyncio.Queue(maxsize=1)
 

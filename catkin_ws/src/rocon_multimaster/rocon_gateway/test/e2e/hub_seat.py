@@ -25,22 +25,16 @@ REQUEST = PeerRequest(offers=(Offer("/flow", "std_msgs/String", "/talker", Purpo
 
 
 class Seat:
-    """One gateway's place on a hub, which can be taken away and given back.
-
-    Attributes:
-        view: what it knows now.
-        session: its connection.
-        before_try: called before each try to get on the hub, by the thread that tries.
-        tries: how many of them there were.
-        complaints: why it is not on the hub, each with the number of the try.
-    """
+    """One gateway's place on a hub, which can be taken away and given back."""
 
     def __init__(self, name: str, port: int, instance: str, restore: Callable[[str], str] = str) -> None:
+        #: view: what it knows now
         self.name, self.view, self.is_barred = name, HubView(), False
-        self.session: Any = None
+        self.session: Any = None  #: its connection
+        #: called before each try to get on the hub, by the thread that tries
         self.before_try: Callable[[], object] = list
-        self.tries = 0
-        self.complaints: list[tuple[int, str]] = []
+        self.tries = 0  #: how many of them there were
+        self.complaints: list[tuple[int, str]] = []  #: why it is not on the hub, each with the number of the try
         self._address, self._instance = HubAddress("127.0.0.1", port), instance
         context = HubContext(
             open=self._open,

@@ -14,17 +14,14 @@ class TcpProxy:
     Args:
         host: where to.
         port: where to.
-
-    Attributes:
-        port: where it listens, on the loopback.
-        delay: for how long each byte is held back in each direction [s].
-        swallows: whether what arrives is read and thrown away, and nothing comes back.
     """
 
     def __init__(self, host: str, port: int) -> None:
         self._target = (host, port)
         self._listener = socket.create_server(("127.0.0.1", 0))
-        self.port = self._listener.getsockname()[1]
+        self.port = self._listener.getsockname()[1]  #: where it listens, on the loopback
+        #: swallows: whether what arrives is read and thrown away, and nothing comes back
+        #: delay: for how long each byte is held back in each direction [s]
         self.delay, self.swallows = 0.0, False
         self._peers: dict[socket.socket, socket.socket] = {}
         self._late: deque[tuple[float, socket.socket, bytes]] = deque()

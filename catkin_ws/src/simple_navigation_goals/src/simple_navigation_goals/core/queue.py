@@ -71,28 +71,21 @@ class Event(NamedTuple):
 
 
 class WaypointQueue:
-    """Waypoints in the order they came, the first of them under way. Not thread-safe.
-
-    Attributes:
-        received: waypoints taken since the start.
-        reached: of these, how many move_base reported as reached.
-        aborted: how many were given up after all retries; those cleared or cancelled by others are not among them.
-        current: the waypoint that is under way or about to be; None when there is none.
-        waiting: those after it.
-        rest: how long the robot is to stand where it is before it continues [s]; 0 while it need not.
-        text: the latest event.
-    """
+    """Waypoints in the order they came, the first of them under way. Not thread-safe."""
 
     def __init__(self, config: QueueConfig | None = None) -> None:
         self.config = config or QueueConfig()
+        #: aborted: how many were given up after all retries; those cleared or cancelled by others are not among them
+        #: reached: of these, how many move_base reported as reached
+        #: received: waypoints taken since the start
         self.received = self.reached = self.aborted = 0
-        self.current: Waypoint | None = None
-        self.waiting: deque[Waypoint] = deque()
-        self.text = ""
+        self.current: Waypoint | None = None  #: the waypoint that is under way or about to be; None when there is none
+        self.waiting: deque[Waypoint] = deque()  #: those after it
+        self.text = ""  #: the latest event
         self._number = 0  # of the current waypoint, counted as they were received
         self._numbers: deque[int] = deque()
         self._retries_left = 0
-        self.rest = 0.0
+        self.rest = 0.0  #: how long the robot is to stand where it is before it continues [s]; 0 while it need not
         self._patrol: Patrol | None = None
         self._round = self._reached_before = 0
         self._held = self._under_way = self._server = False

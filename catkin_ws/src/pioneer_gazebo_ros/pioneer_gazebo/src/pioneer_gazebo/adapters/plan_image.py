@@ -23,23 +23,16 @@ _BAR_LENGTHS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """One model that moves.
+    """One model that moves."""
 
-    Attributes:
-        name: written beside it.
-        x, y, yaw: of its base in the world [m, rad].
-        outline: segments (n, 4) in its base's frame [m], as in `Section`.
-        hits: shape (m, 2), where its beams ended, in the world [m].
-        eye: where they began [m].
-    """
-
-    name: str
+    name: str  #: written beside it
+    #: x, y, yaw: of its base in the world [m, rad]
     x: float
     y: float
     yaw: float
-    outline: NDArray[np.float64]
-    hits: NDArray[np.float64]
-    eye: tuple[float, float]
+    outline: NDArray[np.float64]  #: segments (n, 4) in its base's frame [m], as in `Section`
+    hits: NDArray[np.float64]  #: shape (m, 2), where its beams ended, in the world [m]
+    eye: tuple[float, float]  #: where they began [m]
 
 
 class PlanImage:

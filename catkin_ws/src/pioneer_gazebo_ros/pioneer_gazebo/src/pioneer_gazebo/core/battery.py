@@ -22,18 +22,14 @@ class Wheel:
 
 
 class Battery:
-    """One robot's battery.
-
-    Attributes:
-        charge: 0 (empty) … 1 (full).
-        voltage: at its terminals [V].
-        current: that is drawn [A].
-    """
+    """One robot's battery."""
 
     def __init__(self, config: BaseDriver) -> None:
         """Begins with the charge of ``config``."""
         self.config = config
-        self.charge = config.initialCharge
+        self.charge = config.initialCharge  #: 0 (empty) … 1 (full)
+        #: current: that is drawn [A]
+        #: voltage: at its terminals [V]
         self.voltage, self.current = self._under(config.idlePower)
 
     def reset(self) -> None:

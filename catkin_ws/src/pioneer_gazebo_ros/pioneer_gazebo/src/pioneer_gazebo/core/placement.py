@@ -14,25 +14,18 @@ class PlacementError(SimulatorError):
 
 @dataclass(frozen=True, slots=True)
 class DrawnMap:
-    """A map's image as its file has it.
+    """A map's image as its file has it."""
 
-    Attributes:
-        x, y: its lower left corner in ``map`` [m].
-        resolution: side of a cell [m].
-        rows, cols: its size.
-        pixels: a byte a cell, the row of the largest y first.
-        free: a cell with this value or a larger one is free.
-        occupied: a cell with this value or a smaller one is occupied; between the two nothing is known.
-    """
-
+    #: x, y: its lower left corner in ``map`` [m]
     x: float
     y: float
-    resolution: float
+    resolution: float  #: side of a cell [m]
+    #: rows, cols: its size
     rows: int
     cols: int
-    pixels: bytes
-    free: int
-    occupied: int
+    pixels: bytes  #: a byte a cell, the row of the largest y first
+    free: int  #: a cell with this value or a larger one is free
+    occupied: int  #: a cell with this value or a smaller one is occupied; between the two nothing is known
 
     def value_at(self, row: int, col: int) -> int | None:
         """Returns the value of a cell, counted from the smallest x and y; None outside the map."""

@@ -54,10 +54,6 @@ class LockstepGate:
     Publishes: ``RING/lockstep/period``, ``RING/lockstep/probe``.
 
     Threads: that of the simulation, but for `Exchange` and subscribers, which put tokens into the mailbox.
-
-    Attributes:
-        until: the tick at which the period under way ends.
-        changed: called when other topics are wanted than before.
     """
 
     def __init__(self, config: LockstepConfig, mailbox: Mailbox, namespaces: Callable[[], Collection[str]]) -> None:
@@ -72,9 +68,10 @@ class LockstepGate:
             RateError: a rate that does not divide the tick rate.
         """
         self.exchange = Exchange(rospy.get_name()).install(follows=False)
+        #: until: the tick at which the period under way ends
         self.period = self.until = period_of(config.rate, "~lockstep/rate")
         self._config, self._mailbox, self._namespaces = config, mailbox, namespaces
-        self.changed: Callable[[], None] = lambda: None
+        self.changed: Callable[[], None] = lambda: None  #: called when other topics are wanted than before
         self._state = Lockstep()
         self._expected: list[str] | None = None
         self._inlets: dict[str, rospy.Publisher] = {}

@@ -34,17 +34,14 @@ class Port:
     """One robot's connection to ROS; `close` removes all that was made through it.
 
     Parameters: ``tf_prefix`` in the robot's namespace or above, read once.
-
-    Attributes:
-        context: what all robots share.
-        entity: the robot.
-        simulation: the world's.
-        on_reset: called when simulated time restarts.
     """
 
     def __init__(self, context: Context, entity: Entity) -> None:
+        #: simulation: the world's
+        #: entity: the robot
+        #: context: what all robots share
         self.context, self.entity, self.simulation = context, entity, context.simulation
-        self.on_reset: list[Callable[[], None]] = []
+        self.on_reset: list[Callable[[], None]] = []  #: called when simulated time restarts
         self._base = f"/{entity.namespace}" if entity.namespace else ""
         self._prefix = _tf_prefix(self._base)
         self._tasks: list[Task] = []

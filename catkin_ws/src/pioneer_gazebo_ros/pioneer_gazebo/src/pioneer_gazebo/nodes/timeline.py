@@ -23,14 +23,6 @@ class Timeline:
     """Advances simulated time at the pace asked for and runs what is due; publishes ``/clock``.
 
     Used from the simulation's thread, but for `present`.
-
-    Attributes:
-        mailbox: work from other threads, done between two ticks.
-        pacer: simulated time against wall time.
-        paused: whether simulated time stands still.
-        schedule: what is done at which tick.
-        simulation: the world.
-        tick: the present.
     """
 
     def __init__(
@@ -42,11 +34,15 @@ class Timeline:
         Raises:
             RateError: a clock rate that does not divide the tick rate.
         """
+        #: simulation: the world
+        #: paused: whether simulated time stands still
+        #: mailbox: work from other threads, done between two ticks
         self.mailbox, self.simulation, self.paused = mailbox, simulation, paused
-        self.pacer = Pacer(factor)
-        self.schedule = Schedule()
+        self.pacer = Pacer(factor)  #: simulated time against wall time
+        self.schedule = Schedule()  #: what is done at which tick
         if gate is not None:
             gate.changed = self.schedule.review
+        #: tick: the present
         self.tick = self._target = 0
         self._after_tick = after_tick
         self._gate = gate

@@ -6,12 +6,7 @@ from rocon_gateway.adapters.client import GatewayClient, NoGatewayError
 
 
 class Graph:
-    """The network as this master's gateway knows it; rocon's names, of which its tests read the private ones.
-
-    Attributes:
-        local_gateway: this master's gateway, with its rules and connections; empty until one runs.
-        remote_gateways: the others on its hubs.
-    """
+    """The network as this master's gateway knows it; rocon's names, of which its tests read the private ones."""
 
     def __init__(self) -> None:
         self._local_gateway = msg.GatewayInfo()
@@ -19,12 +14,12 @@ class Graph:
 
     @property
     def local_gateway(self) -> msg.GatewayInfo:
-        """This master's gateway, as of the last update."""
+        """This master's gateway, with its rules and connections, as of the last update; empty until one runs."""
         return self._local_gateway
 
     @property
     def remote_gateways(self) -> list[msg.RemoteGateway]:
-        """The other gateways, as of the last update."""
+        """The other gateways on its hubs, as of the last update."""
         return self._remote_gateways
 
     def update(self) -> None:

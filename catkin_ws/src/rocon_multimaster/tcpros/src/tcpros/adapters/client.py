@@ -33,9 +33,6 @@ class Connection:
 
     Raises:
         ClientError: the other end refuses the header.
-
-    Attributes:
-        header: the other end's header.
     """
 
     def __init__(self, host: str, port: int, header: dict[str, str]) -> None:
@@ -43,7 +40,7 @@ class Connection:
         try:
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._socket.sendall(header_bytes(header))
-            self.header = header_fields(self.read_frame())
+            self.header = header_fields(self.read_frame())  #: the other end's
             if "error" in self.header:
                 raise ClientError(self.header["error"])
         except BaseException:
