@@ -20,7 +20,8 @@ from tcpros.core.error import TcprosError
 NAME = "/fleet_recorder"
 _LOOK = 1.0
 """How often new publishers are looked for [s]."""
-_LEFT_OUT = ("/rosout_agg",)
+_LEFT_OUT = "/rosout_agg"
+"""The ends of topics that repeat what others have."""
 _WAITING = 20_000
 """Messages that may wait to be written; when there are more, the newest are dropped, and counted."""
 
@@ -68,7 +69,7 @@ class Recorder:
                     continue  # not up yet, or no longer
                 for topic, nodes in publishers:
                     for node in nodes:
-                        if topic not in _LEFT_OUT:
+                        if not topic.endswith(_LEFT_OUT):
                             self._connect(name, client, topic, node)
             self._end.wait(_LOOK)
 

@@ -48,7 +48,7 @@ class Feed:
 
     Subscribes, while open: /clock, /map, /tf, /diagnostics, /rosout_agg, /gateway/gateway_info, /gateway/rules,
     /gazebo/model_states, /gazebo/real_time_factor, /replay/position; of each robot its scan, odom, battery_state,
-    amcl_pose, computer, map_goal_client/queue, and move_base's plans and local costmap.
+    amcl_pose, computer, rosout_agg, map_goal_client/queue, and move_base's plans and local costmap.
 
     Threads: rospy's, one a connection. Each takes the newest message only, then waits for the next beat while the
     kernel keeps what comes: odometry at 100 Hz costs as much as at 5 Hz.
@@ -101,7 +101,10 @@ class Feed:
         self._listen_to_each("battery_state", BatteryState, self._on_battery)
         self._listen_to_each("computer", DiagnosticStatus, self._on_computer, 0)
         listen("/diagnostics", DiagnosticArray, self._on_diagnostics, queue_size=20)
-        listen("/rosout_agg", Log, self._on_log, queue_size=100)
+        listen("/rosout_agg", Log, functools.partial(self._on_log, ""), queue_size=100)
+        for robot in self.station.robots:
+            computer = robot.gateway.removesuffix("_gateway")
+            listen(f"/{robot.name}/rosout_agg", Log, functools.partial(self._on_log, computer), queue_size=100)
         self._listen("/gazebo/real_time_factor", Float64, self._on_factor)
         self._listen("/gazebo/model_states", ModelStates, self._on_models)
         self._listen("/replay/position", Float64MultiArray, self._on_replay)
@@ -167,9 +170,7 @@ class Feed:
             (status.name, {one.key: one.value for one in status.values}) for status in message.status
         )
 
-    def _on_log(self, message: Any) -> None:
-        # As a gateway's proxy names it: /aadi1_gateway/rosout.
-        computer = message._connection_header["callerid"].strip("/").rpartition("/")[0].removesuffix("_gateway")
+    def _on_log(self, computer: str, message: Any) -> None:
         self.station.add_log(message.header.stamp.to_sec(), message.level, computer, message.name, message.msg)
 
     def _on_clock(self, message: Any) -> None:

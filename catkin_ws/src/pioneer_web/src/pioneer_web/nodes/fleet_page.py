@@ -28,7 +28,7 @@ TOKENS = {Role.OPERATOR: "PIONEER_WEB_TOKEN", Role.VIEWER: "PIONEER_WEB_VIEWER_T
 SHORTEST = 16
 """Of a token [characters]."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-_SEEN = ("map_goal_client/queue", "amcl_pose", "computer", "/rosout_agg")
+_SEEN = ("map_goal_client/queue", "amcl_pose", "computer", "rosout_agg")
 _SENT = ("map_goal_pose", "initialpose", "map_goal_client/cancel", "move_base/cancel")
 
 

@@ -1,10 +1,11 @@
-"""How busy a gateway's computer is, on a topic."""
+"""How busy a gateway's computer is, and what its nodes log, on topics that may cross."""
 
 import time
 
 import rosgraph
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from rosgraph_msgs.msg import Log
 
 from rocon_gateway.adapters.program_load import ProgramLoad
 
@@ -46,3 +47,24 @@ class ComputerTopic:
                     values=[KeyValue(*one) for one in values.items()],
                 )
             )
+
+
+class LogTopic:
+    """Passes what this master's rosout has collected on to ``/NAMESPACE/rosout_agg``, while somebody listens.
+
+    The fleet's rules let none of ``/rosout.*`` itself cross.
+    """
+
+    def __init__(self, namespace: str) -> None:
+        self.topic = f"/{namespace}/rosout_agg"
+        self._publisher = rospy.Publisher(self.topic, Log, queue_size=100)
+        self._subscriber: rospy.Subscriber | None = None
+
+    def turn(self) -> None:
+        """Subscribes, or no longer; called once a second or so."""
+        heard = self._publisher.get_num_connections() > 0
+        if heard and self._subscriber is None:
+            self._subscriber = rospy.Subscriber("/rosout_agg", Log, self._publisher.publish, queue_size=100)
+        elif not heard and self._subscriber is not None:
+            self._subscriber.unregister()
+            self._subscriber = None

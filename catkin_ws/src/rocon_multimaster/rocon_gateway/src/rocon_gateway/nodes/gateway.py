@@ -32,7 +32,7 @@ from rocon_gateway.core.error import ConfigError, GatewayError
 from rocon_gateway.core.membership import Overview
 from rocon_gateway.core.reconcile import reconcile
 from rocon_gateway.core.situation import Outcome, Situation
-from rocon_gateway.nodes.computer import ComputerTopic
+from rocon_gateway.nodes.computer import ComputerTopic, LogTopic
 from rocon_gateway.nodes.registration import register_anew
 from rocon_gateway.nodes.service_handlers import ServiceHandlers
 from rocon_hub_protocol.adapters.password import password_from
@@ -63,7 +63,8 @@ class GatewayNode:
 
     Publishes: `~gateway_info` (GatewayInfo, latched, on change), `~rules` (DiagnosticArray, latched, on change: one
     status a rule, with state and reason), `/diagnostics` (the same, and one status a connection with what flows on it,
-    each second while somebody listens), a robot's `/NAMESPACE/computer` (`ComputerTopic`).
+    each second while somebody listens), a robot's `/NAMESPACE/computer` (`ComputerTopic`)
+    and `/NAMESPACE/rosout_agg` (`LogTopic`).
 
     Services: see `ServiceHandlers`.
 
@@ -97,9 +98,9 @@ class GatewayNode:
         self._rules = rospy.Publisher("~rules", DiagnosticArray, queue_size=5, latch=True)
         self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=5)
         namespace = self._config.own_namespace
-        self._computer = ComputerTopic(self._name, namespace) if namespace else None
-        own = {self._computer.topic} if self._computer else ()
-        self._master = MasterWatch(rosgraph.get_master_uri(), rospy.get_name(), own)
+        self._own = [ComputerTopic(self._name, namespace), LogTopic(namespace)] if namespace else []
+        crossing = {one.topic for one in self._own}
+        self._master = MasterWatch(rosgraph.get_master_uri(), rospy.get_name(), crossing)
         self._bell = MasterBell(rosgraph.get_master_uri(), rospy.get_name())
         self._master_lost = False
         self._traffic = Traffic()
@@ -194,8 +195,8 @@ class GatewayNode:
                     self._keyring.refresh()
                 if self._kept:
                     self._hubs.keep(self._kept.text())
-                if self._computer:
-                    self._computer.turn()
+                for topic in self._own:
+                    topic.turn()
                 if self._diagnostics.get_num_connections():
                     self._diagnostics.publish(self._diagnostic_array(with_links=True))
 
@@ -356,8 +357,8 @@ def _warn_on_the_hubs_master() -> None:
     uri = rosgraph.get_master_uri()
     try:
         rosgraph.Master(rospy.get_name()).lookupNode(_HUB)
-    except rosgraph.MasterError:
-        return
+    except (rosgraph.MasterError, OSError):
+        return  # a master that is gone is told of by `MasterWatch`
     rospy.logwarn(
         "%s is the hub's own ROS master; a gateway needs one of its own. End this one, then: "
         "export ROS_MASTER_URI=http://localhost:11313; roslaunch pioneer_networking pioneer_gateway.launch", uri

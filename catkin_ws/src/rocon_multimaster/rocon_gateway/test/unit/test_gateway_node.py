@@ -1,0 +1,13 @@
+"""What the gateway's node does at its start, where its master may go at any moment."""
+
+import pytest
+
+from pioneer_harness.port import PortReservation
+from rocon_gateway.nodes import gateway
+
+
+def test_a_master_that_goes_before_the_look_for_a_hub_does_not_end_the_gateway(monkeypatch: pytest.MonkeyPatch) -> None:
+    ports = PortReservation()
+    monkeypatch.setenv("ROS_MASTER_URI", f"http://127.0.0.1:{ports.take(15411)}")
+    gateway._warn_on_the_hubs_master()
+    ports.release()
