@@ -46,4 +46,5 @@ def test_the_page_shows_five_robots_and_what_their_computers_do(page: tuple[str,
 def test_without_the_token_there_is_nothing(page: tuple[str, str]) -> None:
     with pytest.raises(urllib.error.HTTPError) as refused:
         urllib.request.urlopen(page[0], timeout=PATIENCE)
-    assert refused.value.code == HTTPStatus.UNAUTHORIZED
+    with refused.value as answer:
+        assert answer.code == HTTPStatus.UNAUTHORIZED
