@@ -113,7 +113,7 @@ def _robot_names() -> list[str]:
 
 def _ask_for_flips(robots: list[str]) -> None:
     """Asks for what pages show and send; it costs nothing until this node subscribes."""
-    # An expression, as for RViz' tools: such a rule waits for nobody, so without the page no computer counts as unready.
+    # An expression, as for RViz' tools: it waits for nobody, so without the page no computer counts as unready.
     node, client = f"/{NAME}.*", GatewayClient()
     wishes = flipped_from_hub(robots)
     for number, robot in enumerate(robots, 1):

@@ -98,7 +98,9 @@ class GatewayNode:
         self._rules = rospy.Publisher("~rules", DiagnosticArray, queue_size=5, latch=True)
         self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=5)
         namespace = self._config.own_namespace
-        self._own = [ComputerTopic(self._name, namespace), LogTopic(namespace)] if namespace else []
+        self._own: list[ComputerTopic | LogTopic] = []
+        if namespace:
+            self._own = [ComputerTopic(self._name, namespace), LogTopic(namespace)]
         crossing = {one.topic for one in self._own}
         self._master = MasterWatch(rosgraph.get_master_uri(), rospy.get_name(), crossing)
         self._bell = MasterBell(rosgraph.get_master_uri(), rospy.get_name())
@@ -358,7 +360,7 @@ def _warn_on_the_hubs_master() -> None:
     try:
         rosgraph.Master(rospy.get_name()).lookupNode(_HUB)
     except (rosgraph.MasterError, OSError):
-        return  # a master that is gone is told of by `MasterWatch`
+        return  # `MasterWatch` notices a master that is gone
     rospy.logwarn(
         "%s is the hub's own ROS master; a gateway needs one of its own. End this one, then: "
         "export ROS_MASTER_URI=http://localhost:11313; roslaunch pioneer_networking pioneer_gateway.launch", uri
