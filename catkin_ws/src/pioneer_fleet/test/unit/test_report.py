@@ -1,5 +1,5 @@
 from pioneer_fleet.core.monitor import ClientState, Queue, deviation_from_covariance
-from pioneer_fleet.core.report import Report, Stage
+from pioneer_fleet.core.report import Report, Stage, states_of
 
 
 def queue(received: int = 0, reached: int = 0, aborted: int = 0, waiting: int = 0) -> Queue:
@@ -29,6 +29,17 @@ def test_a_rule_that_thins_messages_out_is_in_force() -> None:
     assert report.stage is Stage.LINKED
     assert report.as_json(0.0)["active"] == 3
     assert report.lacks == "no odometry has come"
+
+
+def test_a_tool_that_has_ended_leaves_no_rule_to_wait_for() -> None:
+    odom = {"action": "flip", "gateway": "a", "type": "publisher", "name": "odom", "node": "", "state": "active"}
+    page = {**odom, "name": "goal", "node": "/fleet_page.*"}
+    assert states_of([odom, page]) == {
+        "flip a publisher odom": "active",
+        "flip a publisher goal /fleet_page.*": "active",
+    }
+    assert states_of([odom, {**page, "state": "no such topic"}]) == {"flip a publisher odom": "active"}
+    assert states_of([{**odom, "state": "no such topic"}]) == {"flip a publisher odom": "no such topic"}
 
 
 def test_a_robot_with_rules_and_sensors_but_no_pose_is_not_ready() -> None:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import enum
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from pioneer_fleet.core.monitor import RobotMonitor
@@ -105,3 +106,19 @@ class Report(RobotMonitor):
             "real_time_factor": self.real_time_factor,
             "models": list(self.models),
         }
+
+
+def states_of(rules: Iterable[Mapping[str, str]]) -> dict[str, str]:
+    """Returns the state of each rule that counts, by what the rule is about.
+
+    A rule for one node belongs to a tool, such as RViz, which comes and goes: it counts while it carries only.
+
+    Args:
+        rules: the values of each rule's status on ``/gateway/rules``.
+    """
+    states = {}
+    for rule in rules:
+        about = " ".join(rule[key] for key in ("action", "gateway", "type", "name", "node") if rule.get(key))
+        if rule["state"] in CARRYING or not rule.get("node"):
+            states[about] = rule["state"]
+    return states

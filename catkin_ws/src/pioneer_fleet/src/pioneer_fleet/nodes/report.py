@@ -13,7 +13,7 @@ from typing import Any
 
 import rosgraph
 import rospy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from gateway_msgs.msg import GatewayInfo
 from gazebo_msgs.msg import ModelStates
 from geometry_msgs.msg import PoseWithCovarianceStamped, Twist
@@ -24,7 +24,7 @@ from std_msgs.msg import Float64
 
 from pioneer_fleet.conversions import queue_from_message
 from pioneer_fleet.core.monitor import deviation_from_covariance
-from pioneer_fleet.core.report import Report, Stage
+from pioneer_fleet.core.report import Report, Stage, states_of
 from pioneer_fleet.core.tour import Place, places_from_mapping, tour
 
 MASTER_LOOK = 0.2
@@ -135,7 +135,7 @@ class ReportNode:
         self._report.hub = message.hub_names[0] if message.connected and message.hub_names else ""
 
     def _on_rules(self, message: DiagnosticArray) -> None:
-        self._report.rules = dict(_rule(status) for status in message.status)
+        self._report.rules = states_of({one.key: one.value for one in status.values} for status in message.status)
 
     def _on_odom(self, message: Odometry) -> None:
         self._report.add_odom(time.monotonic(), message.header.stamp.to_sec())
@@ -158,12 +158,6 @@ class ReportNode:
 
     def _on_models(self, message: ModelStates) -> None:
         self._report.models = tuple(name for name in message.name if name.startswith("pioneer"))
-
-
-def _rule(status: DiagnosticStatus) -> tuple[str, str]:
-    values = {one.key: one.value for one in status.values}
-    about = " ".join(values[key] for key in ("action", "gateway", "type", "name", "node") if values.get(key))
-    return about, values.get("state", status.message)
 
 
 def _place(text: str) -> Place:
