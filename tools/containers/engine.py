@@ -60,6 +60,10 @@ def output(*command: str) -> str:
     return answer.stdout
 
 
+_PATIENCE = "600"
+"""How long docker-compose waits for the engine [s]: on a machine that starts or ends a fleet, 60 s were too few."""
+
+
 @dataclass(frozen=True)
 class Computer:
     """A container of the fleet."""
@@ -122,7 +126,7 @@ class Project:
         return [*self.compose, "-p", self.name, "-f", str(self.file), *arguments]
 
     def _environment(self) -> dict[str, str]:
-        return {**os.environ, **self.variables}
+        return {"COMPOSE_HTTP_TIMEOUT": _PATIENCE, **os.environ, **self.variables}
 
     def computers(self) -> list[Computer]:
         """Returns the project's computers, the base station first, then robots by number; extras are none."""

@@ -2,7 +2,7 @@
 
 import math
 
-_ROBOTS_A_PROCESSOR = 2.5
+_ROBOTS_A_PROCESSOR = 4.5
 """As many robots, with their navigation and gateways, a processor carries at real time (docs/performance.md)."""
 
 
