@@ -9,8 +9,23 @@ from typing import Any
 
 import rosgraph
 import rosmaster.master
+import rosmaster.util
 
 _LOOPBACK = "127.0.0.1"
+
+
+class _ClosingProxy(rosmaster.util.ServerProxy):  # type: ignore[misc]
+    """A proxy that closes its connection with its end.
+
+    rosmaster's workers keep theirs by thread, and end some time after their master: open sockets would be reported in
+    whichever test runs then.
+    """
+
+    def __del__(self) -> None:
+        self("close")()
+
+
+rosmaster.util.ServerProxy = _ClosingProxy
 
 
 class MasterClient:

@@ -1,6 +1,9 @@
 """Masters in the test's process are real, separate, and gone afterwards."""
 
 import threading
+import warnings
+
+import rosmaster.util
 
 from pioneer_harness.masters import Master, is_running
 from pioneer_harness.port import is_free
@@ -46,3 +49,13 @@ def test_the_environment_points_nodes_at_the_master_and_at_its_home():
 def test_stopping_twice_is_harmless():
     with Master() as master:
         master.stop()
+
+
+def test_a_connection_of_a_worker_that_ends_late_is_not_left_open():
+    with Master() as master, warnings.catch_warnings(record=True) as complaints:
+        warnings.simplefilter("always")
+        worker = threading.Thread(target=lambda: rosmaster.util.xmlrpcapi(master.uri).getPid("/worker"))
+        worker.start()
+        worker.join()
+        del worker
+        assert not [one for one in complaints if one.category is ResourceWarning]
