@@ -1,12 +1,12 @@
 """Refuses links in Markdown files whose file, or heading within it, does not exist in the project."""
 
 import re
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+from sources import ROOT, project_files
+
 _LINK = re.compile(r"(?<!`)\[(?:[^\]\[]|\[[^\]]*\])*\]\(([^)\s]+)\)")
 _FENCE = re.compile(r"^ *```.*?^ *```", re.MULTILINE | re.DOTALL)
 
@@ -35,7 +35,7 @@ def anchors(text: str) -> set[str]:
 
 
 if __name__ == "__main__":
-    listing = subprocess.run(["git", "-C", str(ROOT), "ls-files", "*.md"], capture_output=True, text=True, check=True)
-    lines = list(broken_links(ROOT, [name for name in listing.stdout.splitlines() if (ROOT / name).exists()]))
+    texts = [str(path.relative_to(ROOT)) for path in project_files() if path.suffix == ".md"]
+    lines = list(broken_links(ROOT, texts))
     print("\n".join(lines))
     sys.exit(bool(lines))

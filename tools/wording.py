@@ -1,12 +1,12 @@
 """Refuses words that readers of this project stumbled over: ``wording.tsv`` has each with what to write instead."""
 
 import re
-import subprocess
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+from sources import project_files
+
 LIST = Path(__file__).with_suffix(".tsv")
 
 
@@ -32,9 +32,7 @@ def stumbles(paths: Iterable[Path]) -> Iterator[str]:
 
 def main() -> int:
     """Checks all files of the project; returns 1 if one has a listed word."""
-    names = subprocess.run(["git", "-C", str(ROOT), "ls-files"], capture_output=True, text=True, check=True).stdout
-    paths = (ROOT / name for name in names.splitlines())
-    found = list(stumbles(path for path in paths if path.is_file() and path != LIST))
+    found = list(stumbles(path for path in project_files() if path != LIST))
     for line in found:
         print(line)
     return bool(found)

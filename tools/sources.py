@@ -1,0 +1,23 @@
+"""The project's own files, also where git is not installed."""
+
+import os
+from collections.abc import Iterable, Iterator
+from fnmatch import fnmatch
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def project_files() -> Iterator[Path]:
+    """Yields the files of the project, without those that its `.gitignore` names."""
+    lines = (ROOT / ".gitignore").read_text().splitlines()
+    patterns = ["/.git", "/.git/", *lines]  # a worktree has a file of that name
+    for folder, folders, files in os.walk(ROOT):
+        prefix = f"{folder}/".removeprefix(f"{ROOT}/")
+        folders[:] = [name for name in folders if not _ignored(f"{prefix}{name}/", patterns)]
+        yield from (Path(folder, name) for name in files if not _ignored(f"{prefix}{name}", patterns))
+
+
+def _ignored(path: str, patterns: Iterable[str]) -> bool:
+    name = path.rstrip("/").rpartition("/")[2] + "/" * path.endswith("/")
+    return any(fnmatch(f"/{path}" if pattern.startswith("/") else name, pattern) for pattern in patterns)
