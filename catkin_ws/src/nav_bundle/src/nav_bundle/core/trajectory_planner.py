@@ -140,6 +140,7 @@ class TrajectoryPlanner:
             samples = self._forward_samples(situation.velocity, fastest)
             forward: Scored | None = self._rollout.cheapest(samples)
             if self._turning.circled:
+                self._dead_end = None  # no other way was found than by where it had to back up
                 forward = self._onward(samples, situation.pose) or forward
             if forward is not None and not self._leads_on(forward, situation.pose):
                 chosen: Scored | None = self._turn_in_place(situation.velocity, None) or forward
