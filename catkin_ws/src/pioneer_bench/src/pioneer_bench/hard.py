@@ -39,6 +39,7 @@ TRIALS = {
     "slalom, DWAPlannerROS": Trial(lambda _: course.slalom(), 1, lambda _: _DWA),
     "corridor": Trial(lambda _: course.corridor()),
     "maze": Trial(course.maze, _MOST),
+    "maze, DWAPlannerROS": Trial(course.maze, _MOST, lambda _: _DWA),
     "maze, random parameters": Trial(course.maze, _MOST, lambda seed: random_changes(seed)),
     "unreachable goal": Trial(lambda _: course.unreachable()),
     "box below the laser": Trial(lambda _: course.doorstep()),

@@ -41,6 +41,13 @@ def test_a_robot_does_not_circle_for_good_where_turning_is_cheapest(parameters: 
     assert (through.reached, through.contacts, through.stuck) == (4, 0, False)
 
 
+def test_dwa_keeps_its_corners_from_walls_and_does_not_turn_before_them_for_good(parameters: dict[str, object]) -> None:
+    parameters = {**parameters, "base_local_planner": "dwa_local_planner/DWAPlannerROS"}
+    assert driven(course.slalom(), parameters).clearance > 0.25
+    through = ride(course.maze(5), parameters, 5)
+    assert (through.reached, through.contacts, through.stuck) == (4, 0, False)
+
+
 def test_a_narrow_door_is_still_passed(parameters: dict[str, object]) -> None:
     through = driven(course.doors(0.7), parameters)
     assert (through.reached, through.contacts, through.recoveries) == (8, 0, 0)

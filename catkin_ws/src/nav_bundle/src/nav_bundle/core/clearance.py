@@ -21,12 +21,11 @@ _BLUR = 3
 class Clearance:
     """Prices of driving nearer to obstacles than ``distance`` [m]; ``scale`` is that of touching them all the way.
 
-    Nearness counts at the robot's centre, and where ``whole`` at its front and rear, too.
+    Nearness counts at the robot's centre, front and rear.
     """
 
     distance: float = 0.0
     scale: float = 0.0
-    whole: bool = False
     _costmap: CostmapConfig | None = None
     _prices: NDArray[np.float64] = field(default_factory=lambda: np.zeros(256), compare=False)
 
@@ -45,8 +44,6 @@ class Clearance:
 
         The middles of circles that cover a long footprint's corners, too, which swing out in turns.
         """
-        if not self.whole:
-            return np.zeros(1)
         half, x = footprint.inscribed_radius / 2.0, footprint.vertices[:, 0]
         return np.array([0.0, min(0.0, x.min() + half), max(0.0, x.max() - half)])
 

@@ -93,7 +93,7 @@ class TrajectoryPlanner:
                 config.occdist_scale * unit,
                 _HEADING_SCALE if config.heading_scoring else 0.0,
             ),
-            Clearance(config.clearance, config.clearance_scale * unit / resolution, whole=True),
+            Clearance(config.clearance, config.clearance_scale * unit / resolution),
         )
         self._period = 1.0 / config.controller_frequency
         self._approach = GoalApproach(config.approach())

@@ -185,12 +185,13 @@ class Rider:
             pose, odom = self.body.pose, self.body.odom
             sight = Sight(pose, odom, odom.compose(pose.inverse()), self.body.velocity, True)
             result = self.navigator.cycle(sight, self.now)
+            waited = round(self.now - begun, 3)
             self._take(result)
             if result.finish is not None:
                 if result.finish.outcome is Outcome.SUCCEEDED:
                     self.ride.reached += 1
                 else:
-                    self.ride.given_up += (self.now - begun,)
+                    self.ride.given_up += (waited,)
                 return True
         self.ride.stuck = True
         return False
