@@ -1,6 +1,7 @@
 """``./pioneer up``: starts a fleet, or what is missing of one, and waits for what it has started."""
 
 import contextlib
+import json
 import os
 import sys
 import time
@@ -135,6 +136,8 @@ def _join(base: Computer, robots: Sequence[str]) -> None:
         pose = " ".join(f"-{option} $(rosparam get /{robot}/{key})" for option, key in zip("xyY", "xya", strict=True))
         launch = f'exec roslaunch pioneer_description generic_pioneer.launch name:={robot} pose:="{pose}"'
         output(*on_base, "-d", base.container, "bash", "-c", f"{launch} >/proc/1/fd/1 2>&1")
+    names = [f"pioneer{number}" for number in range(1, int(count) + 1)]
+    output(*on_base, base.container, "rosparam", "set", "/robot_names", json.dumps(names))
     output(*on_base, base.container, "rosrun", "rocon_flip", "flip-from-hub", count)
 
 

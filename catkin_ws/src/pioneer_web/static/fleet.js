@@ -1,10 +1,12 @@
 // Draws the fleet on a canvas and keeps the table, from what /live sends; sends commands the same way.
 "use strict";
 (() => {
-  const names = Object.keys(FLEET), state = {}, trails = new Map(), images = new Map();
+  // Robots in the order of their computers, each with its colour.
+  let names = [], FLEET = {};
+  const state = {}, trails = new Map(), images = new Map();
   const FOOTPRINT = [[0.2, 0.2], [0.2, -0.2], [-0.3, -0.2], [-0.3, 0.2]], TRAIL = 600;
   const view = { x: 0, y: 0, scale: 0, follow: false };
-  let tool = "view", selected = new Set([names[0]]), socket = null, drag = null, wake = 0, drawn = false, laid = false, shown = [], labels = [];
+  let tool = "view", selected = new Set(), socket = null, drag = null, wake = 0, drawn = false, laid = false, shown = [], labels = [];
   const pointers = new Map(), element = id => document.getElementById(id);
   const of = (name, what) => state[`${name}.${what}`];
   const escaped = text => String(text ?? "").replace(/[&<>"]/g, c => `&#${c.charCodeAt(0)};`);
@@ -43,6 +45,10 @@
   function take(buffer) {
     const news = JSON.parse(new TextDecoder().decode(buffer));
     Object.assign(state, news);
+    if (news.fleet) {
+      names = Object.keys(FLEET = news.fleet);
+      if (!selected.size) selected.add(names[0]);
+    }
     for (const name of names) {
       const pose = news[`${name}.pose`];
       if (!pose) continue;
@@ -206,7 +212,7 @@
   function words(news) {
     if ("time" in news || "factor" in news || "paused" in news)
       element("clock").textContent = `${(state.time ?? 0).toFixed(0)} s  ${state.paused ? "paused" : `× ${(state.factor ?? 0).toFixed(2)}`}`;
-    if (names.some(name => `${name}.row` in news)) { robots(); mark(); }
+    if ("fleet" in news || names.some(name => `${name}.row` in news)) { robots(); mark(); }
     if ("recording" in news) mark();
     if (news.replay) replay(...news.replay);
     if ("network" in news || "rules" in news || "hub" in news) network();

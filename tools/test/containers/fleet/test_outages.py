@@ -101,6 +101,7 @@ def test_nobody_notices_that_redis_and_then_the_hub_are_killed(errands: Errands)
 def test_a_sixth_robot_joins(errands: Errands) -> None:
     fleet, sent = errands.fleet, errands.send(*ALL)
     fleet.pioneer("up", "--robots", "6", "--waypoints", "0")
+    assert "pioneer6" in fleet.execute(BASE, "rosparam", "get", "/robot_names"), "the fleet page would not show it"
     joined = errands.send(6, part=ACROSS)
     for errand in sent.values():
         errand.undisturbed()

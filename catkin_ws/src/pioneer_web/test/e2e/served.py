@@ -1,6 +1,8 @@
 """The fleet page on a stand-in for the base station."""
 
 import functools
+import os
+import subprocess
 import sys
 import urllib.error
 import urllib.request
@@ -29,6 +31,12 @@ def request(url, path="/", cookie="", data=None, context=None, **headers):
             return answer.status, answer.headers, answer.read()
     except urllib.error.HTTPError as error:
         return error.code, error.headers, error.read()
+
+
+def publish(fleet, topic, kind, value):
+    """Publishes a message on the master of a fleet that is served."""
+    command = ["rostopic", "pub", "-1", topic, kind, value]
+    subprocess.run(command, env={**os.environ, **fleet.master.environment}, check=True, capture_output=True, timeout=60)
 
 
 def login(url, token, context=None):

@@ -172,11 +172,15 @@ def rules(names, lost):
     return found
 
 
+def robot_at(index, rate):
+    return Robot(f"pioneer{index + 1}", -4.0 + 1.6 * (index % 6), -2.0 + 1.8 * (index // 6), rate)
+
+
 def main(count, rate, samples):
     rospy.init_node("stand_in", disable_rostime=True)
     names = [f"pioneer{number}" for number in range(1, count + 1)]
     rospy.set_param("/robot_description", MODEL)
-    robots = [Robot(name, -4.0 + 1.6 * (n % 6), -2.0 + 1.8 * (n // 6), rate) for n, name in enumerate(names)]
+    robots = [robot_at(n, rate) for n in range(count)]
     state = rospy.Publisher("/gateway/rules", DiagnosticArray, queue_size=1, latch=True)
     state.publish(rules(names, ""))
     info = rospy.Publisher("/gateway/gateway_info", GatewayInfo, queue_size=1, latch=True)
@@ -186,6 +190,13 @@ def main(count, rate, samples):
     rospy.Service("/gazebo/pause_physics", EmptyService, lambda _: paused.set() or {})
     rospy.Service("/gazebo/unpause_physics", EmptyService, lambda _: paused.clear() or {})
     rospy.Subscriber("/stand_in/lose", String, lambda one: state.publish(rules(names, one.data)))
+
+    def join(_):
+        robots.append(robot_at(len(robots), rate))
+        names.append(robots[-1].name)
+        rospy.set_param("/robot_names", names)
+
+    rospy.Subscriber("/stand_in/join", Empty, join)
     plan = rospy.Publisher("/map", OccupancyGrid, queue_size=1, latch=True)
     plan.publish(room())
     clock, tf = rospy.Publisher("/clock", Clock, queue_size=1), rospy.Publisher("/tf", TFMessage, queue_size=10)

@@ -1,4 +1,4 @@
-"""Fifteen robots: all of them are shown, and a page's stream stays small."""
+"""Fifteen robots: all of them are shown, one that joins too, and a page's stream stays small."""
 
 import functools
 import json
@@ -6,7 +6,8 @@ import time
 
 import pytest
 from page_driver import known, shown
-from served import served
+from selenium.webdriver.common.by import By
+from served import publish, served
 from websockets.sync.client import connect
 
 from pioneer_harness.wait import wait_until
@@ -60,3 +61,19 @@ def test_a_page_of_fifteen_robots_that_drive_gets_at_most_200_kb_a_second(fiftee
         rate = size / (time.monotonic() - began)
         record_property("to a page [byte/s]", rate)
         assert rate <= MOST_BYTES
+
+
+def test_a_robot_that_joins_is_shown_on_a_page_that_is_open_and_can_be_sent(fifteen, driver):
+    driver.get(f"{fifteen.url}/#{fifteen.token}")
+    wait_until(lambda: shown(driver) == NAMES, "all robots on the map", SOON)
+    publish(fifteen, "/stand_in/join", "std_msgs/Empty", "{}")
+    wait_until(lambda: shown(driver) == [*NAMES, "pioneer16"], "the one that joined", SOON)
+    wait_until(lambda: driver.find_elements(By.CSS_SELECTOR, '[data-robot="pioneer16"]'), "its row", SOON)
+    with connect(
+        fifteen.url.replace("http", "ws") + "/live",
+        additional_headers={"Cookie": fifteen.login(fifteen.token)},
+        max_size=None,
+    ) as socket:
+        wait_until(lambda: drives(socket, "pioneer16"), "it under way", SOON)
+    wait_until(lambda: known(driver, "pioneer16.plan"), "its plan", SOON)
+    driver.get("about:blank")

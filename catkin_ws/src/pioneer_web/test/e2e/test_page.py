@@ -1,15 +1,13 @@
 """The fleet page in a browser: it shows the robots, drives them, stops them, and tells what is wrong."""
 
 import math
-import os
-import subprocess
 import time
 from pathlib import Path
 
 import pytest
 from page_driver import MOVE, PHONE, SOON, assert_fits_a_phone, press, send_to
 from selenium.webdriver.common.by import By
-from served import VIEWER
+from served import VIEWER, publish
 
 from pioneer_fleet.adapters.recording import messages_of
 from pioneer_harness.wait import wait_until
@@ -28,11 +26,6 @@ def place(opened, robot="pioneer1"):
 def goals(opened, robot="pioneer1"):
     """Returns the x of a robot's waypoints."""
     return [goal[0] for goal in opened.state(f"{robot}.goals")]
-
-
-def publish(fleet, topic, kind, value):
-    command = ["rostopic", "pub", "-1", topic, kind, value]
-    subprocess.run(command, env={**os.environ, **fleet.master.environment}, check=True, capture_output=True, timeout=60)
 
 
 def test_a_click_on_the_map_drives_the_robot_there(driver, opened, shot):

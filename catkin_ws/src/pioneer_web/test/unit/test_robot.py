@@ -76,14 +76,14 @@ def test_a_page_gets_all_once_then_what_has_changed():
 
 
 def test_models_that_move_or_come_later_are_shown():
-    station = Station([])
+    station = Station()
     station.set_models([("wall", 0.0, 0.0), ("person", 1.0, 1.0)])
     station.set_models([("wall", 0.0, 0.0), ("person", 1.2, 1.0), ("box", 3.0, 3.0)])
     assert station.values(0.0)["actors"] == [["person", 1.2, 1.0], ["box", 3.0, 3.0]]
 
 
 def test_a_new_line_of_the_log_takes_the_oldest_ones_place():
-    station, stream = Station([]), Stream()
+    station, stream = Station(), Stream()
     for number in range(201):
         station.add_log(1.0, 2, "aadi1", "/amcl", f"line {number}")
     stream.update(station.values(0.0))

@@ -19,10 +19,11 @@ STANDS = 1.0
 class Station:
     """The newest of everything."""
 
-    def __init__(self, robots: Sequence[Robot]) -> None:
+    def __init__(self) -> None:
         #: gateway, hub: the base station's, empty while unknown
         #: robots: in the order of their computers
-        self.robots, self.gateway, self.hub = robots, "", ""
+        self.robots: Sequence[Robot] = ()
+        self.gateway = self.hub = ""
         self.real_time_factor: float | None = None  #: of the simulator, None without one
         self.recording = ""  #: the file, empty while nothing is recorded
         #: position and length of the recording that is played [s], None without one

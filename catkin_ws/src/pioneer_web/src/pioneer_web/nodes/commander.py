@@ -49,8 +49,8 @@ class Commander:
     Threads: one sends zeros while a robot is held; rospy's answer every command to move with a zero at once.
     """
 
-    def __init__(self, robots: Sequence[Robot], recording: Recording) -> None:
-        self._robots = {robot.name: robot for robot in robots}
+    def __init__(self, recording: Recording) -> None:
+        self._robots: dict[str, Robot] = {}
         self.recording = recording
         self._patrols: dict[str, Patrol] = {}
         self._seek = rospy.Publisher("/replay/seek", Float64, queue_size=1)
@@ -58,9 +58,14 @@ class Commander:
         self._replacing = threading.Lock()
         self._boxes = itertools.count(1)
         self._changed = threading.Condition()
-        self._publishers = {name: self._advertise(name) for name in self._robots}
+        self._publishers: dict[str, dict[str, rospy.Publisher]] = {}
         self._guards: dict[str, rospy.Subscriber] = {}
         threading.Thread(target=self._hold, name="hold", daemon=True).start()
+
+    def add(self, robots: Sequence[Robot]) -> None:
+        """Takes commands for more robots."""
+        self._publishers |= {robot.name: _advertise(robot.name) for robot in robots}
+        self._robots = self._robots | {robot.name: robot for robot in robots}
 
     def do(self, command: Command) -> str:
         """Does it and returns what was done, in words.
@@ -100,19 +105,6 @@ class Commander:
         with self._replacing:
             for place in [] if robot.goals else self._due.pop(robot.name, []):
                 self._publish(robot.name, "map_goal_pose", conversions.goal_from_pose(place))
-
-    def _advertise(self, name: str) -> dict[str, rospy.Publisher]:
-        kinds: dict[str, Any] = {
-            "map_goal_pose": PoseStamped,
-            "initialpose": PoseWithCovarianceStamped,
-            "map_goal_client/cancel": EmptyMessage,
-            "move_base/cancel": GoalID,
-            "pioneer/cmd_vel": Twist,
-        }
-        return {
-            topic: rospy.Publisher(f"/{name}/{topic}", kind, queue_size=10, tcp_nodelay=True)
-            for topic, kind in kinds.items()
-        }
 
     def _publish(self, robot: str, topic: str, message: Any) -> None:
         self._publishers[robot][topic].publish(message)
@@ -213,6 +205,20 @@ class Commander:
         if not answer.success:
             raise CommandError(f"{name}: {answer.status_message}")
         return f"{name} stands at ({x:.2f}, {y:.2f})"
+
+
+def _advertise(name: str) -> dict[str, rospy.Publisher]:
+    kinds: dict[str, Any] = {
+        "map_goal_pose": PoseStamped,
+        "initialpose": PoseWithCovarianceStamped,
+        "map_goal_client/cancel": EmptyMessage,
+        "move_base/cancel": GoalID,
+        "pioneer/cmd_vel": Twist,
+    }
+    return {
+        topic: rospy.Publisher(f"/{name}/{topic}", kind, queue_size=10, tcp_nodelay=True)
+        for topic, kind in kinds.items()
+    }
 
 
 def _initial(pose: Pose) -> PoseWithCovarianceStamped:

@@ -3,7 +3,7 @@
 import functools
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import rospy
@@ -60,8 +60,7 @@ class Feed:
         """``on_queue`` is called when a robot's waypoints have changed."""
         self.station, self.lock, self.map_png = station, threading.Lock(), b""
         self._on_queue_changed = on_queue
-        self._robots = {robot.name: robot for robot in station.robots}
-        self._frames = {f"{name}/odom": robot for name, robot in self._robots.items()}
+        self._frames: dict[str, Robot] = {}
         self._mounts: dict[str, str] = {}
         self._subscribers: list[rospy.Subscriber] = []
         self._beaten, self._beats = threading.Condition(), 0
@@ -80,38 +79,51 @@ class Feed:
         """
         if self.is_open:
             return
-        scans = sorted(topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/LaserScan")
         listen = functools.partial(self._listen, beats=0)
         # Where the robots are comes first: with many, the last subscription is made a second later.
         listen("/tf", rospy.AnyMsg, self._on_tf, queue_size=None)
         listen("/map", numpy_msg(OccupancyGrid), self._on_map)
-        self._listen_to_each("odom", Odometry, self._on_odom)
         self._listen("/clock", Clock, self._on_clock)
+        self._listen_to(self.station.robots)
         listen("/gateway/rules", DiagnosticArray, self._on_rules)
         listen("/gateway/gateway_info", GatewayInfo, self._on_info)
-        for robot in self.station.robots:
-            # Whatever the robot calls it.
-            topic = next((topic for topic in scans if topic.startswith(f"/{robot.name}/")), f"/{robot.name}/base_scan")
-            self._listen(topic, numpy_msg(LaserScan), functools.partial(self._on_scan, robot))
-        self._listen_to_each("map_goal_client/queue", WaypointQueue, self._on_queue, 0)
-        self._listen_to_each("move_base/NavfnROS/plan", Path, self._on_plan)
-        self._listen_to_each("move_base/TrajectoryPlannerROS/local_plan", Path, self._on_local_plan)
-        self._listen_to_each("move_base/local_costmap/costmap", numpy_msg(OccupancyGrid), self._on_costs, COSTS)
-        self._listen_to_each("amcl_pose", PoseWithCovarianceStamped, self._on_estimate, 0)
-        self._listen_to_each("battery_state", BatteryState, self._on_battery)
-        self._listen_to_each("computer", DiagnosticStatus, self._on_computer, 0)
         listen("/diagnostics", DiagnosticArray, self._on_diagnostics, queue_size=20)
         listen("/rosout_agg", Log, functools.partial(self._on_log, ""), queue_size=100)
-        for robot in self.station.robots:
-            computer = robot.gateway.removesuffix("_gateway")
-            listen(f"/{robot.name}/rosout_agg", Log, functools.partial(self._on_log, computer), queue_size=100)
         self._listen("/gazebo/real_time_factor", Float64, self._on_factor)
         self._listen("/gazebo/model_states", ModelStates, self._on_models)
         self._listen("/replay/position", Float64MultiArray, self._on_replay)
 
-    def _listen_to_each(self, topic: str, kind: Any, callback: Callable[[Robot, Any], None], beats: int = 1) -> None:
-        for robot in self.station.robots:
-            self._listen(f"/{robot.name}/{topic}", kind, functools.partial(callback, robot), beats)
+    def add(self, robots: Sequence[Robot]) -> None:
+        """Shows more robots, now if it is open."""
+        with self.lock:
+            self.station.robots = [*self.station.robots, *robots]
+            self._frames |= {f"{robot.name}/odom": robot for robot in robots}
+        if self.is_open:
+            self._listen_to(robots)
+
+    def _listen_to(self, robots: Sequence[Robot]) -> None:
+        scans = sorted(topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/LaserScan")
+
+        def each(topic: str, kind: Any, callback: Callable[[Robot, Any], None], beats: int = 1) -> None:
+            for robot in robots:
+                self._listen(f"/{robot.name}/{topic}", kind, functools.partial(callback, robot), beats)
+
+        each("odom", Odometry, self._on_odom)
+        for robot in robots:
+            # Whatever the robot calls it.
+            topic = next((topic for topic in scans if topic.startswith(f"/{robot.name}/")), f"/{robot.name}/base_scan")
+            self._listen(topic, numpy_msg(LaserScan), functools.partial(self._on_scan, robot))
+        each("map_goal_client/queue", WaypointQueue, self._on_queue, 0)
+        each("move_base/NavfnROS/plan", Path, self._on_plan)
+        each("move_base/TrajectoryPlannerROS/local_plan", Path, self._on_local_plan)
+        each("move_base/local_costmap/costmap", numpy_msg(OccupancyGrid), self._on_costs, COSTS)
+        each("amcl_pose", PoseWithCovarianceStamped, self._on_estimate, 0)
+        each("battery_state", BatteryState, self._on_battery)
+        each("computer", DiagnosticStatus, self._on_computer, 0)
+        for robot in robots:
+            computer = robot.gateway.removesuffix("_gateway")
+            log = functools.partial(self._on_log, computer)
+            self._listen(f"/{robot.name}/rosout_agg", Log, log, beats=0, queue_size=100)
 
     def close(self) -> None:
         """Ends all subscriptions."""

@@ -4,6 +4,7 @@ import dataclasses
 import os
 import secrets
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 
 import rosgraph
@@ -27,6 +28,8 @@ TOKENS = {Role.OPERATOR: "PIONEER_WEB_TOKEN", Role.VIEWER: "PIONEER_WEB_VIEWER_T
 """Environment variables with the secrets; without, they are made up and printed."""
 SHORTEST = 16
 """Of a token [characters]."""
+ROBOT_NAMES = "/robot_names"
+"""Parameter with the fleet's robots, in the order of their computers; robots that join are added to it."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _SEEN = ("map_goal_client/queue", "amcl_pose", "computer", "rosout_agg")
 _SENT = ("map_goal_pose", "initialpose", "map_goal_client/cancel", "move_base/cancel")
@@ -60,7 +63,7 @@ class FleetPageNode:
     """Serves the fleet page.
 
     Subscribes, publishes, calls: as `Feed`, `Commander` and `Foxglove` say; asks the gateway for flips to and from this
-    node. Parameters: `PageConfig`; /robot_names (waited for). Environment: ``TOKENS``.
+    node. Parameters: `PageConfig`; /robot_names (waited for, and followed). Environment: ``TOKENS``.
     Threads: the main one serves; another one asks the gateway; rospy's.
     On error: a port that is taken ends the node.
     """
@@ -72,20 +75,29 @@ class FleetPageNode:
 
     def spin(self) -> None:
         """Waits for the fleet, then serves until shutdown."""
-        names = _robot_names()
+        _await_robots()
         if is_ending():
             return
-        robots = [Robot(name=name, gateway=f"aadi{number}_gateway") for number, name in enumerate(names, 1)]
         masters = self._config.masters or f"base={rosgraph.get_master_uri()}"
         recording = Recording(Path(self._config.recordings).expanduser(), masters.split())
         on_shutdown(recording.close)
-        commander = Commander(robots, recording)
-        feed = Feed(Station(robots), commander.on_queue)
-        threading.Thread(target=_ask_for_flips, args=(names,), name="flips", daemon=True).start()
+        commander = Commander(recording)
+        feed = Feed(Station(), commander.on_queue)
+
+        def take_in() -> None:
+            names = list(map(str, rospy.get_param_cached(ROBOT_NAMES)))
+            known = {robot.name for robot in feed.station.robots}
+            robots = [Robot(name=name, gateway=f"aadi{number}_gateway") for number, name in enumerate(names, 1)]
+            if new := [robot for robot in robots if robot.name not in known]:
+                commander.add(new)
+                feed.add(new)
+                threading.Thread(target=_ask_for_flips, args=(names, new), name="flips", daemon=True).start()
+
+        take_in()
         config, static = self._config, Path(rospkg.RosPack().get_path("pioneer_web")) / "static"
         folder = Path(config.tls_directory).expanduser()
         files = (folder / "tls.crt", folder / "tls.key") if config.tls_directory else (None, None)
-        server = Server(feed, commander, self._access, static, config.host, config.port, *files)
+        server = Server(feed, commander, self._access, take_in, static, config.host, config.port, *files)
         on_shutdown(server.end)
         scheme = "https" if config.tls_directory else "http"
         for role, what in ((Role.OPERATOR, "to drive"), (Role.VIEWER, "only to look")):
@@ -103,23 +115,25 @@ def _token(variable: str) -> str:
     return token
 
 
-def _robot_names() -> list[str]:
+def _await_robots() -> None:
     """Waits for step 3, which sets the robots' names."""
-    while not rospy.has_param("/robot_names"):
+    while not rospy.has_param(ROBOT_NAMES):
         if wait(0.2):
-            return []
-    return list(map(str, rospy.get_param("/robot_names")))
+            return
 
 
-def _ask_for_flips(robots: list[str]) -> None:
-    """Asks for what pages show and send; it costs nothing until this node subscribes."""
+def _ask_for_flips(names: Sequence[str], new: Sequence[Robot]) -> None:
+    """Asks for what pages show of new robots and send to them; it costs nothing until this node subscribes.
+
+    ``names`` are all robots', in the order of their computers.
+    """
     # An expression, as for RViz' tools: it waits for nobody, so without the page no computer counts as unready.
     node, client = f"/{NAME}.*", GatewayClient()
-    wishes = flipped_from_hub(robots)
-    for number, robot in enumerate(robots, 1):
-        gateway = f"aadi{number}_gateway"
-        wishes += [Wish("subscriber", topic_in(robot, topic), node, gateway) for topic in _SEEN]
-        wishes += [Wish("publisher", topic_in(robot, topic), node, gateway) for topic in _SENT]
+    gateways = {robot.gateway for robot in new}
+    wishes = [wish for wish in flipped_from_hub(names) if wish.gateway in gateways]
+    for robot in new:
+        wishes += [Wish("subscriber", topic_in(robot.name, topic), node, robot.gateway) for topic in _SEEN]
+        wishes += [Wish("publisher", topic_in(robot.name, topic), node, robot.gateway) for topic in _SENT]
     try:
         client.wait()
         client.ask(Action.FLIP, wishes)

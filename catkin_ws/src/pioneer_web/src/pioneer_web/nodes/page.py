@@ -3,7 +3,7 @@
 import asyncio
 import json
 import subprocess
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import rospy
@@ -42,18 +42,14 @@ def colours(count: int) -> list[str]:
     return [f"rgb({part.replace(';', ',')})" for part in parts]
 
 
-def build(robots: Sequence[str], on_open: Callable[[], None]) -> None:
-    """Registers the page of a fleet; ``on_open`` is called when a browser asks for it."""
-    fleet = dict(zip(robots, colours(len(robots)), strict=True))
+def build(on_open: Callable[[], None]) -> None:
+    """Registers the page; ``on_open`` is called when a browser asks for it."""
 
     @ui.page("/")
     def fleet_page() -> None:
         on_open()
         # In the head: what is known of the fleet comes while NiceGUI's scripts are loaded.
-        ui.add_head_html(
-            f'<link rel="stylesheet" href="/static/fleet.css"><script>window.FLEET = {json.dumps(fleet)};</script>'
-            '<script src="/static/fleet.js"></script>'
-        )
+        ui.add_head_html('<link rel="stylesheet" href="/static/fleet.css"><script src="/static/fleet.js"></script>')
         dark = ui.dark_mode(None)
         _header(dark)
         _tools()

@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import ssl
 import time
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -68,16 +68,18 @@ class Server:
         feed: what is shown.
         commander: what is done.
         access: who may.
+        take_in: called five times a second while pages are open, has robots that joined shown.
         static: folder of the page's files.
         host, port: where it listens.
         certificate, key: files for TLS; None for none.
     """
 
     def __init__(
-        self, feed: Feed, commander: Commander, access: Access, static: Path, host: str, port: int,
-        certificate: Path | None = None, key: Path | None = None,
+        self, feed: Feed, commander: Commander, access: Access, take_in: Callable[[], None], static: Path, host: str,
+        port: int, certificate: Path | None = None, key: Path | None = None,
     ) -> None:  # fmt: skip
-        self._feed, self._commander = feed, commander
+        self._feed, self._commander, self._take_in = feed, commander, take_in
+        self._colours: dict[str, str] = {}
         self._stream, self._viewers = Stream(), set[Viewer]()
         self._wanted_until, self._woken = 0.0, asyncio.Event()
         self.foxglove = Foxglove()
@@ -89,7 +91,7 @@ class Server:
         app.add_api_websocket_route("/live", self._live)
         app.add_api_websocket_route("/foxglove", self.foxglove.serve)
         app.add_api_websocket_route("/foxglove/{token}", self.foxglove.serve)
-        page.build([robot.name for robot in feed.station.robots], lambda: self._want(LINGER))
+        page.build(lambda: self._want(LINGER))
         ui.run_with(app, title="Pioneer fleet", dark=None, show_welcome_message=False, tailwind=False)
         guard = Guard(app, access, (static / "login.html").read_text(), port, certificate is not None)
         self._uvicorn = _Uvicorn(
@@ -124,6 +126,7 @@ class Server:
                 self._woken.clear()
                 await self._woken.wait()
             try:
+                await asyncio.to_thread(self._take_in)
                 await asyncio.to_thread(self._feed.open)
             except (OSError, rospy.ROSException) as error:
                 rospy.logwarn_throttle(10.0, f"the master does not answer, trying again: {error}")
@@ -147,7 +150,11 @@ class Server:
     def _send(self) -> None:
         self._feed.station.recording = self._commander.recording.file
         with self._feed.lock:
+            names = [robot.name for robot in self._feed.station.robots]
             values = self._feed.station.values(time.monotonic())
+        if len(names) != len(self._colours):
+            self._colours = dict(zip(names, page.colours(len(names)), strict=True))
+        values["fleet"] = self._colours
         changes = self._stream.update(values)
         for viewer in self._viewers:
             if viewer.lags and viewer.is_free:
