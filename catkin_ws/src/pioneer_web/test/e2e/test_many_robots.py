@@ -76,4 +76,10 @@ def test_a_robot_that_joins_is_shown_on_a_page_that_is_open_and_can_be_sent(fift
     ) as socket:
         wait_until(lambda: drives(socket, "pioneer16"), "it under way", SOON)
     wait_until(lambda: known(driver, "pioneer16.plan"), "its plan", SOON)
+    # What is no list of names adds nothing, and breaks nothing.
+    for value in (5, ["no name", 7], {"pioneer1": "x"}):
+        fifteen.master.set_param("/robot_names", value)
+    clock = known(driver, "time")
+    wait_until(lambda: known(driver, "time") > clock + 1.0, "the page as before", SOON)
+    assert shown(driver) == [*NAMES, "pioneer16"]
     driver.get("about:blank")

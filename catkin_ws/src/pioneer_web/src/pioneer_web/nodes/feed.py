@@ -94,12 +94,16 @@ class Feed:
         self._listen("/replay/position", Float64MultiArray, self._on_replay)
 
     def add(self, robots: Sequence[Robot]) -> None:
-        """Shows more robots, now if it is open."""
+        """Shows more robots, now if it is open.
+
+        Raises:
+            OSError: the master does not answer; none was added.
+        """
+        if self.is_open:
+            self._listen_to(robots)
         with self.lock:
             self.station.robots = [*self.station.robots, *robots]
             self._frames |= {f"{robot.name}/odom": robot for robot in robots}
-        if self.is_open:
-            self._listen_to(robots)
 
     def _listen_to(self, robots: Sequence[Robot]) -> None:
         scans = sorted(topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/LaserScan")

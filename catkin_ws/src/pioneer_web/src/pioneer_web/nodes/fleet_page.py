@@ -10,6 +10,7 @@ from pathlib import Path
 import rosgraph
 import rospkg
 import rospy
+from rosgraph.names import is_legal_base_name
 
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 from pioneer_node.nodes.entry import is_ending, on_shutdown, parameters, run, wait
@@ -85,7 +86,7 @@ class FleetPageNode:
         feed = Feed(Station(), commander.on_queue)
 
         def take_in() -> None:
-            names = list(map(str, rospy.get_param_cached(ROBOT_NAMES)))
+            names = _robot_names()
             known = {robot.name for robot in feed.station.robots}
             robots = [Robot(name=name, gateway=f"aadi{number}_gateway") for number, name in enumerate(names, 1)]
             if new := [robot for robot in robots if robot.name not in known]:
@@ -120,6 +121,13 @@ def _await_robots() -> None:
     while not rospy.has_param(ROBOT_NAMES):
         if wait(0.2):
             return
+
+
+def _robot_names() -> list[str]:
+    """Returns the robots' names as the master last told; none while they are no list of names."""
+    names = rospy.get_param_cached(ROBOT_NAMES, [])
+    is_sound = isinstance(names, list) and all(isinstance(name, str) and is_legal_base_name(name) for name in names)
+    return names if is_sound else []
 
 
 def _ask_for_flips(names: Sequence[str], new: Sequence[Robot]) -> None:
