@@ -1,5 +1,6 @@
 """What a robot's gateway asks of its links when it is started as the tutorial says."""
 
+import pytest
 import roslaunch.config
 import roslaunch.xmlloader
 import roslib.packages
@@ -8,12 +9,17 @@ from rocon_gateway.core.config import GatewayConfig
 from rocon_gateway.core.option_rule import options_for
 
 
-def _options(monkeypatch, robot, *arguments):
+def _parameters(monkeypatch, robot, *arguments, host=""):
     monkeypatch.setenv("ROBOT_NAME", robot)
+    monkeypatch.setenv("HOSTNAME", host)
     config = roslaunch.config.ROSLaunchConfig()
     path = f"{roslib.packages.get_pkg_dir('pioneer_networking')}/launch/pioneer_gateway.launch"
     roslaunch.xmlloader.XmlLoader(resolve_anon=False).load(path, config, argv=list(arguments), verbose=False)
-    rows = config.params["/gateway/rule_options"].value if "/gateway/rule_options" in config.params else ()
+    return {name: one.value for name, one in config.params.items()}
+
+
+def _options(monkeypatch, robot, *arguments):
+    rows = _parameters(monkeypatch, robot, *arguments).get("/gateway/rule_options", ())
     rules = GatewayConfig(rule_options=rows).options()
     return lambda topic: options_for(rules, topic, "/gazebo", "Hub_Gateway", "aadi1_gateway")
 
@@ -34,3 +40,18 @@ def test_of_other_robots_only_poses_come(monkeypatch):
 def test_every_message_crosses_for_a_computer_of_no_robot_or_if_so_wanted(monkeypatch):
     assert not _options(monkeypatch, "")("/clock").stamp_rate
     assert not _options(monkeypatch, "pioneer1", "gateway_full_rate:=true")("/clock").stamp_rate
+
+
+@pytest.mark.parametrize(
+    ("host", "name", "namespace"),
+    [
+        ("aadi3", "", "pioneer3"),
+        ("aadi12.robots", "", "pioneer12"),
+        ("aadi3", "rover", "rover"),
+        ("aadiworkstation", "", ""),
+        ("laptop", "", ""),
+    ],
+)
+def test_a_gateway_on_host_aadi3_is_pioneer3s_without_being_told(monkeypatch, host, name, namespace):
+    """With the steps typed as published, robots' gateways had no namespace, so full rates and no log on the page."""
+    assert _parameters(monkeypatch, name, host=host)["/gateway/namespace"] == namespace
