@@ -33,6 +33,9 @@ _SHORT_ESCAPES = tuple((time, turn) for time in (0.5, 0.3) for turn in (0.0, 0.2
 Longer than stopping takes."""
 _CIRCLE_RADIUS = 0.5
 """A robot that turned in place by a full circle takes what leads on, at any cost, until it has come so far [m]."""
+_SHORT_REACH = 0.5
+"""A robot whose samples all end so near [m] sees what nearness to walls costs on its way, and little of what it gains:
+it would stand and turn at each corner."""
 _HEADING_SCALE = 0.3
 """Cost of a radian between the robot's heading and the plan, with ``heading_scoring``, as in base_local_planner."""
 
@@ -96,6 +99,7 @@ class TrajectoryPlanner:
             Clearance(config.clearance, config.clearance_scale * unit / resolution),
         )
         self._period = 1.0 / config.controller_frequency
+        self._is_short_sighted = config.max_vel_x * config.sim_time < _SHORT_REACH
         self._approach = GoalApproach(config.approach())
         self._turning = _Turning()
         self._route: Route | None = None
@@ -143,11 +147,12 @@ class TrajectoryPlanner:
                 self._dead_end = None  # no other way was found than by where it had to back up
                 forward = self._onward(samples, situation.pose) or forward
             if forward is not None and not self._leads_on(forward, situation.pose):
-                chosen: Scored | None = self._turn_in_place(situation.velocity, None) or forward
+                onward = self._onward(samples, situation.pose) if self._is_short_sighted else None
+                chosen: Scored | None = self._turn_in_place(situation, onward) or forward
             elif self._turning.circled and forward is not None:
                 chosen = forward
             else:
-                chosen = self._turn_in_place(situation.velocity, forward)
+                chosen = self._turn_in_place(situation, forward)
             if chosen is not None:
                 self._turning.note(chosen.velocity, situation.pose, self.config.oscillation_reset_dist)
                 return chosen.velocity, math.inf
@@ -180,9 +185,12 @@ class TrajectoryPlanner:
         samples[:, :, 2] = turns[None, :]
         return samples.reshape(-1, 3)
 
-    def _turn_in_place(self, velocity: Velocity, best: Scored | None) -> Scored | None:
-        """Returns the turn in place that looks best ahead, if it costs no more than ``best``, else ``best``."""
-        _, _, right, left = self._range(velocity)
+    def _turn_in_place(self, situation: Situation, best: Scored | None) -> Scored | None:
+        """Returns the turn in place that looks best ahead, if it costs no more than ``best``, else ``best``.
+
+        Of short-sighted robots ``best``, too, where no turn looks better than the heading that they have.
+        """
+        _, _, right, left = self._range(situation.velocity)
         step = (left - right) / max(self.config.vtheta_samples - 1, 1)
         turns = [turn for turn in np.linspace(right, left, self.config.vtheta_samples) if abs(turn) > step]
         samples = np.zeros((len(turns), 3))
@@ -194,6 +202,8 @@ class TrajectoryPlanner:
             ahead = self._distance_ahead(turned.end)
             if ahead < nearest and not self._is_swaying(turned.velocity.turn):
                 chosen, nearest = turned, ahead
+        if self._is_short_sighted and best is not None and nearest >= self._distance_ahead(situation.pose):
+            return best
         return chosen
 
     def _onward(self, samples: NDArray[np.float64], pose: Pose) -> Scored | None:
