@@ -1,0 +1,50 @@
+"""The Debian package depends on what the sources start."""
+
+import ast
+import re
+import subprocess
+from collections.abc import Iterator
+
+from sources import ROOT, project_files
+
+SECTIONS = ("run", "view", "web")
+"""Of apt-packages.txt: what packaging/build writes for ``@run@``."""
+EVERYWHERE = {"util-linux", "python3-minimal"}
+
+
+def named() -> set[str]:
+    """Returns the packages that the .deb depends on, or suggests."""
+    control = (ROOT / "packaging" / "debian" / "control.in").read_text()
+    fields = re.findall(r"^(?:Depends|Suggests): (.*)$", control, re.MULTILINE)
+    own = {name.strip() for field in fields for name in field.split(",")}
+    listed = re.split(r"^## ", (ROOT / "apt-packages.txt").read_text(), flags=re.MULTILINE)
+    return own.union(*(text.split("\n") for text in listed if text.startswith(tuple(f"{one}\n" for one in SECTIONS))))
+
+
+def started(text: str) -> Iterator[str]:
+    """Yields the programs whose names stand in calls of ``subprocess`` and ``which``."""
+    for node in ast.walk(ast.parse(text)):
+        if not isinstance(node, ast.Call) or not node.args:
+            continue
+        called, first = ast.unparse(node.func), node.args[0]
+        if called.startswith("subprocess.") and isinstance(first, ast.List) and first.elts:
+            first = first.elts[0]
+        elif called != "shutil.which":
+            continue
+        if isinstance(first, ast.Constant):
+            yield first.value
+
+
+def owners(program: str) -> set[str]:
+    """Returns the packages of this machine whose program it is."""
+    command = ["dpkg-query", "--search", f"/bin/{program}", f"/usr/bin/{program}"]
+    found = subprocess.run(command, capture_output=True, text=True, check=False).stdout
+    return {line.split(":")[0] for line in found.splitlines()}
+
+
+def test_programs_that_the_sources_start_are_of_packages_that_the_deb_names() -> None:
+    sources = [path for path in project_files() if path.suffix == ".py" and path.is_relative_to(ROOT / "catkin_ws/src")]
+    programs = {one for path in sources if "test" not in path.parts for one in started(path.read_text())}
+    assert {"ip", "openssl", "ffmpeg"} <= programs
+    missing = {one: owners(one) for one in programs if owners(one) and not owners(one) & (named() | EVERYWHERE)}
+    assert missing == {}
