@@ -35,7 +35,7 @@ _CIRCLE_RADIUS = 0.5
 """A robot that turned in place by a full circle takes what leads on, at any cost, until it has come so far [m]."""
 _SHORT_REACH = 0.5
 """A robot whose samples all end so near [m] sees what nearness to walls costs on its way, and little of what it gains:
-it would stand and turn at each corner."""
+stopping to turn would be cheapest at each corner."""
 _HEADING_SCALE = 0.3
 """Cost of a radian between the robot's heading and the plan, with ``heading_scoring``, as in base_local_planner."""
 
