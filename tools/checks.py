@@ -26,7 +26,7 @@ class Check:
     """One command of a stage. ``results`` is the folder where it leaves JUnit files, if it does.
 
     The last line of a check that is ``shown`` is its progress, for people to see. ``patience`` is how long it and what
-    it started may take to end once they are asked to [s].
+    it started may take to end once they are asked to [s]. Nothing runs beside one that is ``alone``.
     """
 
     name: str
@@ -36,6 +36,7 @@ class Check:
     timeout: float = 600.0
     patience: float = ENDING_SECONDS
     shown: bool = False
+    alone: bool = False
 
     @property
     def log(self) -> Path:
@@ -109,6 +110,12 @@ class Running:
             print(f"  {self._said}", flush=True)
 
 
+def _has_room(check: Check, running: Sequence[Check], at_once: int) -> bool:
+    if running and (check.alone or running[0].alone):
+        return False
+    return len(running) < at_once
+
+
 def run(
     checks: Sequence[Check], at_once: int, progress: Callable[[list[str], int], None]
 ) -> Iterator[tuple[Check, Count]]:
@@ -120,7 +127,7 @@ def run(
     waiting, running, done = deque(checks), list[Running](), 0
     try:
         while waiting or running:
-            while waiting and len(running) < at_once:
+            while waiting and _has_room(waiting[0], [one.check for one in running], at_once):
                 running.append(Running(waiting.popleft()))
                 progress([one.check.name for one in running], done)
             for one in running:

@@ -114,9 +114,14 @@ def end_to_end_files(soak: bool) -> Iterator[tuple[str, Path]]:
 
 
 def end_to_end() -> Iterator[Check]:
-    """Several masters: the gateways between real processes, and the demo itself; a check a file."""
-    for package, path in end_to_end_files(soak=False):
-        yield pytest_check(f"{package}/{path.stem.removeprefix('test_')}", [path], timeout=1200.0)
+    """Several masters: the gateways between real processes, and the demo itself; a check a file.
+
+    Files that hold times which users see come last, one after the other.
+    """
+    files = [(package, path, "pytest.mark.alone" in path.read_text()) for package, path in end_to_end_files(soak=False)]
+    for package, path, alone in sorted(files, key=lambda file: file[2]):
+        check = pytest_check(f"{package}/{path.stem.removeprefix('test_')}", [path], timeout=1200.0)
+        yield replace(check, alone=alone)
 
 
 def long(name: str, minutes: float, seed: int) -> Iterator[Check]:

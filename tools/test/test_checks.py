@@ -56,6 +56,15 @@ def test_one_at_once_run_in_their_order(tmp_path: Path) -> None:
     assert (found, trace.read_text()) == (["a", "b", "c"], "a(a)b(b)c(c)")
 
 
+def test_nothing_runs_beside_a_check_that_is_alone() -> None:
+    """A page that has to show the fleet within 3 s was opened beside two other test fleets, and took 3.5 s."""
+    checks = [Check(name, ["true"], alone=name == "timed") for name in ("one", "two", "timed", "three")]
+    seen = list[list[str]]()
+    assert all(not count.failed for _, count in run(checks, 3, lambda names, _: seen.append(names)))
+    assert [names for names in seen if "timed" in names] == [["timed"]]
+    assert ["one", "two"] in seen
+
+
 def test_a_failing_check_fails_and_the_others_go_on() -> None:
     found = {check.name: count for check, count in run([python("bad", "1 / 0"), python("good", "")], 2, quiet)}
     assert found == {"bad": Count(failed=1), "good": Count(passed=1)}

@@ -234,7 +234,9 @@ class ProcessGroup:
         # What is killed may have had children that show up as ours only now, so until nothing is left.
         while living := self._living():
             for state in living:
-                killed.setdefault((state.pid, state.started), " ".join(arguments(state.pid)))
+                # One without a command line has given back its memory: it is ending by itself.
+                if line := " ".join(arguments(state.pid)):
+                    killed.setdefault((state.pid, state.started), line)
                 _send(state.pid, signal.SIGKILL)
             time.sleep(_POLL_INTERVAL)
         return tuple(killed.values())

@@ -60,6 +60,16 @@ def test_a_process_that_ignores_sigint_is_killed_after_the_grace(group, tmp_path
     assert time.monotonic() - started < 3.0
 
 
+def test_a_process_that_is_ending_as_the_grace_ends_did_not_have_to_be_killed(group, tmp_path, monkeypatch):
+    """A demo failed by "had to be killed at the end: ", with nothing after it."""
+    ready = tmp_path / "ready"
+    pid = group.start("stubborn", ["bash", "-c", f"trap '' INT TERM; echo 1 > {ready}; while :; do sleep 1000; done"])
+    wait_until(lambda: number_in(ready), "the trap", 5.0)
+    monkeypatch.setattr("pioneer_harness.process.arguments", lambda _: ())  # as of what has given back its memory
+    assert group.stop(grace=0.3) == ()
+    assert not is_alive(pid)
+
+
 def test_an_urgent_stop_does_not_wait_for_the_grace(group, tmp_path):
     ready = tmp_path / "ready"
     group.start("stubborn", ["bash", "-c", f"trap '' INT TERM; echo 1 > {ready}; while :; do sleep 1000; done"])

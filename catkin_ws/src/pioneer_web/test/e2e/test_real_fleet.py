@@ -25,6 +25,7 @@ from pioneer_demo.nodes.fleet import FleetRun
 from pioneer_harness.wait import wait_until
 
 pytestmark = [
+    pytest.mark.alone,
     # Selenium leaves a connection to its driver open; rospy uses an old name of threading's.
     pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"),
     pytest.mark.filterwarnings("ignore:notifyAll:DeprecationWarning"),
