@@ -36,6 +36,14 @@ def number_in(path):
     return path.exists() and path.read_text().strip()
 
 
+def stubborn(group, folder):
+    """Starts a process that ignores SIGINT and SIGTERM; returns its number once it does."""
+    ready = folder / "ready"
+    pid = group.start("stubborn", ["bash", "-c", f"trap '' INT TERM; echo 1 > {ready}; while :; do sleep 1000; done"])
+    wait_until(lambda: number_in(ready), "the trap", 5.0)
+    return pid
+
+
 @pytest.fixture
 def group():
     with ProcessGroup() as group:
@@ -50,9 +58,7 @@ def test_stop_ends_what_was_started(group):
 
 
 def test_a_process_that_ignores_sigint_is_killed_after_the_grace(group, tmp_path):
-    ready = tmp_path / "ready"
-    pid = group.start("stubborn", ["bash", "-c", f"trap '' INT TERM; echo 1 > {ready}; while :; do sleep 1000; done"])
-    wait_until(lambda: number_in(ready), "the trap", 5.0)
+    pid = stubborn(group, tmp_path)
     started = time.monotonic()
     killed = group.stop(grace=0.3)
     assert any("trap" in line for line in killed)
@@ -62,18 +68,14 @@ def test_a_process_that_ignores_sigint_is_killed_after_the_grace(group, tmp_path
 
 def test_a_process_that_is_ending_as_the_grace_ends_did_not_have_to_be_killed(group, tmp_path, monkeypatch):
     """A demo failed by "had to be killed at the end: ", with nothing after it."""
-    ready = tmp_path / "ready"
-    pid = group.start("stubborn", ["bash", "-c", f"trap '' INT TERM; echo 1 > {ready}; while :; do sleep 1000; done"])
-    wait_until(lambda: number_in(ready), "the trap", 5.0)
+    pid = stubborn(group, tmp_path)
     monkeypatch.setattr("pioneer_harness.process.arguments", lambda _: ())  # as of what has given back its memory
     assert group.stop(grace=0.3) == ()
     assert not is_alive(pid)
 
 
 def test_an_urgent_stop_does_not_wait_for_the_grace(group, tmp_path):
-    ready = tmp_path / "ready"
-    group.start("stubborn", ["bash", "-c", f"trap '' INT TERM; echo 1 > {ready}; while :; do sleep 1000; done"])
-    wait_until(lambda: number_in(ready), "the trap", 5.0)
+    stubborn(group, tmp_path)
     started = time.monotonic()
     assert group.stop(grace=60.0, urgent=lambda: time.monotonic() - started > 0.1)
     assert time.monotonic() - started < 5.0
