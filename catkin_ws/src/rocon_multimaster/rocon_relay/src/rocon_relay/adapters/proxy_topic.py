@@ -29,6 +29,16 @@ class ProxyTopic(Registration):
         self.subscribers: dict[Stream, str] = {}  #: connected subscribers, name by connection
         self._topic_owner = owner
 
+    @property
+    def type(self) -> str:
+        """Its message type."""
+        return self.wanted.type
+
+    @property
+    def subscriber_names(self) -> list[str]:
+        """The names of the connected subscribers."""
+        return list(self.subscribers.values())
+
     def registering(self, node: Node) -> tuple[str, tuple[str, ...]]:
         """Returns the master's method and arguments that register it."""
         return "registerPublisher", (self.wanted.topic, self.wanted.type, node.uri)

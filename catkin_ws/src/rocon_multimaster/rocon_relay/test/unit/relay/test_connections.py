@@ -54,5 +54,5 @@ def test_nothing_that_messages_cross_on_waits_for_nagle(sides):
     with Subscriber(sink, "/source/talker1", "/chatter") as subscriber:
         assert number_of_good(subscriber) >= 0
         found = waits_for_nagle(source) + waits_for_nagle(sink)
-        assert {"ExportEnd", "_Publisher", "TopicLink", "ProxyConnection"} <= {kind for kind, _ in found}
+        assert {"ExportEnd", "_Publisher", "TopicLink", "NodeConnection"} <= {kind for kind, _ in found}
         assert not any(waits for _, waits in found)

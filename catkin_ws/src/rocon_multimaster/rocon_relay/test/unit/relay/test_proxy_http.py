@@ -10,7 +10,7 @@ import pytest
 from relay_side import connect
 
 from pioneer_harness.wait import wait_until
-from rocon_relay.adapters.proxy_node import MAX_UNIDENTIFIED
+from tcpros.adapters.node_port import MAX_UNIDENTIFIED
 from tcpros.core.http import http_message
 
 # rosmaster leaves its connections to nodes to the garbage collector.
@@ -61,7 +61,7 @@ def port_of_proxy(sink):
 def waiting(sink):
     """The most that any connection of its proxies has to say and cannot [bytes]."""
     nodes = tuple(sink.relay._nodes._nodes.values())
-    return max((one.backlog.size for node in nodes for one in tuple(node._connections)), default=0)
+    return max((one.backlog.size for node in nodes for one in tuple(node._port._connections)), default=0)
 
 
 def test_who_asks_and_takes_no_answer_is_not_read_until_it_does(relays, talkers):

@@ -1,0 +1,213 @@
+"""A ROS node on a reactor: several may live in one process, each with a name, a port and an API of its own.
+
+For nodes that do little. It has what every node has: topics, services, ``/rosout``, and an end when it is asked. It has
+no simulated time and reads no parameters.
+"""
+
+import struct
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+from tcpros.adapters.node_context import PATIENCE, NodeContext
+from tcpros.adapters.node_port import Ended, NodePort, RefusedError
+from tcpros.adapters.slave_api import NodeFace, SlaveApi
+from tcpros.adapters.stream import Stream
+from tcpros.adapters.topic_source import TopicSource
+from tcpros.core.fanout import Fanout
+from tcpros.core.header import header_bytes
+
+MAX_MESSAGE = 256 * 2**20
+"""The longest message [bytes]."""
+
+QUEUE_MESSAGES, QUEUE_BYTES = 100, 2**20
+"""What waits for one slow subscriber at most; the oldest goes first."""
+
+_LENGTH = struct.Struct("<I")
+
+
+class Kind(Protocol):
+    """A message's or service's class as ROS generates it."""
+
+    _type: str
+    _md5sum: str
+
+
+class MessageKind(Kind, Protocol):
+    """A message's class."""
+
+    _full_text: str
+
+
+class Publication:
+    """A topic that a node publishes."""
+
+    def __init__(self, name: str, topic: str, kind: MessageKind, latching: bool) -> None:
+        self.type = kind._type  #: its message type
+        self.subscribers: dict[Stream, str] = {}  #: names by connection
+        self._md5sum = kind._md5sum
+        self._fanout = Fanout(MAX_MESSAGE)
+        self._fanout.begin(latching)
+        self._header = header_bytes(
+            {
+                "callerid": name,
+                "latching": str(int(latching)),
+                "md5sum": kind._md5sum,
+                "message_definition": kind._full_text,
+                "topic": topic,
+                "type": kind._type,
+            }
+        )
+
+    @property
+    def subscriber_names(self) -> list[str]:
+        """The names of the connected subscribers."""
+        return list(self.subscribers.values())
+
+    def refusal(self, name: str) -> str:
+        """Everybody may subscribe."""
+        del name
+        return ""
+
+    def send(self, frame: bytes) -> None:
+        """Sends a frame, a message's length and the message, to all subscribers."""
+        self._fanout.feed(memoryview(frame))
+
+    def admit(self, connection: Stream, fields: Mapping[str, str]) -> Ended:
+        """Takes a subscriber with its connection header. Raises RefusedError for another type."""
+        for field, ours in (("md5sum", self._md5sum), ("type", self.type)):
+            if fields.get(field, "*") not in ("*", ours):
+                raise RefusedError(f"the topic's {field} is {ours}, not {fields[field]}")
+        self.subscribers[connection] = fields.get("callerid", "")
+        connection.send(self._header)
+        connection.backlog.bound(QUEUE_MESSAGES, QUEUE_BYTES, drops_first=True)
+        self._fanout.join(connection)
+
+        def ended(_reason: str) -> None:
+            self._fanout.remove(connection)
+            del self.subscribers[connection]
+
+        return ended
+
+
+class Service:
+    """A service of a node that answers at once."""
+
+    def __init__(self, name: str, kind: Kind, answer: Callable[[bytes], bytes]) -> None:
+        self._answer = answer
+        self._md5sum = kind._md5sum
+        self._header = header_bytes({"callerid": name, "md5sum": kind._md5sum, "type": kind._type})
+
+    def admit(self, connection: Stream, fields: Mapping[str, str]) -> Ended:
+        """Takes a client with its connection header. Raises RefusedError for another type."""
+        if fields.get("md5sum", "*") not in ("*", self._md5sum):
+            raise RefusedError(f"the service's md5sum is {self._md5sum}, not {fields['md5sum']}")
+        persistent = fields.get("persistent", "") in ("1", "true", "True")
+
+        def parse(data: memoryview) -> int:
+            end = _LENGTH.size + _LENGTH.unpack_from(data)[0] if len(data) >= _LENGTH.size else len(data) + 1
+            if len(data) < end:
+                return 0
+            body = self._answer(bytes(data[_LENGTH.size : end]))
+            answer = b"\x01" + _LENGTH.pack(len(body)) + body
+            if persistent:
+                connection.send(answer)
+            else:
+                connection.finish(answer)
+            return end
+
+        connection.send(self._header)
+        connection.parse = parse
+        return lambda _reason: None
+
+
+class Node:
+    """One node. Everything belongs to the reactor's thread.
+
+    Args:
+        context: what it shares with others.
+        name: its resolved name.
+        shut_down: is called with the reason when the node is asked to end; `close` is for that.
+    """
+
+    def __init__(self, context: NodeContext, name: str, shut_down: Callable[[str], object]) -> None:
+        self.name = name
+        self._context = context
+        self._shut_down = shut_down
+        self._published: dict[str, Publication] = {}
+        self._subscribed: dict[str, TopicSource] = {}
+        self._services: dict[str, Service] = {}
+        self._port = NodePort(context.reactor, context.bind, self, context.logger, PATIENCE)
+        address = context.host, self._port.number
+        self.uri = f"http://{address[0]}:{address[1]}/"  #: of its API
+        self._service_uri = f"rosrpc://{address[0]}:{address[1]}"
+        face = NodeFace(name, self.uri, context.master_uri, address, self._published, self._subscribed)
+        face.shut_down = self._asked_to_end
+        self.answer = SlaveApi(face).answer
+        self._port.open()
+
+    def publish(self, topic: str, kind: MessageKind, latching: bool = False) -> Publication:
+        """Registers a topic of this resolved name as published, and returns it."""
+        publication = self._published[topic] = Publication(self.name, topic, kind, latching)
+        self._register("registerPublisher", topic, kind._type, self.uri)
+        return publication
+
+    def subscribe(self, topic: str, kind: MessageKind, taken: Callable[[memoryview], object]) -> None:
+        """Subscribes to a topic of this resolved name.
+
+        Args:
+            topic: its name.
+            kind: the messages' class.
+            taken: gets each message without its length; valid during the call.
+        """
+        fields = {"topic": topic, "type": kind._type, "md5sum": kind._md5sum}
+        source = self._subscribed[topic] = TopicSource(self._context, self.name, fields, taken)
+        self._register("registerSubscriber", topic, kind._type, self.uri, done=source.update)
+
+    def serve(self, service: str, kind: Kind, answer: Callable[[bytes], bytes]) -> None:
+        """Registers a service of this resolved name; ``answer`` makes a serialised response of a serialised request."""
+        self._services[service] = Service(self.name, kind, answer)
+        self._register("registerService", service, self._service_uri, self.uri)
+
+    def close(self, done: Callable[[], object]) -> None:
+        """Takes everything back from the master and closes all connections; calls ``done`` then."""
+        calls = [("unregisterPublisher", topic, self.uri) for topic in self._published]
+        calls += [("unregisterSubscriber", topic, self.uri) for topic in self._subscribed]
+        calls += [("unregisterService", service, self._service_uri) for service in self._services]
+        missing = len(calls)
+
+        def answered(_: object) -> None:
+            nonlocal missing
+            missing -= 1
+            if not missing:
+                self._port.close()
+                done()
+
+        for source in self._subscribed.values():
+            source.close()
+        for method, *arguments in calls:
+            self._context.master.call(method, (self.name, *arguments), answered, answered)
+
+    def admit_subscriber(self, connection: Stream, fields: dict[str, str]) -> Ended:
+        """Takes a subscriber of one of its topics. Raises RefusedError."""
+        publication = self._published.get(fields.get("topic", ""))
+        if publication is None:
+            raise RefusedError(f"{self.name} does not publish {fields.get('topic', 'a topic without name')}")
+        return publication.admit(connection, fields)
+
+    def admit_client(self, connection: Stream, fields: dict[str, str]) -> Ended:
+        """Takes a client of one of its services. Raises RefusedError."""
+        service = self._services.get(fields["service"])
+        if service is None:
+            raise RefusedError(f"{self.name} is not a provider of {fields['service']}")
+        return service.admit(connection, fields)
+
+    def _asked_to_end(self, reason: str) -> str:
+        # Later: first the answer goes out.
+        self._context.reactor.call_later(0.0, lambda: self._shut_down(reason or "asked to end"))
+        return ""
+
+    def _register(self, method: str, *arguments: str, done: Callable[[Any], None] = lambda _: None) -> None:
+        def failed(reason: str) -> None:
+            self._shut_down(f"{method} of {arguments[0]} failed: {reason}")
+
+        self._context.master.call(method, (self.name, *arguments), done, failed)

@@ -1,0 +1,176 @@
+"""The port of a node: who connects calls its XML-RPC API, subscribes, or calls a service.
+
+roscpp tells publishers apart by host and port, so no two nodes may share a port. One port does for both protocols of a
+node: XML-RPC begins with ``POST``, which as the length of a TCPROS header is out of bounds.
+"""
+
+import logging
+import socket
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+from tcpros.adapters.listener import Listener
+from tcpros.adapters.reactor import Reactor, Timer
+from tcpros.adapters.stream import Stream
+from tcpros.core.error import TcprosError
+from tcpros.core.header import header_bytes, header_parser
+from tcpros.core.http import http_message, http_response
+
+MAX_UNIDENTIFIED = 64
+"""Connections to one node that do not, or not yet, subscribe or call a service; one more closes the oldest."""
+
+Ended = Callable[[str], object]
+"""Gets the reason once the connection has ended."""
+
+
+class RefusedError(TcprosError):
+    """A node refuses a subscriber or client; the text goes to that one."""
+
+
+class SubscriberError(TcprosError):
+    """A subscriber sent something after its connection header."""
+
+
+class Resident(Protocol):
+    """The node behind a port."""
+
+    @property
+    def name(self) -> str:
+        """Its name, for log lines."""
+
+    def answer(self, request: bytes) -> bytes:
+        """Returns the response to a call of its API. Raises TcprosError where it is no call."""
+
+    def admit_subscriber(self, connection: Stream, fields: dict[str, str]) -> Ended:
+        """Takes a subscriber with its connection header. Raises RefusedError."""
+
+    def admit_client(self, connection: Stream, fields: dict[str, str]) -> Ended:
+        """Takes a client of a service with its connection header. Raises RefusedError."""
+
+
+class NodePort:
+    """A listening port and its connections.
+
+    Args:
+        reactor: the loop.
+        bind: the local address; "" for all.
+        node: who lives behind it.
+        logger: gets a line for each malformed connection.
+        patience: within which a connection must have said what it wants [s].
+
+    Raises:
+        OSError: no port is to be had.
+    """
+
+    def __init__(self, reactor: Reactor, bind: str, node: Resident, logger: logging.Logger, patience: float) -> None:
+        self.reactor = reactor
+        self.node = node
+        self.logger = logger
+        self.patience = patience
+        self._listener = Listener(reactor, bind, 0, self._accepted)
+        self._connections: set[NodeConnection] = set()
+        self._unidentified: dict[NodeConnection, None] = {}
+        self.number = self._listener.port  #: the port's number
+
+    def open(self) -> None:
+        """Begins to accept connections."""
+        self._listener.start()
+
+    def close(self) -> None:
+        """Closes the port and all its connections."""
+        self._listener.close("")
+        for connection in tuple(self._connections):
+            connection.close("")
+
+    def forget(self, connection: "NodeConnection") -> None:
+        """Called by a connection that has ended."""
+        self._connections.discard(connection)
+        self.know(connection)
+
+    def know(self, connection: "NodeConnection") -> None:
+        """Called by a connection that subscribes or calls, and is counted as what it is from now on."""
+        self._unidentified.pop(connection, None)
+
+    def _accepted(self, sock: socket.socket, peer: str) -> None:
+        connection = NodeConnection(self, sock, peer)
+        self._connections.add(connection)
+        self._unidentified[connection] = None
+        if len(self._unidentified) > MAX_UNIDENTIFIED:
+            next(iter(self._unidentified)).give_up("too many connections that have not said what they want")
+
+
+class NodeConnection(Stream):
+    """One connection to a node, of either protocol."""
+
+    def __init__(self, port: NodePort, sock: socket.socket, peer: str) -> None:
+        super().__init__(port.reactor, sock, peer)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        self._port = port
+        self._ended: Ended | None = None
+        self._asked = 0.0
+        self._timer: Timer = port.reactor.call_later(port.patience, self._too_late)
+        self.parse = self._parse_first
+
+    def give_up(self, reason: str) -> None:
+        """Closes a connection of no subscriber; an idle one that was answered is not a fault worth a log line."""
+        self.close("" if self._asked else f"malformed: {reason}")
+
+    def closed(self, reason: str) -> None:
+        """Notifies the topic or service that has taken the connection over."""
+        self._timer.cancel()
+        if reason.startswith("malformed"):
+            self._port.logger.warning("%s from %s: %s", self._port.node.name, self.peer, reason)
+        if self._ended is not None:
+            self._ended(reason)
+        self._port.forget(self)
+
+    def _too_late(self) -> None:
+        left = self._asked + self._port.patience - time.monotonic()
+        if left > 0:
+            self._timer = self._port.reactor.call_later(left, self._too_late)
+        else:
+            self.give_up("it did not say in time what it wants")
+
+    def _parse_first(self, data: memoryview) -> int:
+        if len(data) < 4:
+            return 0
+        if data[:4] == b"POST":
+            self.parse, self.relieved = self._parse_http, self.read_on
+        else:
+            self.parse = header_parser(self._take_header)
+        return self.parse(data)
+
+    def _take_header(self, fields: dict[str, str]) -> None:
+        self._timer.cancel()
+        self._port.know(self)
+        self.parse = self._parse_nothing
+        node = self._port.node
+        try:
+            ended = (node.admit_client if "service" in fields else node.admit_subscriber)(self, fields)
+        except RefusedError as error:
+            self.finish(header_bytes({"error": str(error)}))
+            return
+        if self.is_closed:  # it went while it was answered
+            ended("")
+        else:
+            self._ended = ended
+
+    def _parse_nothing(self, data: memoryview) -> int:
+        raise SubscriberError("it sends though it subscribes")
+
+    def _parse_http(self, data: memoryview) -> int:
+        if not self.backlog.is_empty:
+            self.hold()  # who asks and asks and takes no answer would have us keep them all
+            return 0
+        message = http_message(data, 0)
+        if message is None or len(data) < message.end:
+            return 0
+        self._asked = time.monotonic()
+        body = self._port.node.answer(bytes(data[message.start : message.end]))
+        response = http_response(body, message.keep_alive)
+        if message.keep_alive:
+            self.send(response)
+        else:
+            self.finish(response)
+        return message.end

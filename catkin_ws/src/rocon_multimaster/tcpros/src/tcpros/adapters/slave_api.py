@@ -1,0 +1,148 @@
+"""The XML-RPC API of a ROS node: what it answers to masters, subscribers and tools. No socket.
+
+(https://wiki.ros.org/ROS/Slave_API)
+"""
+
+import os
+import xmlrpc.client
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from tcpros.core.error import TcprosError
+from tcpros.core.http import NONSENSE
+
+Answer = tuple[int, str, Any]
+
+
+class SlaveApiError(TcprosError):
+    """What arrived is no XML-RPC call."""
+
+
+class Published(Protocol):
+    """A topic that a node publishes."""
+
+    @property
+    def type(self) -> str:
+        """Its message type."""
+
+    @property
+    def subscriber_names(self) -> list[str]:
+        """The names of the nodes that are connected."""
+
+    def refusal(self, name: str) -> str:
+        """Returns why a node of that name may not subscribe, "" if it may."""
+
+
+class Subscribed(Protocol):
+    """A topic that a node subscribes to."""
+
+    @property
+    def type(self) -> str:
+        """Its message type."""
+
+    @property
+    def publisher_uris(self) -> list[str]:
+        """The URIs of the publishers that are connected."""
+
+    def update(self, publishers: list[str]) -> None:
+        """Takes the URIs of all publishers that there are from now on."""
+
+
+@dataclass(slots=True)
+class NodeFace:
+    """What a node shows of itself through its API."""
+
+    name: str
+    uri: str
+    master_uri: str
+    address: tuple[str, int]  #: where it serves topics: host and port
+    published: Mapping[str, Published]  #: by topic
+    subscribed: Mapping[str, Subscribed] = field(default_factory=dict)  #: by topic
+    #: gets the reason for which the node is asked to end; returns why it does not, "" if it does
+    shut_down: Callable[[str], str] = lambda _reason: "it does not end when asked"
+
+
+class SlaveApi:
+    """Answers calls to one node."""
+
+    def __init__(self, face: NodeFace) -> None:
+        self._face = face
+        self._methods: dict[str, Callable[..., Answer]] = {
+            "getBusInfo": self._bus_info,
+            "getBusStats": self._bus_stats,
+            "getMasterUri": lambda _caller: (1, "", face.master_uri),
+            "getName": lambda _caller: (1, "", face.name),
+            "getPid": lambda _caller: (1, "", os.getpid()),
+            "getPublications": lambda _caller: (1, "publications", _types(face.published)),
+            "getSubscriptions": lambda _caller: (1, "subscriptions", _types(face.subscribed)),
+            "getUri": lambda _caller: (1, "", face.uri),
+            "paramUpdate": lambda _caller, _key, _value: (1, "", 0),
+            "publisherUpdate": self._publisher_update,
+            "requestTopic": self._request_topic,
+            "shutdown": self._shutdown,
+        }
+
+    def answer(self, request: bytes) -> bytes:
+        """Returns the response's body.
+
+        Raises:
+            SlaveApiError: it is no XML-RPC call at all. A wrong method or wrong arguments get a response.
+        """
+        try:
+            arguments, method = xmlrpc.client.loads(request)  # type: ignore[arg-type]
+        except NONSENSE:
+            raise SlaveApiError("no XML-RPC call") from None
+        function = self._methods.get(method or "")
+        if function is None:
+            fault = xmlrpc.client.Fault(-1, f"{self._face.name} has no method {method}")
+            return xmlrpc.client.dumps(fault).encode()
+        try:
+            answer = function(*arguments)
+        except NONSENSE:
+            answer = (-1, f"wrong arguments for {method}", 0)
+        return xmlrpc.client.dumps((answer,), methodresponse=True).encode()
+
+    def _bus_info(self, _caller: str) -> Answer:
+        face = self._face
+        told = f"TCPROS connection on port {face.address[1]}"
+        rows = [
+            [number, name, "o", "TCPROS", topic, True, told]
+            for topic, one in face.published.items()
+            for number, name in enumerate(one.subscriber_names, 1)
+        ]
+        rows += [
+            [number, uri, "i", "TCPROS", topic, True, f"TCPROS connection to {uri}"]
+            for topic, one in face.subscribed.items()
+            for number, uri in enumerate(one.publisher_uris, 1)
+        ]
+        return 1, "bus info", rows
+
+    def _bus_stats(self, _caller: str) -> Answer:
+        out, into = ([[topic, 0, []] for topic in some] for some in (self._face.published, self._face.subscribed))
+        return 1, "", [out, into, []]
+
+    def _publisher_update(self, _caller: str, name: str, publishers: list[str]) -> Answer:
+        topic = self._face.subscribed.get(name)
+        if topic is not None:
+            topic.update([str(uri) for uri in publishers])
+        return 1, "", 0
+
+    def _request_topic(self, caller: str, name: str, protocols: list[list[str]]) -> Answer:
+        topic = self._face.published.get(name)
+        if topic is None:
+            return 0, f"{self._face.name} does not publish {name}", []
+        refusal = topic.refusal(caller)
+        if refusal:
+            return 0, refusal, []
+        if not any(protocol and protocol[0] == "TCPROS" for protocol in protocols):
+            return 0, f"{self._face.name} speaks TCPROS only", []
+        return 1, "ready", ["TCPROS", *self._face.address]
+
+    def _shutdown(self, _caller: str, reason: str = "") -> Answer:
+        refusal = self._face.shut_down(str(reason))
+        return (0, refusal, 0) if refusal else (1, "it ends", 0)
+
+
+def _types(topics: Mapping[str, Published] | Mapping[str, Subscribed]) -> list[list[str]]:
+    return [[name, topic.type] for name, topic in topics.items()]

@@ -1,0 +1,159 @@
+"""A node's subscription: a connection to each publisher that the master names, for as long as it names it."""
+
+import socket
+import struct
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from tcpros.adapters.channel import dialled_socket
+from tcpros.adapters.node_context import PATIENCE, NodeContext
+from tcpros.adapters.reactor import Timer
+from tcpros.adapters.stream import Stream
+from tcpros.core.header import header_bytes, header_parser
+
+Taken = Callable[[memoryview], object]
+"""Gets each message without its length; it is valid during the call."""
+
+_SHORTEST, _LONGEST = 0.1, 2.0
+"""Pauses before a publisher is asked again [s]; each is twice as long as the one before."""
+
+_LENGTH = struct.Struct("<I")
+
+
+class TopicSource:
+    """All publishers of one topic.
+
+    Args:
+        context: what the nodes share.
+        node: the subscriber's name.
+        fields: topic, type and md5sum, as the connection header has them.
+        taken: gets the messages.
+    """
+
+    def __init__(self, context: NodeContext, node: str, fields: dict[str, str], taken: Taken) -> None:
+        self.type = fields["type"]  #: the messages' type
+        self._context = context
+        self._node = node
+        self._fields = {"callerid": node, "tcp_nodelay": "1", **fields}
+        self._taken = taken
+        self._publishers: dict[str, _Publisher] = {}
+
+    @property
+    def publisher_uris(self) -> list[str]:
+        """The URIs of the publishers that are connected."""
+        return [uri for uri, one in self._publishers.items() if one.is_connected]
+
+    def update(self, publishers: list[str]) -> None:
+        """Takes the URIs of all publishers that there are from now on."""
+        for uri in set(self._publishers) - set(publishers):
+            self._publishers.pop(uri).close()
+        for uri in publishers:
+            if uri not in self._publishers:
+                self._publishers[uri] = _Publisher(self._context, uri, self._node, self._fields, self._taken)
+
+    def close(self) -> None:
+        """Ends all connections."""
+        self.update([])
+
+
+class _Publisher:
+    """One publisher, which is asked again, with growing pauses, until it answers or is no longer wanted."""
+
+    def __init__(self, context: NodeContext, uri: str, node: str, fields: dict[str, str], taken: Taken) -> None:
+        self._context, self._uri, self._node, self._fields, self._taken = context, uri, node, fields, taken
+        self._connection: _Connection | None = None
+        self._pause = _SHORTEST
+        self._timer: Timer | None = None
+        self._closed = False
+        self._reported = False
+        self._ask()
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether there is a connection on which messages may come."""
+        return self._connection is not None
+
+    def close(self) -> None:
+        """Ends the connection and all attempts."""
+        self._closed = True
+        if self._timer is not None:
+            self._timer.cancel()
+        if self._connection is not None:
+            self._connection.close("")
+
+    def greeted(self) -> None:
+        """The publisher has answered with its connection header."""
+        self._pause, self._reported = _SHORTEST, False
+
+    def failed(self, reason: str) -> None:
+        """The publisher does not answer, refuses, or has ended the connection."""
+        self._connection = None
+        if self._closed:
+            return
+        if reason and not self._reported:
+            topic = self._fields["topic"]
+            self._context.logger.warning("%s gets no %s from %s: %s", self._node, topic, self._uri, reason)
+            self._reported = True
+        self._timer = self._context.reactor.call_later(self._pause, self._ask)
+        self._pause = min(2 * self._pause, _LONGEST)
+
+    def _ask(self) -> None:
+        self._timer = None
+        arguments = (self._node, self._fields["topic"], [["TCPROS"]])
+        self._context.server(self._uri).call("requestTopic", arguments, self._offered, self.failed)
+
+    def _offered(self, answer: Any) -> None:
+        try:
+            _protocol, host, port = answer
+            number = int(port)
+        except (TypeError, ValueError):
+            self.failed(f"it offers {answer!r}, no address")
+            return
+        self._context.resolver.resolve(str(host), partial(self._dial, number), self.failed)
+
+    def _dial(self, port: int, address: str) -> None:
+        if not self._closed:
+            self._connection = _Connection(self._context, self, self._uri, self._fields, self._taken)
+            self._connection.connect(address, port)
+
+
+class _Connection(Stream):
+    """The connection to one publisher."""
+
+    def __init__(
+        self, context: NodeContext, publisher: _Publisher, uri: str, fields: dict[str, str], taken: Taken
+    ) -> None:
+        sock = dialled_socket()
+        super().__init__(context.reactor, sock, uri)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        self._publisher, self._fields, self._taken = publisher, fields, taken
+        self._timer = context.reactor.call_later(PATIENCE, lambda: self.close("it sent no connection header in time"))
+        self.parse = header_parser(self._take_header)
+
+    def connected(self) -> None:
+        """Introduces the subscriber."""
+        self.send(header_bytes(self._fields))
+
+    def closed(self, reason: str) -> None:
+        """Reports the end to the publisher."""
+        self._timer.cancel()
+        self._publisher.failed(reason)
+
+    def _take_header(self, header: dict[str, str]) -> None:
+        self._timer.cancel()
+        if "error" in header:
+            self.close(header["error"])
+        else:
+            self._publisher.greeted()
+            self.parse = self._messages
+
+    def _messages(self, data: memoryview) -> int:
+        position, size = 0, len(data)
+        while size - position >= _LENGTH.size:
+            end = position + _LENGTH.size + int(_LENGTH.unpack_from(data, position)[0])
+            if end > size:
+                break
+            self._taken(data[position + _LENGTH.size : end])
+            position = end
+        return position
