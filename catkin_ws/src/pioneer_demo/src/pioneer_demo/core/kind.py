@@ -26,6 +26,7 @@ _BY_NAME = {
     "pioneer_fleet.adapters.recorder": "recorder",
     "fleet_page": "fleet page",
     "robot_state_publisher": "robot state publishers",
+    "robot_state_publishers": "robot state publishers",
     "map_goal_client": "waypoint clients, control",
     "pioneer_ros": "waypoint clients, control",
     "controller_spin_recover": "waypoint clients, control",

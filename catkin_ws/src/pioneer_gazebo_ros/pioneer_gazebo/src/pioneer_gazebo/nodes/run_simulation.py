@@ -128,17 +128,15 @@ def launch_files(options: SimulationOptions, world: Path, grid: Path, robots: Se
     return [
         ("pioneer_gazebo", "multi_pioneer_world.launch", simulator),
         ("pioneer_description", "robot_description.launch", description),
-        *(
-            ("pioneer_description", "generic_pioneer.launch", _robot_arguments(robot, options.lockstep))
-            for robot in robots
-        ),
+        *(("pioneer_description", "generic_pioneer.launch", _robot_arguments(robot)) for robot in robots),
+        ("pioneer_description", "robot_state_publishers.launch", {"robots": " ".join(robot.name for robot in robots)}),
         ("nav_bundle", "map_server.launch", {"map_file": str(grid)}),
     ]
 
 
-def _robot_arguments(robot: RobotEntry, lockstep: bool) -> dict[str, str]:
+def _robot_arguments(robot: RobotEntry) -> dict[str, str]:
     own = {"description": robot.description} if robot.description else {}
-    return {"name": robot.name, "spawn": "false", **({"lockstep": "true"} if lockstep else {}), **own}
+    return {"name": robot.name, "spawn": "false", "state_publisher": "false", **own}
 
 
 def map_file(options: SimulationOptions, world: Path) -> Path:
