@@ -56,6 +56,7 @@ def run(
     patch.allow_publishing_at_shutdown()
     patch.log_broken_requests()
     patch.keep_publisher_updates()
+    patch.write_at_once()
     patch.keep_accepting(is_ending, _ending.wait)
     rospy.init_node(name, disable_rostime=wall_time, disable_signals=True)
     _initialised.set()

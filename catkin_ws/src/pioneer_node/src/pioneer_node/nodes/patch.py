@@ -111,6 +111,15 @@ def keep_publisher_updates() -> None:
     RegManager.publisher_update = publisher_update
 
 
+def write_at_once() -> None:
+    """Has publishers of this process write messages themselves instead of having a thread for each subscriber do it."""
+    import rospy
+
+    from pioneer_node.nodes.direct_connection import DirectConnection
+
+    rospy.topics.QueuedConnection = DirectConnection
+
+
 def wake_master_workers() -> None:
     """Has the workers of the ROS masters in this process wait for work; each looked for some 10 times a second.
 
