@@ -36,3 +36,14 @@ def test_it_stays_set() -> None:
     assert request.is_set()
     assert request.wait(60.0)
     assert request.wait(60.0)
+
+
+def test_a_wake_ends_one_wait_and_is_no_request() -> None:
+    request = EndRequest()
+    request.wake()
+    assert not request.wait(60.0)
+    assert not request.wait(0.0)
+    request.wake()
+    request.set()
+    assert request.wait(60.0)
+    assert request.wait(60.0)

@@ -1,5 +1,6 @@
 """A shutdown flag that is safe to set from a signal handler."""
 
+import contextlib
 import os
 import select
 
@@ -25,8 +26,19 @@ class EndRequest:
         self._is_set = True
         os.eventfd_write(self._wake, 1)  # type: ignore[attr-defined]
 
+    def wake(self) -> None:
+        """Ends a wait without a request: something else has happened that the waiting thread wants to know."""
+        os.eventfd_write(self._wake, 1)  # type: ignore[attr-defined]
+
     def wait(self, timeout: float | None = None) -> bool:
         """Waits at most ``timeout`` [s], without limit by default, for the request; returns whether it was made."""
         if not self._is_set:
             select.select([self._wake], [], [], timeout)
+            self._forget_wakes()
         return self._is_set
+
+    def _forget_wakes(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            os.eventfd_read(self._wake)  # type: ignore[attr-defined]
+        if self._is_set:  # its own wake was among them, and others may wait for that
+            os.eventfd_write(self._wake, 1)  # type: ignore[attr-defined]

@@ -5,6 +5,8 @@ import threading
 from collections import deque
 from typing import Any
 
+from rospy.exceptions import TransportException
+
 
 class DirectConnection:
     """Replaces rospy's ``QueuedConnection``, and keeps its queue for what a subscriber does not take at once.
@@ -70,7 +72,7 @@ class DirectConnection:
         while (data := self._next()) is not None:
             try:
                 self._connection.write_data(data)
-            except Exception as error:  # whatever it is, the publishing thread has to hear of it
+            except (TransportException, OSError, AttributeError) as error:  # the last if it is closed meanwhile
                 with self._lock:
                     self._error = error
 

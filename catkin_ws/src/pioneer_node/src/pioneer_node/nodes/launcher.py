@@ -27,6 +27,7 @@ from pioneer_node.adapters.fork_server import (
 )
 from pioneer_node.core.program import early_differences, interpreter
 from pioneer_node.nodes.patch import import_without_numpy, tell_registrations, wake_master_workers
+from pioneer_node.nodes.process_watch import watch_processes
 
 SWITCH = "PIONEER_FORK"
 """Variable; 0 has every node started by itself, as the original roslaunch does."""
@@ -85,6 +86,7 @@ def fork_nodes(server: ForkServer) -> None:
 
     # LocalProcess.start calls subprocess.Popen, and that alone; so the rest of it stays as it is.
     roslaunch.nodeprocess.subprocess = SimpleNamespace(Popen=starter(server), PIPE=subprocess.PIPE)
+    watch_processes()
 
 
 def starter(server: ForkServer, lend: bool = False) -> Callable[..., "ForkedProcess | subprocess.Popen[bytes]"]:

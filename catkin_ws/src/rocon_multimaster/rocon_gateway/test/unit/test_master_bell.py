@@ -92,6 +92,22 @@ def test_a_registration_ends_the_wait_at_once(master: TellingMaster, bell: Maste
     assert time.monotonic() - began < LOOK_PERIOD
 
 
+def test_a_master_that_tells_is_looked_at_only_when_it_has_told(
+    master: TellingMaster, bell: MasterBell, reader: int
+) -> None:
+    told(master, bell, reader)
+    assert bell.is_due
+    for _ in range(3):
+        assert not bell.wait(reader, LOOK_PERIOD)
+        assert not bell.is_due
+    bell.look_again()
+    assert not bell.wait(reader, LOOK_PERIOD)
+    assert bell.is_due
+    master.let.release()
+    assert not bell.wait(reader)
+    assert bell.is_due
+
+
 def test_a_wake_of_ours_ends_the_wait_and_is_told(master: TellingMaster, bell: MasterBell) -> None:
     reader, writer = os.pipe()
     os.write(writer, b"x")

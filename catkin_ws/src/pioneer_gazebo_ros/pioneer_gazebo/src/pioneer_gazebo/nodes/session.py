@@ -27,6 +27,8 @@ SIGINT_TIMEOUT, SIGTERM_TIMEOUT = 2.0, 1.0
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 POLL = 0.1
 """How often conditions are looked at [s]."""
+LONGEST = 2.0
+"""Likewise, where the end of a node ends the wait [s]."""
 RUN_ID_PATIENCE = 5.0
 """How long a master may go without a run id [s]."""
 PATIENCE = 1.0
@@ -118,6 +120,7 @@ class Session(roslaunch.pmon.ProcessListener):
         name = process_name.rpartition("-")[0].strip("/")
         if name in self._required:
             self._ended.append(f"/{name} ended with exit status {exit_code}; its log is in {get_log_dir()}/latest")
+        self._stop.wake()
 
     def check(self) -> None:
         """Raises Interrupted when the end was asked for, SessionError when a required node has ended."""
@@ -180,7 +183,7 @@ class Session(roslaunch.pmon.ProcessListener):
         """Keeps everything running until the end is asked for or a required node ends."""
         while True:
             self.check()
-            self._stop.wait(POLL)
+            self._stop.wait(LONGEST)
 
 
 def run_session(name: str, body: Callable[[Session], None]) -> int:

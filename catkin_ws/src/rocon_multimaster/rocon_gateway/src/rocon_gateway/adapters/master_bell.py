@@ -9,8 +9,8 @@ from tcpros.adapters.descriptor import readable
 LOOK_PERIOD = 0.15
 """Time between two looks at a master that tells nothing [s]; with one that does, the mean of it over many."""
 
-TOLD_PERIOD = 0.5
-"""Time between two looks at a master that tells, and has told nothing [s]."""
+TOLD_PERIOD = 3.0
+"""Time between two looks at a master that tells, and has told nothing [s]: for one that hangs."""
 
 LOOKS_AT_ONCE = 5
 """So many looks may follow one another: a node that starts registers several things in some hundredths of a second."""
@@ -56,16 +56,26 @@ class MasterBell:
         self._tells: bool | None = None
         """None as long as the master has not answered on this connection."""
         self._is_asked = False
+        self.is_due = True  #: whether the last wait ended because a look is due
+        self._looked = float("-inf")
         self._ration = Ration(LOOK_PERIOD, LOOKS_AT_ONCE)
 
-    def wait(self, reader: int) -> bool:
-        """Waits until a look is due, or the descriptor ``reader`` can be read; returns whether it can."""
+    def wait(self, reader: int, limit: float = TOLD_PERIOD) -> bool:
+        """Waits until a look is due or ``reader`` can be read, at most ``limit`` [s]; returns whether it can."""
         self._ask()
-        ready = readable([reader, *self._line.descriptors], TOLD_PERIOD if self._tells else LOOK_PERIOD)
-        if reader in ready or not ready:
-            return reader in ready
-        pause = self._ration.take(time.monotonic()) if self._has_told() else LOOK_PERIOD
-        return reader in readable([reader], pause)
+        period = min(max(limit, 0.0), TOLD_PERIOD) if self._tells else LOOK_PERIOD
+        ready = readable([reader, *self._line.descriptors], period)
+        if ready and reader not in ready:
+            pause = self._ration.take(time.monotonic()) if self._has_told() else LOOK_PERIOD
+            ready |= readable([reader], pause)
+        self.is_due = bool(ready) or not self._tells or time.monotonic() >= self._looked + TOLD_PERIOD
+        if self.is_due:
+            self._looked = time.monotonic()
+        return reader in ready
+
+    def look_again(self) -> None:
+        """Has the next wait, whatever ends it, call for a look."""
+        self._looked = float("-inf")
 
     def close(self) -> None:
         """Closes the connection; the next wait makes a new one."""

@@ -183,12 +183,13 @@ class GatewayNode:
     def _loop(self) -> None:
         full = diagnose = 0.0
         while not self._stopping:
-            woken = self._bell.wait(self._reader)
+            woken = self._bell.wait(self._reader, diagnose - time.monotonic())
             if woken:
                 with contextlib.suppress(BlockingIOError):
                     os.read(self._reader, 4096)
             now = time.monotonic()
-            if self._look() or woken or now >= full:
+            changed = self._bell.is_due and self._look()
+            if changed or woken or now >= full:
                 self._turn()
                 full = now + self._period
             if now >= diagnose:
@@ -231,6 +232,7 @@ class GatewayNode:
         status = self._relay.status()
         if any(link.state is LinkState.TYPE_MISMATCH for link in status.exports.values()):
             self._master.read_types()
+            self._bell.look_again()
         situation = Situation(
             book=book,
             firewall=self._config.firewall,

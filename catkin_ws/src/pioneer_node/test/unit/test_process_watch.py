@@ -1,0 +1,99 @@
+"""Waiting for processes as roslaunch's monitor does, but until something happens."""
+
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from pioneer_node.nodes.process_watch import LONGEST, ProcessWatch
+
+PATIENCE = 20.0
+
+
+class Monitor(threading.Thread):
+    """A thread with processes, as roslaunch's, that waits once."""
+
+    def __init__(self, watch: ProcessWatch, *popens: Any, seconds: float = 0.1) -> None:
+        super().__init__(daemon=True)
+        self.procs = [SimpleNamespace(popen=one) for one in popens]
+        self.waited = 0.0
+        self._wait: Callable[[], None] = lambda: watch.sleep(seconds)
+
+    def run(self) -> None:
+        began = time.monotonic()
+        self._wait()
+        self.waited = time.monotonic() - began
+
+
+@pytest.fixture
+def sleeper() -> Iterator[subprocess.Popen[bytes]]:
+    with subprocess.Popen(["sleep", "1000"]) as process:
+        yield process
+        process.kill()
+
+
+def test_the_end_of_a_process_ends_the_wait(sleeper: subprocess.Popen[bytes]) -> None:
+    with subprocess.Popen(["sleep", "0.3"]) as short:
+        monitor = Monitor(ProcessWatch(), sleeper, short)
+        monitor.start()
+        monitor.join(PATIENCE)
+        assert 0.1 < monitor.waited < LONGEST
+
+
+def test_nothing_happens_and_the_wait_has_an_end(sleeper: subprocess.Popen[bytes]) -> None:
+    monitor = Monitor(ProcessWatch(), sleeper)
+    monitor.start()
+    monitor.join(PATIENCE)
+    assert LONGEST * 0.9 < monitor.waited < PATIENCE
+
+
+def test_a_ring_ends_all_waits_and_one_before_it_the_next(sleeper: subprocess.Popen[bytes]) -> None:
+    watch = ProcessWatch()
+    ring = watch.then_ring(lambda: "rung")
+    for _ in range(3):
+        monitors = [Monitor(watch, sleeper), Monitor(watch)]
+        for one in monitors:
+            one.start()
+        while any(one.is_alive() for one in monitors):
+            assert ring() == "rung"
+        assert all(one.waited < LONGEST for one in monitors)
+
+
+def test_a_method_that_fails_rings_all_the_same(sleeper: subprocess.Popen[bytes]) -> None:
+    watch = ProcessWatch()
+
+    def fail() -> None:
+        raise ValueError("no")
+
+    monitor = Monitor(watch, sleeper)
+    monitor.start()
+    while monitor.is_alive():
+        with pytest.raises(ValueError, match="no"):
+            watch.then_ring(fail)()
+    assert monitor.waited < LONGEST
+
+
+def test_a_process_that_is_not_started_or_is_to_start_again_is_looked_at_as_often_as_before() -> None:
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    for popen in (None, ended):
+        monitor = Monitor(ProcessWatch(), popen, seconds=0.05)
+        monitor.start()
+        monitor.join(PATIENCE)
+        assert 0.04 < monitor.waited < LONGEST
+
+
+def test_an_end_that_is_not_reported_yet_does_not_turn_the_wait_into_a_busy_loop() -> None:
+    with subprocess.Popen(["true"]) as unreported:
+        watch = ProcessWatch()
+        Monitor(watch, unreported).run()
+        began = time.monotonic()
+        for _ in range(20):
+            monitor = Monitor(watch, unreported)
+            monitor.start()
+            monitor.join(PATIENCE)
+        assert time.monotonic() - began > 0.1
