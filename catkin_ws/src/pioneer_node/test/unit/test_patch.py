@@ -118,3 +118,30 @@ assert master.awaitRegistrations("/me", 1, 60.0)[2] == 2
 
 def test_master_tells_at_once_that_somebody_registered() -> None:
     assert subprocess.run([sys.executable, "-c", TELLING], check=False, timeout=60).returncode == 0
+
+
+SERVING = """
+import contextlib, threading, xmlrpc.client
+from rosgraph.xmlrpc import XmlRpcHandler, XmlRpcNode
+from pioneer_node.nodes.patch import stop_serving_at_shutdown
+stop_serving_at_shutdown()
+ready = threading.Event()
+class Handler(XmlRpcHandler):
+    def _ready(self, uri):
+        ready.set()
+node = XmlRpcNode(0, Handler())
+serving = threading.Thread(target=node.run, daemon=True)
+serving.start()
+assert ready.wait(20)
+with contextlib.suppress(xmlrpc.client.Fault):
+    xmlrpc.client.ServerProxy(node.uri).unknown()
+node.shutdown("end of the test")
+serving.join(20)
+assert not serving.is_alive()
+"""
+
+
+def test_thread_that_serves_requests_ends_at_shutdown() -> None:
+    """With rospy's own shutdown it tries without pause to accept from the closed socket."""
+    done = subprocess.run([sys.executable, "-c", SERVING], check=False, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -26,6 +26,7 @@ from pioneer_fleet.conversions import queue_from_message
 from pioneer_fleet.core.monitor import deviation_from_covariance
 from pioneer_fleet.core.report import Report, Stage, states_of
 from pioneer_fleet.core.tour import Place, places_from_mapping, tour
+from pioneer_node.nodes import patch
 
 MASTER_LOOK = 0.2
 """How often a master that does not answer yet is asked again [s]: it cannot tell that it has come."""
@@ -194,6 +195,7 @@ def main() -> int:
     if not _master_answers(deadline):
         _tell({**report.as_json(time.monotonic()), "lacks": "no ROS master on this computer"})
         return 1
+    patch.stop_serving_at_shutdown()
     rospy.init_node("fleet_report", anonymous=True, disable_rostime=True, log_level=rospy.ERROR)
     node = ReportNode(report, Errand(options.to, options.waypoints, options.robots))
     left = max(0.1, deadline - time.monotonic())

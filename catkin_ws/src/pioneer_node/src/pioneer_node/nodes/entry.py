@@ -57,6 +57,7 @@ def run(
     patch.log_broken_requests()
     patch.keep_publisher_updates()
     patch.write_at_once()
+    patch.stop_serving_at_shutdown()
     patch.keep_accepting(is_ending, _ending.wait)
     rospy.init_node(name, disable_rostime=wall_time, disable_signals=True)
     _initialised.set()

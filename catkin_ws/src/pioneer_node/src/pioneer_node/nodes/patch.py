@@ -9,7 +9,7 @@ import sys
 import threading
 from collections.abc import Callable
 from types import ModuleType
-from typing import Any
+from typing import Any, NoReturn
 
 _ACCEPT_RETRY = 0.2
 """How long a server waits for a free file descriptor [s]: the kernel does not report one."""
@@ -91,6 +91,28 @@ def keep_accepting(is_ending: Callable[[], bool], wait: Callable[[float], object
                 wait(_ACCEPT_RETRY)
 
     rospy.impl.tcpros_base.TCPServer.run = run
+
+
+def stop_serving_at_shutdown() -> None:
+    """Ends the thread that serves XML-RPC when the node shuts down.
+
+    rospy only closes that thread's socket. The thread then tries to accept from it without pause, until the process
+    ends: more than half a second of processor time a node.
+    """
+    from rosgraph.xmlrpc import XmlRpcNode
+
+    close = XmlRpcNode.shutdown
+
+    def end_thread() -> NoReturn:
+        raise OSError("the node shuts down")
+
+    def shutdown(node: Any, reason: str) -> None:
+        server = node.server
+        close(node, reason)
+        if server:
+            server.service_actions = end_thread  # which the thread calls after each look; it takes it for a lost socket
+
+    XmlRpcNode.shutdown = shutdown
 
 
 def keep_publisher_updates() -> None:
