@@ -113,7 +113,7 @@ class Fleet:
     def report(self, computer: str, *words: str, timeout: float = PATIENCE) -> dict[str, Any]:
         """Returns a computer's last report; fails when it does not come as far as ``words`` ask."""
         one = self.computers()[computer]
-        command = [*one.docker, "exec", one.container, REPORT, "--robot", one.robot]
+        command = [*one.docker, "exec", one.container, *REPORT, "--robot", one.robot]
         done = subprocess.run(
             [*command, "--settled", "--timeout", f"{timeout:g}", *words], capture_output=True, text=True, check=False
         )

@@ -8,7 +8,9 @@ from typing import Any
 
 from containers.engine import Computer
 
-REPORT = "/opt/pioneer/catkin_ws/devel/lib/pioneer_fleet/report"
+_WORKSPACE = "/opt/pioneer/catkin_ws"
+REPORT = (f"{_WORKSPACE}/src/pioneer_node/scripts/forked", f"{_WORKSPACE}/devel/lib/pioneer_fleet/report")
+"""The command, to which the arguments of ``report`` are added. A fork of what the computer runs imports no rospy."""
 
 
 def follow(
@@ -22,7 +24,7 @@ def follow(
     lock, results = threading.Lock(), dict[str, bool]()
 
     def run(computer: Computer, arguments: Sequence[str]) -> None:
-        command = [*computer.docker, "exec", computer.container, REPORT, "--robot", computer.robot, *arguments]
+        command = [*computer.docker, "exec", computer.container, *REPORT, "--robot", computer.robot, *arguments]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None
             assert process.stderr is not None

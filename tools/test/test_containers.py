@@ -1,5 +1,6 @@
 """The compose file, the image's sources and the tables: what needs no engine."""
 
+import os
 import platform
 import re
 import shutil
@@ -13,7 +14,9 @@ from containers import image
 from containers.engine import Computer, ContainerError
 from containers.image import requirements, run_step, selected_stages
 from containers.layout import compose_text
+from containers.report import REPORT
 from containers.table import status_table
+from pioneer_harness.wait import wait_until
 
 DOCKER = Path(__file__).parents[2] / "docker"
 SHIPPED = (DOCKER / "compose.yaml").read_text()
@@ -99,6 +102,23 @@ def test_a_step_that_fails_is_told_with_its_last_lines_and_its_log(tmp_path: Pat
     step.chmod(0o755)
     with pytest.raises(ContainerError, match=r"step failed:\na clue\nthe whole log is .*/log$"):
         run_step([str(step)], tmp_path / "log", lambda _: None)
+
+
+def test_report_is_forked_by_a_program_of_the_image() -> None:
+    forked, _ = REPORT
+    assert os.access(forked.replace("/opt/pioneer", str(DOCKER.parent)), os.X_OK)
+    assert "PIONEER_FORK_SOCKET: /run/" in SHIPPED
+
+
+def test_an_idle_computer_says_that_no_server_will_listen(tmp_path: Path) -> None:
+    path = tmp_path / "socket"
+    with subprocess.Popen(
+        ["bash", DOCKER / "computer", "idle"], env={**os.environ, "PIONEER_FORK_SOCKET": str(path)}
+    ) as idle:
+        try:
+            wait_until(path.is_file, "the file", 60.0)
+        finally:
+            idle.terminate()
 
 
 @pytest.mark.parametrize(

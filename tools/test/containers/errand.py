@@ -42,7 +42,7 @@ class Errand:
         self._began = time.time()
         words = ["--until", "ready", "--timeout", f"{PATIENCE:g}", *(f"--to={x},{y}" for x, y in places)]
         self._process = subprocess.Popen(
-            [*computer.docker, "exec", computer.container, REPORT, "--robot", computer.robot, *words],
+            [*computer.docker, "exec", computer.container, *REPORT, "--robot", computer.robot, *words],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

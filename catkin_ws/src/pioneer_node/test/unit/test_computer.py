@@ -46,6 +46,17 @@ def _installed(folder: Path, package: str, program: str, text: str) -> Path:
     return path
 
 
+@pytest.mark.parametrize("folder", ["missing", "file"])
+def test_steps_run_also_where_the_socket_cannot_be_made(tmp_path: Path, folder: str) -> None:
+    (tmp_path / "file").touch()
+    environment = {**os.environ, "PIONEER_FORK_SOCKET": str(tmp_path / folder / "socket")}
+    done = subprocess.run(
+        [*COMMAND, "sh -c 'echo runs; exit 3'"], env=environment, capture_output=True, text=True, timeout=60
+    )
+    assert (done.returncode, done.stdout) == (3, "runs\n")
+    assert done.stderr.startswith(f"computer: cannot listen at {tmp_path / folder / 'socket'} (")
+
+
 def test_computer_run_by_a_path_with_dots_forks_launchers_and_their_nodes_from_one_server(tmp_path: Path) -> None:
     main = "from pioneer_node.nodes.computer import main\nraise SystemExit(main())"
     _installed(tmp_path, "pioneer_node", "computer", main)

@@ -9,7 +9,8 @@ import pytest
 
 START = """
 import json, os, select, signal, sys, time
-from pioneer_node.adapters.fork_server import ForkServerError, Program, start_server
+from pioneer_node.adapters.fork_server import ForkServerError, start_server
+from pioneer_node.adapters.forked_program import Program
 server = start_server()
 if isinstance(server, Program):
     server.run()

@@ -3,14 +3,14 @@
 A program started this way is a process of its own, with the arguments, environment, folder and output that it would
 have got from ``subprocess.Popen``, but its interpreter and the modules that were imported before are already in memory,
 and shared with every other program that was forked from the same server.
+
+The process that starts the server asks it for programs, and so may launchers among these. With a `Guard`, any process
+of the same user may connect and ask (`fork_client`); its program gets SIGTERM when the connection ends.
 """
 
-import atexit
 import contextlib
 import dataclasses
 import gc
-import importlib
-import io
 import json
 import os
 import select
@@ -19,20 +19,18 @@ import socket
 import subprocess
 import sys
 import threading
-import traceback
-import types
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from pioneer_node.adapters import process_title
+from pioneer_node.adapters.forked_program import Program, settle
 
 _LARGEST = 1 << 20
 """Bytes of a request at most; a socket of this kind takes less than that by default."""
 _STREAMS = 3
 _MOMENT = 0.05
 """Within this [s] another thread may have read the report that one waits for."""
-_SIGNALS = (signal.SIGHUP, signal.SIGTERM, signal.SIGCHLD)
 _lent: list["ForkServer"] = []
 
 
@@ -41,59 +39,36 @@ class ForkServerError(Exception):
 
 
 @dataclasses.dataclass(frozen=True)
-class Program:
-    """A Python script that is to run in this process, which was forked for it."""
+class Guard:
+    """Lets other processes of this user connect to the server and ask for programs."""
 
-    arguments: Sequence[str]
-    environment: Mapping[str, str]
-    folder: str
-
-    def run(self) -> NoReturn:
-        """Runs the script as ``__main__`` and ends the process as the interpreter would.
-
-        The interpreter itself is not taken apart: in a fork with threads that are still at work this can wait for good.
-        """
-        try:
-            self._execute()
-            status = 0
-        except SystemExit as end:
-            status = _status(end)
-        except KeyboardInterrupt:
-            traceback.print_exc()
-            signal.signal(signal.SIGINT, signal.SIG_DFL)
-            os.kill(os.getpid(), signal.SIGINT)
-            status = 128 + signal.SIGINT
-        except Exception:  # noqa: BLE001 - the outermost of this process
-            traceback.print_exc()
-            status = 1
-        threading._shutdown()  # type: ignore[attr-defined] # waits for threads that are no daemons
-        atexit._run_exitfuncs()
-        with contextlib.suppress(OSError, ValueError):  # what the output was connected to may have ended first
-            sys.stdout.flush()
-            sys.stderr.flush()
-        os._exit(status)
-
-    def _execute(self) -> None:
-        path = self.arguments[0]
-        os.chdir(self.folder)
-        os.environ.clear()
-        os.environ.update(self.environment)
-        process_title.show([sys.executable, *self.arguments], self.environment, os.path.basename(path))
-        # In place: functions have the list as default of a parameter.
-        sys.argv[:], sys.orig_argv[:] = self.arguments, [sys.executable, *self.arguments]
-        sys.path[0] = str(Path(path).resolve().parent)
-        _forget()
-        main = types.ModuleType("__main__")
-        main.__file__ = path
-        sys.modules["__main__"] = main
-        exec(compile(Path(path).read_bytes(), path, "exec"), main.__dict__)
+    listener: socket.socket
+    #: whether a program may be forked, asked in the server's process; the client of any other executes it
+    allows: Callable[[Program], bool]
 
 
-def _status(end: SystemExit) -> int:
-    if end.code is None or isinstance(end.code, int):
-        return (end.code or 0) & 0xFF
-    sys.stderr.write(f"{end.code}\n")
-    return 1
+def listen(path: str) -> socket.socket:
+    """Listens at ``path``, in place of what an earlier process left there; nobody but this user can connect.
+
+    Once there is something at ``path``, it takes connections.
+
+    Raises:
+        OSError: the socket cannot be made there.
+    """
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    made = f"{path}.new"
+    before = os.umask(0o177)
+    try:
+        Path(made).unlink(missing_ok=True)
+        listener.bind(made)
+        listener.listen()
+        Path(made).rename(path)
+    except OSError:
+        listener.close()
+        raise
+    finally:
+        os.umask(before)
+    return listener
 
 
 class ForkedProcess:
@@ -199,8 +174,8 @@ class ForkServer:
         return None
 
 
-def start_server() -> ForkServer | Program:
-    """Forks the server, with all that is imported by now.
+def start_server(guard: Guard | None = None) -> ForkServer | Program:
+    """Forks the server, with all that is imported by now. The listener of ``guard`` is the server's from then on.
 
     Returns:
         In this process the side that starts programs. In each program's process the program, to be run at once.
@@ -213,9 +188,11 @@ def start_server() -> ForkServer | Program:
     pid = os.fork()
     if pid:
         theirs.close()
+        if guard:
+            guard.listener.close()
         return ForkServer(ours, pid)
     ours.close()
-    return _Server(theirs).serve()
+    return _Server(theirs, guard).serve()
 
 
 def lent_server() -> ForkServer | None:
@@ -233,18 +210,25 @@ def _line() -> tuple[socket.socket, socket.socket]:
 class _Server:
     """The forking side: a line to each process that may ask, and the line that each program was asked for on."""
 
-    def __init__(self, line: socket.socket) -> None:
+    def __init__(self, line: socket.socket, guard: Guard | None) -> None:
         self._lines = [line]
         self._asked: dict[int, socket.socket] = {}
+        self._guard = guard
+        self._guests: set[socket.socket] = set()
 
     def serve(self) -> Program:
         """Starts what is asked for until nobody is left to ask; returns in the programs' processes only."""
         reader = _become_server()
+        listeners = [self._guard.listener] if self._guard else []
         while self._lines:
-            ready = select.select([*self._lines, reader], [], [])[0]
+            ready = select.select([*self._lines, *listeners, reader], [], [])[0]
             if reader in ready:
                 os.read(reader, 4096)
                 self._report()
+            for listener in [one for one in listeners if one in ready]:
+                guest, _ = listener.accept()
+                self._guests.add(guest)
+                self._lines.append(guest)
             for line in [one for one in self._lines if one in ready]:
                 program = self._request(line)
                 if program is not None:
@@ -253,15 +237,20 @@ class _Server:
 
     def _request(self, line: socket.socket) -> Program | None:
         """Starts one program; returns it in its own process."""
+        streams: Sequence[int] = ()
         try:
             request, streams, *_ = socket.recv_fds(line, _LARGEST, _STREAMS)
-        except OSError:
-            request = b""
-        if not request:
-            self._drop(line)
-            return None
-        fields, lend = json.loads(request)
-        return self._fork(line, Program(*fields), streams, lend)
+            fields, lend = json.loads(request)
+            program = Program(*fields)
+        except (OSError, ValueError, TypeError):  # the end of the connection is no JSON either
+            allowed = False
+        else:
+            allowed = self._guard is None or line not in self._guests or self._guard.allows(program)
+        if allowed:
+            return self._fork(line, program, streams, lend)
+        _close(streams)
+        self._drop(line)
+        return None
 
     def _fork(self, line: socket.socket, program: Program, streams: Sequence[int], lend: bool) -> Program | None:
         """Returns the program in the new process, None in this one once that leads a session of its own."""
@@ -271,21 +260,20 @@ class _Server:
         pid = os.fork()
         if not pid:
             os.setsid()
-            for one in self._lines:
+            for one in [*self._lines, *([self._guard.listener] if self._guard else [])]:
                 one.detach()
             if theirs is not None:
                 theirs.detach()
-            _settle(streams, keep=ours)
+            settle(streams, keep=ours)
             if ours is not None:
                 _lent.append(ForkServer(ours, server))
             return program
         os.close(writer)
-        for stream in streams:
-            os.close(stream)
+        _close(streams)
         if ours is not None and theirs is not None:
             ours.close()
             self._lines.append(theirs)
-        os.read(reader, 1)  # its end was closed: by _settle
+        os.read(reader, 1)  # its end was closed: by settle
         os.close(reader)
         self._asked[pid] = line
         self._send(line, [pid, None])
@@ -305,9 +293,19 @@ class _Server:
             self._drop(line)
 
     def _drop(self, line: socket.socket) -> None:
-        if line in self._lines:
-            self._lines.remove(line)
-            line.close()
+        if line not in self._lines:
+            return
+        self._lines.remove(line)
+        line.close()
+        if line in self._guests:
+            self._guests.remove(line)
+            for pid in [pid for pid, asked in self._asked.items() if asked is line]:
+                os.kill(pid, signal.SIGTERM)
+
+
+def _close(streams: Sequence[int]) -> None:
+    for stream in streams:
+        os.close(stream)
 
 
 def _become_server() -> int:
@@ -320,42 +318,3 @@ def _become_server() -> int:
     signal.signal(signal.SIGCHLD, lambda *_: None)
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
     return reader
-
-
-def _settle(streams: Sequence[int], keep: socket.socket | None) -> None:
-    """Makes a forked process like one that was executed: signals, files, standard streams."""
-    signal.set_wakeup_fd(-1)
-    for one in _SIGNALS:
-        signal.signal(one, signal.SIG_DFL)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    for number, stream in enumerate(streams):
-        os.dup2(stream, number)
-    nothing = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
-    kept = {0, 1, 2, nothing, keep.fileno() if keep else nothing}
-    for other in {int(name) for name in os.listdir("/proc/self/fd")} - kept:
-        # Not closed: what the launcher has opened, its own script for one, closes its number when it ends.
-        os.dup2(nothing, other, inheritable=False)
-    sys.stdin = sys.__stdin__ = _stream(0, "r", sys.stdin)
-    sys.stdout = sys.__stdout__ = _stream(1, "w", sys.stdout)
-    sys.stderr = sys.__stderr__ = _stream(2, "w", sys.stderr)
-
-
-def _stream(number: int, mode: str, like: Any) -> io.TextIOWrapper:
-    """Returns a standard stream as the interpreter makes it at its start."""
-    unbuffered = mode == "w" and bool(os.environ.get("PYTHONUNBUFFERED"))
-    # As long as the process lives.
-    binary: Any = open(number, mode + "b", 0 if unbuffered else -1, closefd=False)  # noqa: SIM115
-    return io.TextIOWrapper(
-        binary, like.encoding, like.errors, newline="\n" if mode == "w" else None,
-        line_buffering=number == 2 or os.isatty(number), write_through=unbuffered,
-    )  # fmt: skip
-
-
-def _forget() -> None:
-    """Takes back what modules keep of the process that imported them."""
-    names = sys.modules.get("rospy.names")
-    if names is not None:
-        importlib.reload(names)  # which reads ROS_NAMESPACE and the remappings
-    random = sys.modules.get("numpy.random")
-    if random is not None:
-        random.seed()

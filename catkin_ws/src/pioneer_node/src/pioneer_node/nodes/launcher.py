@@ -10,6 +10,7 @@ import contextlib
 import importlib
 import os
 import shutil
+import socket
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -17,20 +18,20 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+from pioneer_node.adapters.fork_client import SWITCH
 from pioneer_node.adapters.fork_server import (
     ForkedProcess,
     ForkServer,
     ForkServerError,
-    Program,
+    Guard,
     lent_server,
     start_server,
 )
+from pioneer_node.adapters.forked_program import Program
 from pioneer_node.core.program import early_differences, interpreter
 from pioneer_node.nodes.patch import import_without_numpy, tell_registrations, wake_master_workers
 from pioneer_node.nodes.process_watch import watch_processes
 
-SWITCH = "PIONEER_FORK"
-"""Variable; 0 has every node started by itself, as the original roslaunch does."""
 _SHARED = (
     "numpy", "numpy.typing", "difflib", "encodings.idna", "rospy", "roslaunch", "rosmaster", "tf2_ros", "actionlib",
     "std_msgs.msg", "std_srvs.srv", "geometry_msgs.msg", "sensor_msgs.msg", "nav_msgs.msg", "nav_msgs.srv",
@@ -54,18 +55,22 @@ def run(module: str, function: str = "main") -> int | None:
     return getattr(importlib.import_module(module), function)()
 
 
-def shared_server() -> ForkServer | Program | None:
+def shared_server(listener: socket.socket | None = None) -> ForkServer | Program | None:
     """Imports what programs share and forks the server; None where a thread runs already.
 
     In a process that the server forks it returns again, with the program that the process is to run at once. A launcher
-    that `computer` started gets that one's server.
+    that `computer` started gets that one's server. At ``listener`` other processes may ask for programs, too.
     """
     if (lent := lent_server()) is not None:
         return lent
     _import_shared()
     wake_master_workers()
     tell_registrations()
-    return start_server() if len(os.listdir("/proc/self/task")) == 1 else None
+    if len(os.listdir("/proc/self/task")) == 1:
+        return start_server(Guard(listener, _is_same_forked) if listener else None)
+    if listener:
+        listener.close()
+    return None
 
 
 def _import_shared() -> None:
@@ -115,6 +120,12 @@ def resolved(command: Sequence[str]) -> list[str]:
         return list(command)
     paths = [Path(prefix, "lib", *command[1:3]) for prefix in os.environ.get("CMAKE_PREFIX_PATH", "").split(os.pathsep)]
     return next(([str(path), *command[3:]] for path in paths if path.is_file()), list(command))
+
+
+def _is_same_forked(program: Program) -> bool:
+    """Whether a program that another process asks for behaves as if it had been executed; called by the server."""
+    path = program.arguments[0]
+    return _script(path, program.environment) == path and not early_differences(os.environ, program.environment)
 
 
 def _script(program: str, environment: Mapping[str, str]) -> str:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 DRIVER = """
     import os, sys
-    from pioneer_node.adapters.fork_server import Program, start_server
+    from pioneer_node.adapters.fork_server import start_server
+    from pioneer_node.adapters.forked_program import Program
     from rocon_launch.adapters.roslaunch import RoslaunchProcess
     from rocon_launch.core.concert import launches_from_text
 

@@ -1,0 +1,158 @@
+"""``forked PROGRAM ARGUMENT …``: runs a program as a fork of `computer`'s interpreter; executes it where it cannot be.
+
+The program has this process's arguments, environment, folder, standard streams and exit status. It gets SIGINT and
+SIGTERM from here, and SIGTERM when this process ends before it. A `computer` that is just starting is waited for.
+Few imports: starting it must take milliseconds.
+"""
+
+import contextlib
+import json
+import os
+import select
+import signal
+import socket
+import sys
+import time
+from collections.abc import Sequence
+from types import FrameType
+
+SOCKET = "PIONEER_FORK_SOCKET"
+"""Variable: path at which `computer`'s fork server listens; a plain file there means that there is none."""
+SWITCH = "PIONEER_FORK"
+"""Variable; 0 has every program started by itself, as the original roslaunch does."""
+_START = 10.0
+"""So long `computer` may take until it listens, from the start of the container on [s]."""
+_CREATED = 0x100 | 0x80
+"""IN_CREATE and IN_MOVED_TO of inotify(7)."""
+_FORWARDED = (signal.SIGINT, signal.SIGTERM)
+
+
+def main() -> int:
+    """Runs the command; returns the program's exit status."""
+    if len(sys.argv) < 2:
+        sys.stderr.write("usage: forked PROGRAM ARGUMENT …, PROGRAM being a path\n")
+        return 2
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    command = [os.path.abspath(sys.argv[1]), *sys.argv[2:]]
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as line:
+        if _has_connected(line):
+            signals = _Signals()
+            pid = _asked(line, command)
+            if pid is not None:
+                return _end_like(_awaited(line, pid, signals))
+            signals.release()
+    return _execute(command)
+
+
+def _has_connected(line: socket.socket) -> bool:
+    """Connects to the fork server; returns False where there is none."""
+    path = os.environ.get(SOCKET)
+    if not path or os.environ.get(SWITCH) == "0":
+        return False
+    with contextlib.suppress(OSError):
+        try:
+            line.connect(path)
+        except FileNotFoundError:
+            _await_creation(path)
+            line.connect(path)
+        return True
+    return False
+
+
+def _asked(line: socket.socket, command: Sequence[str]) -> int | None:
+    """Asks the fork server for a program; returns its pid, None where the server refuses or ends."""
+    # A request of ForkServer.start: a program that is no launcher, and its standard streams.
+    request = json.dumps([[command, dict(os.environ), os.getcwd()], False]).encode()
+    try:
+        socket.send_fds(line, [request], [0, 1, 2])
+        answer = line.recv(4096)
+    except OSError:
+        answer = b""
+    return json.loads(answer)[0] if answer else None
+
+
+def _await_creation(path: str) -> None:
+    """Returns once ``path`` exists, or after the time that `computer` may take to start.
+
+    Raises:
+        OSError: the folder cannot be watched.
+    """
+    import ctypes  # which takes as long as all other imports
+
+    library, deadline = ctypes.CDLL(None, use_errno=True), time.monotonic() + _START
+    watch = library.inotify_init1(os.O_CLOEXEC)
+    if watch < 0 or library.inotify_add_watch(watch, os.fsencode(os.path.dirname(path)), _CREATED) < 0:
+        raise OSError(ctypes.get_errno(), "cannot watch the folder")
+    while not os.path.exists(path) and select.select([watch], [], [], max(0.0, deadline - time.monotonic()))[0]:
+        os.read(watch, 4096)
+    os.close(watch)
+
+
+def _awaited(line: socket.socket, pid: int, signals: "_Signals") -> int:
+    """Waits for the program's end and returns its status, minus the signal's number where one ended it."""
+    running: list[int] = []
+    with contextlib.suppress(ProcessLookupError):  # it has ended already
+        running.append(os.pidfd_open(pid))
+        signals.forward_to(running[0])
+    try:
+        answer = line.recv(4096)
+    except OSError:
+        answer = b""
+    if answer:
+        return json.loads(answer)[1]
+    if running:
+        select.select(running, [], [])
+    sys.stderr.write("forked: the fork server has ended: the program's exit status is unknown\n")
+    return 1
+
+
+class _Signals:
+    """Keeps SIGINT and SIGTERM from ending this process; the program gets them, once it has started."""
+
+    def __init__(self) -> None:
+        self._program: int | None = None
+        self._early: list[int] = []
+        self._taken = [number for number in _FORWARDED if signal.getsignal(number) is not signal.SIG_IGN]
+        for number in self._taken:
+            signal.signal(number, self._take)
+
+    def forward_to(self, program: int) -> None:
+        """Sends to a program, given by its handle, what has come so far and what will come."""
+        self._program = program
+        for number in self._early:
+            self._take(number, None)
+
+    def release(self) -> None:
+        """Has signals end this process again, also those that have come so far."""
+        for number in self._taken:
+            signal.signal(number, signal.SIG_DFL)
+        for early in self._early:
+            os.kill(os.getpid(), early)
+
+    def _take(self, number: int, _: FrameType | None) -> None:
+        if self._program is None:
+            self._early.append(number)
+            return
+        with contextlib.suppress(ProcessLookupError):
+            signal.pidfd_send_signal(self._program, number)
+
+
+def _end_like(status: int) -> int:
+    """Returns the exit status, or ends this process by the signal that ended the program."""
+    if status >= 0:
+        return status
+    with contextlib.suppress(OSError):  # SIGKILL has no handler to reset
+        signal.signal(-status, signal.SIG_DFL)
+    os.kill(os.getpid(), -status)
+    return 128 - status
+
+
+def _execute(command: list[str]) -> int:
+    for number in (signal.SIGPIPE, signal.SIGXFSZ):  # which this interpreter ignores
+        signal.signal(number, signal.SIG_DFL)
+    try:
+        os.execv(command[0], command)
+    except OSError as error:
+        sys.stderr.write(f"forked: cannot run {command[0]}: {error.strerror}\n")
+        return 127 if isinstance(error, FileNotFoundError) else 126

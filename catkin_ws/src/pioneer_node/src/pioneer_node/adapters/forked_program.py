@@ -1,0 +1,121 @@
+"""A Python script in a process that was forked for it, which looks like one that was executed."""
+
+import atexit
+import contextlib
+import dataclasses
+import importlib
+import io
+import os
+import signal
+import socket
+import sys
+import threading
+import traceback
+import types
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from pioneer_node.adapters import process_title
+
+_SIGNALS = (signal.SIGHUP, signal.SIGTERM, signal.SIGCHLD)
+
+
+@dataclasses.dataclass(frozen=True)
+class Program:
+    """A Python script that is to run in this process, which was forked for it."""
+
+    arguments: Sequence[str]
+    environment: Mapping[str, str]
+    folder: str
+
+    def run(self) -> NoReturn:
+        """Runs the script as ``__main__`` and ends the process as the interpreter would.
+
+        The interpreter itself is not taken apart: in a fork with threads that are still at work this can wait for good.
+        """
+        try:
+            self._execute()
+            status = 0
+        except SystemExit as end:
+            status = _status(end)
+        except KeyboardInterrupt:
+            traceback.print_exc()
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
+            os.kill(os.getpid(), signal.SIGINT)
+            status = 128 + signal.SIGINT
+        except Exception:  # noqa: BLE001 - the outermost of this process
+            traceback.print_exc()
+            status = 1
+        threading._shutdown()  # type: ignore[attr-defined] # waits for threads that are no daemons
+        atexit._run_exitfuncs()
+        with contextlib.suppress(OSError, ValueError):  # what the output was connected to may have ended first
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(status)
+
+    def _execute(self) -> None:
+        path = self.arguments[0]
+        os.chdir(self.folder)
+        os.environ.clear()
+        os.environ.update(self.environment)
+        process_title.show([sys.executable, *self.arguments], self.environment, os.path.basename(path))
+        # In place: functions have the list as default of a parameter.
+        sys.argv[:], sys.orig_argv[:] = self.arguments, [sys.executable, *self.arguments]
+        sys.path[0] = str(Path(path).resolve().parent)
+        _forget()
+        main = types.ModuleType("__main__")
+        main.__file__ = path
+        sys.modules["__main__"] = main
+        exec(compile(Path(path).read_bytes(), path, "exec"), main.__dict__)
+
+
+def _status(end: SystemExit) -> int:
+    if end.code is None or isinstance(end.code, int):
+        return (end.code or 0) & 0xFF
+    sys.stderr.write(f"{end.code}\n")
+    return 1
+
+
+def settle(streams: Sequence[int], keep: socket.socket | None) -> None:
+    """Makes a forked process like one that was executed: signals, files, standard streams.
+
+    Args:
+        streams: what its standard streams are to be.
+        keep: the socket that stays open beside them.
+    """
+    signal.set_wakeup_fd(-1)
+    for one in _SIGNALS:
+        signal.signal(one, signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    for number, stream in enumerate(streams):
+        os.dup2(stream, number)
+    nothing = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
+    kept = {0, 1, 2, nothing, keep.fileno() if keep else nothing}
+    for other in {int(name) for name in os.listdir("/proc/self/fd")} - kept:
+        # Not closed: what the launcher has opened, its own script for one, closes its number when it ends.
+        os.dup2(nothing, other, inheritable=False)
+    sys.stdin = sys.__stdin__ = _stream(0, "r", sys.stdin)
+    sys.stdout = sys.__stdout__ = _stream(1, "w", sys.stdout)
+    sys.stderr = sys.__stderr__ = _stream(2, "w", sys.stderr)
+
+
+def _stream(number: int, mode: str, like: Any) -> io.TextIOWrapper:
+    """Returns a standard stream as the interpreter makes it at its start."""
+    unbuffered = mode == "w" and bool(os.environ.get("PYTHONUNBUFFERED"))
+    # As long as the process lives.
+    binary: Any = open(number, mode + "b", 0 if unbuffered else -1, closefd=False)  # noqa: SIM115
+    return io.TextIOWrapper(
+        binary, like.encoding, like.errors, newline="\n" if mode == "w" else None,
+        line_buffering=number == 2 or os.isatty(number), write_through=unbuffered,
+    )  # fmt: skip
+
+
+def _forget() -> None:
+    """Takes back what modules keep of the process that imported them."""
+    names = sys.modules.get("rospy.names")
+    if names is not None:
+        importlib.reload(names)  # which reads ROS_NAMESPACE and the remappings
+    random = sys.modules.get("numpy.random")
+    if random is not None:
+        random.seed()
