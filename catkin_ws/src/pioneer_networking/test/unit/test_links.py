@@ -29,7 +29,7 @@ def test_time_odometry_and_tf_come_at_20_hz_of_simulated_time_and_scans_as_they_
     topics = ("/clock", "/tf", "/pioneer1/odom", "/tf_static", "/map", "/pioneer1/base_scan", "/pioneer1/cmd_vel")
     assert [options(topic).stamp_rate for topic in topics] == [20, 20, 20, 0, 0, 0, 0]
     assert not any(options(topic).rate for topic in topics)
-    assert [topic for topic in topics if options(topic).compress] == ["/tf", "/pioneer1/odom"]
+    assert [topic for topic in topics if options(topic).compress] == ["/tf", "/pioneer1/odom", "/pioneer1/base_scan"]
 
 
 def test_of_other_robots_only_poses_come(monkeypatch):
