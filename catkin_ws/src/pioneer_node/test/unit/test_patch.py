@@ -145,3 +145,37 @@ def test_thread_that_serves_requests_ends_at_shutdown() -> None:
     """With rospy's own shutdown it tries without pause to accept from the closed socket."""
     done = subprocess.run([sys.executable, "-c", SERVING], check=False, capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+VERSIONS = """
+import subprocess
+from roslaunch.loader import Loader
+from pioneer_node.nodes.patch import read_versions_here
+commands = ["rosversion roslaunch", "rosversion -d"]
+def values():
+    return [Loader().param_value(False, "name", "auto", None, None, None, command) for command in commands]
+before = values()
+read_versions_here()
+started = []
+subprocess.Popen = lambda *words, **_: started.append(words)
+assert values() == before, (values(), before)
+assert not started
+assert Loader().param_value(False, "name", "int", "3", None, None, None) == 3
+"""
+NO_VERSION = """
+from roslaunch.loader import Loader
+from pioneer_node.nodes.patch import read_versions_here
+read_versions_here()
+try:
+    Loader().param_value(False, "name", "auto", None, None, None, "rosversion none_such")
+except ValueError as error:
+    assert "returned with code" in str(error)
+else:
+    raise AssertionError
+"""
+
+
+@pytest.mark.parametrize("code", [VERSIONS, NO_VERSION], ids=["versions", "none"])
+def test_versions_of_ros_are_read_without_an_interpreter_for_each(code: str) -> None:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

@@ -17,14 +17,12 @@ from collections.abc import Callable, Sequence
 
 from pioneer_node.adapters.end_request import EndRequest
 from pioneer_node.adapters.fork_client import SOCKET, SWITCH
-from pioneer_node.adapters.fork_server import ForkedProcess, ForkServer, listen
+from pioneer_node.adapters.fork_server import ForkServer, listen
 from pioneer_node.adapters.forked_program import Program
 from pioneer_node.nodes import launcher
 
 _LOOK = 0.1
 """How often the steps are looked at [s]."""
-
-_Process = ForkedProcess | subprocess.Popen[bytes]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -56,11 +54,11 @@ def _run(steps: Sequence[Sequence[str]], server: ForkServer | None) -> int:
     ending = EndRequest()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ending.set())
-    start: Callable[..., _Process] = subprocess.Popen
+    start: Callable[..., launcher.Started] = subprocess.Popen
     if server is not None:
         start = launcher.starter(server, lend=True)
     how = {"env": dict(os.environ), "cwd": os.getcwd(), "stdout": None, "stderr": None, "start_new_session": True}
-    running: list[_Process] = [start(launcher.resolved(step), **how) for step in steps]
+    running: list[launcher.Started] = [start(launcher.resolved(step), **how) for step in steps]
     ended = None
     while ended is None and not ending.wait(_LOOK):
         ended = next((status for one in running if (status := one.poll()) is not None), None)

@@ -29,7 +29,12 @@ from pioneer_node.adapters.fork_server import (
 )
 from pioneer_node.adapters.forked_program import Program
 from pioneer_node.core.program import early_differences, interpreter
-from pioneer_node.nodes.patch import import_without_numpy, tell_registrations, wake_master_workers
+from pioneer_node.nodes.patch import (
+    import_without_numpy,
+    read_versions_here,
+    tell_registrations,
+    wake_master_workers,
+)
 from pioneer_node.nodes.process_watch import watch_processes
 
 _SHARED = (
@@ -41,6 +46,8 @@ _SHARED = (
 """What at least two of a computer's programs import. Nothing of this workspace, whose nodes open files at import."""
 _THREADS = "OPENBLAS_NUM_THREADS"
 _MASTER = "rosmaster"
+Started = ForkedProcess | subprocess.Popen[bytes]
+_popen: list[Callable[..., Started]] = [subprocess.Popen]
 
 
 def run(module: str, function: str = "main") -> int | None:
@@ -86,15 +93,23 @@ def _import_shared() -> None:
 
 
 def fork_nodes(server: ForkServer) -> None:
-    """Has roslaunch start, of its nodes and the master, what can be forked through ``server``."""
+    """Has roslaunch, and `started`, start through ``server`` what can be forked of nodes, the master and commands."""
     import roslaunch.nodeprocess
 
     # LocalProcess.start calls subprocess.Popen, and that alone; so the rest of it stays as it is.
-    roslaunch.nodeprocess.subprocess = SimpleNamespace(Popen=starter(server), PIPE=subprocess.PIPE)
+    _popen.append(starter(server))
+    roslaunch.nodeprocess.subprocess = SimpleNamespace(Popen=_popen[-1], PIPE=subprocess.PIPE)
     watch_processes()
+    read_versions_here()
 
 
-def starter(server: ForkServer, lend: bool = False) -> Callable[..., "ForkedProcess | subprocess.Popen[bytes]"]:
+def started(command: Sequence[str]) -> Started:
+    """Starts a command in a session of its own, without input: as a fork where this process is a launcher."""
+    how = {"env": dict(os.environ), "cwd": os.getcwd(), "stdout": None, "stderr": None, "start_new_session": True}
+    return _popen[-1](command, stdin=subprocess.DEVNULL, **how)
+
+
+def starter(server: ForkServer, lend: bool = False) -> Callable[..., Started]:
     """Returns a ``subprocess.Popen`` that forks what ``server`` can start. ``env`` and ``cwd`` are to be given.
 
     Args:
@@ -103,7 +118,7 @@ def starter(server: ForkServer, lend: bool = False) -> Callable[..., "ForkedProc
     """
     ours = dict(os.environ)
 
-    def start(arguments: Sequence[str], **how: Any) -> "ForkedProcess | subprocess.Popen[bytes]":
+    def start(arguments: Sequence[str], **how: Any) -> Started:
         with contextlib.suppress(ForkServerError):
             path = _script(arguments[0], how["env"])
             if path and not server.is_lost and not early_differences(ours, how["env"]):

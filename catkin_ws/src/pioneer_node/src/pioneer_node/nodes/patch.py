@@ -3,8 +3,10 @@
 rospy is imported within the functions: `import_without_numpy` has to come first.
 """
 
+import contextlib
 import errno
 import importlib
+import io
 import sys
 import threading
 from collections.abc import Callable
@@ -140,6 +142,38 @@ def write_at_once() -> None:
     from pioneer_node.nodes.direct_connection import DirectConnection
 
     rospy.topics.QueuedConnection = DirectConnection
+
+
+def read_versions_here() -> None:
+    """Has roslaunch read ROS's versions in this process. For each core it starts two interpreters that print them."""
+    from roslaunch import loader
+
+    read = loader.Loader.param_value
+
+    def param_value(self: Any, verbose: bool, name: str, kind: str, *sources: str | None) -> Any:
+        *others, command = sources
+        if command and command.startswith("rosversion ") and not any(one is not None for one in others):
+            text = _printed_versions(command.split())
+            if text:
+                return loader.convert_value(text, kind)
+        return read(self, verbose, name, kind, *sources)
+
+    loader.Loader.param_value = param_value
+
+
+def _printed_versions(command: list[str]) -> str:
+    """Returns what ``rosversion`` prints; empty where it fails."""
+    from rospkg import rosversion
+
+    given, sys.argv = sys.argv, command
+    try:
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            rosversion.main()
+    except SystemExit as end:
+        return "" if end.code else printed.getvalue()
+    finally:
+        sys.argv = given
+    return printed.getvalue()
 
 
 def wake_master_workers() -> None:

@@ -21,6 +21,7 @@ from rospkg import ResourceNotFound, RosPack, get_log_dir
 
 from pioneer_gazebo.core.error import SimulatorError
 from pioneer_node.adapters.end_request import EndRequest
+from pioneer_node.nodes import launcher
 
 # A node gets SIGINT, after so many seconds SIGTERM, after so many more SIGKILL.
 SIGINT_TIMEOUT, SIGTERM_TIMEOUT = 2.0, 1.0
@@ -169,15 +170,15 @@ class Session(roslaunch.pmon.ProcessListener):
         if not paths:
             raise SessionError(f"package {package} has no program {program}: is the workspace sourced?")
         command = [paths[0], *arguments]
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
+        process = launcher.started(command)
         try:
-            while process.poll() is None:
+            while (status := process.poll()) is None:
                 self.check()
                 self._stop.wait(POLL)
         finally:
             _end_group(process)
-        if process.returncode:
-            raise SessionError(f"{' '.join(command)} failed with exit status {process.returncode}")
+        if status:
+            raise SessionError(f"{' '.join(command)} failed with exit status {status}")
 
     def spin(self) -> None:
         """Keeps everything running until the end is asked for or a required node ends."""
@@ -226,7 +227,7 @@ def _process_name(node: roslaunch.core.Node) -> str:
     return rosgraph.names.ns_join(node.namespace, node.name).strip("/")
 
 
-def _end_group(process: subprocess.Popen[bytes]) -> None:
+def _end_group(process: launcher.Started) -> None:
     """Ends a command and what it started: SIGINT, then SIGKILL."""
     for number in (signal.SIGINT, signal.SIGKILL):
         if process.poll() is not None:
