@@ -179,3 +179,11 @@ else:
 def test_versions_of_ros_are_read_without_an_interpreter_for_each(code: str) -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_launchers_share_no_setuptools() -> None:
+    code = (
+        "import sys; from pioneer_node.nodes import launcher; launcher._import_shared()\n"
+        "assert 'rosclean' in sys.modules; sys.exit('setuptools' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == (sys.version_info >= (3, 12))

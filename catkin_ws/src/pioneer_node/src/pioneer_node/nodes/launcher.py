@@ -31,6 +31,7 @@ from pioneer_node.adapters.forked_program import Program
 from pioneer_node.core.program import early_differences, interpreter
 from pioneer_node.nodes.patch import (
     import_without_numpy,
+    leave_setuptools_out,
     read_versions_here,
     tell_registrations,
     wake_master_workers,
@@ -81,6 +82,7 @@ def shared_server(listener: socket.socket | None = None) -> ForkServer | Program
 
 
 def _import_shared() -> None:
+    leave_setuptools_out()
     before = os.environ.get(_THREADS)
     os.environ[_THREADS] = "1"  # a library that has threads cannot be forked
     for name in _SHARED:
