@@ -26,6 +26,10 @@ class EndRequest:
         self._is_set = True
         os.eventfd_write(self._wake, 1)  # type: ignore[attr-defined]
 
+    def fileno(self) -> int:
+        """Returns what can be read once it is set, for waiting for that beside other things."""
+        return self._wake
+
     def wake(self) -> None:
         """Ends a wait without a request: something else has happened that the waiting thread wants to know."""
         os.eventfd_write(self._wake, 1)  # type: ignore[attr-defined]

@@ -7,7 +7,9 @@ own. When a step ends, or SIGINT or SIGTERM asks for the end, the others get SIG
 With ``PIONEER_FORK_SOCKET`` set to a path, ``forked PROGRAM …`` has programs forked from the same interpreter.
 """
 
+import contextlib
 import os
+import select
 import shlex
 import signal
 import socket
@@ -22,7 +24,9 @@ from pioneer_node.adapters.forked_program import Program
 from pioneer_node.nodes import launcher
 
 _LOOK = 0.1
-"""How often the steps are looked at [s]."""
+"""How often steps that were asked to end are looked at [s]."""
+_REPORTED = 0.02
+"""Pause where a step has ended and its exit status has not been reported yet [s]."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -60,7 +64,8 @@ def _run(steps: Sequence[Sequence[str]], server: ForkServer | None) -> int:
     how = {"env": dict(os.environ), "cwd": os.getcwd(), "stdout": None, "stderr": None, "start_new_session": True}
     running: list[launcher.Started] = [start(launcher.resolved(step), **how) for step in steps]
     ended = None
-    while ended is None and not ending.wait(_LOOK):
+    while ended is None and not ending.is_set():
+        _await_end(ending, running)
         ended = next((status for one in running if (status := one.poll()) is not None), None)
     for one in running:
         if one.poll() is None:
@@ -70,3 +75,17 @@ def _run(steps: Sequence[Sequence[str]], server: ForkServer | None) -> int:
             signal.sigtimedwait((), _LOOK)
     # Not asked to, so a failure, whatever the step says: roslaunch calls it a success when all its nodes have died.
     return 0 if ended is None else ended or 1
+
+
+def _await_end(ending: EndRequest, running: Sequence[launcher.Started]) -> None:
+    """Waits until a step has ended or the end is asked for."""
+    with contextlib.ExitStack() as opened:
+        handles: list[int] = []
+        with contextlib.suppress(ProcessLookupError):  # it has ended; then there is a handle less
+            for one in running:
+                handles.append(os.pidfd_open(one.pid))
+                opened.callback(os.close, handles[-1])
+        if len(handles) < len(running) or select.select(handles, [], [], 0.0)[0]:
+            signal.sigtimedwait((), _REPORTED)
+        else:
+            select.select([ending, *handles], [], [])
