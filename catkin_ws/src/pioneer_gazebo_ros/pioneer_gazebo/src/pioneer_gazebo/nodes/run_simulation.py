@@ -183,7 +183,7 @@ def simulate(session: Session, options: SimulationOptions) -> None:
     master.setParam("/robot_names", list(poses))
     session.say(f"starting {world} with {counted(len(poses), 'robot')}")
     session.launch(launch_files(options, path, grid, robots))
-    rospy.init_node(NAME.replace("-", "_"), anonymous=True, disable_signals=True)
+    rospy.init_node(NAME.replace("-", "_"), anonymous=True, disable_signals=True, disable_rostime=True)
     try:
         client = SimulatorClient()
         session.wait_for(client.serving, "the simulator to load the world")

@@ -1,7 +1,7 @@
 """A ROS node on a reactor: several may live in one process, each with a name, a port and an API of its own.
 
-For nodes that do little. It has what every node has: topics, services, ``/rosout``, and an end when it is asked. It has
-no simulated time and reads no parameters.
+For nodes that do little: topics, services, an API for tools, and an end when it is asked. It has no simulated time and
+reads no parameters; what every node of rospy has, such as ``/rosout``, its owner adds.
 """
 
 import struct
@@ -175,12 +175,18 @@ class Node:
         calls += [("unregisterService", service, self._service_uri) for service in self._services]
         missing = len(calls)
 
+        def close_port() -> None:
+            self._port.close()
+            done()
+
         def answered(_: object) -> None:
             nonlocal missing
             missing -= 1
             if not missing:
-                self._port.close()
-                done()
+                close_port()
+
+        if not calls:
+            close_port()
 
         for source in self._subscribed.values():
             source.close()
