@@ -85,7 +85,10 @@ def test_fifteen_robots_have_their_launch_files():
     robots = run_simulation.fleet_robots(options)
     assert len(run_simulation.fleet_poses(options, "utm_0", robots)) == 15
     files = run_simulation.launch_files(options, Path("utm_0.world"), Path("utm_0.yaml"), robots)
-    assert len(files) == 2 + 15 + 1
+    assert len(files) == 2 + 15 + 2
+    (states,) = (arguments for _, file, arguments in files if file == "robot_state_publishers.launch")
+    assert states["robots"].split() == [robot.name for robot in robots]
+    assert all(arguments["state_publisher"] == "false" for _, file, arguments in files if "generic" in file)
     assert files[0][2]["paused"] == "true"
 
 
