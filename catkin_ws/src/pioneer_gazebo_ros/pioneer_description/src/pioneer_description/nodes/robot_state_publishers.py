@@ -92,7 +92,7 @@ def _template(joint: Joint, prefix: str) -> TransformTemplate:
 
 
 def _loggers(_request: bytes) -> bytes:
-    level = next(word for word, number in _LEVELS.items() if number >= _logger.level)
+    level = next(word for word, number in _LEVELS.items() if number >= _logger.getEffectiveLevel())
     return serialised(GetLoggersResponse([Logger("ros", level)]))
 
 
@@ -203,7 +203,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for robot in dict.fromkeys(robots):
         try:
             frames, prefix = _described(rosgraph.Master(f"/{robot}/{NAME}"), robot)
-        except (DescriptionError, ValueError, rosgraph.MasterError, OSError) as error:
+        except (DescriptionError, ValueError, TypeError, rosgraph.MasterError, OSError) as error:
             _logger.error("%s has no robot_state_publisher: %s", robot, error)
             continue
         started += 1
