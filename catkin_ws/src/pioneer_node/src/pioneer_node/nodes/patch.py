@@ -44,8 +44,8 @@ def import_without_numpy(module: str) -> ModuleType:
 def leave_setuptools_out() -> None:
     """Has ``distutils`` be Python's own where Python has one.
 
-    rosclean, which roslaunch imports, takes one function of it. setuptools puts itself in its place: 130 modules and
-    0.15 s of processor time, on a container's file system twice that.
+    rosclean, which roslaunch imports, takes one function of it. setuptools puts itself in its place: 144 modules, 11 MB
+    and 0.17 s of processor time.
     """
     if sys.version_info < (3, 12):
         with contextlib.suppress(ImportError):
@@ -110,7 +110,7 @@ def stop_serving_at_shutdown() -> None:
     """Ends the thread that serves XML-RPC when the node shuts down.
 
     rospy only closes that thread's socket. The thread then tries to accept from it without pause, until the process
-    ends: more than half a second of processor time a node.
+    ends, which took a node up to half a second of processor time.
     """
     from rosgraph.xmlrpc import XmlRpcNode
 
