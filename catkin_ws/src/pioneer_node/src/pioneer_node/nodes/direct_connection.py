@@ -11,8 +11,9 @@ from rospy.exceptions import TransportException
 class DirectConnection:
     """Replaces rospy's ``QueuedConnection``, and keeps its queue for what a subscriber does not take at once.
 
-    rospy hands each message to a thread for each subscriber and gives the processor up for it: two changes of thread, and
-    a thread that does nothing else. Here the socket takes most messages without waiting. Only from the first one that it does not take whole, until all is written, a thread writes, and of what waits for it
+    rospy hands each message to a thread for each subscriber and gives the processor up for it: two changes of thread,
+    and a thread that does nothing else. Here the socket takes most messages without waiting. Only from the first one
+    that it does not take whole, until all is written, a thread writes, and of what waits for it
     ``queue_size`` messages are kept, the newest.
     """
 
