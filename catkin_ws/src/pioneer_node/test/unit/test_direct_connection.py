@@ -134,3 +134,17 @@ def test_the_publisher_hears_of_a_subscriber_that_went_while_messages_waited(end
     wait_until(lambda: not writers(), "the end of the thread that wrote", PATIENCE)
     with pytest.raises((TransportException, OSError)):
         connection.write_data(frame(10))
+
+
+def test_what_waited_for_a_subscriber_that_has_gone_is_dropped_and_each_later_message_fails(ends: Pair) -> None:
+    """It was kept, and messages were added to it without end and without an error."""
+    transport, subscriber = ends
+    connection = DirectConnection(transport, 0)
+    for number in range(10):
+        connection.write_data(frame(number, 40000))
+    subscriber.close()
+    wait_until(lambda: not writers(), "the end of the thread that wrote", PATIENCE)
+    for number in range(3):
+        with pytest.raises((TransportException, OSError)):
+            connection.write_data(frame(number))
+    assert not writers()

@@ -1,8 +1,7 @@
 """Messages to values and back, without an object for each."""
 
-import io
 import struct
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 _HEADER = struct.Struct("<4I")
 _COUNT = struct.Struct("<I")
@@ -48,10 +47,3 @@ def _names(message: bytes | memoryview, start: int) -> tuple[tuple[str, ...], in
         names.append(bytes(message[start + _COUNT.size : stop]).decode())
         start = stop
     return tuple(names), start
-
-
-def serialised(message: Any) -> bytes:
-    """Returns the bytes of a message, request or response."""
-    buffer = io.BytesIO()
-    message.serialize(buffer)
-    return buffer.getvalue()

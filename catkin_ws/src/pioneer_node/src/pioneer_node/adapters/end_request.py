@@ -1,8 +1,10 @@
 """A shutdown flag that is safe to set from a signal handler."""
 
 import contextlib
+import math
 import os
 import select
+from collections.abc import Iterable
 
 
 class EndRequest:
@@ -26,18 +28,22 @@ class EndRequest:
         self._is_set = True
         os.eventfd_write(self._wake, 1)  # type: ignore[attr-defined]
 
-    def fileno(self) -> int:
-        """Returns what can be read once it is set, for waiting for that beside other things."""
-        return self._wake
-
     def wake(self) -> None:
         """Ends a wait without a request: something else has happened that the waiting thread wants to know."""
         os.eventfd_write(self._wake, 1)  # type: ignore[attr-defined]
 
-    def wait(self, timeout: float | None = None) -> bool:
-        """Waits at most ``timeout`` [s], without limit by default, for the request; returns whether it was made."""
+    def wait(self, timeout: float | None = None, beside: Iterable[int] = ()) -> bool:
+        """Waits for the request; returns whether it was made.
+
+        Args:
+            timeout: at most so long [s]; None for any time.
+            beside: file descriptors that end the wait, too, once they can be read.
+        """
         if not self._is_set:
-            select.select([self._wake], [], [], timeout)
+            poll = select.poll()
+            for descriptor in (self._wake, *beside):
+                poll.register(descriptor, select.POLLIN)
+            poll.poll(None if timeout is None else math.ceil(timeout * 1000))
             self._forget_wakes()
         return self._is_set
 

@@ -7,9 +7,7 @@ own. When a step ends, or SIGINT or SIGTERM asks for the end, the others get SIG
 With ``PIONEER_FORK_SOCKET`` set to a path, ``forked PROGRAM …`` has programs forked from the same interpreter.
 """
 
-import contextlib
 import os
-import select
 import shlex
 import signal
 import socket
@@ -21,6 +19,7 @@ from pioneer_node.adapters.end_request import EndRequest
 from pioneer_node.adapters.fork_client import SOCKET, SWITCH
 from pioneer_node.adapters.fork_server import ForkServer, listen
 from pioneer_node.adapters.forked_program import Program
+from pioneer_node.adapters.process_end import await_end
 from pioneer_node.nodes import launcher
 
 _LOOK = 0.1
@@ -61,11 +60,10 @@ def _run(steps: Sequence[Sequence[str]], server: ForkServer | None) -> int:
     start: Callable[..., launcher.Started] = subprocess.Popen
     if server is not None:
         start = launcher.starter(server, lend=True)
-    how = {"env": dict(os.environ), "cwd": os.getcwd(), "stdout": None, "stderr": None, "start_new_session": True}
-    running: list[launcher.Started] = [start(launcher.resolved(step), **how) for step in steps]
+    running: list[launcher.Started] = [start(launcher.resolved(step), **launcher.as_here()) for step in steps]
     ended = None
     while ended is None and not ending.is_set():
-        _await_end(ending, running)
+        await_end([one.pid for one in running], ending, _REPORTED)
         ended = next((status for one in running if (status := one.poll()) is not None), None)
     for one in running:
         if one.poll() is None:
@@ -75,17 +73,3 @@ def _run(steps: Sequence[Sequence[str]], server: ForkServer | None) -> int:
             signal.sigtimedwait((), _LOOK)
     # Not asked to, so a failure, whatever the step says: roslaunch calls it a success when all its nodes have died.
     return 0 if ended is None else ended or 1
-
-
-def _await_end(ending: EndRequest, running: Sequence[launcher.Started]) -> None:
-    """Waits until a step has ended or the end is asked for."""
-    with contextlib.ExitStack() as opened:
-        handles: list[int] = []
-        with contextlib.suppress(ProcessLookupError):  # it has ended; then there is a handle less
-            for one in running:
-                handles.append(os.pidfd_open(one.pid))
-                opened.callback(os.close, handles[-1])
-        if len(handles) < len(running) or select.select(handles, [], [], 0.0)[0]:
-            signal.sigtimedwait((), _REPORTED)
-        else:
-            select.select([ending, *handles], [], [])

@@ -41,7 +41,7 @@ class DirectConnection:
             if self._error is not None:
                 error, self._error = self._error, None
                 raise error
-            if self._rest or self._queue or self._writing:
+            if self._writing:
                 self._queue.append(data)
                 return True
             sent = self._write(data)
@@ -79,6 +79,9 @@ class DirectConnection:
     def _next(self) -> bytes | None:
         """Returns what is to be written next; None, and the thread ends, where nothing waits any more."""
         with self._lock:
+            if self._connection.done:  # nobody will take it any more
+                self._rest = b""
+                self._queue.clear()
             data, self._rest = self._rest or (self._queue.popleft() if self._queue else b""), b""
-            self._writing = bool(data) and not self._connection.done
-            return data if self._writing else None
+            self._writing = bool(data)
+            return data or None

@@ -107,8 +107,12 @@ def fork_nodes(server: ForkServer) -> None:
 
 def started(command: Sequence[str]) -> Started:
     """Starts a command in a session of its own, without input: as a fork where this process is a launcher."""
-    how = {"env": dict(os.environ), "cwd": os.getcwd(), "stdout": None, "stderr": None, "start_new_session": True}
-    return _popen[-1](command, stdin=subprocess.DEVNULL, **how)
+    return _popen[-1](command, stdin=subprocess.DEVNULL, **as_here())
+
+
+def as_here() -> dict[str, Any]:
+    """Returns the arguments of a `starter` for this environment, folder and output, in a session of its own."""
+    return {"env": dict(os.environ), "cwd": os.getcwd(), "stdout": None, "stderr": None, "start_new_session": True}
 
 
 def starter(server: ForkServer, lend: bool = False) -> Callable[..., Started]:

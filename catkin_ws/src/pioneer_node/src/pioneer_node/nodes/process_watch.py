@@ -1,13 +1,13 @@
 """roslaunch learns of the end of a process as it happens, in place of looking ten times a second in two threads."""
 
-import contextlib
-import os
-import select
 import threading
 import time
 from collections.abc import Callable, Iterable
 from types import SimpleNamespace
 from typing import Any
+
+from pioneer_node.adapters.end_request import EndRequest
+from pioneer_node.adapters.process_end import await_end
 
 LONGEST = 2.0
 """How long roslaunch waits where nothing happens [s]."""
@@ -23,7 +23,7 @@ class ProcessWatch:
     """
 
     def __init__(self) -> None:
-        self._bells: dict[int, int] = {}
+        self._bells: dict[int, EndRequest] = {}
 
     def sleep(self, seconds: float) -> None:
         """Waits until something has happened to the monitor that runs in this thread, or to any; `LONGEST` at most.
@@ -31,24 +31,11 @@ class ProcessWatch:
         So long as a process is not started or waits for its respawn, ``seconds`` at most.
         """
         monitored: Iterable[Any] = getattr(threading.current_thread(), "procs", ())
-        with contextlib.ExitStack() as opened:
-            poll = select.poll()
-            try:
-                for process in tuple(monitored):
-                    handle = os.pidfd_open(process.popen.pid)
-                    opened.callback(os.close, handle)
-                    poll.register(handle, select.POLLIN)
-            except (OSError, AttributeError):
-                time.sleep(seconds)
-                return
-            if poll.poll(0):
-                time.sleep(_REPORTED)
-                return
-            bell = self._bell()
-            poll.register(bell, select.POLLIN)
-            poll.poll(LONGEST * 1000)
-            with contextlib.suppress(BlockingIOError):
-                os.eventfd_read(bell)  # type: ignore[attr-defined]
+        running: list[Any] = [getattr(process, "popen", None) for process in tuple(monitored)]
+        if any(one is None or one.poll() is not None for one in running):
+            time.sleep(seconds)
+        else:
+            await_end([one.pid for one in running], self._bell(), _REPORTED, LONGEST)
 
     def then_ring(self, method: Callable[..., Any]) -> Callable[..., Any]:
         """Returns the method, which ends every wait when it returns."""
@@ -58,14 +45,14 @@ class ProcessWatch:
                 return method(*arguments, **named)
             finally:
                 for bell in tuple(self._bells.values()):
-                    os.eventfd_write(bell, 1)  # type: ignore[attr-defined]
+                    bell.wake()
 
         return ringing
 
-    def _bell(self) -> int:
+    def _bell(self) -> EndRequest:
         thread = threading.get_ident()
         if thread not in self._bells:
-            self._bells[thread] = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)  # type: ignore[attr-defined]
+            self._bells[thread] = EndRequest()
         return self._bells[thread]
 
 

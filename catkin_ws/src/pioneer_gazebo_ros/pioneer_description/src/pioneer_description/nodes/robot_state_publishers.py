@@ -24,7 +24,7 @@ from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from pioneer_description.conversions import MalformedMessageError, joint_positions, serialised
+from pioneer_description.conversions import MalformedMessageError, joint_positions
 from pioneer_description.core.joint_frames import JointFrames
 from pioneer_gazebo.adapters.urdf import robot_from_urdf
 from pioneer_gazebo.conversions import TransformTemplate, frame_of, transforms_frame
@@ -93,13 +93,13 @@ def _template(joint: Joint, prefix: str) -> TransformTemplate:
 
 def _loggers(_request: bytes) -> bytes:
     level = next(word for word, number in _LEVELS.items() if number >= _logger.getEffectiveLevel())
-    return serialised(GetLoggersResponse([Logger("ros", level)]))
+    return bytes(frame_of(GetLoggersResponse([Logger("ros", level)])))
 
 
 def _set_level(request: bytes) -> bytes:
     wanted = SetLoggerLevelRequest().deserialize(request).level.lower()
     _logger.setLevel(_LEVELS.get(wanted, _logger.level))
-    return serialised(SetLoggerLevelResponse())
+    return bytes(frame_of(SetLoggerLevelResponse()))
 
 
 class _Rosout(logging.Handler):

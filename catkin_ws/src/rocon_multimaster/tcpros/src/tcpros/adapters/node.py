@@ -107,8 +107,7 @@ class Service:
             end = _LENGTH.size + _LENGTH.unpack_from(data)[0] if len(data) >= _LENGTH.size else len(data) + 1
             if len(data) < end:
                 return 0
-            body = self._answer(bytes(data[_LENGTH.size : end]))
-            answer = b"\x01" + _LENGTH.pack(len(body)) + body
+            answer = b"\x01" + self._answer(bytes(data[_LENGTH.size : end]))
             if persistent:
                 connection.send(answer)
             else:
@@ -164,7 +163,7 @@ class Node:
         self._register("registerSubscriber", topic, kind._type, self.uri, done=source.update)
 
     def serve(self, service: str, kind: Kind, answer: Callable[[bytes], bytes]) -> None:
-        """Registers a service of this resolved name; ``answer`` makes a serialised response of a serialised request."""
+        """Registers a service of this resolved name; ``answer`` makes a response's frame of a serialised request."""
         self._services[service] = Service(self.name, kind, answer)
         self._register("registerService", service, self._service_uri, self.uri)
 
