@@ -5,6 +5,7 @@ import pytest
 
 from nav_bundle.core.clearance import Clearance
 from nav_bundle.core.costmap.config import costmap_config_from_parameters
+from nav_bundle.core.costmap.cost import INSCRIBED
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.layer import Observation
 from nav_bundle.core.local_planner import STANDSTILL, Situation
@@ -53,3 +54,29 @@ def test_beside_a_pillar_no_nearness_is_free():
 
 def test_where_nearness_costs_nothing_nothing_is_worked_out():
     assert len(Clearance(0.4, 0.0).allowed(situation((0.8, 0.4)), STRAIGHT)) == 0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_least_price_across_each_point_of_any_plan_counts_around_its_distance(seed):
+    chance = np.random.default_rng(seed)
+    there = situation(*chance.uniform(-1.4, 1.4, (12, 2)))
+    place, cells = there.costmap.geometry, there.costmap.cells
+    clearance = Clearance(0.4, 10.0)
+    prices = clearance.prices(there.costmap)
+    plan = np.column_stack([*np.cumsum(chance.normal(0.0, 0.05, (2, 61)), axis=1), np.zeros(61)])
+
+    def cost(x, y):
+        row, col = place.row_of(y), place.col_of(x)
+        return int(cells[row, col]) if 0 <= row < place.rows and 0 <= col < place.cols else INSCRIBED
+
+    points = plan[::2, :2]
+    expected = np.zeros(max(cells.shape))
+    for index, point in enumerate(points):
+        along = points[min(index + 2, len(points) - 1)] - points[max(index - 2, 0)]
+        across = np.array([-along[1], along[0]]) / np.hypot(*along)
+        away = int(np.hypot(*point) / place.resolution)
+        if cost(*point) < INSCRIBED and away < len(expected):
+            least = min(prices[cost(*(point + aside * across))] for aside in np.linspace(-0.25, 0.25, 7))
+            around = expected[max(away - 3, 0) : away + 4]
+            np.maximum(around, least, out=around)
+    assert clearance.allowed(there, plan) == pytest.approx(expected)

@@ -6,13 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nav_bundle.core.costmap.config import CostmapConfig
-from nav_bundle.core.costmap.cost import INSCRIBED
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.footprint import Footprint
 from nav_bundle.core.local_planner import Situation
+from nav_bundle.kernels.trajectory import plan_prices
 
 _ASIDE = 0.25
 """The plan comes nearer than it has to where there is more room so far [m] beside it."""
+_ASIDES = np.linspace(-_ASIDE, _ASIDE, 7)
+"""Where that is looked for."""
 _BLUR = 3
 """Cells along the plan in which its narrowest place counts."""
 
@@ -57,20 +59,7 @@ class Clearance:
             return np.empty(0)
         costmap, pose = situation.costmap, situation.pose
         place, prices = costmap.geometry, self.prices(costmap)
-        allowed = np.zeros(max(place.rows, place.cols))
-        points = plan[::2, :2]
-        steps = np.arange(len(points))
-        along = points[np.minimum(steps + 2, steps[-1])] - points[np.maximum(steps - 2, 0)]
-        along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
-        aside = np.linspace(-_ASIDE, _ASIDE, 7)
-        across = points[:, None, :] + aside[None, :, None] * np.stack([-along[:, 1], along[:, 0]], axis=1)[:, None, :]
-        cells = np.floor((across - (place.origin_x, place.origin_y)) / place.resolution).astype(np.int64)
-        inside = ((cells >= 0) & (cells < (place.cols, place.rows))).all(axis=2)
-        costs = np.full(inside.shape, INSCRIBED, np.uint8)
-        costs[inside] = costmap.cells[cells[inside][:, 1], cells[inside][:, 0]]
-        passable = costs[:, len(aside) // 2] < INSCRIBED
-        bins = (np.hypot(points[:, 0] - pose.x, points[:, 1] - pose.y) / place.resolution).astype(np.int64)
-        kept = passable & (bins < len(allowed))
-        np.maximum.at(allowed, bins[kept], prices[costs].min(axis=1)[kept])
-        windows = np.lib.stride_tricks.sliding_window_view(np.pad(allowed, _BLUR), 2 * _BLUR + 1)
-        return np.ascontiguousarray(windows.max(axis=1))
+        allowed = np.empty(max(place.rows, place.cols))
+        points = np.ascontiguousarray(plan)
+        plan_prices(costmap.cells, place.place, prices, points, _ASIDES, _BLUR, pose.x, pose.y, allowed)
+        return allowed

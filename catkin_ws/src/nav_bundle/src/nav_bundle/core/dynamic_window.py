@@ -60,13 +60,13 @@ class DynamicWindow(Rollout):
         return goal_grid(self._floor, points, to_front, self._queue) > 0
 
     def _search(
-        self, samples: NDArray[np.float64], reach: bool, every: bool, time: float = math.inf
+        self, samples: NDArray[np.float64], reach: bool, every: bool, time: float = math.inf, limit: float = math.inf
     ) -> tuple[int, NDArray[np.float64]]:
         if not reach:
-            return super()._search(samples, reach, every, time)
+            return super()._search(samples, reach, every, time, limit)
         results = np.empty((len(samples), 5))
         moment = (self._ground, self._nose, self._motion, samples, self._until(time), self._scales)
-        return score(*moment, self._accelerating, every, results), results
+        return score(*moment, self._accelerating, every, limit, results), results
 
     def poses(self, velocity: Velocity, time: float = math.inf) -> NDArray[np.float64]:
         """Returns the poses (n, 3) that ``velocity`` leads through within ``time`` [s], the horizon's at most."""

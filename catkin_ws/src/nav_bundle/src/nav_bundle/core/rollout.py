@@ -72,9 +72,9 @@ class Rollout:
         best, results = self._search(samples, True, False)
         return None if best < 0 else _scored(samples[best], results[best])
 
-    def all_of(self, samples: NDArray[np.float64]) -> list[Scored]:
-        """Returns all of ``samples`` (n, 3) that may be driven, in their order."""
-        _, results = self._search(samples, True, True)
+    def all_of(self, samples: NDArray[np.float64], limit: float = math.inf) -> list[Scored]:
+        """Returns all of ``samples`` (n, 3) that may be driven and cost no more than ``limit``, in their order."""
+        _, results = self._search(samples, True, True, limit=limit)
         return [_scored(sample, result) for sample, result in zip(samples, results, strict=True) if result[_COST] >= 0]
 
     def is_free(self, velocity: Velocity, time: float = math.inf) -> bool:
@@ -83,12 +83,12 @@ class Rollout:
         return self._search(sample, False, True, time)[0] >= 0
 
     def _search(
-        self, samples: NDArray[np.float64], reach: bool, every: bool, time: float = math.inf
+        self, samples: NDArray[np.float64], reach: bool, every: bool, time: float = math.inf, limit: float = math.inf
     ) -> tuple[int, NDArray[np.float64]]:
         results = np.empty((len(samples), 5))
         ahead = self._ahead if reach else _NO_PLAN
         moment = (self._ground, self._motion, samples, self._until(time), self._scales)
-        return kernel.search(*moment, ahead, reach, every, results), results
+        return kernel.search(*moment, ahead, reach, every, limit, results), results
 
     def _until(self, time: float) -> Horizon:
         """Returns the horizon, cut off at ``time`` [s]."""

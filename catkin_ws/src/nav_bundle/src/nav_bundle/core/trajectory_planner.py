@@ -196,9 +196,7 @@ class TrajectoryPlanner:
         samples = np.zeros((len(turns), 3))
         samples[:, 2] = [math.copysign(max(abs(turn), self.config.min_in_place_vel_theta), turn) for turn in turns]
         chosen, nearest = best, math.inf
-        for turned in self._rollout.all_of(samples):
-            if best is not None and turned.cost > best.cost:
-                continue
+        for turned in self._rollout.all_of(samples, math.inf if best is None else best.cost):
             ahead = self._distance_ahead(turned.end)
             if ahead < nearest and not self._is_swaying(turned.velocity.turn):
                 chosen, nearest = turned, ahead

@@ -79,6 +79,7 @@ def score(
     scales: Scales,
     accelerating: bool,
     every: bool,
+    limit: float,
     results: Array2[np.float64],
 ) -> int:
     """Scores velocity samples; returns the index of the cheapest one that may be driven, -1 if none may.
@@ -92,6 +93,7 @@ def score(
         scales: weights of the costs; headings do not count.
         accelerating: samples start from the robot's velocity and approach theirs; otherwise they start with theirs.
         every: check every sample, also those that cannot win.
+        limit: what costs more may not be driven.
         results: per sample cost (negative: why not), x, y, yaw of the scored end, and the bound.
     """
     rows, cols = ground.costs.shape
@@ -119,7 +121,7 @@ def score(
                 + nose.front * nose.to_front[nose_row, nose_col]
                 + nose.twirling * abs(sample[2])
             )
-    return cheapest(ground, motion, starts, samples, horizon.time, steps, scales, True, every, results)
+    return cheapest(ground, motion, starts, samples, horizon.time, steps, scales, True, every, limit, results)
 
 
 @kernel

@@ -3,7 +3,8 @@
 The scores are trajectory rollout's (Gerkey and Konolige, Planning and Control in Unstructured Terrain,
 2008) as base_local_planner computes them. A score's distance terms depend on a trajectory's end alone,
 so they bound it from below: samples are checked against the costmap in the order of that bound, and
-the search ends as soon as no bound is below the best score. The winner is the same, most checks fall away.
+the search ends as soon as no bound is below the best score. A check ends where its own cost is above
+that. The winner is the same, most checks fall away.
 """
 
 from typing import NamedTuple
@@ -20,6 +21,10 @@ Vector = Array1[np.float64]
 HIT = -1.0
 UNREACHED = -2.0
 UNCHECKED = -3.0
+DEAR = -4.0
+
+_STRAIGHT = 1.0e-9
+"""Half a turn between two looks, below which a way is straight [rad]."""
 
 # Columns of ``results``.
 COST, X, Y, YAW, BOUND = 0, 1, 2, 3, 4
@@ -93,9 +98,13 @@ def footprint_cost(costs: Costs, place: Place, footprint: Points, x: float, y: f
 
     -1 where it meets a lethal cell, -2 an unknown one, -3 the grid's edge.
     """
+    return _outline_cost(costs, place, footprint, x, y, np.cos(yaw), np.sin(yaw))
+
+
+@njit
+def _outline_cost(costs, place, footprint, x, y, cosine, sine):
+    """Returns the footprint's cost, see there, at a pose of that heading's cosine and sine."""
     rows, cols = costs.shape
-    cosine = np.cos(yaw)
-    sine = np.sin(yaw)
     count = footprint.shape[0]
     last_row = last_col = 0
     highest = 0
@@ -148,21 +157,63 @@ def is_reached(ground, row, col):
     return ground.to_plan[row, col] < cells and ground.to_goal[row, col] < cells
 
 
+@kernel
+def plan_prices(
+    costs: Costs,
+    place: Place,
+    prices: Array1[np.float64],
+    plan: Array2[np.float64],
+    asides: Array1[np.float64],
+    blur: int,
+    x: float,
+    y: float,
+    found: Array1[np.float64],
+) -> None:
+    """Writes the prices of nearness that a plan cannot avoid into ``found``, by distance from (x, y) in cells.
+
+    At a point of the plan (n, 2 or more; every second one counts) that may be driven over, that is the least of the
+    prices at ``asides`` [m] across the plan. The dearest of the points counts ``blur`` cells around its distance.
+    """
+    rows, cols = costs.shape
+    last = (plan.shape[0] - 1) // 2
+    count = found.shape[0]
+    found[:] = 0.0
+    for i in range(last + 1):
+        point, before, after = plan[2 * i], plan[2 * max(i - 2, 0)], plan[2 * min(i + 2, last)]
+        along_x = after[0] - before[0]
+        along_y = after[1] - before[1]
+        length = max(np.hypot(along_x, along_y), 1.0e-9)
+        away = int(np.hypot(point[0] - x, point[1] - y) / place.resolution)
+        row, col = cell_at(place, point[0], point[1])
+        if away >= count or row < 0 or row >= rows or col < 0 or col >= cols or costs[row, col] >= INSCRIBED:
+            continue
+        least = prices[costs[row, col]]
+        for aside in asides:
+            row, col = cell_at(place, point[0] - aside * along_y / length, point[1] + aside * along_x / length)
+            if 0 <= row < rows and 0 <= col < cols:
+                least = min(least, prices[costs[row, col]])
+        for near in range(max(away - blur, 0), min(away + blur + 1, count)):
+            found[near] = max(found[near], least)
+
+
 @njit
-def _price(ground, x, y, yaw):
+def _price(ground, x, y, cosine, sine):
     """Returns what nearness to obstacles costs a robot at a pose, at its dearest place."""
     rows, cols = ground.costs.shape
     highest = 0.0
     for along in ground.ends:
-        row, col = cell_at(ground.place, x + along * np.cos(yaw), y + along * np.sin(yaw))
+        row, col = cell_at(ground.place, x + along * cosine, y + along * sine)
         if 0 <= row < rows and 0 <= col < cols:
             highest = max(highest, ground.prices[ground.costs[row, col]])
     return highest
 
 
 @njit
-def _check(ground, motion, start, sample, time, steps, scales, reach):
-    """Follows one sample over the costmap: returns what obstacles near its way cost, or HIT, or UNREACHED."""
+def _check(ground, motion, start, sample, time, steps, scales, reach, bound, limit):
+    """Follows one sample over the costmap: returns ``bound`` and what obstacles near its way cost, or why it is none.
+
+    That is HIT, UNREACHED, or, as soon as the sum is above ``limit``, DEAR.
+    """
     rows, cols = ground.costs.shape
     x, y, yaw = motion.pose[0], motion.pose[1], motion.pose[2]
     vx, vy, turn = start[0], start[1], start[2]
@@ -174,17 +225,23 @@ def _check(ground, motion, start, sample, time, steps, scales, reach):
         row, col = cell_at(ground.place, x, y)
         if row < 0 or row >= rows or col < 0 or col >= cols:
             return HIT
-        cost = footprint_cost(ground.costs, ground.place, ground.footprint, x, y, yaw)
-        if cost < 0:
-            return HIT
+        cosine = np.cos(yaw)
+        sine = np.sin(yaw)
         if bins > 0:
             away = np.hypot(x - motion.pose[0], y - motion.pose[1]) / ground.place.resolution
-            near += max(0.0, _price(ground, x, y, yaw) - ground.allowed[min(int(away), bins - 1)])
-        highest = max(highest, max(cost, np.int64(ground.costs[row, col])))
+            near += max(0.0, _price(ground, x, y, cosine, sine) - ground.allowed[min(int(away), bins - 1)])
+        highest = max(highest, np.int64(ground.costs[row, col]))
+        if bound + (scales.obstacle * highest + near / steps) > limit:
+            return DEAR
+        cost = _outline_cost(ground.costs, ground.place, ground.footprint, x, y, cosine, sine)
+        if cost < 0:
+            return HIT
+        highest = max(highest, cost)
         if reach and not is_reached(ground, row, col):
             return UNREACHED
         x, y, yaw, vx, vy, turn = moved(x, y, yaw, vx, vy, turn, sample, motion.acc, dt)
-    return scales.obstacle * highest + near / steps
+    cost = bound + (scales.obstacle * highest + near / steps)
+    return DEAR if cost > limit else cost
 
 
 @njit
@@ -212,9 +269,17 @@ def _finish(motion, sample, time, steps, looks, scored):
     x, y, yaw = motion.pose[0], motion.pose[1], motion.pose[2]
     vx, vy, turn = motion.velocity[0], motion.velocity[1], motion.velocity[2]
     dt = time / steps
-    for _ in range(looks):
+    while looks > 0 and not (vx == sample[0] and vy == sample[1] and turn == sample[2]):
         x, y, yaw, vx, vy, turn = moved(x, y, yaw, vx, vy, turn, sample, motion.acc, dt)
-    scored[0], scored[1], scored[2] = x, y, yaw
+        looks -= 1
+    # What is left is a polygon of equal steps and equal turns: its chord, in the direction of its middle.
+    half = 0.5 * turn * dt
+    chord = dt * (np.sin(looks * half) / np.sin(half) if abs(half) > _STRAIGHT else looks)
+    cosine = np.cos(yaw + (looks - 1) * half)
+    sine = np.sin(yaw + (looks - 1) * half)
+    scored[0] = x + (vx * cosine - vy * sine) * chord
+    scored[1] = y + (vx * sine + vy * cosine) * chord
+    scored[2] = yaw + looks * turn * dt
 
 
 @njit
@@ -240,7 +305,7 @@ def _heading_difference(ground, plan, row, col, scored):
 
 
 @njit
-def cheapest(ground, motion, starts, samples, time, steps, scales, reach, every, results):
+def cheapest(ground, motion, starts, samples, time, steps, scales, reach, every, limit, results):
     """Checks the samples marked UNCHECKED in the order of their bounds; returns the index of the cheapest, or -1.
 
     ``starts`` (n, 3) are the velocities they begin with, ``steps`` (n,) the numbers of looks within ``time`` [s].
@@ -253,19 +318,19 @@ def cheapest(ground, motion, starts, samples, time, steps, scales, reach, every,
                 candidate = i
         if candidate < 0:
             return best
-        if not every and best >= 0 and results[candidate, BOUND] > results[best, COST]:
+        bound = results[candidate, BOUND]
+        if bound > limit:
             return best
-        nearness = _check(ground, motion, starts[candidate], samples[candidate], time, steps[candidate], scales, reach)
-        if nearness < 0.0:
-            results[candidate, COST] = nearness
+        cost = _check(
+            ground, motion, starts[candidate], samples[candidate], time, steps[candidate], scales, reach, bound, limit
+        )
+        results[candidate, COST] = cost
+        if cost < 0.0:
             continue
-        results[candidate, COST] = results[candidate, BOUND] + nearness
-        if (
-            best < 0
-            or results[candidate, COST] < results[best, COST]
-            or (results[candidate, COST] == results[best, COST] and candidate < best)
-        ):
+        if best < 0 or cost < results[best, COST] or (cost == results[best, COST] and candidate < best):
             best = candidate
+            if not every:
+                limit = cost
 
 
 @kernel
@@ -278,6 +343,7 @@ def search(
     plan: Points,
     reach: bool,
     every: bool,
+    limit: float,
     results: Array2[np.float64],
 ) -> int:
     """Scores velocity samples; returns the index of the cheapest one that may be driven, -1 if none may.
@@ -291,6 +357,7 @@ def search(
         plan: the part of it ahead, for scoring by heading; empty for scoring without.
         reach: refuse what crosses cells from which plan or goal cannot be reached.
         every: check every sample, also those that cannot win.
+        limit: what costs more may not be driven.
         results: per sample cost (negative: why not), x, y, yaw of the scored end, and the bound.
     """
     rows, cols = ground.costs.shape
@@ -318,4 +385,4 @@ def search(
             if heading:
                 result[BOUND] += scales.heading * _heading_difference(ground, plan, row, col, scored)
     strict = reach and not heading
-    return cheapest(ground, motion, starts, samples, horizon.time, steps, scales, strict, every, results)
+    return cheapest(ground, motion, starts, samples, horizon.time, steps, scales, strict, every, limit, results)
