@@ -12,6 +12,7 @@ import websocket
 
 from containers.engine import WEB, output
 from containers.harness import PATIENCE, Fleet
+from pioneer_harness.error import WaitError
 from pioneer_harness.wait import wait_until
 
 
@@ -39,8 +40,12 @@ def test_the_page_shows_five_robots_and_what_their_computers_do(page: tuple[str,
         rows = [state.get(f"pioneer{number}.row") for number in range(1, 6)]
         return all(isinstance(row, dict) and row["odom"] and row["load"] and not row["fault"] for row in rows)
 
-    wait_until(shown, "five robots without a fault, and the load of their computers", PATIENCE)
-    live.close()
+    try:
+        wait_until(shown, "five robots without a fault, and the load of their computers", PATIENCE)
+    except WaitError as error:
+        raise AssertionError([state.get(f"pioneer{number}.row") for number in range(1, 6)]) from error
+    finally:
+        live.close()
 
 
 def test_without_the_token_there_is_nothing(page: tuple[str, str]) -> None:
