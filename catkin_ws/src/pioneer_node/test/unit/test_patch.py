@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -187,3 +188,37 @@ def test_launchers_share_no_setuptools() -> None:
         "assert 'rosclean' in sys.modules; sys.exit('setuptools' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == (sys.version_info >= (3, 12))
+
+
+PACKAGES = """
+import os, sys
+from pathlib import Path
+from pioneer_node.nodes.patch import remember_packages
+folder = Path(sys.argv[1])
+os.environ["ROS_PACKAGE_PATH"] = f"{folder / 'first'}:{folder / 'second'}"
+def add(where, name):
+    (folder / where / name).mkdir(parents=True)
+    (folder / where / name / "package.xml").write_text(f"<package><name>{name}</name></package>")
+for where, name in (("first", "both"), ("second", "both"), ("second", "one")):
+    add(where, name)
+import rospkg
+searches, search = [], rospkg.rospack.list_by_path
+rospkg.rospack.list_by_path = lambda *words: (searches.append(words[1]), search(*words))
+remember_packages()
+for _ in range(3):
+    assert rospkg.RosPack().get_path("both") == str(folder / "first/both")
+    assert rospkg.RosPack().get_path("one") == str(folder / "second/one")
+assert sorted(searches) == sorted({*searches}), searches
+add("first", "late")
+assert rospkg.RosPack().get_path("late") == str(folder / "first/late")
+try:
+    rospkg.RosPack().get_path("never")
+except rospkg.ResourceNotFound as error:
+    assert "never" in str(error)
+else:
+    sys.exit("found")
+"""
+
+
+def test_folders_of_packages_are_searched_once_but_for_new_packages(tmp_path: Path) -> None:
+    assert subprocess.run([sys.executable, "-c", PACKAGES, tmp_path], check=False).returncode == 0

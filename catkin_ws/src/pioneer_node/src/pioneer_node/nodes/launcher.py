@@ -33,6 +33,7 @@ from pioneer_node.nodes.patch import (
     import_without_numpy,
     leave_setuptools_out,
     read_versions_here,
+    remember_packages,
     tell_registrations,
     wake_master_workers,
 )
@@ -72,6 +73,7 @@ def shared_server(listener: socket.socket | None = None) -> ForkServer | Program
     if (lent := lent_server()) is not None:
         return lent
     _import_shared()
+    remember_packages()
     wake_master_workers()
     tell_registrations()
     if len(os.listdir("/proc/self/task")) == 1:
