@@ -6,7 +6,7 @@ import roslaunch.xmlloader
 import roslib.packages
 
 from rocon_gateway.core.config import GatewayConfig
-from rocon_gateway.core.option_rule import options_for
+from rocon_gateway.core.option_rule import rule_for
 
 
 def _parameters(monkeypatch, robot, *arguments, host=""):
@@ -18,10 +18,15 @@ def _parameters(monkeypatch, robot, *arguments, host=""):
     return {name: one.value for name, one in config.params.items()}
 
 
-def _options(monkeypatch, robot, *arguments):
+def _rules(monkeypatch, robot, *arguments):
     rows = _parameters(monkeypatch, robot, *arguments).get("/gateway/rule_options", ())
     rules = GatewayConfig(rule_options=rows).options()
-    return lambda topic: options_for(rules, topic, "/gazebo", "Hub_Gateway", "aadi1_gateway")
+    return lambda topic: rule_for(rules, topic, "/gazebo", "Hub_Gateway", "aadi1_gateway")
+
+
+def _options(monkeypatch, robot, *arguments):
+    rules = _rules(monkeypatch, robot, *arguments)
+    return lambda topic: rules(topic).options
 
 
 def test_time_odometry_and_tf_come_at_20_hz_of_simulated_time_and_scans_as_they_are(monkeypatch):
@@ -36,6 +41,12 @@ def test_of_other_robots_only_poses_come(monkeypatch):
     keeps = _options(monkeypatch, "pioneer1")("/tf").keeps_frame()
     frames = ["pioneer1/odom", "pioneer1/left_wheel", "pioneer2/odom", "/pioneer2/base_link", "map", "pioneer2/swivel"]
     assert [keeps(frame) for frame in frames] == [True] * 5 + [False]
+
+
+def test_nothing_comes_of_other_robots_state_publishers(monkeypatch):
+    rules = _rules(monkeypatch, "pioneer1")
+    topics = ("/tf", "/tf_static", "/clock", "/map")
+    assert [rules(topic).foreign_nodes for topic in topics] == [False, False, True, True]
 
 
 def test_every_message_crosses_for_a_computer_of_no_robot_or_if_so_wanted(monkeypatch):

@@ -2,15 +2,15 @@ import pytest
 
 from rocon_gateway.core.config import GatewayConfig
 from rocon_gateway.core.error import ConfigError, GatewayError
-from rocon_gateway.core.option_rule import option_rule, options_for
+from rocon_gateway.core.option_rule import option_rule, rule_for
 from rocon_relay.core.option import NO_OPTIONS, LinkOptions, OptionError
 
 
 def test_a_row_asks_for_what_it_names_and_matches_the_rest():
     rule = option_rule({"name": "/tf", "tf_frames": "pioneer1/.*", "rate": 5})
     assert rule.options == LinkOptions(rate=5, tf_frames=("pioneer1/.*",))
-    assert options_for([rule], "/tf", "/any", "aadi1_gateway", "me") == rule.options
-    assert options_for([rule], "/tf_static", "/any", "aadi1_gateway", "me") == NO_OPTIONS
+    assert rule_for([rule], "/tf", "/any", "aadi1_gateway", "me") is rule
+    assert rule_for([rule], "/tf_static", "/any", "aadi1_gateway", "me").options == NO_OPTIONS
 
 
 def test_the_first_row_that_means_a_connection_counts():
@@ -20,9 +20,9 @@ def test_the_first_row_that_means_a_connection_counts():
         {"name": "/image", "compress": True},
     )
     rules = [option_rule(row) for row in rows]
-    assert options_for(rules, "/image", "/camera1", "base", "me").rate == 1
-    assert options_for(rules, "/image", "/camera1", "other", "me").queue_size == 2
-    assert options_for(rules, "/image", "/x", "other", "me").compress
+    assert rule_for(rules, "/image", "/camera1", "base", "me").options.rate == 1
+    assert rule_for(rules, "/image", "/camera1", "other", "me").options.queue_size == 2
+    assert rule_for(rules, "/image", "/x", "other", "me").options.compress
 
 
 @pytest.mark.parametrize(
@@ -37,6 +37,8 @@ def test_the_first_row_that_means_a_connection_counts():
         ({"name": "/tf", "rate": float("nan")}, "rate"),
         ({"name": "/tf", "queue_size": 1.5}, "queue_size"),
         ({"name": "/tf", "compress": "yes"}, "compress"),
+        ({"name": "/tf", "foreign_nodes": 0}, "foreign_nodes"),
+        ({"name": "/tf", "foreign_nodes": True}, "nothing"),
         ({"name": "/tf", "tf_frames": "("}, "tf_frames"),
         ({"name": "/tf", "tf_frames": 3}, "tf_frames"),
         ({"name": "(", "rate": 1}, "name"),

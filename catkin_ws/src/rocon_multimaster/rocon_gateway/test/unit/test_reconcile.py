@@ -357,6 +357,28 @@ def test_robots_of_any_name_are_kept_apart_once_their_gateways_are_known() -> No
     assert "/bob/odom" in {topic for topic, _, _ in alice.imported()}, "nobody has told of bob"
 
 
+def test_publishers_that_are_other_robots_nodes_are_left_out_where_an_option_says_so() -> None:
+    nodes = ("/gazebo", "/static", "/pioneer1/state_publisher", "/pioneer2/state_publisher", "/bob/state_publisher")
+    hub = gateway("hub", *(publisher("/tf", node) for node in nodes), publisher("/joints", "/bob/state_publisher"))
+    hub.book = hub.book.advertising_all([])
+    robot, other = gateway("aadi1"), gateway("bob_gateway")
+    robot.namespace, other.namespace = "pioneer1", "bob"
+    robot.options = (option_rule({"name": "/tf", "foreign_nodes": False, "compress": True}),)
+    robot.book = robot.book.pulled([to("hub", Kind.PUBLISHER, "tf"), to("hub", Kind.PUBLISHER, "joints")])
+    Fleet(hub, robot, other).settle()
+    assert {node for topic, _, node in robot.imported() if topic == "/tf"} == {*nodes[:3]}
+    assert {one.options.compress for one in robot.outcome.imports} == {True, False}
+    assert ("/joints", "hub", "/bob/state_publisher") in robot.imported(), "the option is of /tf"
+    assert robot.states() == {"pull tf": "active", "pull joints": "active"}
+    asked = {want.node for want in robot.outcome.requests["hub"].wants if want.topic == "/tf"}
+    assert asked == {*nodes[:3]}, "the others are not asked for"
+
+    hub.local -= {publisher("/tf", node) for node in nodes[:3]}
+    Fleet(hub, robot, other).settle()
+    assert robot.states()["pull tf"] == "refused"
+    assert "rule_options of aadi1" in robot.reason("tf")
+
+
 def test_a_gateway_without_a_robots_namespace_gets_everything() -> None:
     hub, robot = hub_of_three_robots(), gateway("base2")
     hub.book = hub.book.advertising_all([])

@@ -6,12 +6,13 @@ from typing import TypeVar
 
 from rocon_gateway.core import verdict
 from rocon_gateway.core.action import status_topic
-from rocon_gateway.core.option_rule import options_for
+from rocon_gateway.core.matching import foreign_namespace
+from rocon_gateway.core.option_rule import OptionRule, rule_for
 from rocon_gateway.core.situation import Remote, Situation, State, Verdict
 from rocon_hub_protocol.core.record import NO_REQUEST, Offer, PeerRequest, Purpose, Reply, Want
 from rocon_hub_protocol.core.rule import Connection, Kind
 from rocon_relay.core.connection import ANY, Address, Export, Import, Key, Subject
-from rocon_relay.core.option import NO_OPTIONS, LinkOptions
+from rocon_relay.core.option import NO_OPTIONS
 
 PendingVerdict = Callable[[], Verdict]
 """Tells how a connection does, once the whole set of imports is known."""
@@ -77,12 +78,12 @@ class Decision:
     def export(self, gateway: str, connection: Connection) -> None:
         """Exports a publisher, server or parameter of ours to `gateway`."""
         subject = _SUBJECTS.get(connection.kind, Subject.TOPIC)
-        options = self._options(connection, gateway) if subject is Subject.TOPIC else NO_OPTIONS
+        options = self._asked(connection, gateway).options if subject is Subject.TOPIC else NO_OPTIONS
         export = Export(connection.name, connection.type, connection.node, gateway, options, subject=subject)
         self._exports.setdefault(export.key, export)
 
-    def _options(self, connection: Connection, gateway: str) -> LinkOptions:
-        return options_for(self._situation.options, connection.name, connection.node, gateway, self._name)
+    def _asked(self, connection: Connection, gateway: str) -> OptionRule:
+        return rule_for(self._situation.options, connection.name, connection.node, gateway, self._name)
 
     def exports(self) -> frozenset[Export]:
         """Returns what shall be exported; to be called when all imports are known."""
@@ -103,7 +104,9 @@ class Decision:
         here = self._types.get(connection.name, ANY)
         if ANY not in (here, connection.type) and here != connection.type:
             return always(verdict.mismatch(connection.name, {self._name: here, gateway: connection.type}))
-        options = self._options(connection, gateway)
+        if (refused := self.left_out(gateway, connection)) is not None:
+            return always(refused)
+        options = self._asked(connection, gateway).options
         wanted = Import(
             connection.name, connection.type, ANY, gateway, connection.node, _address(other), options=options
         )
@@ -113,6 +116,14 @@ class Decision:
         self._imports[wanted.key] = wanted
         self._nodes.setdefault(wanted.key, set()).add(nodes)
         return lambda: verdict.from_link(self._import_for(wanted.key), self._situation.links)
+
+    def left_out(self, gateway: str, connection: Connection) -> Verdict | None:
+        """Returns why a remote publisher is not imported, if an option leaves out nodes of other robots; else None."""
+        if self._asked(connection, gateway).foreign_nodes:
+            return None
+        situation = self._situation
+        namespace = foreign_namespace(situation.namespace, connection.node, situation.robots)
+        return verdict.foreign_node(connection.node, self._name) if namespace else None
 
     def import_service(self, gateway: str, other: Remote, connection: Connection) -> PendingVerdict:
         """Imports a remote server, unless its name is taken, and returns how to judge that.

@@ -9,6 +9,8 @@ from rocon_gateway.core.matching import ALL, check_pattern, gateway_matches, nam
 from rocon_hub_protocol.core.code import Code
 from rocon_relay.core.option import NO_OPTIONS, LinkOptions, OptionError, check_frames
 
+_KEYS = ("name", "node", "gateway", *LinkOptions.__dataclass_fields__, "foreign_nodes")
+
 
 @dataclass(frozen=True, slots=True)
 class OptionRule:
@@ -18,22 +20,26 @@ class OptionRule:
     node: str
     gateway: str
     options: LinkOptions
+    foreign_nodes: bool = True  #: whether publishers that are nodes in another robot's namespace are imported
 
 
-def options_for(rules: Iterable[OptionRule], topic: str, node: str, gateway: str, own_gateway: str) -> LinkOptions:
-    """Returns the options of the first rule that means this connection with `gateway`; none if none does."""
+_NO_RULE = OptionRule(ALL, "", ALL, NO_OPTIONS)
+
+
+def rule_for(rules: Iterable[OptionRule], topic: str, node: str, gateway: str, own_gateway: str) -> OptionRule:
+    """Returns the first rule that means this connection with `gateway`; one that asks for nothing if none does."""
     for rule in rules:
         if (
             name_matches(rule.name, topic, own_gateway)
             and node_matches(rule.node, node)
             and gateway_matches(rule.gateway, gateway)
         ):
-            return rule.options
-    return NO_OPTIONS
+            return rule
+    return _NO_RULE
 
 
 def option_rule(row: object) -> OptionRule:
-    """Returns one row of `~rule_options`, `{name, node, gateway, rate, queue_size, compress, tf_frames, stamp_rate}`.
+    """Returns one row of `~rule_options`, a mapping with some of `_KEYS`.
 
     Raises:
         OptionError: an unknown key, an invalid value, or no option at all.
@@ -41,10 +47,9 @@ def option_rule(row: object) -> OptionRule:
     """
     if not isinstance(row, Mapping):
         raise OptionError(f"{row!r} is not a mapping")
-    unknown = sorted(map(str, set(row) - {"name", "node", "gateway", *LinkOptions.__dataclass_fields__}))
+    unknown = sorted(map(str, set(row) - {*_KEYS}))
     if unknown:
-        known = ", ".join(("name", "node", "gateway", *LinkOptions.__dataclass_fields__))
-        raise OptionError(f"unknown key {', '.join(unknown)}; there are {known}")
+        raise OptionError(f"unknown key {', '.join(unknown)}; there are {', '.join(_KEYS)}")
     patterns = {key: str(row.get(key) or otherwise) for key, otherwise in (("name", ALL), ("node", ""))}
     patterns["gateway"] = str(row.get("gateway") or ALL)
     for key, pattern in patterns.items():
@@ -52,19 +57,25 @@ def option_rule(row: object) -> OptionRule:
     options = LinkOptions(
         _value(row, "rate", (int, float), 0.0),
         _value(row, "queue_size", (int,), 0),
-        row.get("compress", False),
+        _choice(row, "compress", False),
         (row["tf_frames"],) if row.get("tf_frames") else (),
         _value(row, "stamp_rate", (int, float), 0.0),
     )
-    if not isinstance(options.compress, bool):
-        raise OptionError(f"compress is true or false, not {options.compress!r}")
     for pattern in options.tf_frames:
         if not isinstance(pattern, str):
             raise OptionError(f"tf_frames is a pattern, not {pattern!r}")
         check_frames(pattern)
-    if options == NO_OPTIONS:
+    found = OptionRule(**patterns, options=options, foreign_nodes=_choice(row, "foreign_nodes", True))
+    if found.foreign_nodes and options == NO_OPTIONS:
         raise OptionError(f"{dict(row)!r} asks for nothing")
-    return OptionRule(**patterns, options=options)
+    return found
+
+
+def _choice(row: Mapping[Any, Any], key: str, otherwise: bool) -> bool:
+    value = row.get(key, otherwise)
+    if not isinstance(value, bool):
+        raise OptionError(f"{key} is true or false, not {value!r}")
+    return value
 
 
 def _value(row: Mapping[Any, Any], key: str, kinds: tuple[type, ...], otherwise: Any) -> Any:

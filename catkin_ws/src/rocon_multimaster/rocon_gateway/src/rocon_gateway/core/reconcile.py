@@ -254,6 +254,8 @@ class _Reconciler:
                 yield always(verdict.blacklisted(barrier, connection))
             elif namespace:
                 yield always(verdict.foreign(namespace, self.name))
+            elif (refused := self.decision.left_out(gateway, connection)) is not None:
+                yield always(refused)
             else:
                 self.pulled[Flipped(gateway, connection)] = None
                 yield self._pull_connection(gateway, other, connection)

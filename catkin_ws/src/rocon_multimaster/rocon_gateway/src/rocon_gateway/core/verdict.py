@@ -73,6 +73,11 @@ def foreign(namespace: str, gateway: str) -> Verdict:
     return Verdict(State.REFUSED, f"/{namespace} is not the robot of {gateway}: a rule that spells it out brings it")
 
 
+def foreign_node(node: str, gateway: str) -> Verdict:
+    """Returns the state of a publisher that is another robot's node, where an option of `gateway` leaves such out."""
+    return Verdict(State.REFUSED, f"{node} is another robot's node, and rule_options of {gateway} leave those out")
+
+
 def from_link(wanted: Import, links: Mapping[Import, LinkStatus]) -> Verdict:
     """Returns the state of an import, pending while the relay has not heard of it."""
     status = links.get(wanted, LinkStatus(LinkState.PENDING))
