@@ -54,7 +54,7 @@ def test_steps_run_also_where_the_socket_cannot_be_made(tmp_path: Path, folder: 
         [*COMMAND, "sh -c 'echo runs; exit 3'"], env=environment, capture_output=True, text=True, timeout=60
     )
     assert (done.returncode, done.stdout) == (3, "runs\n")
-    assert done.stderr.startswith(f"computer: cannot listen at {tmp_path / folder / 'socket'} (")
+    assert done.stderr.startswith(f"cannot listen at {tmp_path / folder / 'socket'} (")
 
 
 def test_computer_run_by_a_path_with_dots_forks_launchers_and_their_nodes_from_one_server(tmp_path: Path) -> None:

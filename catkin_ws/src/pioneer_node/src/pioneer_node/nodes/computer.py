@@ -10,14 +10,13 @@ With ``PIONEER_FORK_SOCKET`` set to a path, ``forked PROGRAM …`` has programs 
 import os
 import shlex
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
 
 from pioneer_node.adapters.end_request import EndRequest
-from pioneer_node.adapters.fork_client import SOCKET, SWITCH
-from pioneer_node.adapters.fork_server import ForkServer, listen
+from pioneer_node.adapters.fork_client import SWITCH
+from pioneer_node.adapters.fork_server import ForkServer
 from pioneer_node.adapters.forked_program import Program
 from pioneer_node.adapters.process_end import await_end
 from pioneer_node.nodes import launcher
@@ -34,23 +33,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not all(steps) or not steps:
         sys.stderr.write("usage: computer STEP [STEP …], each a command in one word\n")
         return 2
-    # Listens before the imports, which take seconds on a busy machine: a client then waits, and imports nothing itself.
-    server = None if os.environ.get(SWITCH) == "0" else launcher.shared_server(_listener())
+    server = None if os.environ.get(SWITCH) == "0" else launcher.shared_server()
     if isinstance(server, Program):
         server.run()
     return _run(steps, server)
-
-
-def _listener() -> socket.socket | None:
-    """Returns the socket at which other programs can be asked for, if there is to be one and it can be made."""
-    path = os.environ.get(SOCKET)
-    if not path:
-        return None
-    try:
-        return listen(path)
-    except OSError as error:
-        sys.stderr.write(f"computer: cannot listen at {path} ({error.strerror}): programs start an interpreter each\n")
-        return None
 
 
 def _run(steps: Sequence[Sequence[str]], server: ForkServer | None) -> int:

@@ -18,13 +18,14 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from pioneer_node.adapters.fork_client import SWITCH
+from pioneer_node.adapters.fork_client import SOCKET, SWITCH
 from pioneer_node.adapters.fork_server import (
     ForkedProcess,
     ForkServer,
     ForkServerError,
     Guard,
     lent_server,
+    listen,
     start_server,
 )
 from pioneer_node.adapters.forked_program import Program
@@ -64,14 +65,17 @@ def run(module: str, function: str = "main") -> int | None:
     return getattr(importlib.import_module(module), function)()
 
 
-def shared_server(listener: socket.socket | None = None) -> ForkServer | Program | None:
+def shared_server() -> ForkServer | Program | None:
     """Imports what programs share and forks the server; None where a thread runs already.
 
     In a process that the server forks it returns again, with the program that the process is to run at once. A launcher
-    that `computer` started gets that one's server. At ``listener`` other processes may ask for programs, too.
+    that `computer` started gets that one's server. Any other, and `computer` itself, has ``forked PROGRAM …`` ask for
+    programs, too, at the path in ``PIONEER_FORK_SOCKET``.
     """
     if (lent := lent_server()) is not None:
         return lent
+    # Listens before the imports, which take seconds on a busy machine: a client then waits, and imports nothing itself.
+    listener = _listener()
     _import_shared()
     remember_packages()
     wake_master_workers()
@@ -81,6 +85,18 @@ def shared_server(listener: socket.socket | None = None) -> ForkServer | Program
     if listener:
         listener.close()
     return None
+
+
+def _listener() -> socket.socket | None:
+    """Returns the socket at which other programs can be asked for, if there is to be one and it can be made."""
+    path = os.environ.get(SOCKET)
+    if not path:
+        return None
+    try:
+        return listen(path)
+    except OSError as error:
+        sys.stderr.write(f"cannot listen at {path} ({error.strerror}): programs start an interpreter each\n")
+        return None
 
 
 def _import_shared() -> None:

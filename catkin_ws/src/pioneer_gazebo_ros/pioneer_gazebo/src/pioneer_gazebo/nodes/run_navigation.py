@@ -22,6 +22,7 @@ from pioneer_node.core.fleet_file import RobotEntry
 NAME = "run-pioneer-nav-local"
 CORRECTION = "AMCL_CORRECTION_FILE"
 """Variable with the file in which amcl keeps where the robot's odometry begins in the map."""
+GATEWAY: LaunchFile = ("pioneer_networking", "pioneer_gateway.launch", {})
 WORLD = "/world_name"
 """Parameter with the name of the world that the base station simulates."""
 
@@ -35,6 +36,7 @@ class NavigationOptions:
     poses: str = option("", "YAML file of initial poses; empty for pioneer_description's")
     fleet: str = option("", "fleet file that has the robot's pose, laser topic and move_base parameters", "FLEET")
     gateway: bool = option(True, "pull and flip the robot's topics through this master's gateway")
+    start_gateway: bool = option(False, "start that gateway, too, and the master: step 2 under the same launcher")
     traffic: bool = option(False, "keep the right of way with the other robots that do (pioneer_traffic)")
     parameters: str = option(
         "", "YAML file of parameters that replace those of the robot's nodes, named as amcl/min_particles"
@@ -116,6 +118,8 @@ def navigate(session: Session, options: NavigationOptions) -> None:
     wanted = Path(options.world_name).stem
     if wanted:
         start_pose(options, wanted)  # fails before anything is awaited
+    if options.start_gateway:
+        session.launch([GATEWAY])
     session.wait_for_master()
     master = rosgraph.Master(f"/{NAME}")
     if not wanted and options.gateway:

@@ -91,7 +91,7 @@ class Session(roslaunch.pmon.ProcessListener):
         sys.stdout.flush()
 
     def launch(self, files: Sequence[LaunchFile]) -> None:
-        """Starts launch files; the master must run already.
+        """Starts launch files, and first the master of ROS_MASTER_URI if none answers there.
 
         Raises:
             SessionError: a file is missing or wrong.
@@ -100,7 +100,7 @@ class Session(roslaunch.pmon.ProcessListener):
         paths = [(_launch_path(package, file), _words(arguments)) for package, file, arguments in files]
         try:
             run_id = rosgraph.Master(f"/{self._name}").getParam("/run_id")
-        except rosgraph.MasterError:
+        except (rosgraph.MasterError, OSError):
             run_id = roslaunch.core.generate_run_id()
         try:
             parent = roslaunch.parent.ROSLaunchParent(
