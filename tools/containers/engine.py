@@ -115,8 +115,8 @@ class Project:
             raise ContainerError(f"compose {arguments[0]} failed with exit status {status}; the lines above say why")
 
     def down(self) -> None:
-        """Ends and removes containers and network."""
-        self.run("down", "--remove-orphans")
+        """Ends and removes containers, the volumes of their logs, and network."""
+        self.run("down", "--remove-orphans", "--volumes")
 
     def logs(self, follow: bool, names: Sequence[str]) -> None:
         """Prints what computers log, all by default, until Ctrl-C where it is to ``follow``."""

@@ -5,6 +5,7 @@ rospy is imported within the functions: `import_without_numpy` has to come first
 
 import contextlib
 import errno
+import functools
 import importlib
 import io
 import sys
@@ -164,7 +165,7 @@ def read_versions_here() -> None:
     def param_value(self: Any, verbose: bool, name: str, kind: str, *sources: str | None) -> Any:
         *others, command = sources
         if command and command.startswith("rosversion ") and not any(one is not None for one in others):
-            text = _printed_versions(command.split())
+            text = _printed_versions(command)
             if text:
                 return loader.convert_value(text, kind)
         return read(self, verbose, name, kind, *sources)
@@ -172,11 +173,12 @@ def read_versions_here() -> None:
     loader.Loader.param_value = param_value
 
 
-def _printed_versions(command: list[str]) -> str:
+@functools.cache
+def _printed_versions(command: str) -> str:
     """Returns what ``rosversion`` prints; empty where it fails."""
     from rospkg import rosversion
 
-    given, sys.argv = sys.argv, command
+    given, sys.argv = sys.argv, command.split()
     try:
         with contextlib.redirect_stdout(io.StringIO()) as printed:
             rosversion.main()
@@ -195,7 +197,7 @@ def remember_packages() -> None:
     """
     from rospkg import RosPack, rospack
 
-    search, find = rospack.list_by_path, rospack.ManifestManager.get_path
+    search, find = rospack.list_by_path, RosPack.get_path
     known: dict[tuple[str, str], dict[str, str]] = {}
 
     def list_by_path(manifest: str, path: str, cache: dict[str, str] | None) -> list[str]:
@@ -216,7 +218,7 @@ def remember_packages() -> None:
             manager._location_cache = None
             return str(find(manager, name))
 
-    rospack.list_by_path, rospack.ManifestManager.get_path = list_by_path, get_path
+    rospack.list_by_path, RosPack.get_path = list_by_path, get_path
     RosPack().list()
 
 
