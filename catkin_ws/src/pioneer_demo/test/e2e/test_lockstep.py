@@ -21,7 +21,7 @@ def test_runs_in_lockstep_are_equal_byte_by_byte_beside_a_busy_machine_and_acros
     recording = tmp_path / "run.bag"
 
     def run(*options, meanwhile=lambda demo: None):
-        words = ("--lockstep", "--traffic", "--robots", 2, "--waypoints", 1, "--world", "small_world", "--seed", 4)
+        words = ("--lockstep", "--traffic", "--robots", 2, "--waypoints", 2, "--world", "small_world", "--seed", 4)
         demo = start(*words, *options)
         meanwhile(demo)
         assert demo.process.wait(_WHOLE) == 0, demo.text()
@@ -77,7 +77,7 @@ def test_faults_come_in_the_same_period_of_each_run_and_change_the_same_bytes(st
 
 def cut_link(demo):
     """Stops a robot's gateway while the robot drives, until the base station gives its links up."""
-    demo.await_words("pioneer1   driving", _WHOLE)
+    demo.await_words("waypoints  [", _WHOLE)  # they are sent now
     running = demo.processes().items()
     (gateway,) = (
         pid for pid, line in running if "__name:=gateway" in line and has_variable(pid, "ROBOT_NAME", "pioneer1")

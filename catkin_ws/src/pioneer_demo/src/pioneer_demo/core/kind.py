@@ -27,6 +27,7 @@ _BY_NAME = {
     "fleet_page": "fleet page",
     "robot_state_publisher": "robot state publishers",
     "robot_state_publishers": "robot state publishers",
+    "light_nodes": "waypoint clients, control",
     "map_goal_client": "waypoint clients, control",
     "pioneer_ros": "waypoint clients, control",
     "controller_spin_recover": "waypoint clients, control",

@@ -95,6 +95,7 @@ def _awaited(line: socket.socket, pid: int, signals: "_Signals") -> int:
     with contextlib.suppress(ProcessLookupError):  # it has ended already
         running.append(os.pidfd_open(pid))
         signals.forward_to(running[0])
+    signals.wait_for(line.fileno())
     try:
         answer = line.recv(4096)
     except OSError:
@@ -102,7 +103,7 @@ def _awaited(line: socket.socket, pid: int, signals: "_Signals") -> int:
     if answer:
         return json.loads(answer)[1]
     if running:
-        select.select(running, [], [])
+        signals.wait_for(running[0])
     sys.stderr.write("forked: the fork server has ended: the program's exit status is unknown\n")
     return 1
 
@@ -113,6 +114,9 @@ class _Signals:
     def __init__(self) -> None:
         self._program: int | None = None
         self._early: list[int] = []
+        # A signal that comes just before a system call would be handled after it, however long that takes.
+        self._reader, writer = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+        signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
         self._taken = [number for number in _FORWARDED if signal.getsignal(number) is not signal.SIG_IGN]
         for number in self._taken:
             signal.signal(number, self._take)
@@ -122,6 +126,11 @@ class _Signals:
         self._program = program
         for number in self._early:
             self._take(number, None)
+
+    def wait_for(self, descriptor: int) -> None:
+        """Returns once a descriptor can be read; signals are forwarded meanwhile."""
+        while descriptor not in select.select([descriptor, self._reader], [], [])[0]:
+            os.read(self._reader, 64)
 
     def release(self) -> None:
         """Has signals end this process again, also those that have come so far."""

@@ -14,3 +14,9 @@ def resolved(prefix: str, frame: str) -> str:
     if frame.startswith("/") or not prefix.strip("/"):
         return stripped(frame)
     return f"{prefix.strip('/')}/{frame}"
+
+
+def prefixed(prefix: str, frame: str) -> str:
+    """Returns a robot's frame ("odom", "base_link") under its ``tf_prefix``, unless it already carries it."""
+    prefix = prefix.strip("/")
+    return stripped(frame) if frame.startswith(f"{prefix}/") else resolved(prefix, frame)

@@ -17,11 +17,10 @@ import rospy
 from pioneer_node.adapters.end_request import EndRequest
 from pioneer_node.adapters.heap import limit_arenas
 from pioneer_node.core.parameter import UNKNOWN, ParameterError
+from pioneer_node.core.ring import MEMBERS
 from pioneer_node.nodes import patch
 
 _STRICT = "strict_parameters"
-MEMBERS = "LOCKSTEP_MEMBERS"
-"""Environment variable of a robot's nodes in lockstep: names below their namespace, in the order of their turns."""
 _ending = EndRequest()
 """Set as soon as a signal asks the process to end; rospy knows of a shutdown a moment later."""
 _initialised = threading.Event()
@@ -61,7 +60,7 @@ def run(
     patch.keep_accepting(is_ending, _ending.wait)
     rospy.init_node(name, disable_rostime=wall_time, disable_signals=True)
     _initialised.set()
-    status = _spun(name, _as_member(build) if MEMBERS in os.environ and not wall_time else build, expected)
+    status = _spun(name, build if wall_time else _as_member(build), expected)
     if _ending.is_set():
         ending.join()  # the process ends once the node is unregistered
         _leave(status)
@@ -100,6 +99,8 @@ def _spun(name: str, build: Callable[[], Any], expected: tuple[type[Exception], 
 
 def _as_member(build: Callable[[], Any]) -> Callable[[], Any]:
     """Returns what builds the node and, where it is a member of a ring, has each period's token call its ``step``."""
+    if MEMBERS not in os.environ:
+        return build
     from pioneer_node.nodes import lockstep
 
     def built() -> Any:

@@ -44,9 +44,10 @@ _SHARED = (
     "numpy", "numpy.typing", "difflib", "encodings.idna", "rospy", "roslaunch", "rosmaster", "tf2_ros", "actionlib",
     "std_msgs.msg", "std_srvs.srv", "geometry_msgs.msg", "sensor_msgs.msg", "nav_msgs.msg", "nav_msgs.srv",
     "actionlib_msgs.msg", "move_base_msgs.msg", "map_msgs.msg", "tf2_msgs.msg", "dynamic_reconfigure.msg",
-    "dynamic_reconfigure.srv", "diagnostic_msgs.msg",
+    "dynamic_reconfigure.srv", "diagnostic_msgs.msg", "roscpp.srv", "rosgraph_msgs.msg", "yaml", "logging.handlers",
+    "pioneer_node.adapters.node_process",
 )  # fmt: skip
-"""What at least two of a computer's programs import. Nothing of this workspace, whose nodes open files at import."""
+"""What at least two of a computer's programs import. No nodes of this workspace, which open files at import."""
 _THREADS = "OPENBLAS_NUM_THREADS"
 _MASTER = "rosmaster"
 Started = ForkedProcess | subprocess.Popen[bytes]

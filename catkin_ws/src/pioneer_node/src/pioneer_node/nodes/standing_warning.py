@@ -1,12 +1,13 @@
 """Warnings that repeat while their cause lasts, and say when it has ended."""
 
+import logging
 import math
 import time
 
-import rospy
-
 _PERIOD = 5.0
 """Least time between two lines of one warning [s of wall time]."""
+
+Logger = logging.Logger | logging.LoggerAdapter[logging.Logger]
 
 
 class StandingWarning:
@@ -17,10 +18,12 @@ class StandingWarning:
     Args:
         ended: what to log once when the condition has ended, if a warning was logged.
         period: least time between two warnings [s].
+        logger: of the node; rospy's where it is not given.
     """
 
-    def __init__(self, ended: str, period: float = _PERIOD) -> None:
+    def __init__(self, ended: str, period: float = _PERIOD, logger: Logger | None = None) -> None:
         self._ended, self._period = ended, period
+        self._logger = logger or logging.getLogger("rosout")
         self._warned, self._stands = -math.inf, False
 
     def warn(self, text: str) -> None:
@@ -28,10 +31,10 @@ class StandingWarning:
         now = time.monotonic()
         if now - self._warned >= self._period:
             self._warned, self._stands = now, True
-            rospy.logwarn("%s", text)
+            self._logger.warning("%s", text)
 
     def end(self) -> None:
         """Logs that the condition has ended, once after a warning."""
         if self._stands:
             self._stands = False
-            rospy.loginfo("%s", self._ended)
+            self._logger.info("%s", self._ended)

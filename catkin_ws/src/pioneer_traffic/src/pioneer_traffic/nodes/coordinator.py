@@ -20,6 +20,7 @@ from nav_bundle.nodes.transform import TransformListener, robot_frame
 from pioneer_node.core.frame import stripped
 from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes import entry
+from pioneer_node.nodes.rospy_handle import RospyHandle
 from pioneer_node.nodes.standing_warning import StandingWarning
 from pioneer_traffic.conversions import message_from_report, report_from_message
 from pioneer_traffic.core.coordinator import Coordinator, CoordinatorConfig
@@ -83,13 +84,16 @@ class CoordinatorNode:
         self._stepped_at = -math.inf
         self._target: PoseStamped | None = None
         self._publisher = rospy.Publisher("/traffic/reports", ReportMessage, queue_size=5, tcp_nodelay=True)
-        self._move_base = MoveBase("move_base", lambda number, outcome, text: self._ends.put((number, outcome, text)))
+        self._move_base = MoveBase(RospyHandle(), "move_base", self._note_end)
         self._server = actionlib.SimpleActionServer("traffic", MoveBaseAction, auto_start=False)
         self._server.start()
         self._inputs = [
             rospy.Subscriber("/map", GridMessage, self._maps.put, queue_size=1),
             rospy.Subscriber("/traffic/reports", ReportMessage, self._reports.put, queue_size=100, tcp_nodelay=True),
         ]
+
+    def _note_end(self, serial: int, outcome: Outcome, text: str) -> None:
+        self._ends.put((serial, outcome, text))
 
     def spin(self) -> None:
         """Works in a fixed period of wall time until shutdown."""
@@ -179,8 +183,6 @@ class CoordinatorNode:
             if outcome is not Outcome.REACHED or not self._is_at(self._stop):
                 rospy.logwarn("move_base ended the way to (%.2f, %.2f): %s", *self._stop, text)
                 self._retry_at = now + _RETRY
-                if outcome is Outcome.LOST:
-                    self._move_base.renew()
 
     def _drive(self, route: list[tuple[float, float]], now: float) -> None:
         """Sends move_base to the end of the route, where that is another one than before."""

@@ -1,14 +1,13 @@
 """The action ``move_base`` as this package uses it: one goal at a time, and whether a server is connected."""
 
 from collections.abc import Callable
-from functools import partial
+from dataclasses import dataclass
+from typing import Any, Protocol
 
-from actionlib import ActionClient, CommState
-from actionlib.action_client import ClientGoalHandle
-from actionlib_msgs.msg import GoalStatus
-from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+from move_base_msgs.msg import MoveBaseActionFeedback, MoveBaseActionGoal, MoveBaseActionResult, MoveBaseGoal
+from std_msgs.msg import Header
 
-from pioneer_node.nodes.exchange import Exchange
 from simple_navigation_goals.core.queue import Outcome
 
 _OUTCOMES = {
@@ -17,68 +16,119 @@ _OUTCOMES = {
     GoalStatus.REJECTED: Outcome.ABORTED,
     GoalStatus.PREEMPTED: Outcome.CANCELLED,
     GoalStatus.RECALLED: Outcome.CANCELLED,
-    GoalStatus.LOST: Outcome.LOST,
 }
+"""By a goal's last status; any other is `Outcome.LOST`."""
+
+
+class _Feedback(MoveBaseActionFeedback):  # type: ignore[misc]
+    """What nobody reads; a client of an action subscribes to it all the same."""
+
+    def deserialize(self, data: bytes) -> "_Feedback":
+        return self
+
+
+@dataclass(slots=True)
+class _Goal:
+    serial: int
+    id: str
+    listed: bool = False  #: whether the server's status has named it
+    ended: bool = False  #: whether that status was a last one, whose result is to follow
+
+
+class _Publisher(Protocol):
+    def publish(self, message: Any) -> None: ...
+
+    def reaches(self, node: str) -> bool: ...
+
+
+class _Subscriber(Protocol):
+    def hears(self, node: str) -> bool: ...
+
+
+class Handle(Protocol):
+    """The part of a `NodeHandle` that a client needs."""
+
+    @property
+    def name(self) -> str:
+        """The node's resolved name."""
+
+    @property
+    def lockstep(self) -> object | None:
+        """None where the node does not keep in lockstep."""
+
+    def stamp(self) -> Any:
+        """Returns ROS time as a message has it."""
+
+    def advertise(self, topic: str, kind: Any) -> _Publisher:
+        """Returns a new publisher."""
+
+    def subscribe(self, topic: str, kind: Any, take: Callable[[Any, str], object]) -> _Subscriber:
+        """Has ``take`` called with each message and the name of the node that sent it."""
 
 
 class MoveBase:
-    """A client of the move_base action.
-
-    It stands on actionlib's ActionClient: SimpleActionClient drops what a server says before ``send_goal`` has
-    returned, and a goal that is reached at once would never end.
+    """A client of the move_base action. What it hears of a goal counts from the moment at which the goal is sent.
 
     Args:
+        node: the node that uses it.
         name: of the action.
-        on_done: called with (serial, outcome, text) when the goal that ``send`` numbered ``serial`` has ended; from
-            a thread of rospy's.
+        on_done: called with (serial, outcome, text) when the goal that ``send`` numbered ``serial`` has ended.
     """
 
-    def __init__(self, name: str, on_done: Callable[[int, Outcome, str], None]) -> None:
-        self._name = name
-        self._client = ActionClient(name, MoveBaseAction)
-        self._on_done = on_done
+    def __init__(self, node: Handle, name: str, on_done: Callable[[int, Outcome, str], object]) -> None:
+        self._node, self._on_done = node, on_done
+        self._goals = node.advertise(f"{name}/goal", MoveBaseActionGoal)
+        self._cancels = node.advertise(f"{name}/cancel", GoalID)
+        self._statuses = node.subscribe(f"{name}/status", GoalStatusArray, self._on_status)
+        self._results = node.subscribe(f"{name}/result", MoveBaseActionResult, self._on_result)
+        node.subscribe(f"{name}/feedback", _Feedback, lambda _message, _sender: None)
         self._serial = 0
-        self._goal: ClientGoalHandle | None = None
+        self._goal: _Goal | None = None
+        self._server = ""
 
     def present(self) -> bool:
-        """Tells whether a server is connected in both directions. Does not wait.
-
-        actionlib's ``wait_for_server`` counts in ROS time, which stands still while a simulation is paused, and never
-        notices that a server has ended.
-        """
-        action = self._client
-        if action.last_status_msg is None or Exchange.current is not None:
-            return action.last_status_msg is not None  # in lockstep it needs no connection
-        server = action.last_status_msg._connection_header["callerid"]
-        publishers = (action.pub_goal, action.pub_cancel)
-        subscribers = (action.status_sub, action.result_sub)
-        return all(publisher.impl.has_connection(server) for publisher in publishers) and all(
-            any(link.callerid_pub == server and link.socket is not None for link in subscriber.impl.connections)
-            for subscriber in subscribers
-        )
+        """Tells whether a server is connected in both directions. Does not wait."""
+        server = self._server
+        if not server or self._node.lockstep is not None:
+            return bool(server)  # in lockstep it needs no connection
+        sending = self._goals.reaches(server) and self._cancels.reaches(server)
+        return sending and self._statuses.hears(server) and self._results.hears(server)
 
     def send(self, goal: MoveBaseGoal) -> int:
         """Sends a goal, forgets the one before, and returns the new goal's serial number."""
         self._serial += 1
-        self._goal = self._client.send_goal(goal, transition_cb=partial(self._on_transition, self._serial))
+        stamp = self._node.stamp()
+        # As actionlib's clients call theirs.
+        self._goal = _Goal(self._serial, f"{self._node.name}-{self._serial}-{stamp.secs}.{stamp.nsecs}")
+        self._goals.publish(MoveBaseActionGoal(Header(0, stamp, ""), GoalID(stamp, self._goal.id), goal))
         return self._serial
 
     def cancel(self) -> None:
         """Cancels the goal sent last, and forgets it."""
         if self._goal is not None:
-            self._goal.cancel()
+            self._cancels.publish(GoalID(id=self._goal.id))
         self._goal = None
 
-    def renew(self) -> None:
-        """Forgets the goal sent last and reconnects: its server has ended.
-
-        rospy does not see that a subscriber is gone until it writes to it; a goal for the next server would be written
-        to the last one's socket.
-        """
+    def forget(self) -> None:
+        """Forgets the goal sent last: its server has ended."""
         self._goal = None
-        self._client.stop()
-        self._client = ActionClient(self._name, MoveBaseAction)
 
-    def _on_transition(self, serial: int, goal: ClientGoalHandle) -> None:
-        if goal.get_comm_state() == CommState.DONE:
-            self._on_done(serial, _OUTCOMES[goal.get_terminal_state()], goal.get_goal_status_text())
+    def _on_status(self, message: GoalStatusArray, sender: str) -> None:
+        self._server = sender
+        goal = self._goal
+        if goal is None:
+            return
+        status = next((one.status for one in message.status_list if one.goal_id.id == goal.id), None)
+        if status is not None:
+            goal.listed, goal.ended = True, status in _OUTCOMES
+        elif goal.listed and not goal.ended:
+            self._end(goal, Outcome.LOST, "move_base does not know the goal any more")
+
+    def _on_result(self, message: MoveBaseActionResult, _sender: str) -> None:
+        goal, status = self._goal, message.status
+        if goal is not None and status.goal_id.id == goal.id:
+            self._end(goal, _OUTCOMES.get(status.status, Outcome.LOST), status.text)
+
+    def _end(self, goal: _Goal, outcome: Outcome, text: str) -> None:
+        self._goal = None
+        self._on_done(goal.serial, outcome, text)

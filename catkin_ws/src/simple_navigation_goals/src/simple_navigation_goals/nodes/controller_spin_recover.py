@@ -1,15 +1,15 @@
 """Turns a robot in place when it has a goal and has not been driven for a while."""
 
 import math
-import threading
 from dataclasses import dataclass
+from typing import Any
 
-import rospy
 from actionlib_msgs.msg import GoalStatus, GoalStatusArray
 from geometry_msgs.msg import Twist, Vector3
 
+from pioneer_node.adapters.node_handle import NodeHandle
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
-from pioneer_node.nodes.entry import parameters, run
+from pioneer_node.nodes.node_host import run
 from simple_navigation_goals.core.spin import SpinConfig, SpinState, commanded, watched
 
 _MAX_VEL_THETA = "move_base/TrajectoryPlannerROS/max_vel_theta"
@@ -33,51 +33,52 @@ class SpinRecoverNode:
         <cmd_vel_topic> (geometry_msgs/Twist): the turn, repeated with each status and after each command that
         move_base gives meanwhile, so that the last word is the turn; at its end one zero.
 
-    Parameters: ``RecoverConfig``; move_base/TrajectoryPlannerROS/max_vel_theta [rad/s], read at the start
-    and with each goal, 1.0 where it is not set.
+    Parameters: ``RecoverConfig``; move_base/TrajectoryPlannerROS/max_vel_theta [rad/s], at the start and whenever it is
+    set; 1.0 where it is not.
 
-    Threads: both callbacks take one lock; nothing polls. All times are ROS times.
+    All times are ROS times; nothing polls.
 
     On error: a max_vel_theta that is no positive number ends the node with one line at its start; later it is
     logged, and the last valid one stays.
     """
 
-    def __init__(self) -> None:
-        config = config_from_mapping(RecoverConfig, parameters(), rospy.get_name())
-        self._config = SpinConfig(max_vel_theta=_max_vel_theta())
+    def __init__(self, node: NodeHandle) -> None:
+        self._node = node
+        config = config_from_mapping(RecoverConfig, node.parameters(), node.name)
+        self._limit = node.resolved(_MAX_VEL_THETA)
+        self._config = self._config_of(node.parameter(_MAX_VEL_THETA, None))
         self._state = SpinState()
-        self._lock = threading.Lock()
-        self._publisher = rospy.Publisher(config.cmd_vel_topic, Twist, queue_size=1, tcp_nodelay=True)
-        self._inputs = [
-            rospy.Subscriber("move_base/status", GoalStatusArray, self._on_status, queue_size=1),
-            rospy.Subscriber(config.cmd_vel_topic, Twist, self._on_command, queue_size=1, tcp_nodelay=True),
-        ]
+        node.watch(_MAX_VEL_THETA, self._reload)
+        self._publisher = node.advertise(config.cmd_vel_topic, Twist)
+        node.subscribe("move_base/status", GoalStatusArray, self._on_status)
+        node.subscribe(config.cmd_vel_topic, Twist, self._on_command)
 
-    def _on_status(self, message: GoalStatusArray) -> None:
-        active = any(status.status == GoalStatus.ACTIVE for status in message.status_list)
-        with self._lock:
-            if active and not self._state.active:  # move_base has loaded its parameters by now
-                self._reload()
-            self._enter(watched(self._state, self._config, active, rospy.get_time()))
+    def _config_of(self, limit: Any) -> SpinConfig:
+        limit = 1.0 if limit is None else limit
+        if isinstance(limit, bool) or not isinstance(limit, int | float) or not 0.0 < limit < math.inf:
+            raise ParameterError(f"parameter {self._limit} must be a positive number, not {limit!r}")
+        return SpinConfig(max_vel_theta=float(limit))
 
-    def _reload(self) -> None:
+    def _reload(self, limit: Any) -> None:
         try:
-            self._config = SpinConfig(max_vel_theta=_max_vel_theta())
+            self._config = self._config_of(limit)
         except ParameterError as error:
-            rospy.logerr("%s", error)
+            self._node.logger.error("%s", error)
 
-    def _on_command(self, message: Twist) -> None:
-        if message._connection_header["callerid"] == rospy.get_name():
-            return
-        with self._lock:
-            now = rospy.get_time()
-            self._enter(commanded(self._state, self._config, message.linear.x, message.angular.z, now))
+    def _on_status(self, message: GoalStatusArray, _sender: str) -> None:
+        active = any(status.status == GoalStatus.ACTIVE for status in message.status_list)
+        self._enter(watched(self._state, self._config, active, self._node.now()))
+
+    def _on_command(self, message: Twist, sender: str) -> None:
+        if sender != self._node.name:
+            linear, angular = message.linear.x, message.angular.z
+            self._enter(commanded(self._state, self._config, linear, angular, self._node.now()))
 
     def _enter(self, state: SpinState) -> None:
         was_turning, self._state = self._state.turning, state
         if state.turning:
             if not was_turning:
-                rospy.loginfo("no movement for %.0f s: turning in place", self._config.patience)
+                self._node.logger.info("no movement for %.0f s: turning in place", self._config.patience)
             self._publish(state.direction * self._config.max_vel_theta)
         elif was_turning:
             self._publish(0.0)
@@ -86,13 +87,9 @@ class SpinRecoverNode:
         self._publisher.publish(Twist(Vector3(), Vector3(0.0, 0.0, angular)))
 
 
-def _max_vel_theta() -> float:
-    value = rospy.get_param(_MAX_VEL_THETA, 1.0)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < math.inf:
-        raise ParameterError(f"parameter {rospy.resolve_name(_MAX_VEL_THETA)} must be a positive number, not {value!r}")
-    return float(value)
+build = SpinRecoverNode
 
 
 def main() -> int:
     """Runs the node ``controller_spin_recover`` and returns its exit status."""
-    return run("controller_spin_recover", SpinRecoverNode)
+    run("controller_spin_recover", build)

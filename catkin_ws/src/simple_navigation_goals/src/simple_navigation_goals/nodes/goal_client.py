@@ -1,7 +1,5 @@
 """What both waypoint clients share: topics in, a queue, goals out."""
 
-import contextlib
-import queue
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,13 +7,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import rospy
 from geometry_msgs.msg import PoseStamped, Twist
 from std_msgs.msg import Empty as EmptyMessage
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse, Trigger, TriggerRequest, TriggerResponse
 
+from pioneer_node.adapters.node_handle import NodeHandle
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
-from pioneer_node.nodes.entry import is_ending, on_shutdown, parameters
+from pioneer_node.nodes.standing_warning import StandingWarning
 from simple_navigation_goals.adapters.move_base import MoveBase
 from simple_navigation_goals.adapters.patrol_file import read_patrol
 from simple_navigation_goals.adapters.queue_file import QueueFile
@@ -33,16 +31,19 @@ from simple_navigation_goals.msg import WaypointQueue as WaypointQueueMessage
 
 _TICK = 0.25  # [s of wall time] how often it looks whether move_base is running
 _PATIENCE = 2.0  # [s of wall time] before it says that it waits for a transform
+_FILE_PERIOD = 30.0  # [s of wall time] between two lines on a file that cannot be written
 
 
 @dataclass(frozen=True)
 class GoalClientConfig(QueueConfig):
-    """Files, empty for none.
+    """Files, empty for none, and the action.
 
-    ``patrol``: YAML file of a patrol to begin with; see ``core.patrol``. ``queue_file``: where the waypoints that are
-    left are written at each change, and read from at the start.
+    ``action``: what takes goals: move_base, or what passes them on to it. ``patrol``: YAML file of a patrol to begin
+    with; see ``core.patrol``. ``queue_file``: where the waypoints that are left are written at each change, and read
+    from at the start.
     """
 
+    action: str = "move_base"
     patrol: str = ""
     queue_file: str = ""
 
@@ -62,65 +63,49 @@ class GoalClientNode:
         ~clear (std_srvs/Empty): drops all waypoints, a patrol too, and cancels the one under way.
         ~patrol (std_srvs/Trigger): reads the file ~patrol (again) and begins its patrol.
 
-    Actions called: move_base (move_base_msgs/MoveBaseAction).
+    Actions called: ~action (move_base_msgs/MoveBaseAction).
 
     Parameters: ``GoalClientConfig``; ~patrol is read again by the service of that name.
-
-    Threads: rospy's callbacks put what arrived into a queue of events; ``spin`` alone handles them.
 
     On error: a waypoint that is not finite is refused with one line. A patrol that cannot be read ends the node at its
     start, and is the service's answer later. A move_base that is absent is waited for, one
     that ends or restarts gets the waypoint again.
 
     Args:
+        node: the node.
         topic: of the waypoints.
         frame: their frame.
-        locate: turns a waypoint into the one to send, or returns None while it cannot yet; called in ``spin``.
+        locate: turns a waypoint into the one to send, or returns None while it cannot yet.
     """
 
     def __init__(
-        self, topic: str, frame: str, locate: Callable[[Waypoint], Waypoint | None] = lambda waypoint: waypoint
+        self,
+        node: NodeHandle,
+        topic: str,
+        frame: str,
+        locate: Callable[[Waypoint], Waypoint | None] = lambda waypoint: waypoint,
     ) -> None:
-        config = config_from_mapping(GoalClientConfig, parameters(), rospy.get_name())
+        config = config_from_mapping(GoalClientConfig, node.parameters(), node.name)
+        self._node, self._frame, self._locate = node, frame, locate
         self._queue, self._file = WaypointQueue(config), QueueFile(config.queue_file)
-        self._frame = frame
-        self._locate = locate
-        self._events: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._unwritten = StandingWarning("waypoints are remembered again", _FILE_PERIOD, node.logger)
         self._present = False
         self._serial = 0
         self._due_since: float | None = None
         self._resting_since: float | None = None
-        self._publisher = rospy.Publisher("~queue", WaypointQueueMessage, queue_size=10, latch=True)
-        self._move_base = MoveBase("move_base", self._on_done)
-        self._inputs = [
-            rospy.Subscriber(topic, Twist, partial(self._on_waypoint, waypoint_from_twist)),
-            rospy.Subscriber(f"{topic}_pose", PoseStamped, partial(self._on_waypoint, waypoint_from_pose)),
-            rospy.Subscriber("~cancel", EmptyMessage, lambda _: self._events.put(self._clear), queue_size=10),
-            rospy.Service("~clear", Empty, self._on_clear),
-            rospy.Service("~patrol", Trigger, self._on_patrol),
-        ]
+        self._publisher = node.advertise("~queue", WaypointQueueMessage, latch=True)
+        self._acts = node.every(_TICK, self._act)
+        self._move_base = MoveBase(node, config.action, self._on_done)
+        node.subscribe(topic, Twist, partial(self._on_waypoint, waypoint_from_twist))
+        node.subscribe(f"{topic}_pose", PoseStamped, partial(self._on_waypoint, waypoint_from_pose))
+        node.subscribe("~cancel", EmptyMessage, lambda _message, _sender: self._clear())
+        node.serve("~clear", Empty, self._on_clear)
+        node.serve("~patrol", Trigger, self._on_patrol)
         self._resume()
         if config.patrol:
             self._queue.patrol(self._read_patrol(config.patrol))
-        # CPython 3.11 waits for ever in SimpleQueue.get where a signal handler outlasts the timeout: feed it.
-        on_shutdown(lambda: self._events.put(lambda: None))
         self._publish()
-
-    def spin(self) -> None:
-        """Handles events until shutdown."""
-        while not is_ending():
-            with contextlib.suppress(queue.Empty):
-                self._events.get(timeout=_TICK)()
-            # A shutdown closes move_base's connections first; reconnecting then would wait for a master for ever.
-            if is_ending():
-                return
-            self._act()
-
-    def step(self) -> None:
-        """Does one period's work in lockstep: handles all events."""
-        while not self._events.empty():
-            self._events.get()()
-        self._act()
+        self._acts.start()
 
     def _act(self) -> None:
         self._tell()
@@ -134,18 +119,19 @@ class GoalClientNode:
             for waypoint in self._file.read():
                 self._queue.add(waypoint)
         except QueueFileError as error:
-            rospy.logwarn("%s; starting without", error)
+            self._node.logger.warning("%s; starting without", error)
 
-    def _on_waypoint(self, convert: Callable[[Any, str], Waypoint], message: Any) -> None:
+    def _on_waypoint(self, convert: Callable[[Any, str], Waypoint], message: Any, _sender: str) -> None:
         try:
             waypoint = convert(message, self._frame)
         except WaypointError as error:
-            rospy.logerr("waypoint refused: %s", error)
+            self._node.logger.error("waypoint refused: %s", error)
             return
-        self._events.put(partial(self._queue.add, waypoint))
+        self._queue.add(waypoint)
+        self._acts.now()
 
     def _on_clear(self, _request: EmptyRequest) -> EmptyResponse:
-        self._events.put(self._clear)
+        self._clear()
         return EmptyResponse()
 
     def _read_patrol(self, path: str) -> Patrol:
@@ -155,32 +141,33 @@ class GoalClientNode:
             raise ParameterError(str(error)) from None
 
     def _on_patrol(self, _request: TriggerRequest) -> TriggerResponse:
-        path = rospy.get_param("~patrol", "")
+        path = self._node.parameter("~patrol", "")
         if not path:
-            return TriggerResponse(False, f"no parameter {rospy.resolve_name('~patrol')} names a file")
+            return TriggerResponse(False, f"no parameter {self._node.resolved('~patrol')} names a file")
         try:
             patrol = self._read_patrol(str(path))
         except ParameterError as error:
             return TriggerResponse(False, str(error))
-        self._events.put(partial(self._patrol, patrol))
+        if self._queue.patrol(patrol):
+            self._move_base.cancel()
+        self._serial = 0
+        self._acts.now()
         return TriggerResponse(True, f"{len(patrol.waypoints)} waypoints, {patrol.rounds or 'endless'} rounds")
 
     def _on_done(self, serial: int, outcome: Outcome, text: str) -> None:
-        self._events.put(partial(self._finish, serial, outcome, text))
+        if serial == self._serial:
+            self._queue.finished(outcome, text)
+            self._acts.now()
 
     def _clear(self) -> None:
         if self._queue.clear():
             self._move_base.cancel()
         self._serial = 0
-
-    def _patrol(self, patrol: Patrol) -> None:
-        if self._queue.patrol(patrol):
-            self._move_base.cancel()
-        self._serial = 0
+        self._acts.now()
 
     def _rest(self) -> None:
         """Lets the robot stand as long as the waypoint that it reached says, by ROS time."""
-        now = rospy.get_time()
+        now = self._node.now()
         if self._queue.rest == 0.0:
             self._resting_since = None
         elif self._resting_since is None:
@@ -188,13 +175,6 @@ class GoalClientNode:
         elif not 0.0 <= now - self._resting_since < self._queue.rest:
             self._resting_since = None
             self._queue.rested()
-
-    def _finish(self, serial: int, outcome: Outcome, text: str) -> None:
-        if serial != self._serial:
-            return
-        self._queue.finished(outcome, text)
-        if outcome is Outcome.LOST:
-            self._move_base.renew()
 
     def _look_for_server(self) -> None:
         present = self._move_base.present()
@@ -204,7 +184,7 @@ class GoalClientNode:
         if present:
             self._queue.server_found()
         else:
-            self._move_base.renew()
+            self._move_base.forget()
             self._serial = 0
             self._queue.server_lost()
 
@@ -218,14 +198,14 @@ class GoalClientNode:
             self._say_if_late(due)
             return
         self._due_since = None
-        self._serial = self._move_base.send(goal_from_waypoint(goal, rospy.Time.now()))
+        self._serial = self._move_base.send(goal_from_waypoint(goal, self._node.stamp()))
         self._queue.sent(goal)
 
     def _say_if_late(self, due: Waypoint) -> None:
         if self._due_since is None:
             self._due_since = time.monotonic()
         elif time.monotonic() - self._due_since > _PATIENCE:
-            rospy.logwarn("waiting for the transform from %s to map", due.frame)
+            self._node.logger.warning("waiting for the transform from %s to map", due.frame)
             self._due_since = float("inf")
 
     def _tell(self) -> None:
@@ -233,13 +213,13 @@ class GoalClientNode:
         if not events:
             return
         for event in events:
-            level = rospy.logwarn if event.trouble else rospy.loginfo
-            level("%s", event.text)
+            (self._node.logger.warning if event.trouble else self._node.logger.info)("%s", event.text)
         self._publish()
 
     def _publish(self) -> None:
         try:
             self._file.write(self._queue.remaining)
+            self._unwritten.end()
         except QueueFileError as error:
-            rospy.logwarn_throttle(30, "%s", error)
-        self._publisher.publish(message_from_queue(self._queue, self._frame, rospy.Time.now()))
+            self._unwritten.warn(str(error))
+        self._publisher.publish(message_from_queue(self._queue, self._frame, self._node.stamp()))

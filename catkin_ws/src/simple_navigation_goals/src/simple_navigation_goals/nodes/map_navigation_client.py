@@ -1,9 +1,15 @@
 """Drives a robot along waypoints given in ``map``."""
 
-from pioneer_node.nodes.entry import run
+from pioneer_node.adapters.node_handle import NodeHandle
+from pioneer_node.nodes.node_host import run
 from simple_navigation_goals.nodes.goal_client import GoalClientNode
+
+
+def build(node: NodeHandle) -> GoalClientNode:
+    """Returns the node."""
+    return GoalClientNode(node, "map_goal", "map")
 
 
 def main() -> int:
     """Runs the node ``map_goal_client`` and returns its exit status."""
-    return run("map_goal_client", lambda: GoalClientNode("map_goal", "map"))
+    run("map_goal_client", build)

@@ -14,8 +14,9 @@ from pioneer_gazebo.core.lockstep import Lockstep, LockstepError, Ring
 from pioneer_gazebo.core.schedule import nanoseconds, period_of
 from pioneer_gazebo.nodes.mailbox import Mailbox
 from pioneer_node.core.parameter import ParameterError
+from pioneer_node.core.ring import INLET, OUTLET, PROBE, ring_topic
 from pioneer_node.nodes.exchange import Exchange
-from pioneer_node.nodes.lockstep import INLET, OUTLET, PROBE, RINGS, WITHHELD, Link, ring_publisher, ring_topic
+from pioneer_node.nodes.lockstep import RINGS, WITHHELD, Link, ring_publisher
 
 _ASK_EVERY = 0.2
 """How often rings that are absent are asked to join [s of wall time]."""

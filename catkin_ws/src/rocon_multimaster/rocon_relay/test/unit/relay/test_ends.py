@@ -50,7 +50,7 @@ def exporter():
     config = RelayConfig("source", "/gateway", "http://127.0.0.1:1/", "127.0.0.1")
     yield Exporter(Context(config, reactor, logger, lambda: None, None))
     reactor.stop()
-    reactor._run()
+    reactor.run()
 
 
 @contextlib.contextmanager

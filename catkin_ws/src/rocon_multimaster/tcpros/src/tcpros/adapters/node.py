@@ -1,7 +1,7 @@
 """A ROS node on a reactor: several may live in one process, each with a name, a port and an API of its own.
 
-For nodes that do little: topics, services, an API for tools, and an end when it is asked. It has no simulated time and
-reads no parameters; what every node of rospy has, such as ``/rosout``, its owner adds.
+For nodes that do little: topics, services, an API for tools, and an end when it is asked. `pioneer_node`'s
+`NodeHandle` adds what every node of rospy has: names, parameters, ROS time, ``/rosout``.
 """
 
 import struct
@@ -12,7 +12,8 @@ from tcpros.adapters.node_context import PATIENCE, NodeContext
 from tcpros.adapters.node_port import Ended, NodePort, RefusedError
 from tcpros.adapters.slave_api import NodeFace, SlaveApi
 from tcpros.adapters.stream import Stream
-from tcpros.adapters.topic_source import TopicSource
+from tcpros.adapters.topic_source import Taken, TopicSource
+from tcpros.core.error import TcprosError
 from tcpros.core.fanout import Fanout
 from tcpros.core.header import header_bytes
 
@@ -23,6 +24,10 @@ QUEUE_MESSAGES, QUEUE_BYTES = 100, 2**20
 """What waits for one slow subscriber at most; the oldest goes first."""
 
 _LENGTH = struct.Struct("<I")
+
+
+class ServiceError(TcprosError):
+    """A service cannot answer; the text goes to the client."""
 
 
 class Kind(Protocol):
@@ -93,7 +98,7 @@ class Service:
     """A service of a node that answers at once."""
 
     def __init__(self, name: str, kind: Kind, answer: Callable[[bytes], bytes]) -> None:
-        self._answer = answer
+        self._name, self._answer = name, answer
         self._md5sum = kind._md5sum
         self._header = header_bytes({"callerid": name, "md5sum": kind._md5sum, "type": kind._type})
 
@@ -107,7 +112,7 @@ class Service:
             end = _LENGTH.size + _LENGTH.unpack_from(data)[0] if len(data) >= _LENGTH.size else len(data) + 1
             if len(data) < end:
                 return 0
-            answer = b"\x01" + self._answer(bytes(data[_LENGTH.size : end]))
+            answer = self._answered(bytes(data[_LENGTH.size : end]))
             if persistent:
                 connection.send(answer)
             else:
@@ -117,6 +122,13 @@ class Service:
         connection.send(self._header)
         connection.parse = parse
         return lambda _reason: None
+
+    def _answered(self, request: bytes) -> bytes:
+        try:
+            return b"\x01" + self._answer(request)
+        except ServiceError as error:
+            text = str(error).encode()
+            return b"\x00" + _LENGTH.pack(len(text)) + text
 
 
 class Node:
@@ -135,12 +147,13 @@ class Node:
         self._published: dict[str, Publication] = {}
         self._subscribed: dict[str, TopicSource] = {}
         self._services: dict[str, Service] = {}
+        self._watched: dict[str, Callable[[Any], object]] = {}
         self._port = NodePort(context.reactor, context.bind, self, context.logger, PATIENCE)
         address = context.host, self._port.number
         self.uri = f"http://{address[0]}:{address[1]}/"  #: of its API
         self._service_uri = f"rosrpc://{address[0]}:{address[1]}"
         face = NodeFace(name, self.uri, context.master_uri, address, self._published, self._subscribed)
-        face.shut_down = self._asked_to_end
+        face.shut_down, face.parameters = self._asked_to_end, self._watched
         self.answer = SlaveApi(face).answer
         self._port.open()
 
@@ -150,17 +163,25 @@ class Node:
         self._register("registerPublisher", topic, kind._type, self.uri)
         return publication
 
-    def subscribe(self, topic: str, kind: MessageKind, taken: Callable[[memoryview], object]) -> None:
-        """Subscribes to a topic of this resolved name.
-
-        Args:
-            topic: its name.
-            kind: the messages' class.
-            taken: gets each message without its length; valid during the call.
-        """
+    def subscribe(self, topic: str, kind: MessageKind, taken: Taken) -> TopicSource:
+        """Subscribes to a topic of this resolved name, and returns its connections."""
         fields = {"topic": topic, "type": kind._type, "md5sum": kind._md5sum}
         source = self._subscribed[topic] = TopicSource(self._context, self.name, fields, taken)
         self._register("registerSubscriber", topic, kind._type, self.uri, done=source.update)
+        return source
+
+    def unsubscribe(self, topic: str) -> None:
+        """Ends a subscription."""
+        self._subscribed.pop(topic).close()
+        self._register("unregisterSubscriber", topic, self.uri)
+
+    def watch(self, parameter: str, changed: Callable[[Any], object]) -> None:
+        """Has ``changed`` called with the value of a parameter of this resolved name, now and whenever it is set.
+
+        Where it is not set, the value is an empty dictionary.
+        """
+        self._watched[parameter] = changed
+        self._register("subscribeParam", self.uri, parameter, done=changed)
 
     def serve(self, service: str, kind: Kind, answer: Callable[[bytes], bytes]) -> None:
         """Registers a service of this resolved name; ``answer`` makes a response's frame of a serialised request."""
@@ -172,6 +193,7 @@ class Node:
         calls = [("unregisterPublisher", topic, self.uri) for topic in self._published]
         calls += [("unregisterSubscriber", topic, self.uri) for topic in self._subscribed]
         calls += [("unregisterService", service, self._service_uri) for service in self._services]
+        calls += [("unsubscribeParam", self.uri, parameter) for parameter in self._watched]
         missing = len(calls)
 
         def close_port() -> None:
@@ -211,8 +233,8 @@ class Node:
         self._context.reactor.call_later(0.0, lambda: self._shut_down(reason or "asked to end"))
         return ""
 
-    def _register(self, method: str, *arguments: str, done: Callable[[Any], None] = lambda _: None) -> None:
+    def _register(self, method: str, *arguments: str, done: Callable[[Any], object] = lambda _: None) -> None:
         def failed(reason: str) -> None:
-            self._shut_down(f"{method} of {arguments[0]} failed: {reason}")
+            self._shut_down(f"{method} of {' '.join(arguments[:2])} failed: {reason}")
 
         self._context.master.call(method, (self.name, *arguments), done, failed)

@@ -42,7 +42,7 @@ class Timer:
 
 
 class Reactor:
-    """An epoll loop in a thread of its own.
+    """An epoll loop, in a thread of its own or in that which calls `run`.
 
     All methods but `call` and `join` belong to that thread.
     """
@@ -62,7 +62,7 @@ class Reactor:
         self._wake_up = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)  # type: ignore[attr-defined]
         self._epoll.register(self._wake_up, select.EPOLLIN)
         self._running = True
-        self._thread = threading.Thread(target=self._run, name="relay", daemon=True)
+        self._thread = threading.Thread(target=self.run, name="relay", daemon=True)
 
     def start(self) -> None:
         """Starts the thread."""
@@ -102,7 +102,8 @@ class Reactor:
         if threading.current_thread() is not self._thread:
             self._thread.join(timeout)
 
-    def _run(self) -> None:
+    def run(self) -> None:
+        """Runs the loop in the calling thread, until it is stopped; in place of `start`."""
         while self._running:
             self.moved = 0
             for descriptor, events in self._epoll.poll(self._pause()):

@@ -45,6 +45,10 @@ class Subscribed(Protocol):
     def publisher_uris(self) -> list[str]:
         """The URIs of the publishers that are connected."""
 
+    @property
+    def received(self) -> list[tuple[str, int]]:
+        """The URI of each connected publisher, and the bytes that have come from it."""
+
     def update(self, publishers: list[str]) -> None:
         """Takes the URIs of all publishers that there are from now on."""
 
@@ -59,6 +63,8 @@ class NodeFace:
     address: tuple[str, int]  #: where it serves topics: host and port
     published: Mapping[str, Published]  #: by topic
     subscribed: Mapping[str, Subscribed] = field(default_factory=dict)  #: by topic
+    #: by name of a parameter that the master tells changes of; gets its new value
+    parameters: Mapping[str, Callable[[Any], object]] = field(default_factory=dict)
     #: gets the reason for which the node is asked to end; returns why it does not, "" if it does
     shut_down: Callable[[str], str] = lambda _reason: "it does not end when asked"
 
@@ -77,7 +83,7 @@ class SlaveApi:
             "getPublications": lambda _caller: (1, "publications", _types(face.published)),
             "getSubscriptions": lambda _caller: (1, "subscriptions", _types(face.subscribed)),
             "getUri": lambda _caller: (1, "", face.uri),
-            "paramUpdate": lambda _caller, _key, _value: (1, "", 0),
+            "paramUpdate": self._parameter_update,
             "publisherUpdate": self._publisher_update,
             "requestTopic": self._request_topic,
             "shutdown": self._shutdown,
@@ -119,8 +125,18 @@ class SlaveApi:
         return 1, "bus info", rows
 
     def _bus_stats(self, _caller: str) -> Answer:
-        out, into = ([[topic, 0, []] for topic in some] for some in (self._face.published, self._face.subscribed))
+        out = [[topic, 0, []] for topic in self._face.published]
+        into = [
+            [topic, [[number, count, -1, True] for number, (_, count) in enumerate(one.received, 1)]]
+            for topic, one in self._face.subscribed.items()
+        ]
         return 1, "", [out, into, []]
+
+    def _parameter_update(self, _caller: str, name: str, value: Any) -> Answer:
+        changed = self._face.parameters.get(name.rstrip("/"))
+        if changed is not None:
+            changed(value)
+        return 1, "", 0
 
     def _publisher_update(self, _caller: str, name: str, publishers: list[str]) -> Answer:
         topic = self._face.subscribed.get(name)

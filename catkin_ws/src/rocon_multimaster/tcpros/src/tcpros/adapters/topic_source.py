@@ -4,7 +4,7 @@ import socket
 import struct
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from tcpros.adapters.channel import dialled_socket
 from tcpros.adapters.node_context import PATIENCE, NodeContext
@@ -12,8 +12,16 @@ from tcpros.adapters.reactor import Timer
 from tcpros.adapters.stream import Stream
 from tcpros.core.header import header_bytes, header_parser
 
-Taken = Callable[[memoryview], object]
-"""Gets each message without its length; it is valid during the call."""
+
+class Sender(NamedTuple):
+    """A publisher, as its connection header introduces it."""
+
+    name: str  #: of the node
+    latching: bool
+
+
+Taken = Callable[[memoryview, Sender], object]
+"""Gets each message without its length, valid during the call, and its publisher."""
 
 _SHORTEST, _LONGEST = 0.1, 2.0
 """Pauses before a publisher is asked again [s]; each is twice as long as the one before."""
@@ -42,7 +50,18 @@ class TopicSource:
     @property
     def publisher_uris(self) -> list[str]:
         """The URIs of the publishers that are connected."""
-        return [uri for uri, one in self._publishers.items() if one.is_connected]
+        return [uri for uri, one in self._publishers.items() if one.connection is not None]
+
+    @property
+    def publisher_names(self) -> list[str]:
+        """The names of the publishers from which messages may come, once each has introduced itself."""
+        return [one.connection.sender.name for one in self._publishers.values() if one.connection is not None]
+
+    @property
+    def received(self) -> list[tuple[str, int]]:
+        """The URI of each connected publisher, and the bytes of messages that have come from it."""
+        found = ((uri, one.connection) for uri, one in self._publishers.items())
+        return [(uri, connection.message_bytes) for uri, connection in found if connection is not None]
 
     def update(self, publishers: list[str]) -> None:
         """Takes the URIs of all publishers that there are from now on."""
@@ -62,25 +81,20 @@ class _Publisher:
 
     def __init__(self, context: NodeContext, uri: str, node: str, fields: dict[str, str], taken: Taken) -> None:
         self._context, self._uri, self._node, self._fields, self._taken = context, uri, node, fields, taken
-        self._connection: _Connection | None = None
+        self.connection: _Connection | None = None  #: on which messages may come
         self._pause = _SHORTEST
         self._timer: Timer | None = None
         self._closed = False
         self._reported = False
         self._ask()
 
-    @property
-    def is_connected(self) -> bool:
-        """Whether there is a connection on which messages may come."""
-        return self._connection is not None
-
     def close(self) -> None:
         """Ends the connection and all attempts."""
         self._closed = True
         if self._timer is not None:
             self._timer.cancel()
-        if self._connection is not None:
-            self._connection.close("")
+        if self.connection is not None:
+            self.connection.close("")
 
     def greeted(self) -> None:
         """The publisher has answered with its connection header."""
@@ -88,7 +102,7 @@ class _Publisher:
 
     def failed(self, reason: str) -> None:
         """The publisher does not answer, refuses, or has ended the connection."""
-        self._connection = None
+        self.connection = None
         if self._closed:
             return
         if reason and not self._reported:
@@ -114,8 +128,8 @@ class _Publisher:
 
     def _dial(self, port: int, address: str) -> None:
         if not self._closed:
-            self._connection = _Connection(self._context, self, self._uri, self._fields, self._taken)
-            self._connection.connect(address, port)
+            self.connection = _Connection(self._context, self, self._uri, self._fields, self._taken)
+            self.connection.connect(address, port)
 
 
 class _Connection(Stream):
@@ -128,6 +142,8 @@ class _Connection(Stream):
         super().__init__(context.reactor, sock, uri)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         self._publisher, self._fields, self._taken = publisher, fields, taken
+        self.sender = Sender("", latching=False)  #: who it is, once its header has come
+        self.message_bytes = 0  #: of what has come
         self._timer = context.reactor.call_later(PATIENCE, lambda: self.close("it sent no connection header in time"))
         self.parse = header_parser(self._take_header)
 
@@ -146,6 +162,7 @@ class _Connection(Stream):
             self.close(header["error"])
         else:
             self._publisher.greeted()
+            self.sender = Sender(header.get("callerid", ""), header.get("latching") == "1")
             self.parse = self._messages
 
     def _messages(self, data: memoryview) -> int:
@@ -154,6 +171,7 @@ class _Connection(Stream):
             end = position + _LENGTH.size + int(_LENGTH.unpack_from(data, position)[0])
             if end > size:
                 break
-            self._taken(data[position + _LENGTH.size : end])
+            self.message_bytes += end - position
+            self._taken(data[position + _LENGTH.size : end], self.sender)
             position = end
         return position

@@ -20,8 +20,8 @@ MAX_PARALLEL = 4
 MAX_ANSWER = 4 * 2**20
 """The longest answer to a call [bytes]: of getParam, where a parameter is copied; all others are short."""
 
-Done = Callable[[Any], None]
-Failed = Callable[[str], None]
+Done = Callable[[Any], object]
+Failed = Callable[[str], object]
 
 
 class _Call(Stream):

@@ -1,0 +1,152 @@
+"""The transforms that a node asks for, out of the bytes of /tf and /tf_static.
+
+tf2_ros' Python listener unpacks and stores every transform of every robot: at 50 robots most of a core. This one
+searches the bytes of /tf for the few edges in use, and unpacks those. Static transforms, few and latched, are all kept.
+"""
+
+import threading
+from collections.abc import Callable
+
+from nav_bundle.adapters.tf_message import Refuse, StampedTransform, TransformPicker, transforms_of
+from nav_bundle.core.clock_jump import ClockJump
+from nav_bundle.core.transform import DisconnectedError, FrameError, Transform, TransformTree, frame_fault
+from pioneer_node.core.frame import stripped
+
+HISTORY, FUTURE_LIMIT = 10.0, 10.0
+"""History of each edge [s], and how far ahead of the clock a transform may be stamped [s]."""
+
+_MOST_PAIRS = 512
+
+
+class TransformStore:
+    """Transforms between the frames asked for.
+
+    A pair of frames is kept from its first ``lookup`` or ``listen`` on: call ``listen`` early. Of more pairs
+    than anybody needs, those asked for longest ago are dropped.
+    When time jumps back, all but the static transforms are forgotten, and transforms of the time before that arrive
+    late are left out. Thread-safe.
+
+    On error: a message that does not parse, and a transform that no tree can take or that is stamped more than
+        ``future_limit`` ahead of the clock, are dropped with a warning.
+
+    Args:
+        now: returns ROS time [s].
+        warn: takes a line that may come often.
+        keep: history of each edge [s].
+        future_limit: how far ahead of the clock a transform may be stamped [s]; one from the far future would pass
+            for the newest until then.
+    """
+
+    def __init__(
+        self,
+        now: Callable[[], float],
+        warn: Refuse,
+        keep: float = HISTORY,
+        future_limit: float = FUTURE_LIMIT,
+    ) -> None:
+        self.arrived = threading.Condition()  #: notified of each message that brings something
+        self._now, self._warn = now, warn
+        self._tree = TransformTree(keep)
+        self._picker = TransformPicker(warn)
+        self._future_limit = future_limit
+        self._pairs: dict[tuple[str, str], None] = {}
+        self._fixed: set[str] = set()
+        self._clock = ClockJump()
+
+    def listen(self, target: str, source: str) -> None:
+        """Keeps from now on what joins the two frames."""
+        with self.arrived:
+            self._listen(target, source)
+
+    def lookup(self, target: str, source: str, stamp: float | None = None) -> Transform:
+        """Returns target_from_source at ROS time ``stamp`` [s], or at the newest common time when None.
+
+        Raises:
+            DisconnectedError: the frames are not joined, perhaps not yet.
+            ExtrapolationError: joined, but not at ``stamp``; its ``future`` tells on which side.
+        """
+        with self.arrived:
+            target, source = self._listen(target, source)
+            return self._tree.lookup(target, source, stamp)
+
+    def has_fixed(self, frame: str) -> bool:
+        """Returns whether /tf_static has told of a frame fixed to this one."""
+        with self.arrived:
+            return frame in self._fixed
+
+    def latest(self, target: str, source: str) -> float:
+        """Returns the newest stamp [s] at which the frames can be joined (inf: static); raises DisconnectedError."""
+        with self.arrived:
+            target, source = self._listen(target, source)
+            return self._tree.latest(target, source)
+
+    def take(self, message: bytes) -> None:
+        """Takes a message of /tf, as it is serialised."""
+        with self.arrived:
+            picked = self._picker.pick(message)
+            if picked:
+                self._forget_if_time_jumped()
+                self._insert([one for one in picked if self._is_timely(one)], static=False)
+
+    def take_static(self, message: bytes) -> None:
+        """Takes a message of /tf_static, as it is serialised."""
+        with self.arrived:
+            records = transforms_of(message, self._warn)
+            self._fixed.update(record.parent for record in records)
+            self._insert(records, static=True)
+
+    def watch(self) -> None:
+        """Watches the edges between the pairs, and where a pair is not yet joined, the ends of its two chains."""
+        children: set[str] = set()
+        for target, source in self._pairs:
+            try:
+                children.update(*self._tree.path(target, source))
+            except DisconnectedError:
+                children.update(self._tree.chain(target), self._tree.chain(source))
+        self._picker.watch(children)
+
+    def wake(self) -> None:
+        """Ends waits for ``arrived``."""
+        with self.arrived:
+            self.arrived.notify_all()
+
+    def _listen(self, *frames: str) -> tuple[str, str]:
+        """Keeps the pair (target, source); returns the names as the tree has them."""
+        target, source = pair = stripped(frames[0]), stripped(frames[1])
+        for frame in pair:
+            fault = frame_fault(frame)
+            if fault:
+                raise FrameError(f"no transform from {source!r} to {target!r}: {fault}")
+        known = pair in self._pairs
+        self._pairs.pop(pair, None)
+        self._pairs[pair] = None
+        if not known:
+            if len(self._pairs) > _MOST_PAIRS:
+                del self._pairs[next(iter(self._pairs))]
+            self.watch()
+        return pair
+
+    def _is_timely(self, record: StampedTransform) -> bool:
+        if self._clock.is_of_before(record.stamp):
+            return False
+        ahead = record.stamp - self._clock.now
+        if ahead <= self._future_limit:
+            return True
+        if self._clock.now > 0.0:  # before the first /clock every stamp is far ahead
+            self._warn(
+                f"a transform from {record.parent!r} to {record.child!r} was dropped: it is stamped {ahead:.1f} s "
+                f"ahead of the clock, more than ~transform_future_limit, {self._future_limit:g} s"
+            )
+        return False
+
+    def _insert(self, records: list[StampedTransform], static: bool) -> None:
+        changes = [self._tree.insert(*record, static=static) for record in records]
+        if any(changes):
+            self.watch()
+        self.arrived.notify_all()
+
+    def _forget_if_time_jumped(self) -> None:
+        last, now = self._clock.now, self._now()
+        if self._clock.jumped(now):
+            self._warn(f"time jumped back from {last:.3f} to {now:.3f} s: transforms forgotten")
+            self._tree.clear()

@@ -1,0 +1,76 @@
+"""A `NodeHandle` in lockstep with the simulator: a member of a ring (docs/lockstep.md)."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from pioneer_msgs.msg import LockstepMessage, LockstepToken
+
+from pioneer_node.adapters.exchange import Exchange, Place, is_connected
+from pioneer_node.adapters.node_handle import NodeHandle, Publisher, Received
+
+
+class HandleMember:
+    """The place of a node in its ring. Tokens are handled in the process's one thread, as all that the node does.
+
+    Subscribes: ``lockstep/period``, or ``lockstep/after_NAME`` of the member before it (pioneer_msgs/LockstepToken),
+        ``lockstep/probe``.
+
+    Publishes: ``lockstep/done``, or ``lockstep/after_NAME`` for the member behind it.
+    """
+
+    def __init__(self, handle: NodeHandle, ring: str, members: Sequence[str], name: str) -> None:
+        """Takes the node, the ring's name, its members in the order in which they act, and this one's among them."""
+        self._exchange = Exchange(handle.name)
+        self._place = place = Place(
+            self._exchange, ring, members, name, lambda stamp: handle.set_time(float(stamp.to_sec()))
+        )
+        place.step = self._step
+        self._ticks: list[Callable[[], object]] = []
+        # Tokens themselves go by connections.
+        self._outlet = handle.advertise(place.outlet, LockstepToken)
+        self._answers = (
+            self._outlet if place.answers == place.outlet else handle.advertise(place.answers, LockstepToken)
+        )
+        handle.subscribe(place.inlet, LockstepToken, self._take)
+        handle.subscribe(place.probe, LockstepToken, self._answer)
+        handle.join(self)
+
+    def wants(self, topic: str) -> bool:
+        """Returns whether anybody in lockstep subscribes to a topic."""
+        return self._exchange.wants(topic)
+
+    def note(self, publisher: Publisher, data: bytes) -> None:
+        """Takes a message that the node publishes."""
+        if publisher.latched:
+            self._exchange.keep(publisher.topic, id(publisher), data)
+        if self._exchange.wants(publisher.topic):
+            self._exchange.note(publisher.topic, data)
+
+    def listen(self, topic: str, kind: Any, take: Received) -> bool:
+        """Has ``take`` called with what tokens carry; returns whether connections carry the topic, too."""
+
+        def receive(message: LockstepMessage) -> None:
+            take(message.data, message.sender)
+
+        self._exchange.listen(topic, receive)
+        return is_connected(kind, topic)
+
+    def takes(self, topic: str, sender: str, latched: bool, data: memoryview) -> bool:
+        """Returns whether a message that came by a connection counts."""
+        return self._exchange.accepts(topic, sender, latched, lambda: bytes(data))
+
+    def tick(self, call: Callable[[], object]) -> None:
+        """Has ``call`` called once a period."""
+        self._ticks.append(call)
+
+    def _step(self) -> None:
+        for call in self._ticks:
+            call()
+
+    def _take(self, token: LockstepToken, _sender: str) -> None:
+        passed_on = self._place.take(token)
+        if passed_on is not None:
+            self._outlet.publish(passed_on)
+
+    def _answer(self, probe: LockstepToken, _sender: str) -> None:
+        self._answers.publish(self._place.answer(probe))

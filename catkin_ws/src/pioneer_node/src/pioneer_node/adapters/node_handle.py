@@ -1,0 +1,364 @@
+"""A ROS node without rospy, for nodes that do little: several may live in one process, all in one thread.
+
+rospy has one node a process, and a thread for each connection. The names are those of roscpp's NodeHandle.
+"""
+
+import logging
+import struct
+import time
+import xmlrpc.client
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, Protocol
+
+import rosgraph
+from genpy import DeserializationError, Time
+from roscpp.msg import Logger
+from roscpp.srv import GetLoggers, GetLoggersResponse, SetLoggerLevel, SetLoggerLevelRequest, SetLoggerLevelResponse
+from rosgraph_msgs.msg import Clock, Log
+
+from pioneer_node.conversions import frame_of
+from pioneer_node.core.parameter import UNKNOWN
+from tcpros.adapters.node import Node, Publication, ServiceError
+from tcpros.adapters.node_context import PATIENCE, NodeContext
+from tcpros.adapters.reactor import Timer
+from tcpros.adapters.topic_source import Sender
+from tcpros.core.frame import LENGTH_SIZE
+
+STRICT = "strict_parameters"
+"""Parameter of a node, or of a namespace above it, that has parameters that no node reads refused."""
+LOGGER = "rosout"
+"""Whose lines reach the terminal, the log file and ``/rosout``, as of rospy's nodes."""
+
+_CLOCK = struct.Struct("<II")
+_LEVELS = {"debug": 10, "info": 20, "warn": 30, "error": 40, "fatal": 50}
+_UNUSABLE = (DeserializationError, struct.error, ValueError, IndexError, UnicodeDecodeError)
+"""What reading a message raises that its publisher has made wrongly."""
+
+
+Received = Callable[[bytes | memoryview, str], object]
+"""Gets a serialised message, valid during the call, and the name of the node that sent it."""
+
+
+class Lockstep(Protocol):
+    """What tokens carry instead of connections where the node keeps in lockstep (docs/lockstep.md)."""
+
+    def wants(self, topic: str) -> bool:
+        """Returns whether anybody in lockstep subscribes to a topic."""
+
+    def note(self, publisher: "Publisher", data: bytes) -> None:
+        """Takes a message that the node publishes."""
+
+    def listen(self, topic: str, kind: Any, take: Received) -> bool:
+        """Has ``take`` called with what tokens carry; returns whether connections carry the topic, too."""
+
+    def takes(self, topic: str, sender: str, latched: bool, data: memoryview) -> bool:
+        """Returns whether a message that came by a connection counts."""
+
+    def tick(self, call: Callable[[], object]) -> None:
+        """Has ``call`` called once a period."""
+
+
+class MasterParameters:
+    """Calls of a master's parameter API that are waited for, though not for ever. Raises OSError, ProtocolError."""
+
+    def __init__(self, uri: str, caller: str) -> None:
+        self._uri, self._caller = uri, caller
+
+    def ask(self, method: str, *arguments: Any) -> tuple[bool, Any]:
+        """Returns whether the master has an answer, and that."""
+        with xmlrpc.client.ServerProxy(self._uri, transport=_Patient(), allow_none=True) as master:
+            status, _, value = getattr(master, method)(self._caller, *arguments)  # type: ignore[misc]
+        return status == 1, value
+
+
+class _Patient(xmlrpc.client.Transport):
+    """A connection that is given up where nothing comes for some seconds."""
+
+    def make_connection(self, host: Any) -> Any:
+        connection = super().make_connection(host)
+        connection.timeout = PATIENCE
+        return connection
+
+
+class Publisher:
+    """A topic that a node publishes."""
+
+    def __init__(self, publication: Publication, topic: str, latched: bool, lockstep: Lockstep | None) -> None:
+        self.topic = topic  #: its resolved name
+        self.latched = latched  #: whether newcomers get the last message
+        self._publication, self._lockstep = publication, lockstep
+
+    def publish(self, message: Any) -> None:
+        """Sends a message to all subscribers."""
+        if self.latched or self._publication.subscribers or self._is_noted():
+            self.send(bytes(frame_of(message)))
+
+    def send(self, frame: bytes) -> None:
+        """Sends a message that is serialised, its length before it."""
+        if self._lockstep is not None and self._is_noted():
+            self._lockstep.note(self, frame[LENGTH_SIZE:])
+        self._publication.send(frame)
+
+    def _is_noted(self) -> bool:
+        return self._lockstep is not None and (self.latched or self._lockstep.wants(self.topic))
+
+    def reaches(self, node: str) -> bool:
+        """Returns whether a node of that name is connected."""
+        return node in self._publication.subscriber_names
+
+
+class Ticker:
+    """A call that repeats; made by `NodeHandle.every`."""
+
+    def __init__(self, handle: "NodeHandle", period: float, call: Callable[[], object]) -> None:
+        self._handle, self._period, self._call = handle, period, call
+        self._timer: Timer | None = None
+
+    def start(self) -> None:
+        """Begins to call, first after one period; one that runs continues."""
+        if self._timer is None and self._handle.lockstep is None:
+            self._timer = self._handle.call_later(self._period, self._due)
+
+    def stop(self) -> None:
+        """Calls no more until the next `start`."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def now(self) -> None:
+        """Calls at once, and then again after a period where it runs; in lockstep the period's call is enough."""
+        if self._handle.lockstep is None:
+            if self._timer is not None:
+                self._timer.cancel()
+                self._due()
+            else:
+                self._call()
+
+    def _due(self) -> None:
+        self._timer = self._handle.call_later(self._period, self._due)
+        self._call()
+
+
+class NodeHandle:
+    """One node: its names, parameters, time, topics, services. Everything belongs to the process's one thread.
+
+    Subscribes: ``/clock`` where ``/use_sim_time`` is true at the start.
+
+    Publishes: ``/rosout``.
+
+    Services: ``~get_loggers``, ``~set_logger_level``.
+
+    Args:
+        context: what the nodes of the process share.
+        name: its resolved name.
+        remappings: of names, resolved for this node.
+        shut_down: is called with the reason when the node is asked to end.
+        wall_time: ROS time is wall time even where ``/use_sim_time`` is set.
+        logger: what ``~get_loggers`` calls the process's logger.
+    """
+
+    def __init__(
+        self,
+        context: NodeContext,
+        name: str,
+        remappings: Mapping[str, str],
+        shut_down: Callable[[str], object],
+        wall_time: bool = False,
+        logger: str = LOGGER,
+    ) -> None:
+        self.name = name
+        self.lockstep: Lockstep | None = None  #: see `join`
+        self.logger = logging.LoggerAdapter(logging.getLogger(LOGGER), {"node": self})
+        self._reactor, self._remappings = context.reactor, remappings
+        self._master = MasterParameters(context.master_uri, name)
+        self._now = 0.0
+        self._simulated = not wall_time and bool(self.parameter("/use_sim_time", False))
+        self._node = Node(context, name, shut_down)
+        self._rosout = self._node.publish("/rosout", Log, latching=True)
+        if self._simulated:
+            self._node.subscribe("/clock", Clock, self._on_clock)
+        self._node.serve(f"{name}/get_loggers", GetLoggers, partial(_loggers, logger))
+        self._node.serve(f"{name}/set_logger_level", SetLoggerLevel, _set_level)
+
+    def close(self, done: Callable[[], object]) -> None:
+        """Takes the node back from the master; calls ``done`` then."""
+        self._node.close(done)
+
+    def join(self, lockstep: Lockstep) -> None:
+        """Has the node keep in lockstep, which sets its time from now on; before it has topics and tickers."""
+        self.lockstep, self._now = lockstep, 0.0
+        if self._simulated:
+            self._node.unsubscribe("/clock")
+
+    # Names and parameters
+
+    def resolved(self, name: str) -> str:
+        """Returns a graph name as the master knows it."""
+        found = rosgraph.names.resolve_name(name, self.name)
+        return str(self._remappings.get(found, found))
+
+    def parameter(self, name: str, otherwise: Any) -> Any:
+        """Returns a parameter's value, ``otherwise`` where it is not set. Waits for the master."""
+        found, value = self._master.ask("getParam", self.resolved(name))
+        return value if found else otherwise
+
+    def found_parameter(self, name: str, otherwise: Any) -> Any:
+        """Returns the value of the nearest parameter of that name, from the node's namespace upwards."""
+        found, key = self._master.ask("searchParam", name)
+        return self.parameter(key, otherwise) if found else otherwise
+
+    def parameters(self) -> dict[str, Any]:
+        """Returns the node's private parameters, an empty dictionary when there are none; see `STRICT`."""
+        values = self.parameter("~", {})
+        UNKNOWN.strict = bool(self.found_parameter(STRICT, False))
+        return {name: values[name] for name in values if name != STRICT} if isinstance(values, dict) else {}
+
+    def set_parameter(self, name: str, value: Any) -> None:
+        """Sets a parameter."""
+        self._master.ask("setParam", self.resolved(name), value)
+
+    def watch(self, name: str, changed: Callable[[Any], object]) -> None:
+        """Has ``changed`` called with a parameter's value now and whenever it is set; None where it is not."""
+        self._node.watch(self.resolved(name), lambda value: self.guard(changed, None if value == {} else value))
+
+    # Time
+
+    def now(self) -> float:
+        """Returns ROS time [s]; 0 before the first ``/clock``."""
+        return self._now if self._simulated else time.time()
+
+    def stamp(self) -> Time:
+        """Returns ROS time as a message has it."""
+        return Time.from_sec(self.now())
+
+    def set_time(self, now: float) -> None:
+        """Has simulated time be ``now`` [s]."""
+        self._now = now
+
+    def time_text(self) -> str:
+        """Returns the times of a log line, as rospy's have them."""
+        return f"{time.time():f}, {self._now:f}" if self._simulated else f"{time.time():f}"
+
+    def call_later(self, delay: float, call: Callable[[], object]) -> Timer:
+        """Has ``call`` called after so much wall time [s]."""
+        return self._reactor.call_later(delay, partial(self.guard, call))
+
+    def every(self, period: float, call: Callable[[], object]) -> Ticker:
+        """Returns what calls ``call`` each ``period`` [s of wall time], in lockstep once a period of that instead."""
+        if self.lockstep is not None:
+            self.lockstep.tick(partial(self.guard, call))
+        return Ticker(self, period, call)
+
+    # Topics and services
+
+    def advertise(self, topic: str, kind: Any, latch: bool = False) -> Publisher:
+        """Returns a new publisher; with ``latch`` each newcomer gets the last message."""
+        name = self.resolved(topic)
+        return Publisher(self._node.publish(name, kind, latch), name, latch, self.lockstep)
+
+    def subscribe(self, topic: str, kind: Any, take: Callable[[Any, str], object]) -> "Subscriber":
+        """Has ``take`` called with each message and the name of the node that sent it."""
+        name = self.resolved(topic)
+        return Subscriber(self.lockstep, self._node, name, kind, _Reader(self, name, kind, take))
+
+    def subscribe_serialised(self, topic: str, kind: Any, take: Received) -> "Subscriber":
+        """Does what `subscribe` does, with messages as they are serialised."""
+        return Subscriber(self.lockstep, self._node, self.resolved(topic), kind, partial(self.guard, take))
+
+    def serve(self, service: str, kind: Any, answer: Callable[[Any], Any]) -> None:
+        """Offers a service; ``answer`` makes a response of a request. What it raises reaches the client as an error."""
+
+        def answered(data: bytes) -> bytes:
+            try:
+                return bytes(frame_of(answer(kind._request_class().deserialize(data))))
+            except Exception as error:
+                self.logger.exception("bad callback")
+                raise ServiceError(f"error processing request: {error}") from error
+
+        self._node.serve(self.resolved(service), kind, answered)
+
+    # Lines
+
+    def publish_line(self, record: logging.LogRecord) -> None:
+        """Sends a log line to ``/rosout``."""
+        severities = {10: Log.DEBUG, 20: Log.INFO, 30: Log.WARN, 40: Log.ERROR, 50: Log.FATAL}
+        line = Log(
+            level=severities.get(record.levelno, Log.INFO),
+            name=self.name,
+            msg=record.getMessage(),
+            file=record.filename,
+            function=record.funcName,
+            line=record.lineno,
+        )
+        line.header.stamp = self.stamp()
+        self._rosout.send(bytes(frame_of(line)))
+
+    def guard(self, call: Callable[..., object], *arguments: Any) -> None:
+        """Calls a callback of the node; what it raises is logged, and the node continues, as rospy's do."""
+        try:
+            call(*arguments)
+        except Exception:  # the outermost of a callback
+            self.logger.exception("bad callback")
+
+    def _on_clock(self, data: memoryview, _sender: Sender) -> None:
+        if len(data) == _CLOCK.size:
+            seconds, nanoseconds = _CLOCK.unpack(data)
+            self._now = seconds + 1e-9 * nanoseconds
+
+
+class Subscriber:
+    """A subscription of a node; ``received`` gets what comes."""
+
+    def __init__(self, lockstep: Lockstep | None, node: Node, topic: str, kind: Any, received: Received) -> None:
+        self.topic = topic  #: its resolved name
+        self._lockstep, self._node, self._received = lockstep, node, received
+        connected = lockstep is None or lockstep.listen(topic, kind, received)
+        self._source = node.subscribe(topic, kind, self._hear) if connected else None
+
+    def hears(self, node: str) -> bool:
+        """Returns whether a publisher of that node is connected."""
+        return self._source is not None and node in self._source.publisher_names
+
+    def close(self) -> None:
+        """Ends the subscription."""
+        if self._source is not None:
+            self._node.unsubscribe(self.topic)
+            self._source = None
+
+    def _hear(self, data: memoryview, sender: Sender) -> None:
+        lockstep = self._lockstep
+        if lockstep is None or lockstep.takes(self.topic, sender.name, sender.latching, data):
+            self._received(data, sender.name)
+
+
+class _Reader:
+    """Hands on what can be read of the messages of one topic."""
+
+    def __init__(self, handle: NodeHandle, topic: str, kind: Any, take: Callable[[Any, str], object]) -> None:
+        self._handle, self._topic, self._kind, self._take = handle, topic, kind, take
+        self._complained = False
+
+    def __call__(self, data: bytes | memoryview, sender: str) -> None:
+        message = self._kind()
+        try:
+            message.deserialize(bytes(data))
+        except _UNUSABLE as error:
+            if not self._complained:
+                self._handle.logger.error("left out a message on %s of %s: %s", self._topic, sender, error)
+            self._complained = True
+            return
+        self._handle.guard(self._take, message, sender)
+
+
+def _loggers(name: str, _request: bytes) -> bytes:
+    found = logging.getLogger(LOGGER).getEffectiveLevel()
+    level = next(word for word, number in _LEVELS.items() if number >= found)
+    return bytes(frame_of(GetLoggersResponse([Logger(name, level)])))
+
+
+def _set_level(request: bytes) -> bytes:
+    wanted = SetLoggerLevelRequest().deserialize(request).level.lower()
+    logger = logging.getLogger(LOGGER)
+    logger.setLevel(_LEVELS.get(wanted, logger.level))
+    return bytes(frame_of(SetLoggerLevelResponse()))

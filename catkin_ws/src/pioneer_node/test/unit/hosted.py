@@ -1,0 +1,46 @@
+"""A node for tests of `node_host`: it passes words on, with its name, a gain and ROS time."""
+
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, SetBoolResponse
+
+from pioneer_node.core.parameter import ParameterError
+
+
+class Echo:
+    def __init__(self, node):
+        self.node, self.gain, self.watched = node, node.parameters().get("gain", 1), None
+        if self.gain == "much":
+            raise ParameterError("~gain is 'much', not a number")
+        node.watch("shared", self.take)
+        self.publisher = node.advertise("~said", String, latch=True)
+        node.subscribe("words", String, self.hear)
+        node.serve("~switch", SetBool, self.switch)
+        self.ticker = node.every(0.01, self.tick)
+        node.logger.warning("made with gain %s", self.gain)
+
+    def take(self, value):
+        self.watched = value
+
+    def hear(self, message, sender):
+        if message.data == "tick":
+            self.ticker.start()
+        if message.data == "fail":
+            raise RuntimeError("as asked")
+        self.publisher.publish(f"{message.data} x{self.gain} of {sender} at {self.node.now():.2f}, {self.watched}")
+
+    def tick(self):
+        self.publisher.publish("ticked")
+        self.ticker.stop()
+
+    def switch(self, request):
+        if not request.data:
+            raise ValueError("it stays on")
+        return SetBoolResponse(True, self.node.resolved("words"))
+
+
+# What `advertise` publishes is a message; here a word makes one.
+def build(node):
+    echo = Echo(node)
+    publish = echo.publisher.publish
+    echo.publisher.publish = lambda text: publish(String(text))
+    return echo
