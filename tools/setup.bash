@@ -162,6 +162,8 @@ make_workspace() {
   # Built with the venv's interpreter, which catkin writes into every script: Debian 12's asks for the first name of it,
   # Debian 13's for the second.
   (cd "$workspace" && catkin_make -j"$(nproc)" -D{PYTHON,Python}_EXECUTABLE="$venv/bin/python3" -DCATKIN_ENABLE_TESTING=OFF "$@")
+  # Where an environment keeps Python from writing bytecode, each start of a node would compile all that it imports.
+  "$venv/bin/python3" -m compileall -q -j0 "$workspace/src" "$workspace/devel/lib/python3/dist-packages"
 }
 
 build_workspace() {
@@ -178,7 +180,8 @@ build_workspace() {
 give_back() {
   [[ -n ${SUDO_UID:-} && $EUID -eq 0 ]] || return 0
   # -h: src/CMakeLists.txt is a link to a file of the system.
-  chown -hR "$SUDO_UID:${SUDO_GID:-$SUDO_UID}" "$setup_dir" "$workspace/build" "$workspace/devel" "$workspace/src/CMakeLists.txt"
+  find "$workspace/src" -name __pycache__ -print0 |
+    xargs -0 chown -hR "$SUDO_UID:${SUDO_GID:-$SUDO_UID}" "$setup_dir" "$workspace/build" "$workspace/devel" "$workspace/src/CMakeLists.txt"
 }
 
 # setup [SECTION...]: the whole set-up, with these sections of the packages on demand.

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from pioneer_bench.core.gateway import Flow, encrypted_rows, large_rows, paced_rows, small_rows, steady_rows
+from pioneer_bench.core.gateway import Flow, brisk_rows, encrypted_rows, large_rows, paced_rows, steady_rows
 from pioneer_bench.core.row import Row, table
 
 
@@ -26,7 +26,7 @@ def test_what_could_not_be_measured_misses_its_goal() -> None:
     assert "| no" in table([Row("a", "s", (), 0.3)])
 
 
-@pytest.mark.parametrize("rows_from", [small_rows, large_rows, paced_rows])
+@pytest.mark.parametrize("rows_from", [brisk_rows, large_rows, paced_rows])
 def test_what_is_carried_for_more_cpu_than_the_peer_needs_misses_its_goal(rows_from) -> None:
     assert all(row.holds is not False for row in rows_from(flows(0.5)))
     assert next(row.unit for row in rows_from(flows(2.0)) if row.holds is False).endswith("/CPU-s")

@@ -63,12 +63,13 @@ class MasterClient:
 class Master(MasterClient):
     """A ROS master of one's own, as a context manager; several may live at once."""
 
-    def __init__(self) -> None:
+    def __init__(self, port: int = 0) -> None:
+        """Starts it; 0 is any free port."""
         self._home = tempfile.TemporaryDirectory(prefix="pioneer-master-")
         self.home = Path(self._home.name)  #: a temporary directory for ``ROS_HOME`` (logs), removed at the end
-        self._master = rosmaster.master.Master(port=0)
+        self._master = rosmaster.master.Master(port=port)
         self._master.start()
-        self.port = int(self._master.master_node.port)  #: its port, chosen by the kernel
+        self.port = int(self._master.master_node.port)  #: its port
         super().__init__(f"http://{_LOOPBACK}:{self.port}/")
 
     @property

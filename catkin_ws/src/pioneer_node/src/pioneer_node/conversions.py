@@ -11,5 +11,9 @@ def frame_of(message: Any) -> bytearray:
     """Returns a message as TCPROS carries it: its length, then its bytes."""
     buffer = io.BytesIO()
     message.serialize(buffer)
-    body = buffer.getvalue()
-    return bytearray(_LENGTH.pack(len(body)) + body)
+    return bytearray(framed(buffer.getvalue()))
+
+
+def framed(body: bytes) -> bytes:
+    """Returns a serialised message with its length before it."""
+    return _LENGTH.pack(len(body)) + body

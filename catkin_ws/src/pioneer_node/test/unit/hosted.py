@@ -1,5 +1,7 @@
 """A node for tests of `node_host`: it passes words on, with its name, a gain and ROS time."""
 
+import threading
+
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, SetBoolResponse
 
@@ -15,6 +17,8 @@ class Echo:
         self.publisher = node.advertise("~said", String, latch=True)
         node.subscribe("words", String, self.hear)
         node.serve("~switch", SetBool, self.switch)
+        node.serve("~gate", SetBool, self.pass_gate, may_wait=True)
+        self.gate = threading.Event()
         self.ticker = node.every(0.01, self.tick)
         node.logger.warning("made with gain %s", self.gain)
 
@@ -31,6 +35,12 @@ class Echo:
     def tick(self):
         self.publisher.publish("ticked")
         self.ticker.stop()
+
+    def pass_gate(self, request):
+        if request.data:
+            self.gate.wait(60)
+        self.gate.set()
+        return SetBoolResponse(True, "passed")
 
     def switch(self, request):
         if not request.data:

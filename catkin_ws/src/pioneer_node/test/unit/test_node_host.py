@@ -1,11 +1,13 @@
 """Nodes without rospy: several in one process, each a node for all others."""
 
 import logging
+import os
 import re
 import signal
 import struct
 import subprocess
 import sys
+import threading
 import xmlrpc.client
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,6 +19,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from pioneer_harness.masters import Master
+from pioneer_harness.port import PortReservation
 from pioneer_harness.wait import START, wait_until
 from pioneer_node.adapters.node_handle import NodeHandle
 from tcpros.adapters.client import Client, ClientError
@@ -170,6 +173,24 @@ def test_messages_services_parameters_and_time_reach_a_node(
     assert all(count > 0 for name, rows in heard if name == "/elsewhere" for _, count, *_ in rows)
 
 
+def test_a_service_that_waits_keeps_nobody_else_waiting_and_answers_in_order(host: Callable[..., Host]) -> None:
+    one = host("one=hosted")
+    one.await_node("/robot/one")
+    wait_until(lambda: one.answers("/robot/one/gate", "lookupService"), "the gate", START)
+    answers: list[str] = []
+
+    def ask() -> None:
+        with one.client.service("/robot/one/gate", SetBool._md5sum, persistent="1") as connection:
+            answers.extend(connection.call(SetBool, data=data).message for data in (True, False, True))
+
+    waiting = threading.Thread(target=ask)
+    waiting.start()
+    assert one.client.call("/robot/one/switch", SetBool, data=True).success
+    assert one.client.call("/robot/one/gate", SetBool, data=False).message == "passed"
+    waiting.join(START)
+    assert answers == ["passed"] * 3
+
+
 def test_a_malformed_message_and_a_failing_callback_cost_themselves_only(host: Callable[..., Host], peer: Peer) -> None:
     one = host("one=hosted")
     one.await_node("/robot/one")
@@ -238,19 +259,28 @@ def test_a_wrong_command_line_is_a_usage_error(words: tuple[str, ...]) -> None:
     assert "usage: node_host NAME=MODULE" in done.stderr
 
 
-def test_a_node_without_master_ends_with_one_line(master: Master) -> None:
-    path = f"{HOSTED}:{master.environment['PYTHONPATH']}"
-    done = subprocess.run(
-        [*COMMAND, "one=hosted"],
-        env={**master.environment, "ROS_MASTER_URI": "http://127.0.0.1:1/", "PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert done.returncode == 1
-    assert "no answer of the ROS master at http://127.0.0.1:1/" in done.stderr
-    assert "Traceback" not in done.stderr
+@pytest.mark.parametrize("comes", [True, False], ids=["it comes", "the end is asked for"])
+def test_a_node_waits_for_its_master(tmp_path: Path, comes: bool) -> None:
+    ports = PortReservation()
+    port = ports.take(15811)
+    environment = {**os.environ, "PYTHONPATH": f"{HOSTED}:{os.environ['PYTHONPATH']}", "ROS_HOME": str(tmp_path)}
+    environment |= {"ROS_MASTER_URI": f"http://127.0.0.1:{port}/", "ROS_IP": "127.0.0.1"}
+    with (
+        (tmp_path / "output").open("w+") as output,
+        subprocess.Popen([*COMMAND, "one=hosted"], env=environment, stdout=output, stderr=output) as process,
+    ):
+        wait_until(lambda: "waiting for the ROS master" in (tmp_path / "output").read_text(), "the line", START)
+        ports.release()
+        if comes:
+            with Master(port) as late:
+                wait_until(lambda: "/one/said" in late.system_state()[0], "the node", START)
+                process.send_signal(signal.SIGINT)
+                assert process.wait(START) == 0
+        else:
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(START) == 0
+    assert (tmp_path / "output").read_text().count("waiting for the ROS master") == 1
+    assert "Traceback" not in (tmp_path / "output").read_text()
 
 
 def test_a_handle_resolves_names_as_rospy_does(master: Master, peer: Peer) -> None:

@@ -7,7 +7,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pioneer_bench.adapters.fleet import PATIENCE, Fleet, Process, cpu
-from pioneer_bench.core.gateway import Flow, Flows, encrypted_rows, large_rows, paced_rows, small_rows, steady_rows
+from pioneer_bench.core.gateway import (
+    Flow,
+    Flows,
+    brisk_rows,
+    encrypted_rows,
+    large_rows,
+    paced_rows,
+    small_rows,
+    steady_rows,
+)
 from pioneer_bench.core.row import Row
 from pioneer_harness.wait import wait_until
 from tcpros.adapters.authority import Authority
@@ -18,19 +27,22 @@ TOPIC_TOOLS_RELAY = "/usr/lib/topic_tools/relay"
 def flow_rows(fleet: Fleet, repetitions: int, seconds: float) -> list[Row]:
     """Messages of 100 bytes and 1 MB, as fast as they go and paced."""
     # With a queue rospy joins short messages; without one it waits for the socket, so no long ones are lost at once.
+    every = ("direct", "topic_tools", "gateway")
     kinds = (
-        ("/small", 100, 0, 1000, small_rows),
-        ("/large", 1_000_000, 0, 0, large_rows),
-        ("/paced", 1_000_000, 50, 10, paced_rows),
-        ("/steady", 100, 100, 10, steady_rows),
+        # Of so many, topic_tools' subscriber drops nearly all, so it is compared at a rate that it follows.
+        ("/small", 100, 0, 1000, small_rows, ("direct", "gateway")),
+        ("/brisk", 100, 10_000, 1000, brisk_rows, ("topic_tools", "gateway")),
+        ("/large", 1_000_000, 0, 0, large_rows, every),
+        ("/paced", 1_000_000, 50, 10, paced_rows, every),
+        ("/steady", 100, 100, 10, steady_rows, every),
     )
     rows = []
-    for topic, size, rate, queue, rows_from in kinds:
+    for topic, size, rate, queue, rows_from, compared in kinds:
         with _carriers(fleet, topic, (size, rate, queue)) as ways:
-            flows: Flows = {way: [] for way in ways}
+            flows: Flows = {way: [] for way in compared}
             for _ in range(repetitions):
-                for way, (site, heard, carriers) in ways.items():
-                    flows[way].append(_flow(fleet, site, heard, carriers, seconds))
+                for way in compared:
+                    flows[way].append(_flow(fleet, *ways[way], seconds))
         rows += rows_from(flows)
     return rows
 
@@ -41,8 +53,7 @@ def tls_rows(folder: Path, repetitions: int, seconds: float) -> list[Row]:
     with contextlib.closing(Fleet(folder, ROCON_TLS_DIRECTORY=str(certificates))) as fleet:
         fleet.start()
         with _carriers(fleet, "/large", (1_000_000, 0, 0)) as ways:
-            site, heard, carriers = ways["gateway"]
-            return encrypted_rows([_flow(fleet, site, heard, carriers, seconds) for _ in range(repetitions)])
+            return encrypted_rows([_flow(fleet, *ways["gateway"], seconds) for _ in range(repetitions)])
 
 
 def idle_rows(fleet: Fleet, seconds: float) -> list[Row]:

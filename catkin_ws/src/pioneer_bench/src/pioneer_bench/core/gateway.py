@@ -26,6 +26,14 @@ def small_rows(flows: Flows) -> list[Row]:
     """Returns the rows of short messages sent as fast as they go."""
     what = "100 B flat out"
     arrived = [Row(f"{what}, {way}: arrived", "msg/s", _samples(flows[way], "messages")) for way in flows]
+    own = _samples(flows["gateway"], "messages", "cpu")
+    return [*arrived, Row(f"{what}, gateways (both)", "msg/CPU-s", own)]
+
+
+def brisk_rows(flows: Flows) -> list[Row]:
+    """Returns the rows of short messages at the highest rate that everybody follows."""
+    what = "100 B at 10 kHz"
+    arrived = [Row(f"{what}, {way}: arrived", "msg/s", _samples(flows[way], "messages")) for way in flows]
     return [*arrived, *_per_cpu(what, "msg", flows, "messages", 1.0, "more than topic_tools")]
 
 

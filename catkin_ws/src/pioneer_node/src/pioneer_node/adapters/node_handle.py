@@ -103,6 +103,11 @@ class Publisher:
     def _is_noted(self) -> bool:
         return self._lockstep is not None and (self.latched or self._lockstep.wants(self.topic))
 
+    @property
+    def has_subscribers(self) -> bool:
+        """Whether there are any; any thread may ask."""
+        return bool(self._publication.subscribers)
+
     def reaches(self, node: str) -> bool:
         """Returns whether a node of that name is connected."""
         return node in self._publication.subscriber_names
@@ -181,6 +186,14 @@ class NodeHandle:
         self._node.serve(f"{name}/get_loggers", GetLoggers, partial(_loggers, logger))
         self._node.serve(f"{name}/set_logger_level", SetLoggerLevel, _set_level)
 
+    def when_registered(self, done: Callable[[], object]) -> None:
+        """Calls ``done`` once the master has registered all that is offered and subscribed now."""
+        self._node.when_registered(partial(self.guard, done))
+
+    def register_again(self) -> None:
+        """Tells a master that was restarted what the node offers and subscribes. What fails is to be tried again."""
+        self._node.register_again()
+
     def close(self, done: Callable[[], object]) -> None:
         """Takes the node back from the master; calls ``done`` then."""
         self._node.close(done)
@@ -240,6 +253,10 @@ class NodeHandle:
         """Returns the times of a log line, as rospy's have them."""
         return f"{time.time():f}, {self._now:f}" if self._simulated else f"{time.time():f}"
 
+    def call(self, call: Callable[[], object]) -> None:
+        """Has ``call`` called soon; from any thread."""
+        self._reactor.call(partial(self.guard, call))
+
     def call_later(self, delay: float, call: Callable[[], object]) -> Timer:
         """Has ``call`` called after so much wall time [s]."""
         return self._reactor.call_later(delay, partial(self.guard, call))
@@ -266,8 +283,11 @@ class NodeHandle:
         """Does what `subscribe` does, with messages as they are serialised."""
         return Subscriber(self.lockstep, self._node, self.resolved(topic), kind, partial(self.guard, take))
 
-    def serve(self, service: str, kind: Any, answer: Callable[[Any], Any]) -> None:
-        """Offers a service; ``answer`` makes a response of a request. What it raises reaches the client as an error."""
+    def serve(self, service: str, kind: Any, answer: Callable[[Any], Any], may_wait: bool = False) -> None:
+        """Offers a service; ``answer`` makes a response of a request. What it raises reaches the client as an error.
+
+        Where it ``may_wait``, each call of it has a thread of its own.
+        """
 
         def answered(data: bytes) -> bytes:
             try:
@@ -276,7 +296,7 @@ class NodeHandle:
                 self.logger.exception("bad callback")
                 raise ServiceError(f"error processing request: {error}") from error
 
-        self._node.serve(self.resolved(service), kind, answered)
+        self._node.serve(self.resolved(service), kind, answered, may_wait)
 
     # Lines
 

@@ -1,5 +1,6 @@
 """A process of nodes without rospy: how they start, what they log, and how they end."""
 
+import http.client
 import logging
 import logging.handlers
 import os
@@ -16,19 +17,22 @@ from typing import Any
 import rosgraph
 import yaml
 
-from pioneer_node.adapters.node_handle import LOGGER, NodeHandle
+from pioneer_node.adapters.end_request import EndRequest
+from pioneer_node.adapters.node_handle import LOGGER, MasterParameters, NodeHandle
 from pioneer_node.core.parameter import ParameterError
 from tcpros.adapters.node_context import NodeContext
 from tcpros.adapters.reactor import Reactor
 
 Build = Callable[[NodeHandle], Any]
-"""Makes the object that does a node's work."""
+"""Makes the object that does a node's work. Its ``end``, if it has one, gets what to call once it has ended."""
 
 FAREWELL = 3.0
 """For so long the nodes may take themselves back from the master [s]."""
 
 _PRIVATE = re.compile(r"_[A-Za-z][\w/]*:=")
 """A private parameter on the command line, ``_name:=value``."""
+_LOOK_EVERY = 0.25
+"""How often a master that does not answer is asked again [s]."""
 _FORMAT = "[${severity}] [${time}]: ${message}"
 _SEVERITIES = {"WARNING": "WARN", "CRITICAL": "FATAL"}
 _FILE_FORMAT = "[%(name)s][%(levelname)s] %(asctime)s: %(message)s"
@@ -65,12 +69,13 @@ class NodeProcess:
         host, bind = rosgraph.network.get_host_name(), rosgraph.network.get_bind_address()
         self.context = NodeContext(self._reactor, rosgraph.get_master_uri(), host, bind, self._logger)  #: of all nodes
         self._handles: dict[str, NodeHandle] = {}
-        self._objects: list[Any] = []
+        self._objects: dict[str, Any] = {}
+        self._closing: set[str] = set()
         self._status = 0
         self._set_up_logging()
+        self._ending = EndRequest()
         for number in (signal.SIGINT, signal.SIGTERM):
-            # The handler takes no lock, which the code that it interrupts may hold.
-            signal.signal(number, lambda *_: self._reactor.call(self._end))
+            signal.signal(number, lambda *_: self._interrupt())
 
     def add(self, name: str, build: Build, joined: Callable[[NodeHandle], object] = lambda _: None) -> bool:
         """Makes a node of this name, below the process's namespace, with what ``build`` returns to do its work.
@@ -78,10 +83,12 @@ class NodeProcess:
         ``joined`` gets the handle before ``build`` does. Returns whether the node was made; else the reason is logged.
         """
         resolved = rosgraph.names.resolve_name(name, f"{self._namespace}node")
+        if not self._has_master(resolved):
+            return False
         try:
             self._handles[resolved] = handle = self._handle(resolved)
             joined(handle)
-            self._objects.append(build(handle))
+            self._objects[resolved] = build(handle)
         except self._expected as error:
             self._logger.critical("%s: %s", resolved, error)
         except (OSError, xmlrpc.client.Error) as error:
@@ -92,6 +99,20 @@ class NodeProcess:
             return True
         if resolved in self._handles:
             self._reactor.call(partial(self._close, resolved))
+        return False
+
+    def _has_master(self, node: str) -> bool:
+        """Waits for the master, as rospy does; returns whether it answers, and not the end was asked for."""
+        master = MasterParameters(self.context.master_uri, node)
+        told = False
+        while not self._ending.is_set():
+            try:
+                return master.ask("getPid")[0]
+            except (OSError, http.client.HTTPException, xmlrpc.client.Error):
+                if not told:
+                    self._logger.warning("waiting for the ROS master at %s", self.context.master_uri)
+                told = True
+                self._ending.wait(_LOOK_EVERY)
         return False
 
     def _handle(self, name: str) -> NodeHandle:
@@ -108,7 +129,8 @@ class NodeProcess:
 
     def fail(self) -> None:
         """Has the process end with status 1, once the nodes are taken back from the master."""
-        self._status = 1
+        if not self._ending.is_set():
+            self._status = 1
         self._reactor.call(self._end)
 
     def run(self) -> int:
@@ -120,6 +142,11 @@ class NodeProcess:
     def own_name(self, otherwise: str) -> str:
         """Returns the name that the command line gives to the one node of a process."""
         return str(self._mappings.get("__name", otherwise))
+
+    def _interrupt(self) -> None:
+        """Asks for the end, in a signal's handler: it takes no lock, which the code that it interrupts may hold."""
+        self._ending.set()
+        self._reactor.call(self._end)
 
     def _end(self) -> None:
         """Takes all nodes back from the master; not for ever."""
@@ -137,25 +164,38 @@ class NodeProcess:
             self._close(name)
 
     def _close(self, name: str) -> None:
+        """Ends what a node does, and takes it back from the master meanwhile, which may hang."""
+        if name not in self._handles or name in self._closing:
+            return
+        self._closing.add(name)
+        end = getattr(self._objects.get(name), "end", None)
+        missing = 1 if end is None else 2
+
         def done() -> None:
-            if self._handles.pop(name, None) is not None and not self._handles:
+            nonlocal missing
+            missing -= 1
+            if not missing and self._handles.pop(name, None) is not None and not self._handles:
                 self._reactor.stop()
 
-        if name in self._handles:
-            self._handles[name].close(done)
+        self._handles[name].close(done)
+        if end is not None:
+            end(lambda: self._reactor.call(done))
 
     def _set_up_logging(self) -> None:
         self._logger.setLevel(logging.INFO)
-        self._logger.propagate = False
         # ROS's class for loggers finds who calls rospy's functions; here it would name this process's first line.
         self._logger.findCaller = MethodType(logging.Logger.findCaller, self._logger)  # type: ignore[method-assign,assignment]
         self._logger.handlers = [_Terminal(), _Topic(self._reactor)]
         for handler in self._logger.handlers:
             handler.addFilter(self._named)
-        if path := self._mappings.get("__log"):
+        # What libraries log is in the file only.
+        root, path = logging.getLogger(), self._mappings.get("__log")
+        root.setLevel(logging.INFO)
+        root.handlers = [logging.NullHandler()]
+        if path:
             file = logging.handlers.RotatingFileHandler(path, maxBytes=_FILE_SIZE, backupCount=_FILES, delay=True)
             file.setFormatter(logging.Formatter(_FILE_FORMAT))
-            self._logger.addHandler(file)
+            root.addHandler(file)
 
     def _named(self, record: logging.LogRecord) -> bool:
         """Gives a line that is no node's to the node that was made last."""

@@ -16,7 +16,7 @@ HIGH = 1500
 def test_a_gateway_may_open_what_the_system_allows_whatever_it_was_started_with() -> None:
     code = (
         "import resource; from rocon_gateway.nodes import gateway\n"
-        "gateway.entry.run = lambda *_: print(*resource.getrlimit(resource.RLIMIT_NOFILE))\n"
+        "gateway.NodeProcess = lambda *_: exit(print(*resource.getrlimit(resource.RLIMIT_NOFILE)))\n"
         "gateway.main()"
     )
     command = ["prlimit", "--nofile=200:300", sys.executable, "-c", code]

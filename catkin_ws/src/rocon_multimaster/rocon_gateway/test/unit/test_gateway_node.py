@@ -1,5 +1,9 @@
 """What the gateway's node does at its start, where its master may go at any moment."""
 
+import logging
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
 from pioneer_harness.port import PortReservation
@@ -9,5 +13,6 @@ from rocon_gateway.nodes import gateway
 def test_a_master_that_goes_before_the_look_for_a_hub_does_not_end_the_gateway(monkeypatch: pytest.MonkeyPatch) -> None:
     ports = PortReservation()
     monkeypatch.setenv("ROS_MASTER_URI", f"http://127.0.0.1:{ports.take(15411)}")
-    gateway._warn_on_the_hubs_master()
+    node: Any = SimpleNamespace(name="/gateway", logger=logging.getLogger("gateway"))
+    gateway._warn_on_the_hubs_master(node)
     ports.release()

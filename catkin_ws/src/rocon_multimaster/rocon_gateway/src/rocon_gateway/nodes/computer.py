@@ -1,12 +1,13 @@
 """How busy a gateway's computer is, and what its nodes log, on topics that may cross."""
 
 import time
+from functools import partial
 
-import rosgraph
-import rospy
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rosgraph_msgs.msg import Log
 
+from pioneer_node.adapters.node_handle import NodeHandle, Subscriber
+from pioneer_node.conversions import framed
 from rocon_gateway.adapters.program_load import ProgramLoad
 
 PERIOD = 5.0
@@ -19,34 +20,33 @@ class ComputerTopic:
     Each 5 s while somebody listens; it looks at nothing otherwise.
     """
 
-    def __init__(self, gateway: str, namespace: str) -> None:
-        self._gateway = gateway
+    def __init__(self, node: NodeHandle, master_uri: str, gateway: str, namespace: str) -> None:
+        self._node, self._master_uri, self._gateway = node, master_uri, gateway
         self.topic = f"/{namespace}/computer"
-        self._publisher = rospy.Publisher(self.topic, DiagnosticStatus, queue_size=1)
+        self._publisher = node.advertise(self.topic, DiagnosticStatus)
         self._load: ProgramLoad | None = None
         self._due = 0.0
 
     def turn(self) -> None:
-        """Publishes if it is time; called once a second or so."""
+        """Publishes if it is time; called once a second or so, by any thread."""
         now = time.monotonic()
-        if not self._publisher.get_num_connections():
+        if not self._publisher.has_subscribers:
             self._load = None
         elif self._load is None:
             # The first look has nothing to compare with.
-            self._load, self._due = ProgramLoad(rosgraph.get_master_uri()), now + 1.0
+            self._load, self._due = ProgramLoad(self._master_uri), now + 1.0
             self._load.look(now)
         elif now >= self._due:
             self._due = now + PERIOD
             load = self._load.look(now)
             values = {"processors": f"{load.processors:.3f}", "memory [byte]": str(load.memory)}
-            self._publisher.publish(
-                DiagnosticStatus(
-                    name=f"{self._gateway}: computer",
-                    message=f"{load.processors:.2f} processors, {load.memory / 2**20:.0f} MiB",
-                    hardware_id=self._gateway,
-                    values=[KeyValue(*one) for one in values.items()],
-                )
+            status = DiagnosticStatus(
+                name=f"{self._gateway}: computer",
+                message=f"{load.processors:.2f} processors, {load.memory / 2**20:.0f} MiB",
+                hardware_id=self._gateway,
+                values=[KeyValue(*one) for one in values.items()],
             )
+            self._node.call(partial(self._publisher.publish, status))
 
 
 class LogTopic:
@@ -55,16 +55,23 @@ class LogTopic:
     The fleet's rules let none of ``/rosout.*`` itself cross.
     """
 
-    def __init__(self, namespace: str) -> None:
+    def __init__(self, node: NodeHandle, namespace: str) -> None:
+        self._node = node
         self.topic = f"/{namespace}/rosout_agg"
-        self._publisher = rospy.Publisher(self.topic, Log, queue_size=100)
-        self._subscriber: rospy.Subscriber | None = None
+        self._publisher = node.advertise(self.topic, Log)
+        self._subscriber: Subscriber | None = None
 
     def turn(self) -> None:
-        """Subscribes, or no longer; called once a second or so."""
-        heard = self._publisher.get_num_connections() > 0
-        if heard and self._subscriber is None:
-            self._subscriber = rospy.Subscriber("/rosout_agg", Log, self._publisher.publish, queue_size=100)
-        elif not heard and self._subscriber is not None:
-            self._subscriber.unregister()
+        """Subscribes, or no longer; called once a second or so, by any thread."""
+        if self._publisher.has_subscribers != (self._subscriber is not None):
+            self._node.call(self._change)
+
+    def _change(self) -> None:
+        if self._subscriber is None:
+            self._subscriber = self._node.subscribe_serialised("/rosout_agg", Log, self._pass_on)
+        else:
+            self._subscriber.close()
             self._subscriber = None
+
+    def _pass_on(self, message: bytes | memoryview, _sender: str) -> None:
+        self._publisher.send(framed(bytes(message)))

@@ -3,37 +3,38 @@
 import contextlib
 import logging
 import os
+import sys
 import threading
 import time
 import uuid
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import rosgraph
-import rospy
-import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from gateway_msgs.msg import GatewayInfo, RemoteRuleWithStatus
 from std_msgs.msg import Empty
 
+from pioneer_node.adapters.node_handle import LOGGER, NodeHandle
+from pioneer_node.adapters.node_process import NodeProcess
 from pioneer_node.core.parameter import config_from_mapping
-from pioneer_node.nodes import entry
+from pioneer_node.nodes.node_host import leave
 from rocon_gateway import conversions
 from rocon_gateway.adapters.address import interface_address, own_address
+from rocon_gateway.adapters.custom_rules import with_rules_file
 from rocon_gateway.adapters.hubs import Hubs, HubsConfig
 from rocon_gateway.adapters.kept_folder import KeptFolder
 from rocon_gateway.adapters.master import MasterWatch
 from rocon_gateway.adapters.master_bell import LOOK_PERIOD, MasterBell
 from rocon_gateway.adapters.master_line import MasterError
 from rocon_gateway.core import verdict
-from rocon_gateway.core.config import GatewayConfig, book_from_config, with_custom_rules
-from rocon_gateway.core.error import ConfigError, GatewayError
+from rocon_gateway.core.config import GatewayConfig, book_from_config
+from rocon_gateway.core.error import GatewayError
 from rocon_gateway.core.membership import Overview
 from rocon_gateway.core.reconcile import reconcile
 from rocon_gateway.core.situation import Outcome, Situation
 from rocon_gateway.nodes.computer import ComputerTopic, LogTopic
-from rocon_gateway.nodes.registration import register_anew
 from rocon_gateway.nodes.service_handlers import ServiceHandlers
 from rocon_hub_protocol.adapters.password import password_from
 from rocon_hub_protocol.adapters.redis_client import OPEN, Access
@@ -45,6 +46,7 @@ from rocon_relay.adapters.relay import TcpRelay
 from rocon_relay.core.connection import Export, Import, LinkState, LinkStatus, RelayConfig, Subject
 from rocon_relay.core.traffic import Traffic
 from tcpros.adapters.descriptor import raise_limit
+from tcpros.adapters.reactor import Reactor
 from tcpros.adapters.tls import Certificates, certificates_from
 from tcpros.core.error import CertificateError
 
@@ -73,23 +75,25 @@ class GatewayNode:
 
     Parameters: the fields of `GatewayConfig`, private.
 
-    Threads: the main thread compares and applies; the hub and the relay have one each; services run in rospy's.
+    Threads: the main thread runs the node and the relay; another compares and applies; each hub has one, and each call
+    of a service.
 
     On error: a bad parameter ends the node with one line, a bad default rule is named and left out. A hub or master
     that is lost is logged once and waited for.
     """
 
-    def __init__(self) -> None:
-        self._logger = logging.getLogger("rosout")
-        self._config = config_from_mapping(GatewayConfig, _parameters(), rospy.get_name())
+    def __init__(self, node: NodeHandle, reactor: Reactor, failed: Callable[[], object]) -> None:
+        """Takes the node, the loop that runs it, and what to call once a fault of ours has ended the comparing."""
+        self._node, self._logger, self._failed = node, logging.getLogger(LOGGER), failed
+        self._config = config_from_mapping(GatewayConfig, with_rules_file(node.parameters(), self._logger), node.name)
         self._period = self._config.watch_loop_period
         self._options = self._config.options()
         self._name, self._instance = self._config.unique_name(), uuid.uuid4().hex
         book, complaints = book_from_config(self._config, self._name)
         for complaint in complaints:
-            rospy.logerr("rule left out: %s", complaint)
+            self._logger.error("rule left out: %s", complaint)
         self._reader, self._writer = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
-        self._stopping = self._opened = False
+        self._registered, self._stopping, self._opened = threading.Event(), threading.Event(), False
         access = Access(password_from(self._config.hub_password_file), self._certificates())
         self._keyring = PasswordKeyring(access.password) if access.password else None
         self._is_open = access != OPEN or self._config.insecure
@@ -97,45 +101,47 @@ class GatewayNode:
         self._fixed_host = LOOPBACK if not self._is_open else interface_address(interface) if interface else ""
         self._warn(access)
         self._host = self._fixed_host or own_address("")
-        self._info = rospy.Publisher("~gateway_info", GatewayInfo, queue_size=5, latch=True)
-        self._rules = rospy.Publisher("~rules", DiagnosticArray, queue_size=5, latch=True)
-        self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=5)
-        namespace = self._config.own_namespace
+        self._info = node.advertise("~gateway_info", GatewayInfo, latch=True)
+        self._rules = node.advertise("~rules", DiagnosticArray, latch=True)
+        self._diagnostics = node.advertise("/diagnostics", DiagnosticArray)
+        namespace, master_uri = self._config.own_namespace, rosgraph.get_master_uri()
         self._own: list[ComputerTopic | LogTopic] = []
         if namespace:
-            self._own = [ComputerTopic(self._name, namespace), LogTopic(namespace)]
+            self._own = [ComputerTopic(node, master_uri, self._name, namespace), LogTopic(node, namespace)]
         crossing = {one.topic for one in self._own}
-        self._master = MasterWatch(rosgraph.get_master_uri(), rospy.get_name(), crossing)
-        self._bell = MasterBell(rosgraph.get_master_uri(), rospy.get_name())
+        self._master = MasterWatch(master_uri, node.name, crossing)
+        self._bell = MasterBell(master_uri, node.name)
         self._master_lost = False
         self._traffic = Traffic()
         self._outcome = Outcome()
         self._said: tuple[object, object] = (None, None)
         self._uncovered: set[tuple[str, str]] = set()
         self._kept = KeptFolder(Path(self._config.kept_folder), self._logger) if self._config.kept_folder else None
-        self._relay = TcpRelay(self._relay_config(), self._wake, self._logger, access.certificates)
+        self._relay = TcpRelay(self._relay_config(), self._wake, self._logger, access.certificates, reactor)
         self._hubs = Hubs(self._hub_config(access), self._record(), self._linked, self._wake, self._logger)
         self._turned, self._begun, self._done = threading.Condition(), 0, 0
-        self._handlers = ServiceHandlers(book, self._hubs, self._relay, self._settle, self._set_period)
-        rospy.Subscriber("~force_update", Empty, lambda _: self._wake())
-        rospy.on_shutdown(self._stop)
+        self._handlers = ServiceHandlers(node, book, self._hubs, self._relay, self._settle, self._set_period)
+        node.subscribe("~force_update", Empty, lambda _message, _sender: self._wake())
+        self._ended: Callable[[], object] = lambda: None
+        self._thread = threading.Thread(target=self._run, name="compare", daemon=True)
+        node.call(self._thread.start)  # once the loop runs, which it asks
 
     def _certificates(self) -> Certificates | None:
         found = certificates_from(self._config.tls_directory)
         fault = found.fault() if found else ""
         if fault:
             # A clock that is not set yet may be the reason, so this is not the end.
-            rospy.logerr("no other gateway accepts our certificate (%s in %s)", fault, found and found.directory)
+            self._logger.error("no other gateway accepts our certificate (%s in %s)", fault, found and found.directory)
         return found
 
     def _warn(self, access: Access) -> None:
         if access == OPEN and self._is_open:
-            rospy.logwarn(
+            self._logger.warning(
                 "INSECURE: any host on the network can link to this gateway. "
                 "Use it on a network of your own only, or set a password"
             )
         elif not self._is_open:
-            rospy.loginfo(
+            self._logger.info(
                 "neither password nor certificate is set, so only gateways on this machine can link to this one. For "
                 "others set ROCON_HUB_PASSWORD_FILE or ROCON_TLS_DIRECTORY here and there, or gateway_insecure:=true"
             )
@@ -143,7 +149,7 @@ class GatewayNode:
     def _relay_config(self) -> RelayConfig:
         return RelayConfig(
             gateway=self._name,
-            node=rospy.get_name(),
+            node=self._node.name,
             master_uri=rosgraph.get_master_uri(),
             host=rosgraph.network.get_host_name(),
             # As every node: with a ROS_IP on the loopback, other machines reach nothing but the links.
@@ -168,24 +174,39 @@ class GatewayNode:
             **({"learn": self._keyring.learn} if self._keyring else {}),
         )
 
-    def spin(self) -> None:
-        """Runs until shutdown, then takes everything back."""
+    def end(self, done: Callable[[], object]) -> None:
+        """Has everything taken back; calls ``done`` then, in any thread."""
+        self._ended = done
+        self._stopping.set()
+        self._registered.set()
+        with self._turned:
+            self._turned.notify_all()
+        self._wake()
+
+    def _run(self) -> None:
         try:
             self._turn()
-            self._handlers.open()
+            self._node.call(self._handlers.open)
+            self._node.call(partial(self._node.when_registered, self._registered.set))
+            self._registered.wait()
             self._opened = True
-            rospy.loginfo("gateway '%s', relay on port %d", self._name, self._relay.port)
-            _warn_on_the_hubs_master()
+            self._logger.info("gateway '%s', relay on port %d", self._name, self._relay.port)
+            _warn_on_the_hubs_master(self._node)
             self._loop()
+        except Exception:  # the outermost of this thread: whatever arrives here is a bug
+            self._logger.critical("the gateway ended by an error", exc_info=True)
+            self._failed()
         finally:
             self._hubs.shutdown()
             self._relay.shutdown()
             self._master.close()
             self._bell.close()
+            self._stopping.wait()
+            self._ended()
 
     def _loop(self) -> None:
         full = diagnose = 0.0
-        while not self._stopping:
+        while not self._stopping.is_set():
             woken = self._bell.wait(self._reader, diagnose - time.monotonic())
             if woken:
                 with contextlib.suppress(BlockingIOError):
@@ -196,7 +217,7 @@ class GatewayNode:
                 self._turn()
                 full = now + self._period
                 # Changes come in bursts; one turn sees to all that came during the rest.
-                entry.wait(min(_REST * (time.monotonic() - now), _LONGEST_REST))
+                self._stopping.wait(min(_REST * (time.monotonic() - now), _LONGEST_REST))
             if now >= diagnose:
                 diagnose = now + DIAGNOSTIC_PERIOD
                 if self._keyring:
@@ -205,26 +226,25 @@ class GatewayNode:
                     self._hubs.keep(self._kept.text())
                 for topic in self._own:
                     topic.turn()
-                if self._diagnostics.get_num_connections():
-                    self._diagnostics.publish(self._diagnostic_array(with_links=True))
+                if self._diagnostics.has_subscribers:
+                    self._node.call(partial(self._diagnostics.publish, self._diagnostic_array(with_links=True)))
 
     def _look(self) -> bool:
         try:
             changed = self._master.changed()
-            # rospy unregisters us when we end, which is no restart of the master; it does so before is_shutdown() says
-            # so. What did not work is tried again.
-            if self._opened and not self._master.knows_us and not self._stopping:
-                register_anew()
+            # What did not work is tried again.
+            if self._opened and not self._master.knows_us and not self._stopping.is_set():
+                self._node.call(self._node.register_again)
                 self._relay.refresh()
-                rospy.logwarn("the ROS master was restarted; registered again")
+                self._logger.warning("the ROS master was restarted; registered again")
         except (MasterError, OSError) as error:
             if not self._master_lost:
-                rospy.logwarn("%s; running links stay up", error)
+                self._logger.warning("%s; running links stay up", error)
             self._master_lost = True
             return False
         if self._master_lost:
             self._master_lost = False
-            rospy.logwarn("the ROS master answers again")
+            self._logger.warning("the ROS master answers again")
             self._relay.refresh()
         return changed
 
@@ -266,7 +286,7 @@ class GatewayNode:
             due = self._begun + 1
         self._wake()
         with self._turned:
-            self._turned.wait_for(lambda: self._done >= due or self._stopping, SETTLE)
+            self._turned.wait_for(lambda: self._done >= due or self._stopping.is_set(), SETTLE)
 
     def _record(self, outcome: Outcome | None = None) -> Record:
         book = self._handlers.book if outcome else None
@@ -292,9 +312,9 @@ class GatewayNode:
     def _tell(self, view: Overview) -> None:
         info = self._gateway_info(view)
         if info != self._said[0]:
-            self._info.publish(info)
+            self._node.call(partial(self._info.publish, info))
         if self._outcome.states != self._said[1]:
-            self._rules.publish(self._diagnostic_array())
+            self._node.call(partial(self._rules.publish, self._diagnostic_array()))
             self._report_uncovered()
         self._said = (info, self._outcome.states)
 
@@ -304,7 +324,7 @@ class GatewayNode:
             key = (state.gateway, state.rule.name)
             if verdict.UNCOVERED in state.verdict.reason and key not in self._uncovered:
                 self._uncovered.add(key)
-                rospy.logwarn("%s comes from %s %s", state.rule.name, state.gateway, state.verdict.reason)
+                self._logger.warning("%s comes from %s %s", state.rule.name, state.gateway, state.verdict.reason)
 
     def _gateway_info(self, view: Overview) -> GatewayInfo:
         book, outcome = self._handlers.book, self._outcome
@@ -344,53 +364,35 @@ class GatewayNode:
                 conversions.diagnostic_from_link(one, link, flows[one], status.latencies, self._name)
                 for one, link in links.items()
             ]
-        array.header.stamp = rospy.Time.now()
+        array.header.stamp = self._node.stamp()
         return array
 
     def _set_period(self, period: float) -> float:
         last, self._period = self._period, max(float(period), LOOK_PERIOD)
         return last
 
-    def _stop(self) -> None:
-        self._stopping = True
-        with self._turned:
-            self._turned.notify_all()
-        self._wake()
-
     def _wake(self) -> None:
         with contextlib.suppress(BlockingIOError):
             os.write(self._writer, b"x")
 
 
-def _warn_on_the_hubs_master() -> None:
+def _warn_on_the_hubs_master(node: NodeHandle) -> None:
     uri = rosgraph.get_master_uri()
     try:
-        rosgraph.Master(rospy.get_name()).lookupNode(_HUB)
+        rosgraph.Master(node.name).lookupNode(_HUB)
     except (rosgraph.MasterError, OSError):
         return  # `MasterWatch` notices a master that is gone
-    rospy.logwarn(
+    node.logger.warning(
         "%s is the hub's own ROS master; a gateway needs one of its own. End this one, then: "
         "export ROS_MASTER_URI=http://localhost:11313; roslaunch pioneer_networking pioneer_gateway.launch", uri
     )  # fmt: skip
 
 
-def _parameters() -> dict[str, Any]:
-    """Returns the node's parameters with those of the custom rules file, which may be missing."""
-    parameters = entry.parameters()
-    path = parameters.get("custom_rules_file")
-    if not path:
-        return parameters
-    try:
-        with open(path, encoding="utf-8") as file:
-            return with_custom_rules(parameters, yaml.safe_load(file))
-    except OSError as error:
-        rospy.logwarn("the custom rules file is left out: %s", error)
-        return parameters
-    except yaml.YAMLError as error:
-        raise ConfigError(f"gateway: {path} is not YAML: {error}") from None
-
-
 def main() -> int:
     """Entry point of the executables `gateway` and `gateway.py`."""
     raise_limit()
-    return entry.run("gateway", GatewayNode, (GatewayError, HubProtocolError, CertificateError))
+    process = NodeProcess(sys.argv, (GatewayError, HubProtocolError, CertificateError))
+    reactor = process.context.reactor
+    if not process.add(process.own_name("gateway"), lambda node: GatewayNode(node, reactor, process.fail)):
+        process.fail()
+    leave(process.run())

@@ -3,9 +3,9 @@
 import threading
 from collections.abc import Callable
 
-import rospy
 from gateway_msgs import srv
 
+from pioneer_node.adapters.node_handle import NodeHandle
 from rocon_gateway import conversions
 from rocon_gateway.adapters.hubs import Hubs
 from rocon_gateway.core.error import GatewayError, RequestError
@@ -18,6 +18,7 @@ class ServiceHandlers:
     """Holds the rules and serves requests to change them.
 
     Args:
+        node: the gateway's.
         book: the rules to start with.
         hubs: our hubs.
         relay: knows how long the way to other gateways takes.
@@ -27,12 +28,14 @@ class ServiceHandlers:
 
     def __init__(
         self,
+        node: NodeHandle,
         book: RuleBook,
         hubs: Hubs,
         relay: TcpRelay,
         settle: Callable[[], None],
         set_period: Callable[[float], float],
     ) -> None:
+        self._node = node
         self._book = book
         self._hubs = hubs
         self._relay = relay
@@ -53,7 +56,7 @@ class ServiceHandlers:
             ("remote_gateway_info", srv.RemoteGatewayInfo, self._remote_gateway_info),
             ("set_watcher_period", srv.SetWatcherPeriod, self._set_watcher_period),
         ):
-            rospy.Service(f"~{name}", kind, handler)
+            self._node.serve(f"~{name}", kind, handler, may_wait=True)
 
     @property
     def book(self) -> RuleBook:
@@ -66,7 +69,7 @@ class ServiceHandlers:
             with self._lock:
                 self._book = change(self._book)
         except GatewayError as error:
-            rospy.logwarn("refused: %s", error)
+            self._node.logger.warning("refused: %s", error)
             return int(error.code if isinstance(error, RequestError) else Code.HUB_UNKNOWN_ERROR), str(error)
         self._settle()
         return int(Code.SUCCESS), ""
@@ -143,7 +146,7 @@ class ServiceHandlers:
     def _remote_gateway_info(self, request: srv.RemoteGatewayInfoRequest) -> srv.RemoteGatewayInfoResponse:
         found = self._hubs.describe(request.gateways)
         for name in set(request.gateways) - {one.record.name for one in found}:
-            rospy.logwarn("there is no gateway '%s' on our hubs", name)
+            self._node.logger.warning("there is no gateway '%s' on our hubs", name)
         latencies = self._relay.status().latencies
         return srv.RemoteGatewayInfoResponse(
             [conversions.message_from_record(one.record, one.silence, latencies.get(one.record.name)) for one in found]

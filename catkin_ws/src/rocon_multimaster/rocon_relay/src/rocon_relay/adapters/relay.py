@@ -70,6 +70,8 @@ class TcpRelay:
         on_change: called from the relay's thread whenever the state of a link has changed; must only set an event.
         logger: takes a line for each connection that ends for what came on it.
         certificates: the fleet's; links are then encrypted, and those of who has none of it are refused.
+        reactor: the loop to run in, whose owner runs it and makes this in its thread or before it runs; without one
+            the relay has a thread of its own.
 
     Raises:
         OSError: the port cannot be had.
@@ -81,8 +83,10 @@ class TcpRelay:
         on_change: Callable[[], None],
         logger: logging.Logger,
         certificates: Certificates | None = None,
+        reactor: Reactor | None = None,
     ) -> None:
-        self._reactor = Reactor(logger)
+        self._owned = reactor is None
+        self._reactor = reactor or Reactor(logger)
         self._context = Context(config, self._reactor, logger, self._changed, certificates)
         self._on_change = on_change
         self._nodes = ProxyNodes(self._context)
@@ -102,7 +106,8 @@ class TcpRelay:
         self._listener.start()
         self._reactor.call(self._ping_later)
         self._reactor.call(self._watch_later)
-        self._reactor.start()
+        if self._owned:
+            self._reactor.start()
 
     @property
     def port(self) -> int:
@@ -150,7 +155,8 @@ class TcpRelay:
         """Unregisters and closes everything, ends the thread; returns when that is done, within 2 s."""
         self._reactor.call(self._shut_down)
         self._is_down.wait(SHUTDOWN_TIME + 0.5)
-        self._reactor.join(0.5)
+        if self._owned:
+            self._reactor.join(0.5)
 
     def _apply(self, exports: Mapping[Key, Export], imports: Mapping[Key, Import]) -> None:
         if self._stopping:
@@ -342,7 +348,8 @@ class TcpRelay:
 
     def _stop(self) -> None:
         self._is_down.set()
-        self._reactor.stop()
+        if self._owned:
+            self._reactor.stop()
 
 
 def _by_name(wanted: Collection[Connected], what: str) -> dict[Key, Connected]:

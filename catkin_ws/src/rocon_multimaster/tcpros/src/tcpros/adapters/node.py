@@ -5,11 +5,14 @@ For nodes that do little: topics, services, an API for tools, and an end when it
 """
 
 import struct
+import threading
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Protocol
 
 from tcpros.adapters.node_context import PATIENCE, NodeContext
 from tcpros.adapters.node_port import Ended, NodePort, RefusedError
+from tcpros.adapters.reactor import Reactor
 from tcpros.adapters.slave_api import NodeFace, SlaveApi
 from tcpros.adapters.stream import Stream
 from tcpros.adapters.topic_source import Taken, TopicSource
@@ -95,10 +98,17 @@ class Publication:
 
 
 class Service:
-    """A service of a node that answers at once."""
+    """A service of a node.
 
-    def __init__(self, name: str, kind: Kind, answer: Callable[[bytes], bytes]) -> None:
-        self._name, self._answer = name, answer
+    Args:
+        name: the node's.
+        kind: the service's class.
+        answer: makes a response's frame of a serialised request.
+        reactor: given where ``answer`` may wait, so that each call of it has a thread; else it answers at once.
+    """
+
+    def __init__(self, name: str, kind: Kind, answer: Callable[[bytes], bytes], reactor: Reactor | None = None) -> None:
+        self._answer, self._reactor = answer, reactor
         self._md5sum = kind._md5sum
         self._header = header_bytes({"callerid": name, "md5sum": kind._md5sum, "type": kind._type})
 
@@ -108,20 +118,35 @@ class Service:
             raise RefusedError(f"the service's md5sum is {self._md5sum}, not {fields['md5sum']}")
         persistent = fields.get("persistent", "") in ("1", "true", "True")
 
+        def send(answer: bytes) -> None:
+            if connection.is_closed:
+                return
+            if not persistent:
+                connection.finish(answer)
+                return
+            connection.send(answer)
+            if not connection.is_reading:
+                connection.read_on()
+
         def parse(data: memoryview) -> int:
             end = _LENGTH.size + _LENGTH.unpack_from(data)[0] if len(data) >= _LENGTH.size else len(data) + 1
-            if len(data) < end:
+            if len(data) < end or not connection.is_reading:  # one request after the other
                 return 0
-            answer = self._answered(bytes(data[_LENGTH.size : end]))
-            if persistent:
-                connection.send(answer)
+            request = bytes(data[_LENGTH.size : end])
+            if self._reactor is None:
+                send(self._answered(request))
             else:
-                connection.finish(answer)
+                connection.hold()
+                threading.Thread(target=self._answer_later, args=(request, send), daemon=True).start()
             return end
 
         connection.send(self._header)
         connection.parse = parse
         return lambda _reason: None
+
+    def _answer_later(self, request: bytes, send: Callable[[bytes], None]) -> None:
+        assert self._reactor is not None, "only then"
+        self._reactor.call(partial(send, self._answered(request)))
 
     def _answered(self, request: bytes) -> bytes:
         try:
@@ -129,6 +154,10 @@ class Service:
         except ServiceError as error:
             text = str(error).encode()
             return b"\x00" + _LENGTH.pack(len(text)) + text
+
+
+def _ignore(_: object) -> None:
+    """Does nothing."""
 
 
 class Node:
@@ -148,6 +177,8 @@ class Node:
         self._subscribed: dict[str, TopicSource] = {}
         self._services: dict[str, Service] = {}
         self._watched: dict[str, Callable[[Any], object]] = {}
+        self._unanswered = 0
+        self._registered: list[Callable[[], object]] = []
         self._port = NodePort(context.reactor, context.bind, self, context.logger, PATIENCE)
         address = context.host, self._port.number
         self.uri = f"http://{address[0]}:{address[1]}/"  #: of its API
@@ -183,10 +214,33 @@ class Node:
         self._watched[parameter] = changed
         self._register("subscribeParam", self.uri, parameter, done=changed)
 
-    def serve(self, service: str, kind: Kind, answer: Callable[[bytes], bytes]) -> None:
-        """Registers a service of this resolved name; ``answer`` makes a response's frame of a serialised request."""
-        self._services[service] = Service(self.name, kind, answer)
+    def serve(self, service: str, kind: Kind, answer: Callable[[bytes], bytes], may_wait: bool = False) -> None:
+        """Registers a service of this resolved name.
+
+        Args:
+            service: its name.
+            kind: its class.
+            answer: makes a response's frame of a serialised request.
+            may_wait: whether it is called in a thread of its own each time.
+        """
+        self._services[service] = Service(self.name, kind, answer, self._context.reactor if may_wait else None)
         self._register("registerService", service, self._service_uri, self.uri)
+
+    def when_registered(self, done: Callable[[], object]) -> None:
+        """Calls ``done`` once the master has registered all that is offered and subscribed now."""
+        self._registered.append(done)
+        self._answered(0)
+
+    def register_again(self) -> None:
+        """Tells a master that was restarted what the node offers and subscribes. What fails is to be tried again."""
+        calls = [("registerPublisher", topic, one.type, self.uri) for topic, one in self._published.items()]
+        calls += [("registerSubscriber", topic, one.type, self.uri) for topic, one in self._subscribed.items()]
+        for method, *arguments in calls:
+            done = self._subscribed[arguments[0]].update if method == "registerSubscriber" else _ignore
+            self._context.master.call(method, (self.name, *arguments), done, _ignore)
+        for service in self._services:
+            arguments = [service, self._service_uri, self.uri]
+            self._context.master.call("registerService", (self.name, *arguments), _ignore, _ignore)
 
     def close(self, done: Callable[[], object]) -> None:
         """Takes everything back from the master and closes all connections; calls ``done`` then."""
@@ -237,4 +291,16 @@ class Node:
         def failed(reason: str) -> None:
             self._shut_down(f"{method} of {' '.join(arguments[:2])} failed: {reason}")
 
-        self._context.master.call(method, (self.name, *arguments), done, failed)
+        def answered(value: Any) -> None:
+            done(value)
+            self._answered(1)
+
+        self._unanswered += 1
+        self._context.master.call(method, (self.name, *arguments), answered, failed)
+
+    def _answered(self, count: int) -> None:
+        self._unanswered -= count
+        if not self._unanswered:
+            waiting, self._registered = self._registered, []
+            for done in waiting:
+                done()

@@ -114,7 +114,7 @@ class Reactor:
                     try:
                         handler.ready(events)
                     except Exception:
-                        self._logger.critical("fault in the relay, one connection is closed", exc_info=True)
+                        self._logger.critical("a fault of ours; one connection is closed", exc_info=True)
                         handler.close("internal fault")
             self._run_timers()
             self._run_calls()
@@ -146,4 +146,4 @@ class Reactor:
         try:
             callback()
         except Exception:
-            self._logger.critical("fault in the relay, which keeps running", exc_info=True)
+            self._logger.critical("a fault of ours in a callback", exc_info=True)
