@@ -162,7 +162,12 @@ make_workspace() {
   # Built with the venv's interpreter, which catkin writes into every script: Debian 12's asks for the first name of it,
   # Debian 13's for the second.
   (cd "$workspace" && catkin_make -j"$(nproc)" -D{PYTHON,Python}_EXECUTABLE="$venv/bin/python3" -DCATKIN_ENABLE_TESTING=OFF "$@")
-  # Where an environment keeps Python from writing bytecode, each start of a node would compile all that it imports.
+}
+
+# make_and_compile: the same, and Python's bytecode: where an environment forbids Python to write it, each start of a
+# node would compile all that it imports.
+make_and_compile() {
+  make_workspace
   "$venv/bin/python3" -m compileall -q -j0 "$workspace/src" "$workspace/devel/lib/python3/dist-packages"
 }
 
@@ -172,7 +177,7 @@ build_workspace() {
   [[ -f $setup_dir/workspace.stamp && -f $workspace/devel/setup.bash && $(<"$setup_dir/workspace.stamp") == "$state" ]] && return 0
   check_disk
   rm -f "$setup_dir/workspace.stamp"
-  step "Building the workspace" "$setup_dir/log/build.log" make_workspace
+  step "Building the workspace" "$setup_dir/log/build.log" make_and_compile
   printf '%s' "$state" >"$setup_dir/workspace.stamp"
 }
 
