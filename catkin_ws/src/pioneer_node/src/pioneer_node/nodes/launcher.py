@@ -41,7 +41,7 @@ from pioneer_node.nodes.patch import (
 from pioneer_node.nodes.process_watch import watch_processes
 
 _SHARED = (
-    "numpy", "numpy.typing", "difflib", "encodings.idna", "rospy", "roslaunch", "rosmaster", "tf2_ros", "actionlib",
+    "numpy", "numpy.typing", "difflib", "encodings.idna", "rospy", "roslaunch", "rosmaster", "actionlib",
     "std_msgs.msg", "std_srvs.srv", "geometry_msgs.msg", "sensor_msgs.msg", "nav_msgs.msg", "nav_msgs.srv",
     "actionlib_msgs.msg", "move_base_msgs.msg", "map_msgs.msg", "tf2_msgs.msg", "dynamic_reconfigure.msg",
     "dynamic_reconfigure.srv", "diagnostic_msgs.msg", "roscpp.srv", "rosgraph_msgs.msg", "yaml", "logging.handlers",

@@ -1,5 +1,6 @@
 """What of a stream of messages crosses a link, where a rule asks for less than all of it. Serialised, no clock."""
 
+import functools
 import struct
 import zlib
 from collections.abc import Callable
@@ -15,6 +16,9 @@ LEVEL = 1
 
 SMALL, SMALL_LEVEL = 4096, 6
 """Messages of so many bytes at most are compressed at this level instead: it costs them some microseconds."""
+
+_REMEMBERED = 8
+"""Messages whose transforms, and whose compressed form, are remembered."""
 
 MOST_KINDS = 256
 """So many kinds of messages a `StampPace` tells apart before it forgets them all."""
@@ -37,26 +41,44 @@ def matching_transforms(message: memoryview, keeps: Callable[[str], bool]) -> by
     Returns:
         None where none is left, or `message` is no such message.
     """
+    transforms = _transforms(bytes(message))
+    kept = [message[start:end] for child, start, end in transforms if keeps(child)]
+    if len(kept) == len(transforms) > 0:
+        return bytes(message)
+    return b"".join((_LENGTH.pack(len(kept)), *kept)) if kept else None
+
+
+@functools.lru_cache(maxsize=_REMEMBERED)
+def _transforms(message: bytes) -> tuple[tuple[str, int, int], ...]:
+    """Returns child frame, begin and end of each transform of a message; none where it is malformed.
+
+    Remembered, as what is `deflated`: a fleet's robots each get the same messages.
+    """
+    found = []
     try:
         (count,) = _LENGTH.unpack_from(message)
-        position, kept = _LENGTH.size, []
+        position = _LENGTH.size
         for _ in range(count):
             start = position
             child_at = _after_text(message, start + _STAMP)
             position = _after_text(message, child_at) + _POSE
             if position > len(message):
-                return None
-            child = bytes(message[child_at + _LENGTH.size : position - _POSE])
-            if keeps(child.decode(errors="replace")):
-                kept.append(message[start:position])
+                return ()
+            child = message[child_at + _LENGTH.size : position - _POSE]
+            found.append((child.decode(errors="replace"), start, position))
     except struct.error:
-        return None
-    return b"".join((_LENGTH.pack(len(kept)), *kept)) if kept else None
+        return ()
+    return tuple(found)
 
 
 def deflated(message: memoryview) -> bytes:
     """Returns a message in zlib's format."""
-    return zlib.compress(message, SMALL_LEVEL if len(message) <= SMALL else LEVEL)
+    return _deflated_small(bytes(message)) if len(message) <= SMALL else zlib.compress(message, LEVEL)
+
+
+@functools.lru_cache(maxsize=_REMEMBERED)
+def _deflated_small(message: bytes) -> bytes:
+    return zlib.compress(message, SMALL_LEVEL)
 
 
 def inflated(data: memoryview, max_size: int) -> bytes:
@@ -135,5 +157,5 @@ class StampPace:
         return not stamp or period != last
 
 
-def _after_text(message: memoryview, position: int) -> int:
+def _after_text(message: bytes | memoryview, position: int) -> int:
     return position + _LENGTH.size + int(_LENGTH.unpack_from(message, position)[0])
