@@ -37,9 +37,10 @@ def write_compose(shipped: Path, target: Path, robots: int) -> None:
     target.write_text(compose_text(shipped.read_text(), robots))
 
 
-BASE_CPUS, ROBOT_CPUS = 0.1, 0.3
-"""Of a processor at real time, reserved for each robot on the base station and on its computer (performance.md)."""
-BASE_MEMORY, ROBOT_MEMORY = 600, 400
+WORLD_CPUS, BASE_CPUS, ROBOT_CPUS = 0.1, 0.025, 0.11
+"""Of a processor at real time, reserved for the world, and for each robot on the base station and on its computer: in
+all no more than `factor_held` counts on (performance.md)."""
+BASE_MEMORY, ROBOT_MEMORY = 400, 200
 """Likewise, for all robots and for one [MiB]."""
 START_PERIOD, RETRIES = 300, 24
 """For so long a computer of a stack may be unhealthy after its start [s], and so often in a row later, each 5 s. One
@@ -70,7 +71,7 @@ def stack_text(shipped: str, robots: int, base_on: str, factor: float) -> str:
     computer = computer.replace("[hub_password]", f"[hub_password, {', '.join(TLS)}]")
     services = _BLOCKS.sub(lambda found: _first(found[0]), services)
     services = re.sub(r"    networks:\n      aadi\.robots:\n.*\n", "    networks: [robots]\n", services)
-    base = _deploy(1, base_on, (0.5 + BASE_CPUS * robots) * speed, BASE_MEMORY, "4g")
+    base = _deploy(1, base_on, (WORLD_CPUS + BASE_CPUS * robots) * speed, BASE_MEMORY, "4g")
     robot = _deploy(robots, "", ROBOT_CPUS * speed, ROBOT_MEMORY, "1g")
     services = services.replace("    mem_limit: 4g\n", base).replace("    mem_limit: 1g\n", robot)
     secrets = rest.partition("\nsecrets:\n")[2].partition("  desktop_token:")[0]
@@ -99,5 +100,5 @@ def _deploy(replicas: int, constraint: str, cpus: float, memory: int, most: str)
       update_config: {{parallelism: 1, order: stop-first, failure_action: pause}}
       resources:
         limits: {{memory: {most}}}
-        reservations: {{cpus: "{cpus:.2f}", memory: {memory}m}}
+        reservations: {{cpus: "{cpus:.3f}", memory: {memory}m}}
 {placement}"""

@@ -121,19 +121,19 @@ def with_growth(rows: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
 
 
 def table(rows: Sequence[Mapping[str, float]]) -> str:
-    """Returns the figures as a Markdown table, each with its goal and whether it holds."""
+    """Returns the figures as a Markdown table, each, as printed, with its goal and whether it holds."""
     lines = ["| robots | what | measured | unit | goal | holds |", "|---|---|---|---|---|---|"]
     return "\n".join([*lines, *(_line(row, name) for row in with_growth(rows) for name in row if name in FIGURES)])
 
 
 def _line(row: Mapping[str, float], name: str) -> str:
     what, unit, goals = FIGURES[name]
-    value, goal = row[name], goals.get(0, goals.get(int(row["robots"])))
+    value, goal = float(f"{row[name]:.3g}"), goals.get(0, goals.get(int(row["robots"])))
     words, holds = "", ""
     if goal is not None:
         words = f"≤ {goal:g}" if goal > 0 else f"≥ {-goal:g}"
         holds = "yes" if (value <= goal if goal > 0 else value >= -goal) else "no"
-    return f"| {row['robots']:g} | {what} | {value:.3g} | {unit} | {words} | {holds} |"
+    return f"| {row['robots']:g} | {what} | {value:g} | {unit} | {words} | {holds} |"
 
 
 def comparison(compose: Mapping[str, float], swarm: Mapping[str, float]) -> str:

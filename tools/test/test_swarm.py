@@ -14,6 +14,7 @@ from containers.engine import DOCKER, Computer, ContainerError
 from containers.layout import stack_text
 from containers.swarm import Node
 from containers.table import status_table
+from pioneer_demo.core.capacity import factor_held
 
 SHIPPED = (Path(__file__).parents[2] / "docker" / "compose.yaml").read_text()
 MANAGER = Node("vm", "a", "10.0.0.1", up=True, works=True, base=False, processors=4.0)
@@ -55,11 +56,20 @@ def test_robots_are_tasks_of_one_service_which_the_swarm_replaces_one_at_a_time(
     assert base["deploy"]["placement"]["constraints"] == ["node.role==manager"]
 
 
-@pytest.mark.parametrize(("factor", "cpus"), [(1.0, 0.3), (0.5, 0.15), (0.0, 0.3)])
+@pytest.mark.parametrize(("factor", "cpus"), [(1.0, 0.11), (0.5, 0.055), (0.0, 0.11)])
 def test_processors_are_reserved_in_proportion_to_the_real_time_factor(factor: float, cpus: float) -> None:
     reserved = stack(factor=factor)["services"]["aadi"]["deploy"]["resources"]["reservations"]
     assert float(reserved["cpus"]) == pytest.approx(cpus)
-    assert reserved["memory"] == "400m"
+    assert reserved["memory"] == "200m"
+
+
+@pytest.mark.parametrize("robots", range(1, 16))
+@pytest.mark.parametrize("processors", [1.0, 2.0, 4.0])
+def test_a_fleet_at_the_factor_that_the_processors_carry_finds_them_free(robots: int, processors: float) -> None:
+    services = stack(robots, factor_held(robots, processors))["services"]
+    deployed = [services[name]["deploy"] for name in ("aadiworkstation", "aadi")]
+    reserved = sum(one["replicas"] * float(one["resources"]["reservations"]["cpus"]) for one in deployed)
+    assert reserved <= processors
 
 
 @pytest.fixture

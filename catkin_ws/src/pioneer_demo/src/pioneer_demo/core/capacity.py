@@ -2,7 +2,7 @@
 
 import math
 
-_ROBOTS_A_PROCESSOR = 4.5
+_ROBOTS_A_PROCESSOR = 6.75
 """As many robots, with their navigation and gateways, a processor carries at real time (docs/performance.md)."""
 
 
