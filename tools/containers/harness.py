@@ -22,6 +22,9 @@ PATIENCE = 240.0
 CPU_SCRIPT = "cat /sys/fs/cgroup/cpu.stat /sys/fs/cgroup/cpuacct/cpuacct.usage 2>/dev/null; true"
 """For a container's shell: how much CPU time the container has used."""
 
+END = "."
+"""The line after each answer of what `Fleet.asked` asks."""
+
 
 class Fleet:
     """A project that ``./pioneer`` manages; its containers are gone at the end, whatever happens."""
@@ -98,6 +101,27 @@ class Fleet:
                 yield result
             finally:
                 process.kill()
+
+    @contextlib.contextmanager
+    def asked(self, computer: str, *command: str) -> Iterator[Callable[[], str]]:
+        """Runs a command on a computer meanwhile; what is given sends it a line, and returns its lines up to `END`."""
+        one = self.computers()[computer]
+        words = [*one.docker, "exec", "-i", one.container, *command]
+        with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdin
+            assert process.stdout
+            asking, answers = process.stdin, process.stdout
+
+            def answer() -> str:
+                print(file=asking, flush=True)
+                said = ""
+                for line in answers:
+                    if line == f"{END}\n":
+                        return said
+                    said += line
+                raise AssertionError(f"{computer}: {' '.join(command)} has ended; it said {said!r}")
+
+            yield answer
 
     def network(self, verb: str, computer: str, *words: str) -> None:
         """Runs ``docker network VERB WORDS`` on a computer and the network that all share."""

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from containers.engine import ContainerError, output
-from containers.harness import CPU_SCRIPT, Fleet, cpu_of, fleet
+from containers.harness import CPU_SCRIPT, END, Fleet, cpu_of, fleet
 from containers.hosts import swarm_here
 from pioneer_demo.core.capacity import factor_held
 from pioneer_harness.proc import processors
@@ -35,13 +35,18 @@ FIGURES: Mapping[str, tuple[str, str, Mapping[int, float]]] = {
 }
 """By name of a figure: what it is, its unit, its goal by number of robots, 0 for any; a negative one is the least."""
 
-_NOW = """
-import rospy, time
+_NOW = f"""
+import rospy, sys, time
 from rosgraph_msgs.msg import Clock
 rospy.init_node("bench", anonymous=True, disable_rostime=True)
-print(rospy.wait_for_message("/clock", Clock).clock.to_sec(), time.monotonic())
+for _ in sys.stdin:
+    print(rospy.wait_for_message("/clock", Clock).clock.to_sec(), time.monotonic())
+    print("{END}", flush=True)
 """
-"""Prints simulated time and the kernel's, both at the moment at which a message on /clock arrives [s]."""
+"""Prints, when asked, simulated time and the kernel's, both at the moment at which a message on /clock arrives [s]."""
+
+_COUNTS = f"while read -r _; do cat /proc/uptime /proc/net/dev; {CPU_SCRIPT}; echo {END}; done"
+"""Prints, when asked, a computer's time, traffic and CPU time."""
 
 _TRIPS = """
 import json, rospy
@@ -59,9 +64,15 @@ def measure(made: Fleet, robots: int, say: Callable[[str], None], *options: str)
     assert moving, said
     names = [BASE, *(f"aadi{number}" for number in range(1, robots + 1))]
     say(f"{robots} robots: all move after {moving[1]} s; counting for {WINDOW:g} s …")
-    began, before = _now(made), [_counts(made, name) for name in names]
-    time.sleep(WINDOW)
-    ended, after = _now(made), [_counts(made, name) for name in names]
+    with contextlib.ExitStack() as stack:
+        # Begun before anything is counted: a command that starts on each computer would slow the world down.
+        clock = stack.enter_context(made.asked(BASE, "python3", "-c", _NOW))
+        counters = [stack.enter_context(made.asked(name, "sh", "-c", _COUNTS)) for name in names]
+        for ask in (clock, *counters):
+            ask()
+        began, before = _now(clock()), [_counts(ask()) for ask in counters]
+        time.sleep(WINDOW)
+        ended, after = _now(clock()), [_counts(ask()) for ask in counters]
     factor = (ended[0] - began[0]) / (ended[1] - began[1])
     base, *own = [_rates(first, last, factor) for first, last in zip(before, after, strict=True)]
     mean = [sum(one[column] for one in own) / robots for column in range(3)]
@@ -90,19 +101,18 @@ def _trips(made: Fleet) -> dict[str, float]:
     return {name: sum(some) / len(some) for name, some in (("trip_ms", near), ("far_trip_ms", far)) if some}
 
 
-def _now(made: Fleet) -> tuple[float, float]:
-    """Returns simulated and wall time [s] of one moment, however long the command takes that asks."""
-    simulated, wall = made.execute(BASE, "python3", "-c", _NOW).split()
+def _now(said: str) -> tuple[float, float]:
+    """Returns simulated and wall time [s] of one moment."""
+    simulated, wall = said.split()
     return float(simulated), float(wall)
 
 
-def _counts(made: Fleet, computer: str) -> tuple[float, ...]:
+def _counts(said: str) -> tuple[float, ...]:
     """Returns wall time [s], CPU time [s], and bytes that came to a computer and left it, of one moment."""
-    text = made.execute(computer, "sh", "-c", f"cat /proc/uptime /proc/net/dev; {CPU_SCRIPT}")
-    words = re.search(r"eth0:(.*)", text)
+    words = re.search(r"eth0:(.*)", said)
     assert words, "every computer is on the network"
     counts = words[1].split()
-    return float(text.split()[0]), cpu_of(text), float(counts[0]), float(counts[8])
+    return float(said.split()[0]), cpu_of(said), float(counts[0]), float(counts[8])
 
 
 def _rates(first: Sequence[float], last: Sequence[float], factor: float) -> list[float]:

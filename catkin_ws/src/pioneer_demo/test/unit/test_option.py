@@ -30,7 +30,16 @@ def test_without_arguments_two_robots_drive_in_the_closed_maze_at_real_time():
 
 @pytest.mark.parametrize(
     ("robots", "processors", "factor"),
-    [(2, 1, 1.0), (13, 2, 1.0), (15, 2, 0.9), (14, 2, 0.95), (15, 8, 1.0), (9, 1, 0.75), (4, 0.5, 0.8), (15, 0.1, 0.05)],
+    [
+        (2, 1, 1.0),
+        (13, 2, 1.0),
+        (15, 2, 0.9),
+        (14, 2, 0.95),
+        (15, 8, 1.0),
+        (9, 1, 0.75),
+        (4, 0.5, 0.8),
+        (15, 0.1, 0.05),
+    ],
 )
 def test_a_fleet_drives_as_fast_as_the_processors_carry_and_no_faster_than_real_time(robots, processors, factor):
     assert parsed("--robots", str(robots), processors=processors).real_time_factor == factor
