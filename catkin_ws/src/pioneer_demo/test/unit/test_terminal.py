@@ -14,23 +14,30 @@ def test_without_a_terminal_lines_are_not_repeated_at_once():
     output = io.StringIO()
     display = Display(output)
     for _ in range(10):
-        display.show(["one", "two"], "driving")
+        display.show(lambda: ["one", "two"], "driving")
     assert output.getvalue() == "one\ntwo\n"
+
+
+def test_lines_are_not_asked_for_before_it_is_time_to_show_them():
+    display, asked = Display(io.StringIO()), []
+    for _ in range(10):
+        display.show(lambda: asked.append("once") or ["one"], "driving")
+    assert asked == ["once"]
 
 
 def test_a_new_phase_is_shown_at_once():
     output = io.StringIO()
     display = Display(output)
-    display.show(["waiting for a"], "a")
-    display.show(["waiting for b"], "b")
+    display.show(lambda: ["waiting for a"], "a")
+    display.show(lambda: ["waiting for b"], "b")
     assert output.getvalue() == "waiting for a\nwaiting for b\n"
 
 
 def test_on_a_terminal_the_block_is_drawn_over_itself_and_fits_its_width():
     output = FakeTerminal()
     display = Display(output, columns=lambda: 20)
-    display.show(["x" * 50, "second"], "a")
-    display.show(["third"], "b")
+    display.show(lambda: ["x" * 50, "second"], "a")
+    display.show(lambda: ["third"], "b")
     first, again = output.getvalue().split("\x1b[2F")
     assert "x" * 19 + "\n" in first
     assert "x" * 20 not in first

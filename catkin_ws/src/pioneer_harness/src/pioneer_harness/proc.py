@@ -93,7 +93,8 @@ def _quota(control_group: Path) -> float:
 
 def _read(pid: int, name: str) -> bytes:
     try:
-        return Path(f"/proc/{pid}/{name}").read_bytes()
+        with open(f"/proc/{pid}/{name}", "rb", buffering=0) as file:
+            return file.read()
     except OSError:  # it ended meanwhile, or belongs to another user
         return b""
 

@@ -27,16 +27,16 @@ class Display:
         self._next = 0.0
         self._phase = ""
 
-    def show(self, lines: Sequence[str], phase: str = "") -> None:
-        """Shows the block if it is time to; a new ``phase`` is always shown."""
+    def show(self, lines: Callable[[], Sequence[str]], phase: str = "") -> None:
+        """Asks for the block and shows it if it is time to; a new ``phase`` is always shown."""
         now = time.monotonic()
         if now < self._next and phase == self._phase:
             return
         self._phase, self._next = phase, now + (_REDRAW if self.in_place else _REPEAT)
         if self.in_place:
-            self._draw(lines)
+            self._draw(lines())
         else:
-            print(*lines, sep="\n", file=self._output, flush=True)
+            print(*lines(), sep="\n", file=self._output, flush=True)
 
     def say(self, line: str) -> None:
         """Prints a line that stays, above the block."""

@@ -1,5 +1,6 @@
 """A fleet from its first process to its last: started, watched, published for ``./pioneer status``, ended."""
 
+import functools
 import os
 import threading
 import time
@@ -121,10 +122,8 @@ class FleetRun:
         self._interrupt.check()
         for line in self.processes.check(starting=bool(self._step)):
             self.display.say(line)
-        with self.lock:
-            text = [*lines(self.fleet), *self.processes.faults()] if lines else []
         if lines:
-            self.display.show(text, phase)
+            self.display.show(functools.partial(self._text, lines), phase)
         if time.monotonic() - self._sampled > _SAMPLE or phase != self._phase:
             self._phase = phase
             self._publish()
@@ -177,6 +176,10 @@ class FleetRun:
         self._flips = FlipRequest(OBSERVER, self._config.names, topics)
         self._flips.start()
         return self._flips.accepted
+
+    def _text(self, lines: Callable[[Fleet], list[str]]) -> list[str]:
+        with self.lock:
+            return [*lines(self.fleet), *self.processes.faults()]
 
     def _publish(self) -> None:
         self.processes.sample()
