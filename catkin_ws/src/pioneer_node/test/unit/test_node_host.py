@@ -8,6 +8,7 @@ import struct
 import subprocess
 import sys
 import threading
+import time
 import xmlrpc.client
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -22,6 +23,7 @@ from pioneer_harness.masters import Master
 from pioneer_harness.port import PortReservation
 from pioneer_harness.wait import START, wait_until
 from pioneer_node.adapters.node_handle import NodeHandle
+from tcpros.adapters import node_context
 from tcpros.adapters.client import Client, ClientError
 from tcpros.adapters.node import Node
 from tcpros.adapters.node_context import NodeContext
@@ -115,6 +117,21 @@ def peer(master: Master) -> Iterator[Peer]:
     yield made
     made.reactor.call(made.reactor.stop)
     made.reactor.join(START)
+
+
+def test_a_node_made_long_before_its_loop_runs_is_registered(master: Master, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(node_context, "PATIENCE", 0.1)
+    logger, ended = logging.getLogger("early"), list[str]()
+    reactor = Reactor(logger)
+    node = Node(NodeContext(reactor, master.uri, "127.0.0.1", "127.0.0.1", logger), "/early", ended.append)
+    node.publish("/early/said", String)
+    overdue = time.monotonic() + 0.2
+    wait_until(lambda: time.monotonic() > overdue, "the end of what a call may take", START)
+    reactor.start()
+    wait_until(lambda: "/early/said" in master.system_state()[0], "the registration", START)
+    reactor.call(reactor.stop)
+    reactor.join(START)
+    assert not ended
 
 
 def word(text: str) -> bytes:

@@ -16,6 +16,7 @@ from tcpros.adapters.reactor import Reactor
 from tcpros.adapters.slave_api import NodeFace, SlaveApi
 from tcpros.adapters.stream import Stream
 from tcpros.adapters.topic_source import Taken, TopicSource
+from tcpros.adapters.xmlrpc_client import NoAnswer
 from tcpros.core.error import TcprosError
 from tcpros.core.fanout import Fanout
 from tcpros.core.header import header_bytes
@@ -25,6 +26,9 @@ MAX_MESSAGE = 256 * 2**20
 
 QUEUE_MESSAGES, QUEUE_BYTES = 100, 2**20
 """What waits for one slow subscriber at most; the oldest goes first."""
+
+ASK_AGAIN = 0.5
+"""Pause before a master that has not answered is asked again [s]."""
 
 _LENGTH = struct.Struct("<I")
 
@@ -178,6 +182,7 @@ class Node:
         self._services: dict[str, Service] = {}
         self._watched: dict[str, Callable[[Any], object]] = {}
         self._unanswered = 0
+        self._is_unheard = self._is_closing = False
         self._registered: list[Callable[[], object]] = []
         self._port = NodePort(context.reactor, context.bind, self, context.logger, PATIENCE)
         address = context.host, self._port.number
@@ -244,6 +249,7 @@ class Node:
 
     def close(self, done: Callable[[], object]) -> None:
         """Takes everything back from the master and closes all connections; calls ``done`` then."""
+        self._is_closing = True
         calls = [("unregisterPublisher", topic, self.uri) for topic in self._published]
         calls += [("unregisterSubscriber", topic, self.uri) for topic in self._subscribed]
         calls += [("unregisterService", service, self._service_uri) for service in self._services]
@@ -288,15 +294,28 @@ class Node:
         return ""
 
     def _register(self, method: str, *arguments: str, done: Callable[[Any], object] = lambda _: None) -> None:
+        """Has the master register something, again and again until it answers, as rospy; a refusal ends the node."""
+
+        def ask() -> None:
+            if not self._is_closing:
+                self._context.master.call(method, (self.name, *arguments), answered, failed)
+
         def failed(reason: str) -> None:
-            self._shut_down(f"{method} of {' '.join(arguments[:2])} failed: {reason}")
+            if not isinstance(reason, NoAnswer):
+                self._shut_down(f"{method} of {' '.join(arguments[:2])} failed: {reason}")
+                return
+            if not self._is_unheard:
+                self._context.logger.warning("%s: the master does not answer and is asked again: %s", self.name, reason)
+            self._is_unheard = True
+            self._context.reactor.call_later(ASK_AGAIN, ask)
 
         def answered(value: Any) -> None:
+            self._is_unheard = False
             done(value)
             self._answered(1)
 
         self._unanswered += 1
-        self._context.master.call(method, (self.name, *arguments), answered, failed)
+        ask()
 
     def _answered(self, count: int) -> None:
         self._unanswered -= count

@@ -24,6 +24,10 @@ Done = Callable[[Any], object]
 Failed = Callable[[str], object]
 
 
+class NoAnswer(str):
+    """Why a call has no answer; the server may have carried it out, or may later take the same call."""
+
+
 class _Call(Stream):
     """One call on a connection of its own."""
 
@@ -75,7 +79,8 @@ class Server:
             method: its name.
             arguments: the caller's name first.
             done: gets the value, where the call returned the status 1.
-            failed: gets one sentence otherwise; one of the two is called, once, within the timeout.
+            failed: gets one sentence otherwise, a `NoAnswer` where the server has not refused; one of the two is
+                called, once, within the timeout.
         """
         body = xmlrpc.client.dumps(arguments, method).encode()
         self._queue.append((body, done, failed))
@@ -110,7 +115,7 @@ class Server:
         self._running -= 1
         self._next()
         if not body:
-            failed(f"{self.uri}: {reason}")
+            failed(NoAnswer(f"{self.uri}: {reason}"))
             return
         try:
             (answer,), _ = xmlrpc.client.loads(body)  # type: ignore[arg-type]
