@@ -116,7 +116,12 @@ class Project:
 
     def down(self) -> None:
         """Ends and removes containers, the volumes of their logs, and network."""
-        self.run("down", "--remove-orphans", "--volumes")
+        words = "down", "--remove-orphans", "--volumes"
+        try:
+            self.run(*words)
+        except ContainerError:
+            # Docker may count a removed container among the network's for a moment; by now it does no more.
+            self.run(*words)
 
     def logs(self, follow: bool, names: Sequence[str]) -> None:
         """Prints what computers log, all by default, until Ctrl-C where it is to ``follow``."""
