@@ -46,6 +46,19 @@ def login(url, token, context=None):
     return headers["Set-Cookie"].partition(";")[0]
 
 
+def wait_for_page(url, check=lambda: None, context=None):
+    """Waits until the page is served to those who log in; what ``check`` raises ends it."""
+
+    def answers():
+        check()
+        try:
+            return request(url, context=context)[0] == 401
+        except OSError:
+            return False
+
+    wait_until(answers, "the page's server", START_UP)
+
+
 @contextmanager
 def served(folder, robots=2, rate=100, parameters=(), scheme="http", context=None):
     """Yields a page, started with these parameters, of a stand-in with so many robots, whose odometry has this rate."""
@@ -66,14 +79,7 @@ def served(folder, robots=2, rate=100, parameters=(), scheme="http", context=Non
         group.start("page", page, environment, folder / "page.log")
         url = f"{scheme}://127.0.0.1:{port}"
 
-        def answers():
-            group.check()
-            try:
-                return request(url, context=context)[0] == 401
-            except OSError:
-                return False
-
-        wait_until(answers, "the page's server", START_UP)
+        wait_for_page(url, group.check, context)
         yield SimpleNamespace(
             url=url, master=master, log=folder / "page.log", token=TOKEN, viewer=VIEWER,
             request=functools.partial(request, url, context=context),

@@ -12,7 +12,7 @@ from nav_msgs.msg import Odometry
 from page_driver import PHONE, SOON, assert_fits_a_phone, known, press, send_to, shown
 from selenium.webdriver.common.by import By
 from sensor_msgs.msg import LaserScan
-from served import TOKEN, request
+from served import TOKEN, request, wait_for_page
 from tf2_msgs.msg import TFMessage
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
@@ -56,7 +56,10 @@ def run(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def url(run):
-    return f"http://127.0.0.1:{run.processes.ports.page}"
+    """The page's address. The fleet itself does not wait for its page: robots may drive before it is served."""
+    address = f"http://127.0.0.1:{run.processes.ports.page}"
+    wait_for_page(address)
+    return address
 
 
 @pytest.fixture(scope="module")
