@@ -28,6 +28,40 @@ def test_signals_in_the_middle_of_a_wait_or_of_one_another_hang_nothing() -> Non
     assert (done.returncode, done.stdout, done.stderr) == (0, "done\n", "")
 
 
+# The signal comes to another thread than the main one, as it may when that goes to sleep in the same moment.
+ASLEEP = """
+import os, signal, threading, time
+from pathlib import Path
+from pioneer_node.adapters.end_request import EndRequest
+
+request = EndRequest()
+request.take_signals(signal.SIGINT, signal.SIGTERM)
+signal.signal(signal.SIGUSR1, lambda *_: None)
+nothing, _ = os.pipe()
+
+def end():
+    request.wait()
+    os.write(1, b"%d" % request.number)
+    os._exit(0)
+
+def interrupt():
+    while Path(f"/proc/self/task/{os.getpid()}/syscall").read_text().split()[1:2] != [hex(nothing)]:
+        time.sleep(0.001)
+    for number in (signal.SIGUSR1, signal.SIGTERM):
+        signal.pthread_kill(threading.get_ident(), number)
+
+for target in (end, interrupt):
+    threading.Thread(target=target, daemon=True).start()
+os.read(nothing, 1)
+"""
+
+
+def test_a_signal_is_seen_while_the_main_thread_sleeps() -> None:
+    """Nodes that waited so did not end, once in some ten times: nothing called the handler any more."""
+    done = subprocess.run([sys.executable, "-c", ASLEEP], capture_output=True, text=True, timeout=60.0, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "15", "")
+
+
 def test_it_stays_set() -> None:
     request = EndRequest()
     assert not request.wait(0.0)

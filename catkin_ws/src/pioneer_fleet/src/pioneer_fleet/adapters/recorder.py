@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pioneer_fleet.adapters.recording import Kind, Message, created
+from pioneer_node.adapters.end_request import EndRequest
 from rocon_relay.core.connection import is_proxy_uri
 from tcpros.adapters.client import Client, Connection
 from tcpros.core.error import TcprosError
@@ -53,10 +54,7 @@ class Recorder:
         self._writer.close()
 
     def end(self) -> None:
-        """Ends `run` after what has arrived; may be called from a signal handler."""
-        threading.Thread(target=self._stop, daemon=True).start()
-
-    def _stop(self) -> None:
+        """Ends `run` after what has arrived."""
         self._end.set()
         self._waiting.put(None)
 
@@ -115,8 +113,14 @@ def main(words: Sequence[str]) -> int:
     """Records until SIGINT or SIGTERM; returns the exit status."""
     path, *masters = words
     recorder = Recorder(Path(path), dict(word.split("=", 1) for word in masters))
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: recorder.end())
+    ending = EndRequest()
+    ending.take_signals(signal.SIGINT, signal.SIGTERM)
+
+    def end_when_asked() -> None:
+        ending.wait()
+        recorder.end()
+
+    threading.Thread(target=end_when_asked, name="end", daemon=True).start()
     recorder.run()
     sys.stdout.write(f"{path}: {recorder.written} messages, {recorder.dropped} dropped\n")
     return 0

@@ -1,12 +1,12 @@
 """Plays recorded messages at the pace they came."""
 
-import threading
 import time
 from collections.abc import Iterable
 
 import rospy
 
 from pioneer_fleet.adapters.recording import Kind, Message
+from pioneer_node.adapters.end_request import EndRequest
 
 _SLICE = 0.1
 """Longest until a jump or a pause takes effect [s]."""
@@ -15,7 +15,7 @@ _SLICE = 0.1
 class Pace:
     """When recorded messages are due."""
 
-    def __init__(self, rate: float, end: threading.Event) -> None:
+    def __init__(self, rate: float, end: EndRequest) -> None:
         """``rate`` is how many recorded seconds pass in one; ``end`` ends it early."""
         self._rate, self._end, self._looked = rate, end, 0.0
         self.jump: int | None = None  #: where to continue [ns of the recording]; None to stay in order

@@ -4,7 +4,6 @@
 import os
 import signal
 import sys
-import threading
 from collections.abc import Sequence
 
 import rospy
@@ -15,6 +14,7 @@ from pioneer_fleet.nodes.player import Pace, Replay
 from pioneer_fleet.nodes.replay_page import ReplayPage
 from pioneer_harness.error import HarnessError
 from pioneer_harness.masters import Master
+from pioneer_node.adapters.end_request import EndRequest
 
 
 def main(words: Sequence[str]) -> int:
@@ -27,15 +27,8 @@ def main(words: Sequence[str]) -> int:
         command.error(f"there is no recording {options.file}")
     if options.web and options.file.suffix != ".mcap":
         command.error("--web plays .mcap files only")
-    end = threading.Event()
-    numbers = list[int]()
-
-    def interrupted(number: int, _: object) -> None:
-        numbers.append(number)
-        end.set()
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, interrupted)
+    end = EndRequest()
+    end.take_signals(signal.SIGINT, signal.SIGTERM)
     try:
         with Master() as master:
             os.environ.update(ROS_MASTER_URI=master.uri, ROS_IP="127.0.0.1")
@@ -53,7 +46,7 @@ def main(words: Sequence[str]) -> int:
     except (RecordingError, HarnessError, OSError) as error:
         print(f"pioneer replay: {error}", file=sys.stderr)
         return 1
-    return 128 + numbers[0] if numbers else 0
+    return 128 + end.number if end.number else 0
 
 
 if __name__ == "__main__":

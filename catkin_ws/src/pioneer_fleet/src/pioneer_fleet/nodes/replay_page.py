@@ -17,6 +17,7 @@ from pioneer_fleet.adapters.recording import Message, RecordingError, contents, 
 from pioneer_fleet.nodes.player import Pace, Replay
 from pioneer_harness.port import PortReservation
 from pioneer_harness.process import ProcessGroup
+from pioneer_node.adapters.end_request import EndRequest
 
 _PORT = 8090
 _TELL = 0.5
@@ -60,7 +61,7 @@ class ReplayPage:
         self._group.stop()
         self._ports.release()
 
-    def play(self, replay: Replay, end: threading.Event) -> None:
+    def play(self, replay: Replay, end: EndRequest) -> None:
         """Plays until ``end``, once a page is open: again from where it has put the slider, and then waits for that."""
         telling = threading.Thread(target=self._tell, args=(end,), name="position", daemon=True)
         telling.start()
@@ -73,7 +74,7 @@ class ReplayPage:
                 pass
             at = self._pace.jump if self._pace.jump is not None else at
 
-    def _tell(self, end: threading.Event) -> None:
+    def _tell(self, end: EndRequest) -> None:
         while not end.wait(_TELL):
             at, length = (max(0, time - self._begin) / _SECOND for time in (self._pace.at, self._end))
             self._position.publish(Float64MultiArray(data=[at, length]))

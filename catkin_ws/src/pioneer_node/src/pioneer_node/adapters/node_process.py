@@ -74,6 +74,7 @@ class NodeProcess:
         self._status = 0
         self._set_up_logging()
         self._ending = EndRequest()
+        self._reactor.wake_on_signals()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: self._interrupt())
 

@@ -41,8 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(steps: Sequence[Sequence[str]], server: ForkServer | None) -> int:
     ending = EndRequest()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ending.set())
+    ending.take_signals(signal.SIGINT, signal.SIGTERM)
     start: Callable[..., launcher.Started] = subprocess.Popen
     if server is not None:
         start = launcher.starter(server, lend=True)

@@ -50,8 +50,7 @@ def run(
     limit_arenas()
     ending = threading.Thread(target=_shut_down_when_asked, name="shutdown", daemon=True)
     ending.start()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: _ending.set())
+    _ending.take_signals(signal.SIGINT, signal.SIGTERM)
     patch.allow_publishing_at_shutdown()
     patch.log_broken_requests()
     patch.keep_publisher_updates()

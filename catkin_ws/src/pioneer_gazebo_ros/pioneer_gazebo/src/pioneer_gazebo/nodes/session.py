@@ -7,7 +7,6 @@ import socket
 import subprocess
 import sys
 import time
-import types
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Self
@@ -67,12 +66,8 @@ class Session(roslaunch.pmon.ProcessListener):
     def __enter__(self) -> Self:
         for number in SIGNALS:
             self._handlers[number] = signal.getsignal(number)
-        self._take_signals()
+        self._stop.take_signals(*SIGNALS)
         return self
-
-    def _take_signals(self) -> None:
-        for number in SIGNALS:
-            signal.signal(number, self._interrupt)
 
     def __exit__(self, *exception: object) -> None:
         # Ctrl-C a second time must not leave processes behind.
@@ -81,9 +76,6 @@ class Session(roslaunch.pmon.ProcessListener):
         for number, handler in self._handlers.items():
             # Of a key that is held, the next Ctrl-C must not be a KeyboardInterrupt between here and the end.
             signal.signal(number, signal.SIG_IGN if self._stop.is_set() else handler)  # type: ignore[arg-type]
-
-    def _interrupt(self, number: int, frame: types.FrameType | None) -> None:
-        self._stop.set()
 
     def say(self, line: str) -> None:
         """Prints a line under the session's name."""
@@ -113,7 +105,7 @@ class Session(roslaunch.pmon.ProcessListener):
             raise SessionError(f"cannot launch: {error}") from None
         finally:
             # roslaunch puts its own handlers in place when it makes its first process.
-            self._take_signals()
+            self._stop.take_signals(*SIGNALS)
         self._required |= {_process_name(node) for node in parent.config.nodes if node.required}
 
     def process_died(self, process_name: str, exit_code: int | None) -> None:

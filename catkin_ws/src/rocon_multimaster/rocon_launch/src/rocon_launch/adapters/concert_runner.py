@@ -44,8 +44,7 @@ class ConcertRunner:
         The end of a launch that is ``required`` ends all, with a status of 1 at least; one with ``respawn`` is started
         again.
         """
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, lambda *_: self._stop.set())
+        self._stop.take_signals(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         try:
             for launch in self._launches:
                 if not self._stop.is_set():

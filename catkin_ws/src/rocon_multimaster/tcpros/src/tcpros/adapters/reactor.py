@@ -5,6 +5,7 @@ import itertools
 import logging
 import os
 import select
+import signal
 import threading
 import time
 from collections import deque
@@ -61,8 +62,19 @@ class Reactor:
         self._calls: deque[Callable[[], object]] = deque()
         self._wake_up = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)  # type: ignore[attr-defined]
         self._epoll.register(self._wake_up, select.EPOLLIN)
+        self._signals = -1
         self._running = True
         self._thread = threading.Thread(target=self.run, name="relay", daemon=True)
+
+    def wake_on_signals(self) -> None:
+        """Has every signal end the loop's rest, so that its handler runs; for a loop in the main thread.
+
+        Python runs handlers in the main thread only, once that runs: a signal that comes to another thread, or just
+        before the loop rests, would wait for the next event.
+        """
+        self._signals, writer = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+        self._epoll.register(self._signals, select.EPOLLIN)
+        signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
 
     def start(self) -> None:
         """Starts the thread."""
@@ -110,6 +122,8 @@ class Reactor:
                 handler = self._handlers.get(descriptor)
                 if descriptor == self._wake_up:
                     os.eventfd_read(self._wake_up)  # type: ignore[attr-defined]
+                elif descriptor == self._signals:
+                    os.read(self._signals, 4096)
                 elif handler is not None:
                     try:
                         handler.ready(events)
