@@ -52,7 +52,7 @@ def test_a_slow_pull_continues_once_the_registry_has_answered(tmp_path: Path) ->
     assert "Pull complete" in done.stdout
 
 
-def test_a_pull_that_takes_too_long_is_told_as_that_and_nothing_else_is_tried(tmp_path: Path) -> None:
+def test_a_pull_that_takes_too_long_is_reported_as_that_and_nothing_else_is_tried(tmp_path: Path) -> None:
     endless = "echo bookworm-slim: Pulling from library/debian; exec sleep 100"
     done = run_base(tmp_path, {"docker": docker(pull=endless), "debootstrap": "exit 0"}, PIONEER_PULL_SECONDS="0.5")
     said = "docker/base: the pull took longer than 0.5 s; run it yourself: docker pull debian:bookworm-slim\n"
@@ -90,7 +90,7 @@ def test_where_no_way_is_open_one_line_says_what_to_do(tmp_path: Path, programs:
 
 
 @AS_ROOT
-def test_a_debootstrap_that_fails_is_told_with_its_mirror_and_leaves_nothing(tmp_path: Path) -> None:
+def test_a_debootstrap_that_fails_is_reported_with_its_mirror_and_leaves_nothing(tmp_path: Path) -> None:
     done = run_base(tmp_path, {"docker": docker(), "debootstrap": 'echo >"$3/half"; echo "E: no Release file"; exit 1'})
     assert done.returncode == 1
     assert "could not make debian:bookworm-slim from http://deb.debian.org/debian" in done.stderr

@@ -96,7 +96,7 @@ def test_a_computer_that_says_nothing_still_has_its_row() -> None:
     assert heading.startswith("COMPUTER  CONTAINER")
 
 
-def test_a_step_that_fails_is_told_with_its_last_lines_and_its_log(tmp_path: Path) -> None:
+def test_a_step_that_fails_is_reported_with_its_last_lines_and_its_log(tmp_path: Path) -> None:
     step = tmp_path / "step"
     step.write_text("#!/bin/bash\necho a clue\nexit 1\n")
     step.chmod(0o755)

@@ -83,7 +83,7 @@ def test_what_does_not_exist_is_named_in_a_sentence(tmp_path: Path, words: list[
     assert not done.stdout
 
 
-def test_a_reader_that_ends_is_told_in_one_line_and_ends_the_demo(tmp_path: Path) -> None:
+def test_a_reader_that_ends_is_reported_in_one_line_and_ends_the_demo(tmp_path: Path) -> None:
     script = f"{ROOT}/pioneer demo --report {tmp_path}/report | true; exit ${{PIPESTATUS[0]}}"
     done = run("bash", "-c", script)
     assert done.returncode == 1

@@ -50,12 +50,12 @@ def test_a_text_of_another_stage_is_an_error(runner: ModuleType, capsys: pytest.
     assert capsys.readouterr().err == "no check's name contains 'harness'\n"
 
 
-def test_only_stages_with_such_a_check_are_told(runner: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+def test_only_stages_with_such_a_check_are_reported(runner: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
     assert runner.main(["--only", "harness"]) == 0
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["unit", "1"]
 
 
-def test_a_stage_that_cannot_run_here_is_told_as_skipped(
+def test_a_stage_that_cannot_run_here_is_reported_as_skipped(
     runner: ModuleType, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert runner.main([]) == 0

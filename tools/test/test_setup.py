@@ -40,7 +40,7 @@ def test_both_debians_that_ship_ros_are_taken(tmp_path: Path, version: str) -> N
         ("cp: error writing: No space left on device", "the disk is full"),
     ],
 )
-def test_the_usual_causes_of_a_failed_step_are_told_in_one_line(tmp_path: Path, said: str, told: str) -> None:
+def test_the_usual_causes_of_a_failed_step_are_reported_in_one_line(tmp_path: Path, said: str, told: str) -> None:
     result = run_bash(f'fail() {{ echo "{said}"; return 1; }}; step "Installing" {tmp_path}/log/x.log fail', tmp_path)
     assert result.returncode == 1
     assert told in result.stderr
@@ -69,7 +69,7 @@ def test_an_interrupted_environment_is_made_again(tmp_path: Path) -> None:
     assert result.stdout.count("done in") == 1
 
 
-def test_an_interrupt_ends_the_running_step_and_says_so(tmp_path: Path) -> None:
+def test_an_interrupt_ends_the_running_step_and_reports_it(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "started")
     long = f"long() {{ echo $BASHPID > {tmp_path}/started; exec tail -f /dev/null; }}"
     script = f'{long}; step "Building" {tmp_path}/x.log long'

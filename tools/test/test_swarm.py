@@ -109,7 +109,7 @@ def answers(**by_verb: object) -> Callable[..., str]:
     return output
 
 
-def test_an_engine_that_manages_no_swarm_is_told_how_to_begin(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_engine_that_manages_no_swarm_is_an_error_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(swarm, "output", answers(info={"LocalNodeState": "inactive", "ControlAvailable": False}))
     with pytest.raises(ContainerError, match="docker swarm init --advertise-addr"):
         swarm.nodes()

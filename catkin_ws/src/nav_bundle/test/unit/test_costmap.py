@@ -108,7 +108,7 @@ def test_returns_beyond_the_obstacle_range_clear_without_marking():
     assert LETHAL not in costmap.cells
 
 
-def test_what_persists_goes_on_marking_until_its_time_is_over():
+def test_what_persists_keeps_marking_until_its_time_is_over():
     costmap = rolling(laser={**LASER, "observation_persistence": 1.0})
     buffer = ObservationBuffer(1.0)
     for stamp, x, expected in ((0.0, 0.8, LETHAL), (0.6, 1.2, LETHAL), (1.3, 1.2, FREE)):
@@ -126,7 +126,7 @@ def test_without_persistence_only_the_newest_observation_counts_however_old():
     assert buffer.newest == 2.0
 
 
-def test_each_source_marks_and_clears_as_it_is_told_to():
+def test_each_source_marks_and_clears_as_configured():
     costmap = rolling(
         observation_sources="laser camera",
         laser={**LASER, "marking": False},

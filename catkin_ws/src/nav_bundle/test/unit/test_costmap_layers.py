@@ -130,7 +130,7 @@ def test_another_inflation_keeps_what_was_seen() -> None:
     assert cost_at(costmap, 1.5, 1.0) > FREE
 
 
-def test_a_layer_that_is_switched_off_and_on_begins_anew() -> None:
+def test_a_layer_that_is_switched_off_and_on_starts_over() -> None:
     layer = ObstacleConfig(sources=(LASER,))
     costmap = Costmap(replace(WINDOW, layers=(layer,)))
     costmap.update(Pose(), (Observation(LASER, 0.0, 0.0, np.array([[1.5, 0.0]])),))

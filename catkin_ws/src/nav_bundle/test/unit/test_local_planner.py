@@ -243,7 +243,7 @@ def test_no_command_leads_into_what_the_costmap_calls_lethal(configure):
             assert world.local.footprint_cost(Pose(px, py, pyaw)) >= 0
 
 
-def test_a_walled_in_robot_is_told_so(configure):
+def test_a_walled_in_robot_is_reported(configure):
     world = World(world_of(HALL, 0.8), Pose(6.0, 3.2), configure())
     world.look()
     world.local.cells[:, :] = LETHAL

@@ -110,7 +110,7 @@ def test_every_robot_carried_off_finds_itself_within_a_minute_where_recovery_is_
     assert np.median(times) < 25.0
 
 
-def test_a_robot_that_is_lost_says_so_and_one_that_is_not_does_not() -> None:
+def test_a_robot_that_is_lost_reports_it_and_one_that_is_not_does_not() -> None:
     trial = Trial(CONFIG, 3)
     trial.localisation.set_pose(trial.pose, np.eye(3) * 0.01)
     assert not any(trial.localisation.lost for _ in trial.wander(20.0))

@@ -205,7 +205,7 @@ def test_a_recovery_drives_until_it_has_ended():
     assert (machine.state.phase, machine.command) == (Phase.PLANNING, STANDSTILL)
 
 
-def test_success_after_a_recovery_begins_the_list_anew():
+def test_success_after_a_recovery_starts_the_list_over():
     machine = Machine()
     machine.cycle(new_goal=True, pose=Pose())
     machine.until(lambda m: m.state.recovering, plan=PlanOutcome.FAILED)

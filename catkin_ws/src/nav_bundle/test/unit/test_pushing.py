@@ -37,7 +37,7 @@ def test_the_laser_tells_driving_from_slipping(step):
     assert stayed(before, picture(start, odom)) is True
 
 
-def test_in_a_corridor_without_an_end_in_sight_nothing_is_told():
+def test_in_a_corridor_without_an_end_in_sight_nothing_is_reported():
     before, step = picture(Pose(), Pose(), width=200.0, height=2.0), Pose(0.2)
     assert stayed(before, picture(step, step, width=200.0, height=2.0)) is None
 

@@ -85,7 +85,7 @@ def test_a_missing_frame_is_named() -> None:
         robot_tree().lookup("map", "camera")
 
 
-def test_two_trees_are_told_by_their_roots() -> None:
+def test_two_trees_are_named_by_their_roots() -> None:
     tree = robot_tree()
     tree.insert("world", "car", 1.0, Transform())
     with pytest.raises(DisconnectedError, match="'odom' ends at 'map' and 'car' ends at 'world'"):

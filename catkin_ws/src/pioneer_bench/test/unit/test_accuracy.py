@@ -34,7 +34,7 @@ def missed(rows: Iterator[Row]) -> list[tuple[str, str, float | None]]:
 
 
 @pytest.mark.parametrize("name", accuracy.MOTIONS)
-def test_a_run_ends_where_it_was_commanded_and_odometry_says_so(worlds: Worlds, robot: Robot, name: str) -> None:
+def test_a_run_ends_where_it_was_commanded_and_odometry_agrees(worlds: Worlds, robot: Robot, name: str) -> None:
     assert not missed(accuracy.motion_rows(worlds.make, robot, name, accuracy.MOTIONS[name]))
 
 

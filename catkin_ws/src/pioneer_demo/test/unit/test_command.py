@@ -27,7 +27,7 @@ def test_gateways_take_their_names_from_hostname_as_in_the_tutorial():
     assert "gateway_name:=Hub_Gateway" in found["Hub_Gateway"].argv
 
 
-def test_every_gateway_is_told_this_demos_hub_and_looks_for_no_other():
+def test_every_gateway_gets_this_demos_hub_and_looks_for_no_other():
     ports = dataclasses.replace(TUTORIAL, hub=7380)
     for name in ("Hub_Gateway", "aadi1_gateway"):
         command = started(ports=ports)[name]

@@ -13,7 +13,7 @@ def robot(**known: object) -> Report:
 ACTIVE = {"pull clock": "active", "flip odom": "active"}
 
 
-def test_a_computer_without_a_hub_is_starting_and_says_so() -> None:
+def test_a_computer_without_a_hub_is_starting_and_reports_it() -> None:
     assert robot().stage is Stage.STARTING
     assert robot(gateway="aadi1_gateway").lacks == "aadi1_gateway has not found the hub"
 
@@ -81,7 +81,7 @@ def test_the_base_station_needs_a_simulator_with_robots() -> None:
     assert base.stage is Stage.MOVING
 
 
-def test_ages_are_told_in_place_of_times() -> None:
+def test_ages_are_reported_in_place_of_times() -> None:
     assert robot(odom_at=9.75).as_json(10.0)["odom_age"] == 0.25
     assert robot().as_json(10.0)["odom_age"] is None
 

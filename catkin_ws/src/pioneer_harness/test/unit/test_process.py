@@ -150,7 +150,7 @@ def test_an_unexpected_end_is_noticed_and_told_with_its_last_lines(group, tmp_pa
         group.check()
 
 
-def test_a_killed_process_is_told_with_its_signal(tmp_path):
+def test_a_killed_process_is_reported_with_its_signal(tmp_path):
     told = []
     with ProcessGroup(on_death=told.append) as group:
         os.kill(group.start("victim", SLEEP), signal.SIGKILL)

@@ -51,7 +51,7 @@ def test_a_value_of_another_kind_is_left_out() -> None:
     assert accepted(PARAMETERS, {"samples": 1.5}) == ({}, ["samples is of kind int, not double"])
 
 
-def test_a_list_is_told_as_text() -> None:
+def test_a_list_is_reported_as_text() -> None:
     assert live_values(DriveConfig(footprint=[[1.0, 0.0]]))["footprint"] == "[[1.0, 0.0]]"
 
 

@@ -79,7 +79,7 @@ def test_a_stop_acts_at_once_and_holds_against_commands(fleet):
 
 
 @pytest.mark.parametrize("path", PATHS)
-def test_a_stranger_gets_401_and_no_data(fleet, path):
+def test_an_unauthenticated_client_gets_401_and_no_data(fleet, path):
     status, _, body = fleet.request(path)
     assert status == 401
     assert b"pioneer1" not in body
@@ -90,7 +90,7 @@ def test_a_stranger_gets_401_and_no_data(fleet, path):
 @pytest.mark.parametrize(
     "path", ["/live", "/foxglove", "/foxglove/wrong-token", "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"]
 )
-def test_a_stranger_gets_no_socket(fleet, path):
+def test_an_unauthenticated_client_gets_no_socket(fleet, path):
     with pytest.raises(InvalidStatus), live(fleet, path):
         pass
 

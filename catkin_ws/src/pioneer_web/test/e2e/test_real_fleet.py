@@ -93,7 +93,7 @@ def place(driver, robot="pioneer1"):
     return known(driver, f"{robot}.pose")[:2]
 
 
-def test_a_stranger_gets_401_and_no_data(url, driver):
+def test_an_unauthenticated_client_gets_401_and_no_data(url, driver):
     for path in ("/", "/map.png", "/metrics", "/static/fleet.js"):
         status, _, body = request(url, path)
         assert status == 401

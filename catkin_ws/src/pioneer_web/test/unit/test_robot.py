@@ -62,7 +62,7 @@ def test_what_is_wrong_is_said_in_words(robot, rule, now, words):
     assert bool(fault) == bool(words)
 
 
-def test_a_robot_that_amcl_has_not_found_says_so(robot):
+def test_a_robot_that_amcl_has_not_found_reports_it(robot):
     robot.correction = None
     assert robot.fault({}, 10.0) == "amcl has not localised it"
 

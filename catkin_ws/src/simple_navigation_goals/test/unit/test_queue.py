@@ -39,7 +39,7 @@ def test_a_queue_without_waypoints_is_idle() -> None:
     assert queue.due() is None
 
 
-def test_waypoints_wait_for_move_base_and_the_first_of_them_says_so_once() -> None:
+def test_waypoints_wait_for_move_base_and_the_first_of_them_reports_it_once() -> None:
     queue = WaypointQueue()
     queue.add(waypoint(0.0))
     queue.add(waypoint(1.0))
@@ -64,7 +64,7 @@ def test_a_reached_waypoint_is_said_with_its_number_and_place() -> None:
     assert queue.take_events() == [("reached waypoint 1 (0.00, 0.00, 0 deg) in map, 1 waiting", False)]
 
 
-def test_skip_goes_on_with_the_next() -> None:
+def test_skip_continues_with_the_next() -> None:
     queue = driving(2, on_abort="skip")
     queue.finished(Outcome.ABORTED, "no plan")
     assert send(queue) == 1.0
@@ -235,7 +235,7 @@ def test_a_patrol_that_reaches_nothing_in_a_round_ends() -> None:
     assert queue.text == "the patrol ends: no waypoint of round 1 was reached"
 
 
-def test_a_patrol_goes_on_past_a_waypoint_that_cannot_be_reached() -> None:
+def test_a_patrol_continues_past_a_waypoint_that_cannot_be_reached() -> None:
     queue = patrolling(0)
     queue.finished(Outcome.ABORTED)
     assert send(queue) == 1.0

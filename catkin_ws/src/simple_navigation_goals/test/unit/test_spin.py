@@ -46,7 +46,7 @@ def test_without_an_active_goal_nothing_turns() -> None:
     assert not run(20.0, active=False).turning
 
 
-def test_a_turn_ends_after_its_time_and_the_wait_begins_anew() -> None:
+def test_a_turn_ends_after_its_time_and_the_wait_starts_over() -> None:
     turning = run(5.4)
     assert run(1.2, state=turning).turning
     after = run(1.8, state=turning)
@@ -60,7 +60,7 @@ def test_a_goal_that_ends_ends_the_turn() -> None:
     assert not watched(turning, CONFIG, False, turning.now + 0.1).turning
 
 
-def test_time_that_jumps_back_starts_the_wait_anew() -> None:
+def test_time_that_jumps_back_starts_the_wait_over() -> None:
     state = run(4.8)
     state = watched(state, CONFIG, True, 0.1)
     assert not run(4.8, state=state).turning

@@ -68,7 +68,7 @@ class FeatureTest(unittest.TestCase):
         answer = spawn("pioneer2", description, "pioneer2", START, "")
         assert answer.success, answer.status_message
 
-    def test_the_battery_is_told_under_rosarias_names_and_falls(self) -> None:
+    def test_the_battery_is_reported_under_rosarias_names_and_falls(self) -> None:
         state = first("/pioneer1/battery_state", BatteryState)
         assert 0.99 < state.percentage <= 1.0
         assert 11.4 < state.voltage < 12.9
@@ -81,7 +81,7 @@ class FeatureTest(unittest.TestCase):
         assert first("/pioneer1/battery_recharge_state", Int8).data == 0
         assert first("/pioneer1/motors_state", Bool).data
 
-    def test_a_robot_of_others_slides_and_tells_of_inertia_place_and_depth(self) -> None:
+    def test_a_robot_of_others_slides_and_reports_inertia_place_and_depth(self) -> None:
         spawn = rospy.ServiceProxy("/gazebo/spawn_urdf_model", srv.SpawnModel)
         answer = spawn("slider", SLIDER, "", Pose(Point(2.0, -3.5, 0.1), Quaternion(0, 0, 0, 1)), "")
         assert answer.success, answer.status_message

@@ -192,7 +192,7 @@ class SimulatorTest(unittest.TestCase):
         assert "follows its script" in refused.status_message
         assert service("delete_model", srv.DeleteModel)("walker").success
 
-    def test_bad_spawns_are_refused_in_one_line_and_the_simulator_goes_on(self) -> None:
+    def test_bad_spawns_are_refused_in_one_line_and_the_simulator_continues(self) -> None:
         again = spawn("pioneer1", *START)
         assert again.returncode == 1
         assert "already exists" in again.stderr + again.stdout

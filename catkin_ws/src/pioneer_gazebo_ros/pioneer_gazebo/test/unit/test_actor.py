@@ -155,7 +155,7 @@ def test_actors_walk_through_walls_and_on_any_ground(simulate, box):
     assert simulation.velocity(entity).linear == pytest.approx((1.25, 0, 0), abs=0.01)
 
 
-def test_a_reset_begins_the_script_anew(simulate):
+def test_a_reset_starts_the_script_over(simulate):
     simulation = simulate(actor(STRAIGHT))
     entity = simulation.entity("walker")
     simulation.advance(seconds(3.0))

@@ -156,7 +156,7 @@ def test_a_gps_moves_north_and_east_by_metres(simulate: MakeSimulation) -> None:
 
 
 @pytest.mark.parametrize("swapped", [False, True])
-def test_the_left_wheel_is_where_it_lies_unless_legacy_mode_says_so(simulate: MakeSimulation, swapped: bool) -> None:
+def test_the_left_wheel_is_where_it_lies_unless_in_legacy_mode(simulate: MakeSimulation, swapped: bool) -> None:
     left, right = ("front_right", "front_left") if swapped else ("front_left", "front_right")
     for mode, way in (("", 1.0), ("true", 1.0 if swapped else -1.0), ("false", -1.0 if swapped else 1.0)):
         words = f"<legacyMode>{mode}</legacyMode>" if mode else ""

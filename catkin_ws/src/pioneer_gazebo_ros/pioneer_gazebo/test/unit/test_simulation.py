@@ -101,7 +101,7 @@ def test_only_robots_that_shall_stand_may_sleep(simulation: Simulation, engine: 
     assert entity.handle not in engine.resting
 
 
-def test_collisions_are_told_once_an_episode(simulation: Simulation, engine: FakeEngine, robot: Robot) -> None:
+def test_collisions_are_reported_once_an_episode(simulation: Simulation, engine: FakeEngine, robot: Robot) -> None:
     entity = simulation.add_robot("r", "", robot, Pose())
     engine.touched = {entity.handle}
     simulation.advance(120)
@@ -133,7 +133,7 @@ def test_a_wrench_without_end_is_cleared_with_its_link(
     assert len(engine.pushed) == count == 10
 
 
-def test_a_static_model_is_not_an_entity_and_the_error_says_so(
+def test_a_static_model_is_not_an_entity_and_the_error_names_it(
     simulation: Simulation, box: Callable[..., Model]
 ) -> None:
     simulation.load(World("w", (box("wall", Pose((0.0, 0.0, 0.5)), (1.0, 0.1, 1.0)),)))

@@ -61,7 +61,7 @@ def test_a_stuck_subscriber_loses_the_oldest_frames_and_gets_the_rest_whole(pair
     assert len(numbers) < 200
 
 
-def test_a_subscriber_that_has_gone_is_told(pair) -> None:
+def test_a_subscriber_that_has_gone_is_reported(pair) -> None:
     ours, theirs = pair
     outlet = _Outlet(SimpleNamespace(socket=ours))
     theirs.close()

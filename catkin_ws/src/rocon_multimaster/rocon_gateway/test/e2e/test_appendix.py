@@ -95,7 +95,7 @@ def test_of_tf_only_the_asked_for_prefix_crosses(fleet: Any) -> None:
     assert set(log.read_text().split()) == {"pioneer1/odom", "pioneer1/base_link"}
 
 
-def test_an_identical_rule_is_refused_with_rocons_code_and_the_running_one_goes_on(standing: Any) -> None:
+def test_an_identical_rule_is_refused_with_rocons_code_and_the_running_one_continues(standing: Any) -> None:
     base, robot = standing
     robot.talk("/p1/scan")
     ear = base.hear("/p1/scan")

@@ -60,7 +60,7 @@ def test_connect_hub_takes_an_address_without_a_scheme(fleet, connect) -> None:
     assert connect(fleet.hub_uri, "wrong", access=Access(lambda: "not its password")) == Code.HUB_CONNECTION_FAILED
 
 
-def test_each_call_of_connect_hub_looks_anew(strange_redis, connect) -> None:
+def test_each_call_of_connect_hub_looks_again(strange_redis, connect) -> None:
     assert connect("http://127.0.0.1:9") == Code.HUB_CONNECTION_UNRESOLVABLE
     assert connect("two words") == Code.HUB_CONNECTION_UNRESOLVABLE
     assert connect(strange_redis) == Code.HUB_NAME_NOT_FOUND

@@ -51,7 +51,7 @@ def test_a_gateway_whose_hub_is_gone_ends_at_once(fleet, pair, report, how) -> N
     assert "restarted" not in base.log.read_text()
 
 
-def test_a_gateway_whose_master_is_gone_says_so_once_and_ends(fleet, tmp_path, report) -> None:
+def test_a_gateway_whose_master_is_gone_reports_it_once_and_ends(fleet, tmp_path, report) -> None:
     group, ports = ProcessGroup(), PortReservation()
     port = ports.take(15311)
     uri = f"http://127.0.0.1:{port}"

@@ -112,7 +112,7 @@ def test_a_jump_of_simulated_time_changes_nothing(standing_fleet, standing) -> N
     assert site.info().connected
 
 
-def test_a_master_that_is_restarted_under_its_gateway_learns_everything_anew(
+def test_a_master_that_is_restarted_under_its_gateway_learns_everything_again(
     standing_fleet, standing, tmp_path
 ) -> None:
     _base, robot = standing

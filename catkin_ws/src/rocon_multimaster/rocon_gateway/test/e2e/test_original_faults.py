@@ -16,10 +16,10 @@ MULTIMASTER = Path(__file__).parents[3]
 
 FAULTS = {
     "a bad pattern or unknown type kills the loop, and services keep answering 0": [
-        "test_bad_requests_are_refused_and_everything_goes_on",
+        "test_bad_requests_are_refused_and_everything_continues",
         "test_a_bad_default_rule_is_named_and_the_others_are_taken",
     ],
-    "a flip of exactly .* without flip_all kills the loop": ["test_bad_requests_are_refused_and_everything_goes_on"],
+    "a flip of exactly .* without flip_all kills the loop": ["test_bad_requests_are_refused_and_everything_continues"],
     "a flip_all's extra blacklist leaks into the shared default": [
         "test_a_flip_alls_own_blacklist_bars_only_there",
         "test_flipping_all_replaces_that_gateways_flips_and_its_blacklist_ends_with_it",
@@ -50,13 +50,13 @@ FAULTS = {
     "shutting down leaves registrations, hangs or crashes without a hub": [
         "test_shutting_down_in_any_order_leaves_nothing_behind",
         "test_a_gateway_whose_hub_is_gone_ends_at_once",
-        "test_a_gateway_whose_master_is_gone_says_so_once_and_ends",
+        "test_a_gateway_whose_master_is_gone_reports_it_once_and_ends",
     ],
     "a killed gateway is noticed after 31 s, or never": [
         "test_a_killed_gateway_is_noticed_and_a_new_one_takes_its_place"
     ],
     "the hub uses somebody else's Redis, and its own outlives it": [
-        "test_a_busy_port_is_one_clear_line_and_the_first_hub_goes_on",
+        "test_a_busy_port_is_one_clear_line_and_the_first_hub_continues",
         "test_no_redis_outlives_its_hub",
     ],
     "values that any client writes on the hub are unpickled": ["test_garbage_in_redis_values_does_no_harm"],
@@ -82,7 +82,7 @@ FAULTS = {
         "test_two_that_advertise_and_pull_everything_carry_each_publisher_once",
     ],
     "connect_hub without a scheme raises": ["test_connect_hub_takes_an_address_without_a_scheme"],
-    "connect_hub remembers a refusal for ever": ["test_each_call_of_connect_hub_looks_anew"],
+    "connect_hub remembers a refusal for ever": ["test_each_call_of_connect_hub_looks_again"],
     "an empty node in flip_watchlist is the text None": [
         "test_a_default_flip_by_base_name_stands_before_and_after_its_gateway_comes"
     ],

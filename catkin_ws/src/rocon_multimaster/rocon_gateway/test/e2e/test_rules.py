@@ -97,7 +97,7 @@ def test_a_pattern_never_brings_another_robots_topics_whoever_joins_first(
     wait_until(lambda: alice.states()["pull .*/odom"] == "active", "active", 5)
 
 
-def test_bad_requests_are_refused_and_everything_goes_on(pair) -> None:
+def test_bad_requests_are_refused_and_everything_continues(pair) -> None:
     base, robot = pair
     codes = msg.ErrorCodes
     bad = base.remote("flip", "robot", "publisher", "/a(")
@@ -185,7 +185,7 @@ def _is_hub(pid: int) -> bool:
         return False
 
 
-def test_a_rule_with_a_rate_says_so_and_keeps_to_it(fleet) -> None:
+def test_a_rule_with_a_rate_reports_it_and_keeps_to_it(fleet) -> None:
     fleet.start_hub()
     options = [{"name": "/p1/scan", "gateway": "base", "rate": 5}]
     robot = fleet.site("robot").start(rule_options=options).connected()

@@ -60,7 +60,7 @@ def test_a_fleet_with_certificates_carries_topics_and_services_and_finds_its_hub
     assert "gateway 'robot'" in said
 
 
-def test_a_gateway_without_a_certificate_is_told_once_and_by_the_doctor(fleet, authorities) -> None:
+def test_a_gateway_without_a_certificate_is_reported_once_and_by_the_doctor(fleet, authorities) -> None:
     (at_hub,) = certified(authorities / "lonely", "hub")
     said = "speaks TLS only: set ROCON_TLS_DIRECTORY to a directory with a certificate of its fleet"
     fleet.start_hub(at_hub)

@@ -43,7 +43,9 @@ def test_a_configured_loopback_stays_with_a_local_absent_or_unreachable_hub(
 
 
 @pytest.mark.parametrize("environment", [{"ROS_IP": "10.9.0.101"}, {"ROS_HOSTNAME": "aadi1", "ROS_IP": "127.0.0.1"}])
-def test_any_other_address_that_was_set_is_told(monkeypatch: pytest.MonkeyPatch, environment: dict[str, str]) -> None:
+def test_any_other_address_that_is_set_is_reported(
+    monkeypatch: pytest.MonkeyPatch, environment: dict[str, str]
+) -> None:
     assert own(monkeypatch, HUB, **environment) == next(iter(environment.values()))
 
 

@@ -51,7 +51,7 @@ def test_what_an_unknown_host_answers_is_read_or_refused(text: bytes) -> None:
 
 
 @pytest.mark.parametrize("name", ["\x1b[2J", "a\nb", "x" * 600])
-def test_no_terminal_is_told_what_to_do(name: str) -> None:
+def test_without_a_terminal_the_error_says_what_to_do(name: str) -> None:
     text = text_from_examination(Examination(name, 0.0, "", "", "", True, ""))
     with pytest.raises(ExaminationError):
         examination_from_text(text)

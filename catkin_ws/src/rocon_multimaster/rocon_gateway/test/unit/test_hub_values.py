@@ -16,7 +16,7 @@ def test_an_address_may_be_written_in_several_ways(uri: str) -> None:
     assert address_from_uri(uri) == HUB
 
 
-def test_a_hub_with_tls_is_the_same_hub_and_says_so() -> None:
+def test_a_hub_with_tls_is_the_same_hub_and_reports_it() -> None:
     address = address_from_uri("rediss://192.168.2.100:6380")
     assert (address, address.tls, str(address)) == (HUB, True, "rediss://192.168.2.100:6380")
     assert not address_from_uri("http://192.168.2.100:6380").tls

@@ -108,7 +108,7 @@ def test_a_master_that_tells_is_looked_at_only_when_it_has_told(
     assert bell.is_due
 
 
-def test_a_wake_of_ours_ends_the_wait_and_is_told(master: TellingMaster, bell: MasterBell) -> None:
+def test_a_wake_of_ours_ends_the_wait_and_is_reported(master: TellingMaster, bell: MasterBell) -> None:
     reader, writer = os.pipe()
     os.write(writer, b"x")
     assert bell.wait(reader)

@@ -108,7 +108,7 @@ def test_tf_crosses_both_ways_and_nothing_comes_back() -> None:
     assert hub.imported() == {("/tf", "robot", "/amcl")}
 
 
-def test_a_firewall_refuses_flips_and_says_so_and_lets_pulls_through() -> None:
+def test_a_firewall_refuses_flips_and_reports_it_and_lets_pulls_through() -> None:
     hub = gateway("hub", publisher("/a"), firewall=True)
     robot = gateway("robot", publisher("/b"))
     hub.book = hub.book.advertised([Rule(Kind.PUBLISHER, "/a")])
@@ -149,7 +149,7 @@ def test_a_flip_alls_own_blacklist_bars_only_there() -> None:
     assert [one.name for one in hub.outcome.advertised] == ["/a"]
 
 
-def test_types_that_differ_are_told_and_not_connected() -> None:
+def test_types_that_differ_are_reported_and_not_connected() -> None:
     hub = gateway("hub", publisher("/a", kind="std_msgs/Int32"))
     robot = gateway("robot", subscriber("/a"))
     robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/a")])
@@ -182,7 +182,7 @@ def test_a_typo_is_answered_with_what_exists(rule: RemoteRule, state: State, rea
     assert reason in hub.reason(rule.rule.name)
 
 
-def test_a_topic_for_a_node_that_does_not_listen_says_so_and_who_does() -> None:
+def test_a_topic_for_a_node_that_does_not_listen_reports_it_and_who_does() -> None:
     hub, robot = gateway("hub", subscriber("/a", "/rviz")), gateway("robot", publisher("/a"), publisher("/b"))
     hub.book = hub.book.flipped(
         [to("robot", Kind.SUBSCRIBER, "/a", "/rvzi"), to("robot", Kind.SUBSCRIBER, "/b", "/rviz")]
@@ -328,7 +328,7 @@ def test_a_pattern_pulls_nothing_out_of_another_robots_namespace() -> None:
     assert {topic for topic, _, _ in robot.imported()} == {"/pioneer2/odom"}
 
 
-def test_a_pattern_flips_nothing_of_another_robots_namespace_and_says_so() -> None:
+def test_a_pattern_flips_nothing_of_another_robots_namespace_and_reports_it() -> None:
     hub, robot = hub_of_three_robots(), gateway("aadi1")
     robot.namespace = "pioneer1"
     hub.book = hub.book.flipped([to("aadi1", Kind.PUBLISHER, ".*[2]/odom"), to("aadi1", Kind.PUBLISHER, ".*1/odom")])
@@ -357,7 +357,7 @@ def test_robots_of_any_name_are_kept_apart_once_their_gateways_are_known() -> No
     assert "/bob/odom" in {topic for topic, _, _ in alice.imported()}, "nobody has told of bob"
 
 
-def test_publishers_that_are_other_robots_nodes_are_left_out_where_an_option_says_so() -> None:
+def test_publishers_that_are_other_robots_nodes_are_left_out_by_an_option() -> None:
     nodes = ("/gazebo", "/static", "/pioneer1/state_publisher", "/pioneer2/state_publisher", "/bob/state_publisher")
     hub = gateway("hub", *(publisher("/tf", node) for node in nodes), publisher("/joints", "/bob/state_publisher"))
     hub.book = hub.book.advertising_all([])

@@ -95,7 +95,7 @@ def test_no_redis_outlives_its_hub(bench: Bench, number: signal.Signals) -> None
     wait_until(lambda: bench.name() is None, "Redis gone", 5)
 
 
-def test_a_busy_port_is_one_clear_line_and_the_first_hub_goes_on(bench: Bench) -> None:
+def test_a_busy_port_is_one_clear_line_and_the_first_hub_continues(bench: Bench) -> None:
     bench.start()
     first = bench.redis_pid()
     bench.start("second")

@@ -79,7 +79,7 @@ def test_who_has_a_certificate_of_the_fleet_is_let_in_and_hears_events(servers: 
         ("secret", "ours", "wants a password: set ROCON_HUB_PASSWORD_FILE"),
     ],
 )
-def test_who_does_not_fit_is_told_why(servers: Servers, hub: str, access: str, said: str) -> None:
+def test_who_does_not_fit_gets_the_reason(servers: Servers, hub: str, access: str, said: str) -> None:
     with pytest.raises(HubError) as caught:
         servers.session(hub, access)
     assert said in str(caught.value)

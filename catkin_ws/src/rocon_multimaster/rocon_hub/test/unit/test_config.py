@@ -78,7 +78,7 @@ def test_a_gateway_that_comes_back_may_fall_silent_again() -> None:
     assert watch.fallen_silent({"a"}, set()) == {"a"}
 
 
-def test_a_gateway_of_whose_silence_nobody_could_be_told_is_told_of_later() -> None:
+def test_a_silent_gateway_that_could_not_be_reported_is_reported_later() -> None:
     watch = Watch(30.0)
     assert watch.fallen_silent({"a", "b"}, set()) == {"a", "b"}
     watch.note("a", 0.0)

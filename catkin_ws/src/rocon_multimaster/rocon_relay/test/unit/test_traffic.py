@@ -18,7 +18,7 @@ def test_rates_are_what_came_since_the_last_look():
     assert flow["b"].messages == 0.0
 
 
-def test_a_connection_that_counts_anew_has_no_negative_rate():
+def test_a_connection_that_counts_again_has_no_negative_rate():
     traffic = Traffic()
     traffic.look(1.0, {"a": link(100, 1000)})
     assert traffic.look(2.0, {"a": link(3, 30)})["a"].messages == 0.0

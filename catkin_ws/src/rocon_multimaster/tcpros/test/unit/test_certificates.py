@@ -18,7 +18,7 @@ def test_a_machine_gets_what_it_needs_and_nobody_else_may_read_a_key(tmp_path):
     assert sorted(file.name for file in (tmp_path / "fleet").iterdir()) == ["ca.crt", "ca.key", "robot.lab-1"]
 
 
-def test_an_authority_is_made_once_and_a_certificate_anew_each_time(tmp_path):
+def test_an_authority_is_made_once_and_a_new_certificate_each_time(tmp_path):
     first = Authority(tmp_path).certify("robot")
     before = {file.name: file.read_bytes() for file in first.iterdir()}
     again = Authority(tmp_path).certify("robot")

@@ -57,7 +57,7 @@ def test_a_source_without_bytes_blocks_and_one_that_ended_gives_none(pipe, ends)
     assert pipe.is_usable
 
 
-def test_a_sink_that_is_gone_takes_nothing_and_the_pipe_goes_on(pipe, ends):
+def test_a_sink_that_is_gone_takes_nothing_and_the_pipe_continues(pipe, ends):
     writer, source, sink, reader = ends
     reader.close()
     writer.send(b"message")

@@ -38,7 +38,7 @@ def test_calls_are_counted_however_they_are_cut(seed: int) -> None:
     assert conversation.bytes == sum(4 + 5 + 2 * size for size in sizes)
 
 
-def test_who_waits_for_a_whole_response_is_told_an_error_as_one() -> None:
+def test_who_waits_for_a_whole_response_gets_an_error_as_one() -> None:
     conversation = Conversation(100)
     assert conversation.error("gone") == b""
     conversation.request(memoryview(request(b"abc"))[:2])

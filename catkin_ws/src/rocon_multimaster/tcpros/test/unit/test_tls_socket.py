@@ -109,7 +109,7 @@ def test_a_handshake_may_come_byte_by_byte_with_data_right_behind_it(identities)
             server.recv_into(memoryview(bytearray(100_000)))
 
 
-def test_an_end_is_told_after_the_last_bytes(ends, pair):
+def test_an_end_is_reported_after_the_last_bytes(ends, pair):
     client, server = ends
     shake(client, server)
     client.send(b"the last")
@@ -170,7 +170,7 @@ def test_both_sides_name_what_is_wrong_with_a_certificate(identities, pair, thei
 
 
 @pytest.mark.parametrize("first", [b"\x50\x01\x00\x00\x0f\x00relay=1", b"\x16\x03\x00\x00\x0f\x00", b"GET /", bytes(9)])
-def test_who_speaks_no_tls_is_told_apart_by_its_first_bytes(ends, pair, first):
+def test_who_speaks_no_tls_is_recognised_by_its_first_bytes(ends, pair, first):
     _, server = ends
     pair[0].send(first[:2])
     assert not server.shake_hands()

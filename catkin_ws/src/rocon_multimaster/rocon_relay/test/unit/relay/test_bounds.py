@@ -13,7 +13,7 @@ from rocon_relay.core.connection import LinkState
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
 
-def test_a_peer_may_have_so_many_links_and_is_told_so(relays, talkers):
+def test_a_peer_may_have_so_many_links_and_gets_the_reason(relays, talkers):
     source, sink = relays("source", max_links=2), relays("sink")
     topics = ("/chatter", "/big", "/latched")
     source.relay.apply({export(topic) for topic in topics}, set())

@@ -115,7 +115,7 @@ def test_a_remote_pattern_not_matched_in_linear_time_is_refused(sides):
     assert not sink.publishers("/tf_static")
 
 
-def test_options_that_change_have_the_link_dialled_anew(sides):
+def test_options_that_change_have_the_link_dialled_again(sides):
     source, sink = sides
     connect(source, sink)
     connect(source, sink, state=LinkState.RATE_LIMITED, options=LinkOptions(rate=3.0))

@@ -81,7 +81,7 @@ def test_who_asks_and_takes_no_answer_is_not_read_until_it_does(relays, talkers)
         assert asker.answer() == 1
 
 
-def test_a_connection_on_which_nothing_more_is_asked_is_closed_without_a_word(relays, talkers, caplog):
+def test_a_connection_on_which_nothing_more_is_asked_is_closed_silently(relays, talkers, caplog):
     source, sink = relays("source"), relays("sink", handshake_timeout=2.0)
     connect(source, sink)
     with Asker(port_of_proxy(sink)) as busy, Asker(port_of_proxy(sink)) as idle:

@@ -42,7 +42,7 @@ def test_rules_with_flags_and_groups_hold_beside_one_another(sides):
             assert f"not for {name}" in barred.text
 
 
-def test_a_subscriber_of_another_type_is_told_so(sides):
+def test_a_subscriber_of_another_type_gets_the_reason(sides):
     source, sink = sides
     connect(source, sink)
     with Subscriber(sink, "/source/talker1", "/chatter", type_="std_msgs/Bool", md5sum="0" * 32) as subscriber:
@@ -140,7 +140,7 @@ def test_a_restarted_publisher_flows_again(sides, tmp_path):
         assert subscriber.text_of_message()
 
 
-def test_a_master_that_has_forgotten_is_told_again(sides):
+def test_a_master_that_has_forgotten_is_notified_again(sides):
     source, sink = sides
     connect(source, sink)
     uri = sink.master.proxy().lookupNode("/source/talker1")
