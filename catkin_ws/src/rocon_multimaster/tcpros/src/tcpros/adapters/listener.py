@@ -1,5 +1,6 @@
 """A port of the relay's."""
 
+import contextlib
 import errno
 import select
 import socket
@@ -9,6 +10,16 @@ from tcpros.adapters.reactor import Reactor
 
 _IN = select.EPOLLIN
 _EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+
+_OPTION: int = socket.TCP_CONGESTION  # type: ignore[attr-defined]
+
+_UNPACED = b"reno"
+"""The congestion control for peers on this machine, where there is no network to spare; every kernel has it.
+
+Where the machine's is BBR, it measures a rate there too and keeps to it with timers, which costs a third more processor
+time a megabyte. A connection that has begun with it keeps its timers, so one begins without and gets the machine's
+choice when the peer turns out to be on another machine.
+"""
 
 
 class Listener:
@@ -26,6 +37,8 @@ class Listener:
         except OSError:
             self._socket.close()
             raise
+        self._usual = _chosen(self._socket)
+        _choose(self._socket, _UNPACED)
         self._socket.listen(backlog)
         self.port = int(self._socket.getsockname()[1])  #: its port
 
@@ -42,6 +55,8 @@ class Listener:
                 self._reactor.change(self._socket.fileno(), 0)
                 self._reactor.call_later(1.0, self._resume)
             return
+        if sock.getsockname()[0] != address[0]:
+            _choose(sock, self._usual)
         self._accepted(sock, f"{address[0]}:{address[1]}")
 
     def close(self, reason: str) -> None:
@@ -53,3 +68,12 @@ class Listener:
     def _resume(self) -> None:
         if self._socket.fileno() >= 0:
             self._reactor.change(self._socket.fileno(), _IN)
+
+
+def _chosen(sock: socket.socket) -> bytes:
+    return sock.getsockopt(socket.IPPROTO_TCP, _OPTION, 16).rstrip(b"\0")
+
+
+def _choose(sock: socket.socket, congestion_control: bytes) -> None:
+    with contextlib.suppress(OSError):  # a kernel, or an administrator, may not let us
+        sock.setsockopt(socket.IPPROTO_TCP, _OPTION, congestion_control)
