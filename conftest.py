@@ -1,4 +1,4 @@
-"""Property tests draw the same examples in every run: what is red once is red again."""
+"""Makes property tests draw the same examples in every run, so that failures are reproducible."""
 
 from hypothesis import settings
 

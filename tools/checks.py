@@ -1,4 +1,4 @@
-"""Checks: commands that run in sessions of their own, a few side by side, and the tests that they count."""
+"""Checks: commands run in their own sessions, several in parallel, and the tests that they count."""
 
 import os
 import shutil
@@ -17,16 +17,16 @@ from pioneer_harness.process import ProcessGroup
 ROOT = Path(__file__).resolve().parent.parent
 LOG = ROOT / ".setup" / "log" / "test"
 ENDING_SECONDS = 30.0
-"""Longer than a roslaunch takes, which gives its nodes 15 s after SIGINT and 2 s after SIGTERM, on a busy machine."""
+"""Longer than roslaunch needs on a busy machine: it gives its nodes 15 s after SIGINT and 2 s after SIGTERM."""
 _LOOK_SECONDS = 0.1
 
 
 @dataclass(frozen=True)
 class Check:
-    """One command of a stage. ``results`` is the folder where it leaves JUnit files, if it does.
+    """One command of a stage. ``results`` is the folder where it writes JUnit files, if it does.
 
-    The last line of a check that is ``shown`` is its progress, for people to see. ``patience`` is how long it and what
-    it started may take to end once they are asked to [s]. Nothing runs beside one that is ``alone``.
+    If it is ``shown``, the last line of its log is printed as progress. ``patience`` is the time that it and its
+    descendants have to end once they are asked to [s]. An ``alone`` check never runs beside another.
     """
 
     name: str
@@ -40,7 +40,7 @@ class Check:
 
     @property
     def log(self) -> Path:
-        """Where its output goes."""
+        """The file that its output goes to."""
         return LOG / f"{self.name.replace('/', '-').replace(' ', '-')}.log"
 
 
@@ -64,7 +64,7 @@ class Count:
 
 
 class Running:
-    """A check under way, which is ended whole: nodes that roslaunch gave sessions of their own, and orphans, too."""
+    """A running check; ends everything it started, including orphans and roslaunch's nodes in sessions of their own."""
 
     def __init__(self, check: Check) -> None:
         self.check, self.pid = check, 0
@@ -81,7 +81,7 @@ class Running:
             self._log(str(error))
 
     def ended(self, patience: float) -> bool:
-        """Waits for the end, ``patience`` seconds at most, and returns whether it is over."""
+        """Waits up to ``patience`` seconds for the end; returns whether the check has ended or its time-out is over."""
         with self._group.changed:
             if self._group.changed.wait_for(lambda: not self._group.is_running(self.check.name), patience):
                 return True
@@ -90,13 +90,13 @@ class Running:
         return time.monotonic() - self._began > self.check.timeout
 
     def close(self, urgent: Callable[[], bool] = lambda: False) -> Count:
-        """Ends what is left of it, by SIGINT, then SIGKILL after its patience or once ``urgent``; counts it."""
+        """Ends what still runs by SIGINT, then by SIGKILL after its patience or once ``urgent``; returns the count."""
         good = bool(self.pid) and not self._group.deaths
         if self._group.is_running(self.check.name):
             good = False
             self._log(f"not finished after {time.monotonic() - self._began:.0f} s")
         if killed := self._group.stop(self.check.patience, urgent):
-            self._log("\n  ".join(("did not end when asked to, and were killed:", *killed)))
+            self._log("\n  ".join(("killed, because they did not end in time:", *killed)))
         return counted(self.check, 0 if good else 1)
 
     def _log(self, text: str) -> None:
@@ -119,10 +119,10 @@ def _has_room(check: Check, running: Sequence[Check], at_once: int) -> bool:
 def run(
     checks: Sequence[Check], at_once: int, progress: Callable[[list[str], int], None]
 ) -> Iterator[tuple[Check, Count]]:
-    """Runs the checks in their order, ``at_once`` of them side by side, and yields each with its count as it ends.
+    """Runs the checks in order, ``at_once`` of them in parallel, and yields each with its count when it ends.
 
-    ``progress`` receives the names of those under way and how many have ended, whenever that changes. Closing the
-    iterator, or an interrupt, ends all that run; a second interrupt does not wait for them.
+    ``progress`` is called with the names of the running checks and the number of those that have ended, whenever that
+    changes. Closing the iterator, or an interrupt, ends all running checks; a second interrupt kills them at once.
     """
     waiting, running, done = deque(checks), list[Running](), 0
     try:
@@ -139,7 +139,7 @@ def run(
                     break
             _reap({one.pid for one in running})
     except KeyboardInterrupt:
-        print("\nending what runs; Ctrl-C again kills it", flush=True)
+        print("\nshutting down; press Ctrl-C again to kill", flush=True)
         raise
     finally:
         _close_all(running)
@@ -156,9 +156,9 @@ def _close_all(running: Sequence[Running]) -> None:
 
 
 def _reap(checks: set[int]) -> None:
-    """Reaps orphans that ended, which tests that look for processes would find as zombies.
+    """Reaps orphans that have ended; tests that look for processes would see them as zombies.
 
-    The groups of the checks make this process the parent of all orphans; the checks themselves are theirs to wait for.
+    The checks' process groups make this process the parent of all orphans. The groups themselves wait for the checks.
     """
     try:
         while (ended := os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT)) and ended.si_pid not in checks:
@@ -168,15 +168,15 @@ def _reap(checks: set[int]) -> None:
 
 
 def counted(check: Check, status: int) -> Count:
-    """Returns the tests in the check's JUnit files; a failure they do not show, or no test at all, is one more.
+    """Counts the tests in the check's JUnit files; adds a failure if a failed check shows none, or if no test ran.
 
-    Tests that are all skipped, because this machine cannot run them, are no failure.
+    If all tests are skipped, because this machine cannot run them, that is not a failure.
     """
     total = Count()
     for path in check.results.rglob("*.xml") if check.results else ():
         try:
             suites = list(ElementTree.parse(path).getroot().iter("testsuite"))
-        except ElementTree.ParseError:  # rostest writes what a test printed as it came, control characters too
+        except ElementTree.ParseError:  # rostest writes a test's output unescaped, including control characters
             total.failed += 1
             continue
         for suite in suites:
@@ -185,7 +185,7 @@ def counted(check: Check, status: int) -> Count:
             total.add(Count(tests - failed - skipped, failed, skipped))
     if not check.results and not status:
         total.passed = 1
-    # rostest calls a test whose node died before its first line a success of no tests.
+    # If a test's node dies before its first line, rostest reports success with no tests.
     if (status or not (total.passed or total.skipped)) and not total.failed:
         total.failed = 1
     return total

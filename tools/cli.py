@@ -1,4 +1,4 @@
-"""What ``./pioneer`` answers without set-up: help on its commands, the nearest command."""
+"""The parts of ``./pioneer`` that need no set-up: help on its commands, suggestions for unknown ones."""
 
 import difflib
 import sys
@@ -13,7 +13,7 @@ COMMANDS = (
 
 
 def main(words: Sequence[str]) -> int:
-    """Answers one question; returns the exit status."""
+    """Runs one of the subcommands ``help`` and ``unknown``; returns the exit status."""
     match words:
         case ["unknown", command]:
             print(f"pioneer: {unknown(command)}", file=sys.stderr)
@@ -25,9 +25,9 @@ def main(words: Sequence[str]) -> int:
 
 
 def unknown(command: str) -> str:
-    """Returns one line on a command that does not exist."""
+    """Returns the error line for an unknown command."""
     near = difflib.get_close_matches(command, COMMANDS, 1)
-    hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(COMMANDS)}"
+    hint = f"did you mean '{near[0]}'?" if near else f"available: {', '.join(COMMANDS)}"
     return f"unknown command '{command}': {hint} (./pioneer --help)"
 
 

@@ -1,5 +1,5 @@
 # Completion of ./pioneer for Bash: source tools/completion.bash
-# Commands and options come from the commands' own help.
+# Takes commands and options from the commands' own help.
 _pioneer() {
   local word=${COMP_WORDS[COMP_CWORD]} pioneer=${COMP_WORDS[0]} command=${COMP_WORDS[1]:-} words folder
   folder=$(dirname "$(readlink -f "$pioneer")") || return

@@ -1,4 +1,4 @@
-"""Fails when a source file has grown past what can be read in one sitting."""
+"""Fails if a source file is too long to be read in one sitting."""
 
 import sys
 from pathlib import Path
@@ -10,7 +10,7 @@ SUFFIXES = {".py", ".bash", ".launch"}
 
 
 def main() -> int:
-    """Prints each file over the limit; returns 1 if there is one."""
+    """Prints each file over the limit; returns 1 if there is one, else 0."""
     long_files = [
         (lines, path.relative_to(ROOT))
         for place in PLACES

@@ -1,4 +1,4 @@
-"""Refuses links in Markdown files whose file, or heading within it, does not exist in the project."""
+"""Finds links in Markdown files to files or headings that do not exist in the project."""
 
 import re
 import sys
@@ -12,7 +12,7 @@ _FENCE = re.compile(r"^ *```.*?^ *```", re.MULTILINE | re.DOTALL)
 
 
 def broken_links(root: Path, names: list[str]) -> Iterator[str]:
-    """Yields ``file: target`` for each relative link of the Markdown files ``names`` that leads nowhere."""
+    """Yields ``file: target`` for each broken relative link in the Markdown files ``names``."""
     for name in names:
         for target in _LINK.findall(_FENCE.sub("", (root / name).read_text())):
             if re.match(r"[a-z]+:", target):
@@ -24,7 +24,7 @@ def broken_links(root: Path, names: list[str]) -> Iterator[str]:
 
 
 def anchors(text: str) -> set[str]:
-    """Returns the anchors that GitHub and MyST give to the headings of a Markdown text."""
+    """Returns the anchors that GitHub and MyST generate for the headings of a Markdown text."""
     found: set[str] = set()
     for heading in re.findall(r"^#+ +(.*?)\s*$", _FENCE.sub("", text), re.MULTILINE):
         plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading).lower()

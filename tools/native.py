@@ -1,4 +1,4 @@
-"""``./pioneer status``, ``rviz`` and ``teleop``: find the fleet that runs, as processes or as containers."""
+"""``./pioneer status``, ``rviz`` and ``teleop``: find the running fleet, either processes or containers."""
 
 import argparse
 import json
@@ -56,7 +56,7 @@ def _status(options: argparse.Namespace) -> int:
 
 
 def fleet_table(fleet: Fleet) -> str:
-    """Returns a line on a fleet, one for each of its robots, and one for each fault."""
+    """Returns the status table: a line for the fleet, one for each robot, and one for each fault."""
     factor = fleet["real_time_factor"]
     facts = [
         f"{fleet['world']}: {fleet['phase']}",
@@ -115,7 +115,7 @@ def _newest(fleets: Sequence[Fleet]) -> Fleet:
 
 
 def _become(master: str, command: Sequence[str]) -> NoReturn:
-    """Replaces this process by a command in the workspace's environment, on a master of this machine."""
+    """Replaces this process with a command in the workspace's environment, on a master of this machine."""
     os.environ.update(ROS_MASTER_URI=master, ROS_IP="127.0.0.1")
     for name in ("ROS_HOSTNAME", "ROS_NAMESPACE"):
         os.environ.pop(name, None)
@@ -123,7 +123,7 @@ def _become(master: str, command: Sequence[str]) -> NoReturn:
 
 
 def _has_containers(project: str) -> bool:
-    """Returns whether a fleet of containers exists, by the quickest question that Docker answers."""
+    """Returns whether a fleet of containers exists, using Docker's fastest query."""
     if shutil.which("docker") is None:
         return False
     if stack(project).file.is_file():

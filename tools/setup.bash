@@ -1,5 +1,5 @@
 # Set-up of the checkout, sourced by ./pioneer: Debian packages, Python environment, workspace.
-# Every step looks whether it is done, so that a finished set-up costs well under a second and an
+# Every step checks whether it is already done, so that a finished set-up costs well under a second and an
 # interrupted one resumes where it stopped.
 
 setup_dir=$root/.setup
@@ -7,13 +7,13 @@ venv=$setup_dir/venv
 workspace=$root/catkin_ws
 minimum_free_mib=3072
 
-# Ends with one line on what is wrong and what to do.
+# Exits with a one-line error: what is wrong and what to do.
 die() {
   printf 'pioneer: %s\n' "$*" >&2
   exit 1
 }
 
-# as_root COMMAND...: runs it with root's rights, through sudo where we lack them.
+# as_root COMMAND...: runs the command as root, through sudo if necessary.
 as_root() {
   if [[ $EUID -eq 0 ]]; then "$@"; else sudo "$@"; fi
 }
@@ -23,7 +23,7 @@ step() {
   local label=$1 log=$2 started=$SECONDS next=15 pid elapsed
   shift 2
   mkdir -p "${log%/*}"
-  # Job control gives the command a process group of its own, so that Ctrl-C here can end all of it.
+  # Job control gives the command its own process group, so that Ctrl-C here can end all of it.
   set -m
   "$@" >"$log" 2>&1 </dev/null &
   pid=$!
@@ -47,7 +47,7 @@ step() {
   printf '%s: done in %d s\n' "$label" "$((SECONDS - started))"
 }
 
-# explain_failure LABEL LOG: names the usual causes in one line, else shows the end of the log.
+# explain_failure LABEL LOG: reports a known cause in one line, else shows the end of the log.
 explain_failure() {
   local label=$1 log=$2
   if grep -qiE 'no space left on device|not enough free space' "$log"; then
@@ -63,14 +63,14 @@ check_system() {
   local ID='' VERSION_ID='' os_release=${1:-/etc/os-release}
   [[ -r $os_release ]] && . "$os_release"
   [[ $ID == debian && $VERSION_ID =~ ^1[23]$ ]] ||
-    die "this needs Debian 12 or 13, which ship ROS 1; here is ${ID:-an unknown system} ${VERSION_ID:-}. Use the container image (docker/) or a Debian machine."
+    die "unsupported system '${ID:-unknown} ${VERSION_ID:-}': Debian 12 or 13 is required, which ship ROS 1. Use the container image (docker/) or a Debian machine."
   [[ -w $root ]] || die "cannot write to $root; run as its owner, or through sudo"
 }
 
-# check_path: CMake, make and catkin cannot build in every folder.
+# check_path: rejects folders in which CMake, make and catkin cannot build.
 check_path() {
   local LC_ALL=C
-  # Letters of other alphabets are none of the characters from space to ~, and no control characters.
+  # Non-ASCII letters match because they are neither between space and ~ nor control characters.
   [[ $root =~ ^([A-Za-z0-9_./+,=@-]|[^ -~[:cntrl:]])+$ ]] ||
     die "this checkout is in '$root', where CMake and catkin cannot build; move it to a path of letters, digits and . _ - + , = @ /"
 }
@@ -82,7 +82,7 @@ check_disk() {
     die "only $free MiB free under $root and set-up needs $minimum_free_mib; free some space and run the command again"
 }
 
-# missing_packages PACKAGE...: those that are not installed.
+# missing_packages PACKAGE...: prints those that are not installed.
 missing_packages() {
   comm -23 <(printf '%s\n' "$@" | sort) \
     <(dpkg-query -W -f '${Package} ${db:Status-Status}\n' "$@" 2>/dev/null | awk '$2 == "installed" {print $1}' | sort)
@@ -90,14 +90,14 @@ missing_packages() {
 
 apt_install() {
   export DEBIAN_FRONTEND=noninteractive
-  # A dpkg that was interrupted refuses everything until it has finished what it began.
+  # An interrupted dpkg refuses everything until it has finished what it began.
   as_root env DEBIAN_FRONTEND=noninteractive dpkg --configure -a
   as_root apt-get update -q
   # redis-server and rviz must not start services or ask questions here; recommendations would double the size.
   as_root env DEBIAN_FRONTEND=noninteractive RUNLEVEL=1 apt-get install -yq --no-install-recommends "$@"
 }
 
-# packages_of SECTION...: what these sections of apt-packages.txt list.
+# packages_of SECTION...: prints the packages in these sections of apt-packages.txt.
 packages_of() {
   awk -v "names= $* " '/^## /{on = index(names, " "$2" ")} on && /^[a-z]/' "$root/apt-packages.txt"
 }
@@ -110,17 +110,17 @@ install_packages() {
   check_disk
   [[ $EUID -eq 0 ]] || command -v sudo >/dev/null ||
     die "Debian packages are missing (${missing[*]:0:3} …); run this once as root, or install sudo"
-  # Asked for here, where a person can answer; the step below has no terminal.
+  # Ask for the password here, where a person can answer; the step below has no terminal.
   [[ $EUID -eq 0 ]] || sudo -v || die "Debian packages are missing (${missing[*]:0:3} …) and sudo refused"
   step "Installing ${#missing[@]} Debian packages" "$setup_dir/log/apt.log" apt_install "${missing[@]}"
 }
 
 make_venv() {
   rm -rf "$venv"
-  # The python3 found on the PATH may be one that cannot import rospy (anaconda, pyenv); Debian's can.
+  # The python3 on the PATH may be one that cannot import rospy (anaconda, pyenv); Debian's can.
   /usr/bin/python3 -m venv --system-site-packages "$venv"
   # --no-deps: the requirements list is complete, and Debian's numpy must not be shadowed.
-  # PyPI has no wheel of pybullet for Debian 13's Python 3.13: pip compiles it, and GCC 14 refuses its C otherwise.
+  # PyPI has no wheel of pybullet for Debian 13's Python 3.13: pip compiles it, and GCC 14 rejects its C otherwise.
   CFLAGS="${CFLAGS:-} -Wno-incompatible-pointer-types" \
     "$venv/bin/pip" install --disable-pip-version-check --no-deps -r "$root/requirements.txt"
 }
@@ -136,19 +136,19 @@ prepare_venv() {
   printf '%s' "$stamp" >"$venv/stamp"
 }
 
-# workspace_read TEST...: the files whose content the build reads, printed as the TESTs of find say.
+# workspace_read TEST...: lists the files whose content the build reads; TESTs are find expressions, such as -printf.
 workspace_read() {
   find "$workspace/src" -type d -name __pycache__ -prune -o \( -name CMakeLists.txt -o -name package.xml -o -name setup.py \
     -o -name '*.msg' -o -name '*.srv' -o -name '*.action' -o -name '*.cfg' -o -name '*.cmake*' -o -path '*/kernels/*.py' \
     -o -path '*/pioneer_kernels/*.py' \) -type f "$@"
 }
 
-# workspace_listed TEST...: the files of which the build wants to know only that they are there.
+# workspace_listed TEST...: lists the files of which only the existence matters to the build.
 workspace_listed() {
   find "$workspace/src" \( -path '*/scripts/*' -o -path '*/src/*' -name __init__.py \) -type f "$@"
 }
 
-# What decides whether the workspace must be built again.
+# workspace_state: prints a checksum that changes if the workspace must be built again.
 workspace_state() {
   {
     workspace_read -printf '%p %T@\n'
@@ -157,15 +157,15 @@ workspace_state() {
   } | sort | sha256sum
 }
 
-# make_workspace DEFINITION...: builds the workspace, with further definitions for CMake.
+# make_workspace DEFINITION...: builds the workspace, with additional CMake definitions.
 make_workspace() {
-  # Built with the venv's interpreter, which catkin writes into every script: Debian 12's asks for the first name of it,
-  # Debian 13's for the second.
+  # Build with the venv's interpreter, which catkin writes into every script: Debian 12's catkin reads the first name,
+  # Debian 13's the second.
   (cd "$workspace" && catkin_make -j"$(nproc)" -D{PYTHON,Python}_EXECUTABLE="$venv/bin/python3" -DCATKIN_ENABLE_TESTING=OFF "$@")
 }
 
-# make_and_compile: the same, and Python's bytecode: where an environment forbids Python to write it, each start of a
-# node would compile all that it imports.
+# make_and_compile: the same, and compiles Python's bytecode: if the environment forbids Python to write it, every start
+# of a node would compile all its imports.
 make_and_compile() {
   make_workspace
   "$venv/bin/python3" -m compileall -q -j0 "$workspace/src" "$workspace/devel/lib/python3/dist-packages"
@@ -181,15 +181,15 @@ build_workspace() {
   printf '%s' "$state" >"$setup_dir/workspace.stamp"
 }
 
-# Through sudo, what was built belongs to the user who called sudo, so that the next run can do without it.
+# Under sudo, gives what was built to the user who called sudo, so that the next run works without it.
 give_back() {
   [[ -n ${SUDO_UID:-} && $EUID -eq 0 ]] || return 0
-  # -h: src/CMakeLists.txt is a link to a file of the system.
+  # -h: src/CMakeLists.txt is a symbolic link to a system file.
   find "$workspace/src" -name __pycache__ -print0 |
     xargs -0 chown -hR "$SUDO_UID:${SUDO_GID:-$SUDO_UID}" "$setup_dir" "$workspace/build" "$workspace/devel" "$workspace/src/CMakeLists.txt"
 }
 
-# setup [SECTION...]: the whole set-up, with these sections of the packages on demand.
+# setup [SECTION...]: the whole set-up, including these sections of the on-demand packages.
 setup() {
   check_system
   mkdir -p "$setup_dir"
@@ -204,7 +204,7 @@ setup() {
   exec {lock}>&-
 }
 
-# build_docs: makes the documents and the API of the docstrings into pages.
+# build_docs: builds HTML pages from the documents and from the API's docstrings.
 build_docs() {
   install_packages python3-sphinx python3-myst-parser python3-sphinx-autoapi
   step "Building the documentation" "$setup_dir/log/docs.log" \
@@ -212,17 +212,17 @@ build_docs() {
   printf 'Open %s\n' "$setup_dir/docs/index.html"
 }
 
-# enter_workspace: the environment that nodes run in.
+# enter_workspace: sets up the environment that nodes run in.
 enter_workspace() {
   set +u
   . "$workspace/devel/setup.bash"
   set -u
-  # The workspace's own commands first: its xacro knows ROS 1's $(find), the venv's does not.
+  # The workspace's own commands come first: its xacro supports ROS 1's $(find), the venv's does not.
   export PATH=$workspace/devel/bin:$venv/bin:$PATH
-  # Packages that hand over to ours under the names of the originals, where they are asked for.
+  # Optional packages under the originals' names that forward to ours.
   [[ -z ${PIONEER_OVERLAY:-} ]] || export ROS_PACKAGE_PATH=$workspace/overlay:$ROS_PACKAGE_PATH
-  # What a user installed into ~/.local for another interpreter or version breaks this one.
+  # Packages in ~/.local, installed for another interpreter or version, could break this one.
   export PYTHONNOUSERSITE=1
-  # What a command says into a pipe or a log is to be read while it runs.
+  # Output into a pipe or log must be readable while the command runs.
   export PYTHONUNBUFFERED=1
 }

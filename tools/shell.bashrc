@@ -1,5 +1,5 @@
-# The shell of ./pioneer shell: the user's own settings first, then the workspace, so that a python3
-# which those put on the PATH does not mask the one that has rospy.
+# The shell of ./pioneer shell: the user's own settings first, then the workspace, so that a python3 that the former
+# put on the PATH does not mask the one with rospy.
 [[ -f ~/.bashrc ]] && . ~/.bashrc
 root=$PIONEER_ROOT
 . "$root/tools/setup.bash"

@@ -1,4 +1,4 @@
-"""The project's own files, also where git is not installed."""
+"""Lists the project's own files, even without git."""
 
 import os
 from collections.abc import Iterable, Iterator
@@ -9,9 +9,9 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def project_files() -> Iterator[Path]:
-    """Yields the files of the project, without those that its `.gitignore` names."""
+    """Yields the project's files, except those that its `.gitignore` excludes."""
     lines = (ROOT / ".gitignore").read_text().splitlines()
-    patterns = ["/.git", "/.git/", *lines]  # a worktree has a file of that name
+    patterns = ["/.git", "/.git/", *lines]  # in a worktree, .git is a file
     for folder, folders, files in os.walk(ROOT):
         prefix = f"{folder}/".removeprefix(f"{ROOT}/")
         folders[:] = [name for name in folders if not _ignored(f"{prefix}{name}/", patterns)]

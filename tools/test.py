@@ -26,20 +26,20 @@ LAUNCH_FILES = ROOT / "tools" / "test" / "test_launch_files.py"
 SHOWN_LINES = 25
 MOST_AT_ONCE = 4
 LONGEST = "scenario"
-"""Of the rostests."""
+"""The rostest that takes longest."""
 LONG = {
     "soak": "what takes long: tests of minutes, a fault every 20 s for --minutes",
     "fuzz": "hostile input for --minutes at a fleet that drives",
 }
-"""Options that run instead of the stages."""
+"""Options that run something else instead of the stages."""
 SWARM = "swarm"
-"""The folder of tests of containers that run only when they are asked for; also the option's name."""
+"""Folder of container tests that run only on request; also the option's name."""
 CONTAINERS_ENDING_SECONDS = 60.0
-"""For ./pioneer down, which gives containers 20 s."""
+"""Time for ./pioneer down, which gives containers 20 s [s]."""
 
 
 def packages() -> list[Path]:
-    """Returns the folders of all packages of the workspace."""
+    """Returns the folders of all packages in the workspace."""
     return sorted(path.parent for path in SOURCE.rglob("package.xml"))
 
 
@@ -49,7 +49,7 @@ def python_roots() -> list[Path]:
 
 
 def lint() -> Iterator[Check]:
-    """Format, lint, the layers between modules, and the catkin packages."""
+    """Yields the checks of formatting, lint, import layers and catkin packages."""
     yield Check("ruff check", [str(VENV / "ruff"), "check", "--no-cache", str(ROOT)])
     yield Check("ruff format", [str(VENV / "ruff"), "format", "--no-cache", "--check", str(ROOT)])
     paths = os.pathsep.join(map(str, python_roots()))
@@ -62,7 +62,7 @@ def lint() -> Iterator[Check]:
 
 
 def types() -> Iterator[Check]:
-    """The packages and tools are fully annotated."""
+    """Yields the check of type annotations in packages and tools."""
     sources = [str(path) for root in python_roots() for path in sorted(root.glob("*/")) if path.name != "__pycache__"]
     tools = [*map(str, sorted((ROOT / "tools").glob("*.py"))), str(ROOT / "tools" / "containers")]
     paths = os.pathsep.join(map(str, [*python_roots(), ROOT / "tools"]))
@@ -78,9 +78,9 @@ def pytest_check(name: str, paths: list[Path], timeout: float = 900.0) -> Check:
 
 
 def unit() -> Iterator[Check]:
-    """Tests without a ROS environment of their own, a check a package.
+    """Yields the tests that need no ROS environment, one check per package.
 
-    A folder within holds tests that mostly wait, for sockets: each of its files is a check, so that they wait together.
+    A subfolder holds tests that mostly wait for sockets: each of its files is a check, so that they wait in parallel.
     """
     tools = ROOT / "tools" / "test"
     for folder in sorted(path for path in SOURCE.rglob("test/unit") if path.is_dir()):
@@ -92,12 +92,12 @@ def unit() -> Iterator[Check]:
 
 
 def launch() -> Iterator[Check]:
-    """Every launch file of every package loads, and what it starts exists."""
+    """Yields the check that every launch file loads and that everything it starts exists."""
     yield pytest_check("launch", [LAUNCH_FILES])
 
 
 def rostests() -> Iterator[Check]:
-    """Each ``.test`` file, on a master of its own; first the longest, which would be waited for alone at the end."""
+    """Yields each ``.test`` file, on its own master; the longest comes first, so as not to run alone at the end."""
     for path in sorted(SOURCE.rglob("test/rostest/*.test"), key=lambda path: (path.stem != LONGEST, path)):
         package = next(parent for parent in path.parents if (parent / "package.xml").exists())
         name = f"{package.name}/{path.stem}"
@@ -107,16 +107,16 @@ def rostests() -> Iterator[Check]:
 
 
 def end_to_end_files(soak: bool) -> Iterator[tuple[str, Path]]:
-    """Yields package and file of the end-to-end tests: those that take minutes or hours, or the others."""
+    """Yields package and file of end-to-end tests: with ``soak`` those that take minutes or hours, else the others."""
     for path in sorted(SOURCE.rglob("test/e2e/test_*.py")):
         if ("pytest.mark.soak" in path.read_text()) == soak:
             yield path.parents[2].name, path
 
 
 def end_to_end() -> Iterator[Check]:
-    """Several masters: the gateways between real processes, and the demo itself; a check a file.
+    """Yields the end-to-end tests, one check per file: gateways between real processes, and the demo.
 
-    Files that hold times which users see come last, one after the other.
+    Files that check times visible to users come last, one after the other.
     """
     files = [(package, path, "pytest.mark.alone" in path.read_text()) for package, path in end_to_end_files(soak=False)]
     for package, path, alone in sorted(files, key=lambda file: file[2]):
@@ -125,7 +125,7 @@ def end_to_end() -> Iterator[Check]:
 
 
 def long(name: str, minutes: float, seed: int) -> Iterator[Check]:
-    """Tests that take long, with a fault every 20 s for so many minutes; or hostile input at a fleet for as long."""
+    """Yields long tests: a fault every 20 s for ``minutes``, or hostile input to a fleet for ``minutes``."""
     variables = {f"PIONEER_{name.upper()}_MINUTES": str(minutes), f"PIONEER_{name.upper()}_SEED": str(seed)}
     for package, path in end_to_end_files(soak=name == "soak"):
         check = pytest_check(f"{package}/{path.stem.removeprefix('test_')}", [path], timeout=60 * minutes + 1800)
@@ -135,33 +135,33 @@ def long(name: str, minutes: float, seed: int) -> Iterator[Check]:
 
 
 class StageSkipped(Exception):  # noqa: N818 - no error: what the stage needs is not on this machine
-    """A stage cannot run here; the text says why."""
+    """A stage cannot run on this machine; the text says why."""
 
 
 def containers() -> Iterator[Check]:
-    """The tutorial's computers as containers."""
+    """Yields the tests of the tutorial's computers as containers."""
     folder = ROOT / "tools" / "test" / "containers"
-    # First, so that faults of the images are reported as such.
+    # Images come first, so that their faults are reported as such.
     yield Check("containers-images", [str(ROOT / "pioneer"), "image", "--desktop", "--web"], timeout=1500.0)
-    # The tests of a folder share one fleet; a file beside it has containers of its own.
+    # Tests in a subfolder share one fleet; a file beside the subfolders has its own containers.
     for path in sorted([*folder.glob("*/"), *folder.glob("test_*.py")]):
         if path.name not in ("__pycache__", SWARM):
             yield containers_check(path)
 
 
 def swarm() -> Iterator[Check]:
-    """Faults of machines, at a fleet on a swarm of three engines on this machine."""
+    """Yields tests of machine failures, for a fleet on a swarm of three engines on this machine."""
     yield containers_check(ROOT / "tools" / "test" / "containers" / SWARM)
 
 
 def containers_check(path: Path) -> Check:
-    """Returns the check of a file, or folder, of tests of containers."""
+    """Returns the check of a file or folder of container tests."""
     check = pytest_check(f"containers-{path.stem.removeprefix('test_')}", [path], timeout=1500.0)
     return replace(check, patience=CONTAINERS_ENDING_SECONDS)
 
 
 def need_docker() -> None:
-    """Raises StageSkipped where no Docker engine answers."""
+    """Raises StageSkipped if no Docker engine answers."""
     try:
         compose_command()
     except ContainerError as error:
@@ -169,15 +169,15 @@ def need_docker() -> None:
 
 
 def need_nothing() -> None:
-    """Most stages run on every machine."""
+    """Does nothing: most stages run on every machine."""
 
 
 @dataclass(frozen=True)
 class Stage:
-    """Checks that belong together.
+    """A group of checks.
 
-    ``alone`` where they share something, so that one runs after the other; ``need`` raises StageSkipped where they
-    cannot run.
+    ``alone``: the checks share something, so they run one after the other. ``need`` raises StageSkipped if they cannot
+    run.
     """
 
     checks: Callable[[], Iterator[Check]]
@@ -192,13 +192,13 @@ STAGES = {
     "launch": Stage(launch),
     "rostest": Stage(rostests),
     "e2e": Stage(end_to_end),
-    # One engine, and a network of fixed addresses.
+    # They share one engine and a network with fixed addresses.
     "containers": Stage(containers, alone=True, need=need_docker),
 }
 
 
 def run_stage(name: str, checks: Sequence[Check], at_once: int) -> Count:
-    """Runs these checks of a stage and prints its line; shows the end of the log of each that failed."""
+    """Runs these checks of a stage and prints its line; shows the end of the log of each failed one."""
     started = time.monotonic()
     total, failures = Count(), []
     try:
@@ -224,18 +224,18 @@ def run_stage(name: str, checks: Sequence[Check], at_once: int) -> Count:
 
 
 def show_progress(text: str) -> None:
-    """Shows what runs now, on a terminal, in the one line that it has."""
+    """Shows the running checks on a terminal, in its progress line."""
     if sys.stdout.isatty():
         print(f"\r\033[K{text[: os.get_terminal_size().columns - 1]}", end="", flush=True)
 
 
 class AnotherRunError(Exception):
-    """The logs and results of this checkout belong to another run."""
+    """Another run uses this checkout's logs and results."""
 
 
 @contextlib.contextmanager
 def the_only_run() -> Iterator[None]:
-    """Keeps other runs from this checkout's logs and results.
+    """Excludes other runs from this checkout's logs and results.
 
     Raises:
         AnotherRunError: one is under way.
@@ -250,7 +250,7 @@ def the_only_run() -> Iterator[None]:
 
 
 def arguments_from(words: Sequence[str] | None) -> argparse.Namespace:
-    """Returns the command line as checked; with --soak or --fuzz there is a stage of that name."""
+    """Returns the checked command line; --soak and --fuzz add a stage of that name."""
     parser = argparse.ArgumentParser(
         prog="./pioneer test",
         description=(__doc__ or "").splitlines()[0],

@@ -1,4 +1,4 @@
-"""Refuses package.xml files and a CHANGELOG.md that name another version than ``VERSION``."""
+"""Checks that all package.xml files and CHANGELOG.md have the version in ``VERSION``."""
 
 import re
 import sys
@@ -8,7 +8,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def other_versions(root: Path) -> list[str]:
-    """Returns one line for each file under ``root`` whose version is not that of its ``VERSION``."""
+    """Returns one line for each file under ``root`` with a version other than that in its ``VERSION``."""
     version = (root / "VERSION").read_text().strip()
     found = [
         (path, match.group(1) if (match := re.search(r"<version>(.*)</version>", path.read_text())) else "none")

@@ -1,4 +1,4 @@
-"""Refuses words that readers of this project stumbled over: ``wording.tsv`` has each with what to write instead."""
+"""Refuses words that made readers stumble; ``wording.tsv`` lists them, each with what to write instead."""
 
 import re
 import sys
@@ -11,7 +11,7 @@ LIST = Path(__file__).with_suffix(".tsv")
 
 
 def entries() -> list[tuple[re.Pattern[str], str]]:
-    """Returns each pattern with what to write instead."""
+    """Returns each pattern with its replacement advice."""
     pairs = (line.split("\t") for line in LIST.read_text().splitlines())
     return [(re.compile(pattern, re.IGNORECASE), better) for pattern, better in pairs]
 
@@ -31,7 +31,7 @@ def stumbles(paths: Iterable[Path]) -> Iterator[str]:
 
 
 def main() -> int:
-    """Checks all files of the project; returns 1 if one has a listed word."""
+    """Checks all files of the project; returns 1 if one contains a listed word, else 0."""
     found = list(stumbles(path for path in project_files() if path != LIST))
     for line in found:
         print(line)

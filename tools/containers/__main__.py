@@ -43,7 +43,7 @@ def _add_up(parser: argparse.ArgumentParser) -> None:
     add("--world", help=f"a world of pioneer_gazebo (default: that of the fleet there is, else {WORLD})")
     add("--waypoints", type=int, default=3, help="send each robot that is started to so many places (default: 3)")
     add("--rtf", type=_pace, metavar="R", help="real-time factor of the world (default: 1, or less where that is more "
-        "than the processors carry), or lockstep: time waits for every robot's nodes (docs/lockstep.md)")  # fmt: skip
+        "than the processors sustain), or lockstep: time waits for every robot's nodes (docs/lockstep.md)")  # fmt: skip
     add("--idle", action="store_true", help="start no steps, so that you can type them into ./pioneer exec")
     _add_extras(parser, "with RViz of the fleet, in the browser", "with the fleet page, for this machine (docs/web.md)")
     add("--swarm", action="store_true", help="on all machines of the Docker Swarm that this one manages")
@@ -86,7 +86,7 @@ def execute_on(options: argparse.Namespace) -> int:
 
 
 def _image(options: argparse.Namespace) -> int:
-    project(options.project)  # reports an engine that does not answer before anything is fetched
+    project(options.project)  # fails early if the engine does not answer
     ensure_images(functools.partial(print, flush=True), options.extras)
     return 0
 

@@ -1,4 +1,4 @@
-"""The part of ``./pioneer up`` that differs on a swarm: its nodes, the image's way to them, and the stack."""
+"""The swarm-specific part of ``./pioneer up``: its nodes, distribution of the image, and the stack."""
 
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Sequence
@@ -11,16 +11,16 @@ from containers.state import SHIPPED, certificates, hub_password, project, stack
 from containers.swarm import BASE_LABEL, awaited, check_engines, nodes
 
 RUNNING, RUNNING_PER_ROBOT = 180.0, 10.0
-"""Longest wait for computers to run: a node that has no image of the fleet yet pulls it first [s]."""
+"""Time-out for computers to run [s]: a node without the fleet's image pulls it first."""
 REJECTIONS = 3
-"""So often a node may fail to begin a computer before that is given up: a busy registry answers the next time."""
+"""Number of times that a node may fail to start a computer before giving up: a busy registry answers the next time."""
 
 
 def is_on_swarm(options: Namespace) -> bool:
-    """Returns whether the fleet is, or is to be, on a swarm.
+    """Returns whether the fleet runs, or is to run, on a swarm.
 
     Raises:
-        ContainerError: it is on this machine alone, or an option does not go with that.
+        ContainerError: it runs on this machine alone, or the options do not fit together.
     """
     there = stack(options.project).file.is_file()
     if not (options.swarm or there):
@@ -45,7 +45,7 @@ class Deployment:
     """
 
     def __init__(self, options: Namespace, say: Callable[[str], None]) -> None:
-        self.stack = stack(options.project)  #: the fleet
+        self.stack = stack(options.project)  #: the fleet's stack
         self._options, self._say = options, say
         found = nodes()
         self._manager, self._nodes = found[0], [one for one in found if one.works]
@@ -53,11 +53,11 @@ class Deployment:
 
     @property
     def processors(self) -> float:
-        """Of all nodes that take tasks."""
+        """Number of processors of all nodes that accept tasks."""
         return sum(one.processors for one in self._nodes)
 
     def image(self, plan: FleetPlan) -> str:
-        """Returns the image's name for the swarm, once it can be pulled by that; that of the running fleet if any."""
+        """Returns the image's name in the swarm: the running fleet's, else one under which the nodes can pull it."""
         if plan.base and not self._options.update:
             return plan.base.image
         return distribute(self._registry(plan), self._manager, self._nodes, self._say)
@@ -69,10 +69,10 @@ class Deployment:
         return "" if used.startswith(f"{self._manager.address}:") else used
 
     def start(self, plan: FleetPlan, image: str) -> list[Computer]:
-        """Starts what is missing, and replaces robots' computers where that is asked for; returns all, running.
+        """Starts missing computers, and replaces the robots' if requested; returns all of them, running.
 
         Raises:
-            ContainerError: the swarm does not have them run, and why.
+            ContainerError: the swarm cannot run them; the text says why.
         """
         rejected = {one.task for one in self.stack.tasks()[1]}
         if plan.base is None:
@@ -100,7 +100,7 @@ class Deployment:
         )
 
     def _await(self, plan: FleetPlan, rejected: set[str]) -> None:
-        """Waits until every computer runs; what was ``rejected`` before does not count."""
+        """Waits until every computer runs; ignores earlier failures, listed in ``rejected``."""
         seen: dict[str, Computer] = {}
         why = ""
 
@@ -122,14 +122,14 @@ class Deployment:
 
 
 def _without_place(computers: Iterable[Computer]) -> str:
-    """Returns a sentence on the computers for which the swarm has no place; empty if there are none."""
+    """Returns a message about the computers that the swarm cannot place; empty if there are none."""
     without = [one for one in computers if one.state == "pending" and "no suitable node" in one.problem]
     names = ", ".join(one.name for one in sorted(without, key=lambda one: one.number))
     return f"the swarm has no place for {names}: {without[0].problem}" if without else ""
 
 
 def _failing(rejected: Sequence[Computer]) -> str:
-    """Returns a sentence on a computer that its nodes have failed to begin too often; empty if there is none."""
+    """Returns a message about a computer that a node failed to start too often; empty if there is none."""
     for one in rejected:
         if sum(other.name == one.name for other in rejected) >= REJECTIONS:
             return f"{one.node} cannot start {one.name}: {one.problem}"

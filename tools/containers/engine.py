@@ -1,4 +1,4 @@
-"""The Docker engine and Compose, by their command lines."""
+"""The Docker engine and Compose, called through their command lines."""
 
 import json
 import os
@@ -10,19 +10,19 @@ from pathlib import Path
 from typing import Any
 
 DOCKER = ("docker",)
-"""The command that talks to this machine's engine."""
+"""The command that controls this machine's engine."""
 DESKTOP, WEB = "desktop", "web"
-"""Services, and the profiles that have them, whose containers are no computers but on the base station's network."""
+"""Services, named like their profiles, whose containers are not computers but share the base station's network."""
 EXTRAS = {DESKTOP: 6080, WEB: 8090}
-"""Those, with the ports of their pages."""
+"""These services with the ports of their pages."""
 
 
 class ContainerError(Exception):
-    """Something about containers that one line explains."""
+    """A container problem, described in one line."""
 
 
 def compose_command() -> list[str]:
-    """Returns how to call Compose, after a look at the engine.
+    """Returns the Compose command, after checking the engine.
 
     Raises:
         ContainerError: one of them is missing or does not answer; the line says what to install.
@@ -61,32 +61,32 @@ def output(*command: str) -> str:
 
 
 _PATIENCE = "600"
-"""How long docker-compose waits for the engine [s]: on a machine that starts or ends a fleet, 60 s were too few."""
+"""Time-out of docker-compose for the engine [s]: 60 s were too short on a machine that starts or ends a fleet."""
 
 
 @dataclass(frozen=True)
 class Computer:
     """A container of the fleet."""
 
-    name: str  #: the service's
-    container: str  #: its id
-    state: str  #: in Docker's words; in a swarm the task's
-    health: str  #: likewise; empty in a swarm, where a task runs once it is healthy
-    environment: Mapping[str, str]  #: of its processes
-    image: str  #: what it runs
-    node: str = ""  #: the machine in the swarm; empty without one
-    docker: tuple[str, ...] = DOCKER  #: the command that talks to the engine it is on
-    task: str = ""  #: the swarm's name for it
-    problem: str = ""  #: why the swarm does not have it run
+    name: str  #: of the service
+    container: str  #: id of the container
+    state: str  #: as Docker reports it; in a swarm, that of the task
+    health: str  #: likewise; empty in a swarm, where a task counts as running once it is healthy
+    environment: Mapping[str, str]  #: environment of its processes
+    image: str  #: name of its image
+    node: str = ""  #: the swarm node it runs on; empty without a swarm
+    docker: tuple[str, ...] = DOCKER  #: the command that controls its engine
+    task: str = ""  #: id of the swarm task
+    problem: str = ""  #: why the swarm does not run it
 
     @property
     def running(self) -> bool:
-        """Whether its processes run."""
+        """Whether it is running."""
         return self.state == "running"
 
     @property
     def number(self) -> int:
-        """The X of aadiX; 0 for the base station."""
+        """The X in aadiX; 0 for the base station."""
         return int(self.name[4:]) if self.name[4:].isdigit() else 0
 
     @property
@@ -97,7 +97,7 @@ class Computer:
 
 @dataclass(frozen=True)
 class Project:
-    """One fleet: a Compose project of that name, its file, and the values of the file's variables."""
+    """One fleet: the name of a Compose project, its file, and the values of the file's variables."""
 
     name: str
     compose: tuple[str, ...]
@@ -105,7 +105,7 @@ class Project:
     variables: Mapping[str, str]
 
     def run(self, *arguments: str) -> None:
-        """Runs Compose with its output on ours.
+        """Runs Compose; its output goes to ours.
 
         Raises:
             ContainerError: it failed.
@@ -115,16 +115,16 @@ class Project:
             raise ContainerError(f"compose {arguments[0]} failed with exit status {status}; the lines above say why")
 
     def down(self) -> None:
-        """Ends and removes containers, the volumes of their logs, and network."""
+        """Ends and removes the containers, the volumes of their logs, and the network."""
         words = "down", "--remove-orphans", "--volumes"
         try:
             self.run(*words)
         except ContainerError:
-            # Docker may count a removed container among the network's for a moment; by now it does no more.
+            # For a moment Docker may still count a removed container as part of the network; by now it no longer does.
             self.run(*words)
 
     def logs(self, follow: bool, names: Sequence[str]) -> None:
-        """Prints what computers log, all by default, until Ctrl-C where it is to ``follow``."""
+        """Prints the logs of the named computers, by default of all; with ``follow``, until Ctrl-C."""
         self.run("logs", *(["-f"] if follow else []), *names)
 
     def _command(self, arguments: Sequence[str]) -> list[str]:
@@ -134,7 +134,7 @@ class Project:
         return {"COMPOSE_HTTP_TIMEOUT": _PATIENCE, **os.environ, **self.variables}
 
     def computers(self) -> list[Computer]:
-        """Returns the project's computers, the base station first, then robots by number; extras are none."""
+        """Returns the project's computers: the base station first, then robots by number; without desktop and web."""
         ids = output("docker", "ps", "-aq", "--filter", f"label=com.docker.compose.project={self.name}").split()
         facts = json.loads(output("docker", "inspect", *ids)) if ids else []
         return sorted((one for one in map(_computer, facts) if one.name not in EXTRAS), key=lambda one: one.number)

@@ -1,4 +1,4 @@
-"""What ``./pioneer up`` does with an existing fleet: decided before anything is built, written or started."""
+"""What ``./pioneer up`` changes in an existing fleet, decided before anything is built, written or started."""
 
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
@@ -13,43 +13,43 @@ from pioneer_demo.core.error import OptionError
 from pioneer_demo.core.option import check_fleet
 
 ROBOTS, WORLD = 5, "utm_0"
-"""Of a new fleet, unless options say otherwise."""
+"""Defaults for a new fleet."""
 MOST_WAYPOINTS = 50
 DOWN = "./pioneer down first"
 LOCKSTEP = "lockstep"
-"""In the place of a real-time factor: simulated time waits for every robot's nodes (docs/lockstep.md)."""
+"""Replaces the real-time factor: simulated time waits for every robot's nodes (docs/lockstep.md)."""
 _STACK = SOURCE / "pioneer_gazebo_ros"
 
 
 @dataclass(frozen=True)
 class FleetPlan:
-    """The fleet as it is to be."""
+    """The planned state of the fleet."""
 
-    robots: int  #: how many, with those there are
+    robots: int  #: total number, including existing ones
     world: str  #: the world's name
     pace: str  #: its real-time factor, or ``lockstep``
-    remark: str  #: one line on a factor that is less than was to be expected; empty otherwise
-    idle: bool  #: no steps are started
-    before: Mapping[str, Computer]  #: the fleet's computers as they were, by name
-    base: Computer | None  #: the base station if it runs: what runs with it is left alone
+    remark: str  #: one line if the factor is lower than expected, else empty
+    idle: bool  #: whether the computers start no steps
+    before: Mapping[str, Computer]  #: the fleet's existing computers, by name
+    base: Computer | None  #: the base station if it runs; then other running computers are left alone
 
     @property
     def factor(self) -> float:
-        """The real-time factor; 0, as fast as possible, in lockstep."""
+        """The real-time factor; 0 (as fast as possible) in lockstep."""
         return 0.0 if self.pace == LOCKSTEP else float(self.pace)
 
     def starts(self, computer: str) -> bool:
-        """Returns whether a computer is started by this call: all are where the base station does not run."""
+        """Returns whether this call starts a computer; it starts all of them if the base station does not run."""
         return self.base is None or computer not in self.before or not self.before[computer].running
 
     @property
     def started(self) -> list[str]:
-        """The computers that this call starts, the base station first."""
+        """The computers that this call starts, base station first."""
         every = (BASE, *(f"aadi{number}" for number in range(1, self.robots + 1)))
         return [name for name in every if self.starts(name)]
 
     def joiners(self, computers: Sequence[Computer]) -> list[str]:
-        """Returns the robots that the base station's world did not begin with; none where a person starts it."""
+        """Returns the robots that the world did not start with; none if a person starts the steps."""
         if self.base is None or is_idle(self.base):
             return []
         count = int(self.base.environment["ROBOTS"])
@@ -57,19 +57,19 @@ class FleetPlan:
 
 
 def is_idle(computer: Computer) -> bool:
-    """Returns whether a person types its steps."""
+    """Returns whether a person types the computer's steps."""
     return computer.environment.get("PIONEER_ROLE") == "idle"
 
 
 def places_here() -> dict[str, int]:
-    """Returns for each world that comes with the image how many robots have a place in it."""
+    """Returns, for each world in the image, the number of start places for robots."""
     worlds = _STACK / "pioneer_gazebo" / "worlds"
     found = places_by_world(_STACK / "pioneer_gazebo" / "map", _STACK / "pioneer_description" / "config")
     return {name: count for name, count in found.items() if (worlds / f"{name}.world").is_file()}
 
 
 def limits() -> str:
-    """Returns in words how many robots there can be."""
+    """Returns the limits on the number of robots as text."""
     found = places_here()
     most = max(found.values())
     less = [f"{count} in {name}" for name, count in found.items() if count < most]
@@ -77,10 +77,10 @@ def limits() -> str:
 
 
 def make_fleet_plan(options: Namespace, computers: Sequence[Computer], processors: float) -> FleetPlan:
-    """Returns the plan for the options of ``up`` and the computers that are there.
+    """Returns the plan for the options of ``up`` and the existing computers.
 
     Raises:
-        ContainerError: it cannot be, and why.
+        ContainerError: the options cannot be met; the text says why.
     """
     before = {one.name: one for one in computers}
     there = before.get(BASE)
@@ -109,7 +109,7 @@ def _check_world(options: Namespace, robots: int, world: str, base: Computer | N
 
 
 def _check_steps(options: Namespace, base: Computer, more: bool) -> None:
-    """Refuses what would need the steps of computers that run started, or ended."""
+    """Refuses options that would require starting or ending the steps of running computers."""
     if is_idle(base) and not options.idle and (more or not options.extras):
         raise ContainerError(f"an idle fleet runs: {DOWN}")
     if options.idle and not is_idle(base) and not more:
@@ -119,10 +119,10 @@ def _check_steps(options: Namespace, base: Computer, more: bool) -> None:
 def choose_pace(
     rtf: float | str | None, robots: int, processors: float, base: Computer | None, more: bool
 ) -> tuple[str, str]:
-    """Returns the world's real-time factor or ``lockstep``, as the running one has it, and what to say of it.
+    """Returns the world's real-time factor or ``lockstep``, taken from a running world, and a remark for the user.
 
     Raises:
-        ContainerError: what was asked for cannot be.
+        ContainerError: the requested pace is impossible.
     """
     running = base.environment.get("REAL_TIME_FACTOR") if base else None
     if LOCKSTEP in (rtf, running):
@@ -137,10 +137,10 @@ def choose_pace(
 
 
 def choose_factor(rtf: float | None, robots: int, processors: float, base: Computer | None) -> tuple[float, str]:
-    """Returns the factor that the world is to have, that of the running one if there is one, and what to say of it.
+    """Returns the world's real-time factor, taken from a running world, and a remark for the user.
 
     Raises:
-        ContainerError: the factor that was asked for cannot be.
+        ContainerError: the requested factor is impossible.
     """
     if rtf is not None and not 0.0 <= rtf < 100.0:
         raise ContainerError(f"--rtf must be 0 (as fast as possible) or more, not {rtf:g}")
@@ -151,6 +151,6 @@ def choose_factor(rtf: float | None, robots: int, processors: float, base: Compu
     factor = running if running is not None else held if rtf is None else rtf
     if rtf is not None or held >= (1.0 if running is None else running):
         return factor, ""
-    carry = f"{processors:g} processors carry {robots} robots at a real-time factor of {held:g}"
+    carry = f"{processors:g} processors sustain {robots} robots at a real-time factor of {held:g}"
     rest = " (--rtf R sets another)" if running is None else f"; the world that runs has {running:g}"
     return factor, carry + rest

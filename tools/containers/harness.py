@@ -1,4 +1,4 @@
-"""Fleets of containers for tests: in a project and on a subnet of their own, beside whatever else runs here."""
+"""Fleets of containers for tests, in their own project and subnet, beside other fleets."""
 
 import contextlib
 import fcntl
@@ -17,24 +17,24 @@ from containers.state import fleet as fleet_of
 
 ROOT = Path(__file__).parents[2]
 PATIENCE = 240.0
-"""Longest wait for anything [s]: the machine may be busy with more than this."""
+"""Time-out for any wait [s]; generous, because the machine may be busy with other work."""
 
 CPU_SCRIPT = "cat /sys/fs/cgroup/cpu.stat /sys/fs/cgroup/cpuacct/cpuacct.usage 2>/dev/null; true"
-"""For a container's shell: how much CPU time the container has used."""
+"""Shell script, run in a container, that prints the container's CPU time."""
 
 END = "."
-"""The line after each answer of what `Fleet.asked` asks."""
+"""The line that ends each answer in `Fleet.asked`."""
 
 
 class Fleet:
-    """A project that ``./pioneer`` manages; its containers are gone at the end, whatever happens."""
+    """A project managed by ``./pioneer``; its containers are always removed at the end."""
 
     def __init__(self, project: str, subnet: str, **variables: str) -> None:
         self.environment = {**os.environ, "PIONEER_PROJECT": project, "PIONEER_SUBNET": subnet, **variables}
         self.project = project
 
     def pioneer(self, *words: str) -> str:
-        """Runs ``./pioneer`` and returns what it says; fails with that where it fails."""
+        """Runs ``./pioneer`` and returns its output; fails with that output if the command fails."""
         done = subprocess.run(
             [ROOT / "pioneer", *words],
             env=self.environment,
@@ -48,7 +48,7 @@ class Fleet:
         return done.stdout
 
     def refused(self, *words: str, **variables: str) -> str:
-        """Runs ``./pioneer`` and sees it fail; returns the one line in which it says why."""
+        """Runs ``./pioneer``, expects it to fail, and returns its one-line error message."""
         environment = {**self.environment, **variables}
         done = subprocess.run([ROOT / "pioneer", *words], env=environment, capture_output=True, text=True, check=False)
         assert done.returncode == 1, done.stdout + done.stderr
@@ -65,7 +65,7 @@ class Fleet:
         return "\n".join(found)
 
     def computers(self) -> dict[str, Computer]:
-        """Returns the containers by the computers' names."""
+        """Returns the containers by computer name."""
         return {one.name: one for one in fleet_of(self.project).computers()}
 
     def container(self, computer: str) -> str:
@@ -78,15 +78,15 @@ class Fleet:
         return output(*one.docker, verb, *words, one.container)
 
     def execute(self, computer: str, *command: str) -> str:
-        """Runs a command on a computer and returns what it prints; raises ContainerError where it fails."""
+        """Runs a command on a computer and returns its output; raises ContainerError if it fails."""
         one = self.computers()[computer]
         return output(*one.docker, "exec", one.container, *command)
 
     @contextlib.contextmanager
     def meanwhile(self, computer: str, *command: str) -> Iterator[Callable[[], str]]:
-        """Runs a command on a computer meanwhile; what is given waits for its end and returns what it printed.
+        """Runs a command in the background; yields a function that waits for its end and returns its output.
 
-        That fails where the command fails.
+        The function fails if the command fails.
         """
         one = self.computers()[computer]
         words = [*one.docker, "exec", one.container, *command]
@@ -104,7 +104,7 @@ class Fleet:
 
     @contextlib.contextmanager
     def asked(self, computer: str, *command: str) -> Iterator[Callable[[], str]]:
-        """Runs a command on a computer meanwhile; what is given sends it a line, and returns its lines up to `END`."""
+        """Runs a command in the background; yields a function that sends a line and returns the output up to `END`."""
         one = self.computers()[computer]
         words = [*one.docker, "exec", "-i", one.container, *command]
         with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
@@ -124,18 +124,18 @@ class Fleet:
             yield answer
 
     def network(self, verb: str, computer: str, *words: str) -> None:
-        """Runs ``docker network VERB WORDS`` on a computer and the network that all share."""
+        """Runs ``docker network VERB WORDS`` for a computer and the shared network."""
         output("docker", "network", verb, *words, f"{self.project}_aadi.robots", self.container(computer))
 
     def send(self, number: int, x: float, y: float, heading: float = 0.0) -> None:
-        """Sends a waypoint as the tutorial documents it."""
+        """Sends a waypoint in the way that the tutorial documents."""
         self.execute(
             f"aadi{number}", "rostopic", "pub", "-1", f"/pioneer{number}/map_goal", "geometry_msgs/Twist",
             f"[{x}, {y}, 0.0]", f"[0.0, 0.0, {heading}]",
         )  # fmt: skip
 
     def report(self, computer: str, *words: str, timeout: float = PATIENCE) -> dict[str, Any]:
-        """Returns a computer's last report; fails when it does not come as far as ``words`` ask."""
+        """Returns a computer's last report; fails if it does not reach the state that ``words`` ask for."""
         one = self.computers()[computer]
         command = [*one.docker, "exec", one.container, *REPORT, "--robot", one.robot]
         done = subprocess.run(
@@ -146,7 +146,7 @@ class Fleet:
         return last
 
     def arrived(self, numbers: Sequence[int], count: dict[int, int]) -> dict[int, dict[str, Any]]:
-        """Waits until each robot has dealt with ``count`` waypoints; returns their reports."""
+        """Waits until each robot has reached or given up ``count`` waypoints; returns the reports."""
         results: dict[int, Any] = {}
 
         def wait(number: int) -> None:
@@ -164,17 +164,17 @@ class Fleet:
         return results
 
     def memory(self, computer: str) -> float:
-        """Returns the memory that a computer's processes hold [bytes], without the files that the kernel keeps."""
+        """Returns the memory of a computer's processes [bytes], without the kernel's page cache."""
         pids = self.execute(computer, "sh", "-c", "cat /proc/[0-9]*/smaps_rollup 2>/dev/null; true")
         return sum(int(line.split()[1]) for line in pids.splitlines() if line.startswith("Pss:")) * 1024.0
 
     def cpu_seconds(self) -> float:
-        """Returns the CPU time that all containers have used."""
+        """Returns the CPU time used by all containers [s]."""
         return sum(cpu_of(self.execute(name, "sh", "-c", CPU_SCRIPT)) for name in self.computers())
 
 
 def cpu_of(text: str) -> float:
-    """Returns the CPU time [s] in what `CPU_SCRIPT` printed last."""
+    """Returns the last CPU time [s] printed by `CPU_SCRIPT`."""
     for line in text.splitlines():
         if line.startswith("usage_usec"):
             return int(line.split()[1]) / 1e6
@@ -183,7 +183,7 @@ def cpu_of(text: str) -> float:
 
 @contextlib.contextmanager
 def fleet(project: str, subnet: str, **variables: str) -> Iterator[Fleet]:
-    """A fleet for a while; what an interrupted run left of it goes first, and another checkout's tests wait."""
+    """Provides a fleet; removes what an interrupted run left of it, and waits for tests of other checkouts."""
     made = Fleet(project, subnet, **variables)
     with (Path(tempfile.gettempdir()) / f"{project}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

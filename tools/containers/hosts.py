@@ -1,7 +1,7 @@
-"""A swarm of several Docker engines on this one machine, for tests and measurements where there is no other swarm.
+"""A swarm of several Docker engines on this machine, for tests and measurements without a real swarm.
 
-The manager is this machine's engine. Each further host is a Docker engine in a network, host name and PID namespace of
-its own, at the end of a virtual cable to a bridge.
+The manager is this machine's engine. Each further host is a Docker engine in its own network, host name and PID
+namespace, connected to a bridge by a virtual cable.
 """
 
 import contextlib
@@ -22,28 +22,28 @@ BRIDGE, SUBNET = "pioneer-hosts", "10.88.11"
 MANAGER = f"{SUBNET}.1"
 """This machine's address in the swarm."""
 START = 60.0
-"""Longest wait for an engine's first answer, and for a node to be seen by the swarm [s]."""
+"""Time-out for an engine's first answer, and for the swarm to see a node [s]."""
 _ENGINE = (
     "hostname {name}; mount -t tmpfs none /run/docker; mount -t tmpfs none /run/containerd; "
     "dockerd --config-file {home}/daemon.json >{home}/log 2>&1 & wait"
 )
-"""A shell is the first process of the host's PID namespace: all others die with it, as of a machine without power."""
+"""The first process of the host's PID namespace is a shell: when it dies all others die, as on a loss of power."""
 
 
 class Host:
     """A further host."""
 
     def __init__(self, number: int, folder: Path) -> None:
-        #: name: its host name, and the Docker context of its engine
+        #: name: host name, and name of the engine's Docker context
         self.name, self._home = f"node{number}", folder / f"node{number}"
         self._link, self._address = f"pioneer-node{number}", f"{SUBNET}.{10 + number}"
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self) -> None:
-        """Starts the engine, with the data it had; returns once it answers.
+        """Starts the engine with its previous data; returns once it answers.
 
         Raises:
-            ContainerError: it does not.
+            ContainerError: the engine does not answer.
         """
         self._home.mkdir(exist_ok=True)
         _remove_link(self._link)
@@ -56,7 +56,7 @@ class Host:
             output(*inside, "link", "set", link, "up")
         output(*inside, "route", "add", "default", "via", MANAGER)
         socket = f"unix://{self._home}/socket"
-        # What a machine has in /run is gone when it starts again; a pidfile would name some other process.
+        # A machine's /run is empty after a restart; a stale pidfile would name some other process.
         shutil.rmtree(self._home / "exec", ignore_errors=True)
         (self._home / "pid").unlink(missing_ok=True)
         parts = {"data-root": "data", "exec-root": "exec", "pidfile": "pid"}
@@ -68,7 +68,7 @@ class Host:
         }
         (self._home / "daemon.json").write_text(json.dumps(config))
         apart = ["unshare", "--mount", "--uts", "--pid", "--fork", "--kill-child", "--mount-proc"]
-        # By its network only, so that it has the control groups of this machine.
+        # Enters only its network namespace, so that it shares this machine's control groups.
         command = ["nsenter", f"--net=/run/netns/{self._link}", *apart, "bash", "-c"]
         script = _ENGINE.format(name=self.name, home=self._home)
         self._process = subprocess.Popen([*command, script], stdin=subprocess.DEVNULL, start_new_session=True)
@@ -80,7 +80,7 @@ class Host:
             output("docker", "context", "create", self.name, "--docker", f"host={socket}")
 
     def join(self) -> None:
-        """Makes it a worker of the swarm if it is none; returns once the swarm says it is ready."""
+        """Makes it a worker of the swarm unless it is one; returns once the swarm reports it as ready."""
         if _is_ready(self.name):
             return
         token = output("docker", "swarm", "join-token", "-q", "worker").strip()
@@ -88,32 +88,32 @@ class Host:
         self.ready()
 
     def ready(self) -> None:
-        """Waits until the swarm has the host as ready.
+        """Waits until the swarm reports the host as ready.
 
         Raises:
-            ContainerError: it has not.
+            ContainerError: time-out.
         """
         if not awaited(lambda: _is_ready(self.name), START):
             raise ContainerError(f"{self.name} is not ready after {START:g} s: docker node ls")
 
     def may_have_base(self) -> None:
-        """Labels it as a place of the base station."""
+        """Labels it so that the base station may run there."""
         output("docker", "node", "update", "--label-add", f"{BASE_LABEL}=base", self.name)
 
     def containers(self) -> list[str]:
-        """Returns the containers that run on it."""
+        """Returns its running containers."""
         return output("docker", "--context", self.name, "ps", "-q", "--no-trunc").split()
 
     def cut(self) -> None:
-        """Pulls its network cable."""
+        """Disconnects its network cable."""
         output("ip", "link", "set", self._link, "down")
 
     def mend(self) -> None:
-        """Plugs its network cable in."""
+        """Reconnects its network cable."""
         output("ip", "link", "set", self._link, "up")
 
     def kill(self) -> None:
-        """Ends it with everything on it, as a loss of power does."""
+        """Kills it with everything on it, like a loss of power."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
@@ -130,7 +130,7 @@ def _is_ready(name: str) -> bool:
 
 
 def _remove_link(name: str) -> None:
-    """Removes a host's network, and what an interrupted run may have left running in it."""
+    """Removes a host's network, and processes that an interrupted run may have left in it."""
     left = subprocess.run(["ip", "netns", "pids", name], capture_output=True, text=True, check=False).stdout.split()
     for pid in left:
         subprocess.run(["kill", "-KILL", pid], capture_output=True, check=False)
@@ -145,13 +145,13 @@ def is_in_swarm() -> bool:
 
 @contextlib.contextmanager
 def swarm_here(count: int) -> Iterator[Sequence[Host]]:
-    """A swarm that this machine manages, with ``count`` further hosts that run but have not joined yet.
+    """Provides a swarm managed by this machine, with ``count`` further hosts that run but have not joined yet.
 
-    At its end hosts, swarm, bridge, and the registry that ``./pioneer up`` may have started are gone. Docker contexts
-    are in a configuration of its own meanwhile.
+    On exit, the hosts, the swarm, the bridge and any registry started by ``./pioneer up`` are removed. Docker contexts
+    are kept in a separate configuration.
 
     Raises:
-        ContainerError: this user may not, this engine is in a swarm, or something does not start.
+        ContainerError: no permission, this engine is already in a swarm, or something does not start.
     """
     if os.geteuid() != 0:
         raise ContainerError("engines in network namespaces need root")
@@ -182,12 +182,12 @@ def _make_bridge() -> None:
     output("ip", "link", "add", BRIDGE, "type", "bridge")
     output("ip", "addr", "add", f"{MANAGER}/24", "dev", BRIDGE)
     output("ip", "link", "set", BRIDGE, "up")
-    # Docker drops what it does not know, also what crosses a bridge.
+    # Docker drops unknown traffic, including traffic across a bridge.
     output("iptables", "-w", "-I", *_FORWARD)
 
 
 def _remove(hosts: Sequence[Host]) -> None:
-    """Removes everything as far as there is any of it."""
+    """Removes everything that exists of the hosts."""
     for host in hosts:
         host.kill()
         _remove_link(host._link)

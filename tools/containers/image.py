@@ -1,4 +1,4 @@
-"""The image: base, wheels, build. Nothing is done that is done already."""
+"""The image: base, wheels, build. Skips every step that is already done."""
 
 import hashlib
 import os
@@ -31,21 +31,21 @@ _PARTS = (
     "docker/web",
 )
 MACHINES = ("x86_64", "AMD64")
-"""What x86-64 is called: Debian has its packages for others too, but what PyPI gives is fetched for this one."""
+"""Names of x86-64: the wheels are fetched for this architecture only."""
 _FLEET, _REGISTRY = "docker/Dockerfile", "docker/Dockerfile.registry"
 _CHOICE = (
     *("--no-deps", "--only-binary", ":all:", "--python-version", "3.11", "--implementation", "cp"),
     *("--platform", "manylinux2014_x86_64", "--platform", "manylinux_2_28_x86_64"),
 )
-"""Of packages: those for the image's Debian 12."""
+"""pip options that select packages for the image's Debian 12."""
 _SECTIONS: dict[str, tuple[str, ...]] = {DESKTOP: (), WEB: ("web", "study")}
-"""Of the requirements, for extras: the page with recordings; foxglove-sdk is for tests only."""
+"""Sections of the requirements for the extras: the page with recordings; foxglove-sdk is only for tests."""
 _LONG_STAGES = ("packages", "build")
-"""Of the fleet's image; neither needs the other."""
+"""Stages of the fleet's image that do not depend on each other."""
 
 
 def ensure_images(say: Callable[[str], None], extras: Sequence[str], fleet: bool = True) -> None:
-    """Builds what is missing of the ``fleet``'s image, unless ``PIONEER_IMAGE`` names one, and of those of ``extras``.
+    """Builds the missing images: the ``fleet``'s, unless ``PIONEER_IMAGE`` names one, and those of ``extras``.
 
     Raises:
         ContainerError: a step failed.
@@ -58,7 +58,7 @@ def ensure_images(say: Callable[[str], None], extras: Sequence[str], fleet: bool
 
 
 def ensure_image(name: str, say: Callable[[str], None]) -> None:
-    """Builds the image ``name`` unless it was built from these very sources.
+    """Builds the image ``name`` unless it is up to date with the sources.
 
     Raises:
         ContainerError: a step failed.
@@ -76,14 +76,14 @@ def ensure_image(name: str, say: Callable[[str], None]) -> None:
 
 
 def ensure_extra_image(extra: str, base: str, say: Callable[[str], None]) -> None:
-    """Builds the image of the desktop or the fleet page upon the image ``base``, unless there is one of these sources.
+    """Builds the image of the desktop or the fleet page on top of the image ``base``, unless it is up to date.
 
     Raises:
         ContainerError: a step failed.
     """
     name, file = f"{base}-{extra}", f"docker/Dockerfile.{extra}"
     packages = [one for section in _SECTIONS[extra] for one in requirements(section) if "foxglove-sdk" not in one]
-    # Which the checks need too, and are listed with.
+    # The checks need it too, so it is listed in their section.
     packages += [one for one in requirements("checks") if extra == WEB and one.startswith("click==")]
     found = hashlib.sha256(output("docker", "image", "inspect", "-f", "{{.Id}}", base).encode())
     found.update((ROOT / file).read_bytes() + " ".join(packages).encode())
@@ -100,7 +100,7 @@ def ensure_extra_image(extra: str, base: str, say: Callable[[str], None]) -> Non
 
 
 def ensure_registry_image(name: str, say: Callable[[str], None]) -> None:
-    """Builds the image ``name`` of the registry unless it was built from these very sources.
+    """Builds the registry's image ``name`` unless it is up to date with the sources.
 
     Raises:
         ContainerError: a step failed.
@@ -121,10 +121,10 @@ def _new_log(name: str, say: Callable[[str], None]) -> Path:
 
 
 def _prepare_stages(log: Path, say: Callable[[str], None]) -> None:
-    """Makes the long stages side by side, for the build to find.
+    """Builds the long stages in parallel, so that the main build finds them in the cache.
 
-    Docker's classic builder would make one after the other, and of a file all that stand before the one that is asked
-    for; so each gets a file of its own.
+    Docker's classic builder builds stages one after the other, including all that precede the requested one in the
+    file; so each stage gets its own Dockerfile.
     """
     text = (ROOT / _FLEET).read_text()
 
@@ -142,7 +142,7 @@ def _prepare_stages(log: Path, say: Callable[[str], None]) -> None:
 
 
 def selected_stages(text: str, *names: str) -> str:
-    """Returns a Dockerfile with only those of its stages, and what stands before the first."""
+    """Returns a Dockerfile with only the named stages, and what precedes the first stage."""
     before, *stages = re.split(r"^(?=FROM )", text, flags=re.M)
     return before + "".join(stage for stage in stages if stage.partition("\n")[0].partition(" AS ")[2] in names)
 
@@ -155,13 +155,13 @@ def _build(
 
 
 def _build_command(file: str, *options: str, context: str = ".") -> list[str]:
-    # Docker hands these to the build's commands without their being part of the image.
+    # Docker passes these to the build's commands without making them part of the image.
     proxies = [word for key in PROXIES if os.environ.get(key) for word in ("--build-arg", key)]
     return ["docker", "build", "-f", file, *options, *proxies, context]
 
 
 def source_hash() -> str:
-    """Returns a hash over everything the image is made of, as far as the checkout says it."""
+    """Returns a hash of everything in the checkout that the image is built from."""
     found = hashlib.sha256()
     files = [ROOT / part for part in _PARTS]
     files += (path for path in (ROOT / "catkin_ws" / "src").rglob("*") if path.is_file() and not path.is_symlink())
@@ -181,7 +181,7 @@ def _label(image: str) -> str:
 
 
 def requirements(name: str = "run") -> list[str]:
-    """Returns what an image needs from PyPI: the section of that name of the requirements."""
+    """Returns what an image needs from PyPI: the section ``name`` of the requirements."""
     section = re.search(rf"^## {name}\n(.*?)(?=^## |\Z)", (ROOT / "requirements.txt").read_text(), re.S | re.M)
     lines = section[1].splitlines() if section else []
     # The image is Debian 12, with Python 3.11.
@@ -189,16 +189,16 @@ def requirements(name: str = "run") -> list[str]:
 
 
 def _python() -> Path:
-    """Returns the Python whose pip fetches: set-up's, the system's, or the one that runs this."""
+    """Returns the Python whose pip downloads: that of the set-up, of the system, or the running one."""
     known = (ROOT / ".setup/venv/bin/python3", Path("/usr/bin/python3"))
     return next((path for path in known if path.exists()), Path(sys.executable))
 
 
 def _pip(packages: Sequence[str]) -> list[str]:
-    """Returns the command that fetches them.
+    """Returns the command that downloads the packages.
 
     Raises:
-        ContainerError: it is missing.
+        ContainerError: pip is missing.
     """
     python = str(_python())
     if subprocess.run([python, "-m", "pip", "--version"], capture_output=True, check=False).returncode:
@@ -217,12 +217,12 @@ def _ensure_wheels(log: Path, say: Callable[[str], None]) -> None:
         try:
             run_step([*pip, "download", *_CHOICE, "-d", str(WHEELS), one], log, say)
         except ContainerError:
-            # PyPI has xacro's source only; without compiled parts, its wheel is the same for every Python.
+            # PyPI has only xacro's source; its wheel has no compiled parts and fits every Python.
             run_step([*pip, "wheel", "--no-deps", "-w", str(WHEELS), one], log, say)
 
 
 def run_step(command: Sequence[str], log: Path, say: Callable[[str], None]) -> None:
-    """Runs a command with its output in ``log``, showing what it is at."""
+    """Runs a command with its output in ``log`` and shows its progress."""
     started, shown = time.monotonic(), 0.0
     with (
         log.open("a") as file,

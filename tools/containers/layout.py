@@ -1,4 +1,4 @@
-"""The compose file for any number of robots: docker/compose.yaml with the block of aadi1 repeated; or a stack of it."""
+"""The compose file for any number of robots: docker/compose.yaml with aadi1's block repeated; or a stack of it."""
 
 import re
 from pathlib import Path
@@ -6,16 +6,16 @@ from pathlib import Path
 from containers.engine import ContainerError
 
 _BLOCKS = re.compile(r"(?:^  aadi\d+:\n(?:^    .*\n)+\n?)+", re.M)
-"""The robots' computers."""
+"""Matches the blocks of the robots' computers."""
 MOST = 150
-"""Robots that fit the tutorial's addresses, 192.168.2.101 to 250."""
+"""Number of robots that fit into the tutorial's addresses, 192.168.2.101 to 250."""
 
 
 def compose_text(shipped: str, robots: int) -> str:
-    """Returns the compose file for so many robots, from the text of the shipped one.
+    """Returns the compose file for ``robots`` robots, made from the text of the shipped one.
 
     Raises:
-        ContainerError: no such fleet.
+        ContainerError: the number of robots is not possible.
     """
     if not 1 <= robots <= MOST:
         raise ContainerError(f"--robots must be 1 to {MOST}, not {robots}")
@@ -32,40 +32,40 @@ def _block(first: str, number: int) -> str:
 
 
 def write_compose(shipped: Path, target: Path, robots: int) -> None:
-    """Writes the compose file for so many robots."""
+    """Writes the compose file for ``robots`` robots."""
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_text(compose_text(shipped.read_text(), robots))
 
 
 WORLD_CPUS, BASE_CPUS, ROBOT_CPUS = 0.1, 0.025, 0.11
-"""Of a processor at real time, reserved for the world, and for each robot on the base station and on its computer: in
-all no more than `factor_held` counts on (performance.md)."""
+"""Reserved processors at real time: for the world, and for each robot on the base station and on its computer. In
+total no more than `factor_held` assumes (performance.md)."""
 BASE_MEMORY, ROBOT_MEMORY = 400, 200
-"""Likewise, for all robots and for one [MiB]."""
+"""Reserved memory of the base station and of each robot's computer [MiB]."""
 START_PERIOD, RETRIES = 300, 24
-"""For so long a computer of a stack may be unhealthy after its start [s], and so often in a row later, each 5 s. One
-whose steps end has ended by itself long before."""
+"""Time after its start during which a computer of a stack may be unhealthy [s], and number of consecutive failed
+health checks allowed later, one every 5 s. A computer whose steps end has ended by itself long before."""
 TLS = ("ca.crt", "tls.crt", "tls.key")
 
 
 def stack_text(shipped: str, robots: int, base_on: str, factor: float) -> str:
-    """Returns the stack for a swarm, of the text of the shipped compose file: the same computers but for their places.
+    """Returns a swarm stack made from the text of the shipped compose file: the same computers but for their places.
 
-    Robots are the tasks of one service, so that the swarm replaces them one at a time. All computers share the fleet's
-    certificate, and are on an overlay network without a way out; nothing is published.
+    The robots are tasks of one service, so that the swarm replaces them one at a time. All computers share the fleet's
+    certificate and an overlay network without access to the outside; no port is published.
 
     Args:
         shipped: docker/compose.yaml.
-        robots: how many.
-        base_on: the constraint on the base station's node.
-        factor: the world's real-time factor, by which reserved processors go; 0 as 1.
+        robots: number of robots.
+        base_on: placement constraint of the base station.
+        factor: the world's real-time factor, which scales the reserved processors; 0 counts as 1.
     """
     speed = factor or 1.0
     computer, services, rest = re.split(
         r"\n\nservices:\n|  # Only with", shipped[shipped.index("x-computer:") :], maxsplit=2
     )
     computer = computer.replace("  restart: on-failure\n", "").replace("interval: 15s", "interval: 5s")
-    # A task runs once it is healthy, and a swarm ends one that is not: a busy machine must not look like a fault.
+    # A task runs once it is healthy, and a swarm ends unhealthy ones: a busy machine must not look like a fault.
     computer = computer.replace("timeout: 5s", f"timeout: 20s\n    retries: {RETRIES}")
     computer = computer.replace("start_period: 60s", f"start_period: {START_PERIOD}s")
     computer = computer.replace("[hub_password]", f"[hub_password, {', '.join(TLS)}]")
@@ -85,7 +85,7 @@ def stack_text(shipped: str, robots: int, base_on: str, factor: float) -> str:
 
 
 def _first(blocks: str) -> str:
-    """Returns the service of all robots, from the block of the first."""
+    """Returns the service of all robots, made from the block of the first."""
     block = re.split(r"^(?=  aadi2:)", blocks, flags=re.M)[0]
     return block.replace("  aadi1:", "  aadi:").replace("hostname: aadi1", 'hostname: "aadi{{.Task.Slot}}"')
 

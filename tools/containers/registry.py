@@ -1,4 +1,4 @@
-"""The registry from which a swarm's nodes have the fleet's image: the user's, or one that is started here."""
+"""The registry from which a swarm's nodes pull the fleet's image: the user's, or one started here."""
 
 import contextlib
 import http.client
@@ -12,22 +12,22 @@ from containers.swarm import Node, awaited
 
 PORT = 5000
 ANSWER = 60.0
-"""Longest wait for the registry's first answer [s]."""
+"""Time-out for the registry's first answer [s]."""
 CONTAINER = "pioneer-registry"
-"""The registry's container on the manager, its image and its volume."""
+"""Name of the registry's container on the manager, and of its image and volume."""
 VOLUME = f"{CONTAINER}:/var/lib/docker-registry"
 ADDRESS = "pioneer.address"
-"""The container's label with the manager's address, on which it listens."""
+"""Container label with the manager's address on which the registry listens."""
 
 
 def distribute(address: str, manager: Node, nodes: Sequence[Node], say: Callable[[str], None]) -> str:
     """Pushes the fleet's image to the registry at ``address``, HOST:PORT, else to ours; returns the image's name there.
 
     Raises:
-        ContainerError: the registry cannot be started or refuses the image, or a node would not pull from it.
+        ContainerError: the registry cannot be started or refuses the image, or a node cannot pull from it.
     """
     image = os.environ.get("PIONEER_IMAGE", "pioneer")
-    # The tag tells images apart, so that an update is one and a node that has the image pulls nothing.
+    # The tag identifies the image, so that an update is recognised and a node that has the image pulls nothing.
     tag = output("docker", "image", "inspect", "-f", "{{.Id}}", image).strip().removeprefix("sha256:")[:12]
     to = address
     if not address:
@@ -45,7 +45,7 @@ def distribute(address: str, manager: Node, nodes: Sequence[Node], say: Callable
 
 
 def check_trust(node: Node, address: str) -> None:
-    """Raises ContainerError where a node's engine would ask our registry for TLS, which it does not speak."""
+    """Raises ContainerError if a node's engine requires TLS from our registry, which does not support it."""
     found = json.loads(output(*node.docker, "info", "-f", "{{json .RegistryConfig.IndexConfigs}}"))
     if found.get(address, {}).get("Secure", True):
         raise ContainerError(
@@ -55,7 +55,7 @@ def check_trust(node: Node, address: str) -> None:
 
 
 def _start(address: str, say: Callable[[str], None]) -> None:
-    """Starts our registry, which outlives fleets, unless it runs; one of a former address is replaced."""
+    """Starts our registry unless it runs; replaces one on a former address. It outlives fleets."""
     fields = f'{{{{.Label "{ADDRESS}"}}}} {{{{.State}}}}'
     there = output("docker", "ps", "-a", "--filter", f"name=^{CONTAINER}$", "--format", fields).split()
     if there and there[0] != address:

@@ -1,4 +1,4 @@
-"""The state of each computer: ``report`` of package pioneer_fleet, run in every container at once."""
+"""The state of each computer: runs pioneer_fleet's ``report`` in every container in parallel."""
 
 import json
 import subprocess
@@ -10,16 +10,16 @@ from containers.engine import Computer
 
 _WORKSPACE = "/opt/pioneer/catkin_ws"
 REPORT = (f"{_WORKSPACE}/src/pioneer_node/scripts/forked", f"{_WORKSPACE}/devel/lib/pioneer_fleet/report")
-"""The command, to which the arguments of ``report`` are added. A fork of what the computer runs imports no rospy."""
+"""The command without the arguments of ``report``. As a fork of the computer's process it need not import rospy."""
 
 
 def follow(
     asked: Sequence[tuple[Computer, Sequence[str]]], heard: Callable[[Computer, dict[str, Any]], None]
 ) -> dict[str, bool]:
-    """Runs the report on computers, each with its arguments, until all end; ``heard`` gets each line in turn.
+    """Runs the report on computers in parallel, each with its arguments, until all end; ``heard`` gets each line.
 
     Returns:
-        By computer, whether it came as far as was asked.
+        By computer, whether it reached the requested state.
     """
     lock, results = threading.Lock(), dict[str, bool]()
 

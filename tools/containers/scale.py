@@ -17,7 +17,7 @@ from pioneer_demo.core.capacity import factor_held
 from pioneer_harness.proc import processors
 
 WINDOW = 30.0
-"""For so long traffic and CPU time are counted [s]."""
+"""Time during which traffic and CPU time are counted [s]."""
 
 BASE = "aadiworkstation"
 FIGURES: Mapping[str, tuple[str, str, Mapping[int, float]]] = {
@@ -33,7 +33,7 @@ FIGURES: Mapping[str, tuple[str, str, Mapping[int, float]]] = {
     "far_trip_ms": ("the same, on two machines", "ms", {}),
     "growth": ("CPU of the largest fleet / of as many robots at the smallest's cost", "", {15: 1.05}),
 }
-"""By name of a figure: what it is, its unit, its goal by number of robots, 0 for any; a negative one is the least."""
+"""By name of a figure: description, unit, and goal by number of robots (0: any); a negative goal is a lower bound."""
 
 _NOW = f"""
 import rospy, sys, time
@@ -43,10 +43,10 @@ for _ in sys.stdin:
     print(rospy.wait_for_message("/clock", Clock).clock.to_sec(), time.monotonic())
     print("{END}", flush=True)
 """
-"""Prints, when asked, simulated time and the kernel's, both at the moment at which a message on /clock arrives [s]."""
+"""On request, prints simulated time and the kernel's time when the next message on /clock arrives [s]."""
 
 _COUNTS = f"while read -r _; do cat /proc/uptime /proc/net/dev; {CPU_SCRIPT}; echo {END}; done"
-"""Prints, when asked, a computer's time, traffic and CPU time."""
+"""On request, prints a computer's time, traffic and CPU time."""
 
 _TRIPS = """
 import json, rospy
@@ -54,18 +54,18 @@ from gateway_msgs.srv import RemoteGatewayInfo
 found = rospy.ServiceProxy("/gateway/remote_gateway_info", RemoteGatewayInfo)([]).gateways
 print(json.dumps({one.name: one.conn_stats.ping_latency_avg for one in found}))
 """
-"""Prints the newest round trips [ms] by gateway; they wait on the link behind the messages that it carries."""
+"""Prints the latest round trips [ms] by gateway; they queue on the link behind the messages that it carries."""
 
 
 def measure(made: Fleet, robots: int, say: Callable[[str], None], *options: str) -> dict[str, float]:
-    """Starts a fleet by ``up`` with such options; returns its figures by the names of `FIGURES`, and ``robots``."""
+    """Starts a fleet with ``up`` and these options; returns its figures by the names of `FIGURES`, and ``robots``."""
     said = made.pioneer("up", "--robots", str(robots), "--waypoints", "6", *options)
     moving = re.search(r"^\d+ robots? drives? after (\d+) s", said, re.M)
     assert moving, said
     names = [BASE, *(f"aadi{number}" for number in range(1, robots + 1))]
     say(f"{robots} robots: all move after {moving[1]} s; counting for {WINDOW:g} s …")
     with contextlib.ExitStack() as stack:
-        # Begun before anything is counted: a command that starts on each computer would slow the world down.
+        # Started before the measurement: starting a command on each computer would slow the world down.
         clock = stack.enter_context(made.asked(BASE, "python3", "-c", _NOW))
         counters = [stack.enter_context(made.asked(name, "sh", "-c", _COUNTS)) for name in names]
         for ask in (clock, *counters):
@@ -102,13 +102,13 @@ def _trips(made: Fleet) -> dict[str, float]:
 
 
 def _now(said: str) -> tuple[float, float]:
-    """Returns simulated and wall time [s] of one moment."""
+    """Returns simulated and wall time [s] from an answer of `_NOW`."""
     simulated, wall = said.split()
     return float(simulated), float(wall)
 
 
 def _counts(said: str) -> tuple[float, ...]:
-    """Returns wall time [s], CPU time [s], and bytes that came to a computer and left it, of one moment."""
+    """Returns wall time [s], CPU time [s], and bytes received and sent, from an answer of `_COUNTS`."""
     words = re.search(r"eth0:(.*)", said)
     assert words, "every computer is on the network"
     counts = words[1].split()
@@ -116,13 +116,13 @@ def _counts(said: str) -> tuple[float, ...]:
 
 
 def _rates(first: Sequence[float], last: Sequence[float], factor: float) -> list[float]:
-    """Returns CPU time [s] and bytes in and out a simulated second; each computer was asked at its own moments."""
+    """Returns CPU time [s] and bytes in and out a simulated second; each computer is sampled at its own times."""
     seconds = (last[0] - first[0]) * factor
     return [(now - then) / seconds for then, now in zip(first[1:], last[1:], strict=True)]
 
 
 def with_growth(rows: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
-    """Returns the rows, the last of several with the growth since the first."""
+    """Returns the rows; if there are several, adds the growth since the first one to the last."""
     found = [dict(row) for row in rows]
     if len(found) > 1:
         cost = [row["cpu_s_a_sim_s"] / row["robots"] for row in (found[0], found[-1])]
@@ -131,7 +131,7 @@ def with_growth(rows: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
 
 
 def table(rows: Sequence[Mapping[str, float]]) -> str:
-    """Returns the figures as a Markdown table, each, as printed, with its goal and whether it holds."""
+    """Returns the figures as a Markdown table, each, as printed, with its goal and whether that is met."""
     lines = ["| robots | what | measured | unit | goal | holds |", "|---|---|---|---|---|---|"]
     return "\n".join([*lines, *(_line(row, name) for row in with_growth(rows) for name in row if name in FIGURES)])
 
@@ -147,7 +147,7 @@ def _line(row: Mapping[str, float], name: str) -> str:
 
 
 def comparison(compose: Mapping[str, float], swarm: Mapping[str, float]) -> str:
-    """Returns the figures of two fleets of as many robots as a Markdown table."""
+    """Returns the figures of two fleets with the same number of robots as a Markdown table."""
     lines = [f"| {compose['robots']:g} robots | unit | compose | swarm |", "|---|---|---|---|"]
     names = [name for name in FIGURES if name in compose or name in swarm]
     cells = [[f"{row[name]:.3g}" if name in row else "" for row in (compose, swarm)] for name in names]
@@ -157,7 +157,7 @@ def comparison(compose: Mapping[str, float], swarm: Mapping[str, float]) -> str:
 
 @contextlib.contextmanager
 def _some_swarm(say: Callable[[str], None]) -> Iterator[bool]:
-    """The swarm that this machine manages, else one of three engines on it; gives whether it is the latter."""
+    """Provides the swarm that this machine manages, else one of three engines here; yields whether it is the latter."""
     if json.loads(output("docker", "info", "-f", "{{json .Swarm.ControlAvailable}}")):
         yield False
         return
@@ -169,13 +169,13 @@ def _some_swarm(say: Callable[[str], None]) -> Iterator[bool]:
 
 
 def compare(robots: int, say: Callable[[str], None]) -> list[dict[str, float]]:
-    """Measures a fleet on this machine, then one on the swarm, where that is several engines of it at the same speed.
+    """Measures a fleet on this machine, then one on the swarm; at the same speed if the swarm is local.
 
     Raises:
         ContainerError: there is no swarm and none can be made.
     """
     with _some_swarm(say) as here:
-        # Each of several engines on one machine sees all its processors.
+        # Each engine of a local swarm sees all processors of this machine.
         speed = ["--rtf", f"{factor_held(robots, processors()):g}"] if here else []
         rows = []
         for options in (speed, [*speed, "--swarm"]):

@@ -1,4 +1,4 @@
-"""What ``./pioneer`` keeps on disk: each fleet as a Compose project, and the secrets that all share."""
+"""Files that ``./pioneer`` keeps: each fleet as a Compose project, and the secrets that all fleets share."""
 
 import secrets
 from pathlib import Path
@@ -16,17 +16,17 @@ BASE = "aadiworkstation"
 
 
 def written_compose(name: str) -> Path:
-    """Returns where the compose file of the project of that name is, once a fleet was started."""
+    """Returns the path of the project's compose file; the file exists once a fleet was started."""
     return STATE / name / "compose.yaml"
 
 
 def stack(name: str) -> Stack:
-    """Returns the fleet of that name as a stack of the swarm; its file exists once it was deployed."""
+    """Returns the fleet as a stack of the swarm; its file exists once it was deployed."""
     return Stack(name, STATE / name / "stack.yaml")
 
 
 def fleet(name: str, **variables: str) -> Project | Stack:
-    """Returns the fleet of that name, on the swarm where it was started there.
+    """Returns the fleet of that name; as a stack if it was started on the swarm.
 
     Raises:
         ContainerError: no engine answers.
@@ -35,7 +35,7 @@ def fleet(name: str, **variables: str) -> Project | Stack:
 
 
 def project(name: str, **variables: str) -> Project:
-    """Returns the project as it stands on disk; the shipped file where no fleet was started yet.
+    """Returns the project with its file; the shipped one if no fleet was started yet.
 
     Raises:
         ContainerError: no engine answers.
@@ -50,17 +50,17 @@ def project(name: str, **variables: str) -> Project:
 
 
 def hub_password() -> Path:
-    """Returns the file with the hub's password, which is made at the first call."""
+    """Returns the file with the hub's password; creates it at the first call."""
     return _secret(STATE / "hub-password")
 
 
 def token(extra: str) -> Path:
-    """Returns the file with the word that opens the desktop or the fleet page, which is made at the first call."""
+    """Returns the file with the access token of the desktop or the fleet page; creates it at the first call."""
     return _secret(STATE / f"{extra}-token")
 
 
 def certificates() -> Path:
-    """Returns the directory with the certificate that all computers of a stack share, made at the first call.
+    """Returns the directory with the certificate shared by all computers of a stack; creates it at the first call.
 
     Raises:
         ContainerError: openssl is missing.

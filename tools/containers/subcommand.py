@@ -1,4 +1,4 @@
-"""The parts of ``./pioneer``'s command line that its commands share."""
+"""Shared parts of the command line of ``./pioneer``'s commands."""
 
 import argparse
 import os
@@ -26,7 +26,7 @@ class Subcommands:
         return command
 
     def run(self, words: Sequence[str], interrupted: str = "") -> int:
-        """Runs one; returns the exit status. Ctrl-C prints ``interrupted``."""
+        """Runs one command; returns the exit status. On Ctrl-C prints ``interrupted``."""
         options = self._parser.parse_args(words)
         try:
             status = int(options.run(options))
@@ -36,7 +36,7 @@ class Subcommands:
             print(f"pioneer: {error}", file=sys.stderr)
             return 1
         except BrokenPipeError:
-            # As after "| head": nothing more can be printed, at the interpreter's end neither.
+            # For example after "| head": avoids another error when the interpreter flushes at exit.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 1
         except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""Docker Swarm: its nodes, how to reach the engine of each, and a fleet on them as a stack."""
+"""Docker Swarm: its nodes, access to each node's engine, and a fleet as a stack."""
 
 import json
 import os
@@ -13,27 +13,27 @@ from typing import Any
 from containers.engine import DOCKER, Computer, ContainerError, output
 
 BASE_LABEL = "pioneer"
-"""The node label that, with the value ``base``, says where the base station may run."""
+"""The node label whose value ``base`` marks where the base station may run."""
 BASE, ROBOTS = "aadiworkstation", "aadi"
 """The stack's services; a robot's computer is a task of the second, aadi1 its first slot."""
 LOOK = 1.0
-"""Time between two questions to the swarm, whose command line reports no changes [s]."""
+"""Polling period [s]: the swarm's command line reports no changes."""
 REMOVAL = 120.0
-"""Longest wait for the end of a stack's containers, which get 20 s [s]."""
+"""Time-out for the end of a stack's containers, which get 20 s [s]."""
 
 
 @dataclass(frozen=True)
 class Node:
     """A machine of the swarm."""
 
-    name: str  #: its host name
-    ident: str  #: Swarm's name for it
-    address: str  #: where the swarm reaches it
-    up: bool  #: whether it is there
-    works: bool  #: whether it takes tasks, too
-    base: bool  #: whether it has the label of the base station
-    processors: float  #: so many
-    docker: tuple[str, ...] = DOCKER  #: the command that talks to its engine
+    name: str  #: host name
+    ident: str  #: id in the swarm
+    address: str  #: its address in the swarm
+    up: bool  #: whether it is reachable
+    works: bool  #: whether it is reachable and accepts tasks
+    base: bool  #: whether it has the base station's label
+    processors: float  #: number of processors
+    docker: tuple[str, ...] = DOCKER  #: the command that controls its engine
 
 
 def nodes() -> list[Node]:
@@ -55,7 +55,7 @@ def nodes() -> list[Node]:
 
 
 def _inspected(kind: str, names: Sequence[str]) -> list[dict[str, Any]]:
-    """Returns what the engine knows of things of a kind; of those that are gone meanwhile, nothing."""
+    """Returns the engine's data on these objects of a kind, without those that have disappeared meanwhile."""
     if not names:
         return []
     command = ["docker", "inspect", "--type", kind, *names]
@@ -82,7 +82,7 @@ def _node(fact: Mapping[str, Any], swarm: Mapping[str, Any], contexts: set[str])
 
 
 def check_engines(found: Sequence[Node]) -> None:
-    """Raises ContainerError for a node that takes tasks but whose engine cannot be asked about them."""
+    """Raises ContainerError for a node that accepts tasks but whose engine cannot be accessed."""
     for node in found:
         try:
             output(*node.docker, "version", "-f", "{{.Server.Version}}")
@@ -94,7 +94,7 @@ def check_engines(found: Sequence[Node]) -> None:
 
 
 def awaited(condition: Callable[[], bool], timeout: float) -> bool:
-    """Waits until a condition of the swarm holds, at most ``timeout`` [s]; returns whether it does."""
+    """Polls the swarm until a condition holds, for at most ``timeout`` [s]; returns whether it does."""
     deadline, pause = time.monotonic() + timeout, threading.Event()
     while not condition():
         if time.monotonic() >= deadline:
@@ -105,13 +105,13 @@ def awaited(condition: Callable[[], bool], timeout: float) -> bool:
 
 @dataclass(frozen=True)
 class Stack:
-    """One fleet as a stack of that name, and the file that it was deployed from."""
+    """One fleet as a stack: its name, and the file that it was deployed from."""
 
     name: str
     file: Path
 
     def deploy(self, **variables: str) -> None:
-        """Deploys the file, in which ``variables`` have these values.
+        """Deploys the file with these values of its ``variables``.
 
         Raises:
             ContainerError: it failed.
@@ -125,11 +125,11 @@ class Stack:
             raise ContainerError(f"docker stack deploy failed: {done.stderr.strip()}")
 
     def scale(self, robots: int) -> None:
-        """Has so many robots' computers run; the others are left alone."""
+        """Sets the number of robots' computers; leaves running ones alone."""
         output("docker", "service", "scale", "-d", f"{self.name}_{ROBOTS}={robots}")
 
     def update(self, image: str) -> None:
-        """Replaces the robots' computers by such of another image, one at a time; returns once the last one runs."""
+        """Updates the robots' computers to another image, one at a time; returns once the last one runs."""
         command = ["docker", "service", "update", "-q", "--with-registry-auth", "--no-resolve-image"]
         output(*command, "--image", image, f"{self.name}_{ROBOTS}")
 
@@ -138,7 +138,7 @@ class Stack:
         return self.tasks()[0]
 
     def tasks(self) -> tuple[list[Computer], list[Computer]]:
-        """Returns the fleet's computers, and the last few that a node could not begin, as without the image."""
+        """Returns the fleet's computers, and the latest tasks that a node could not start, e.g. without the image."""
         services = self._services()
         listed = output("docker", "service", "ps", "--no-trunc", "-q", *services).split() if services else []
         known = {node.ident: node for node in nodes()} if listed else {}
@@ -153,9 +153,9 @@ class Stack:
         return output("docker", "service", "ls", "--filter", label, "--format", "{{.Name}}").split()
 
     def down(self) -> None:
-        """Removes the stack; returns once its containers and networks are gone.
+        """Removes the stack; returns once its containers and networks are removed.
 
-        Of a swarm that is gone nothing is left to remove.
+        Does nothing if the swarm no longer exists.
         """
         if output("docker", "info", "-f", "{{.Swarm.LocalNodeState}}").strip() == "inactive":
             self.file.unlink(missing_ok=True)
@@ -173,7 +173,7 @@ class Stack:
         self.file.unlink(missing_ok=True)
 
     def logs(self, follow: bool, names: Sequence[str]) -> None:
-        """Prints what computers log, all by default, until Ctrl-C where it is to ``follow``.
+        """Prints the logs of the named computers, by default of all; with ``follow``, until Ctrl-C.
 
         Raises:
             ContainerError: no such computer.
@@ -193,7 +193,7 @@ def _computer(fact: Mapping[str, Any], known: Mapping[str, Node]) -> Computer:
     spec, status = fact["Spec"]["ContainerSpec"], fact["Status"]
     node = known.get(fact.get("NodeID", ""))
     environment = dict(line.split("=", 1) for line in spec.get("Env", ()))
-    # Of the base station's service there is one task; robots' services have their role, too.
+    # The base station's service has one task; robots' services also have their role.
     is_base = "ROS_MASTER_URI" in environment
     name = BASE if is_base else f"{ROBOTS}{fact['Slot']}"
     state = status["State"] if node is None or node.up else "unreachable"

@@ -1,4 +1,4 @@
-"""Reports as text."""
+"""Formats reports as text."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -20,12 +20,12 @@ HEADINGS = (
 
 
 def progress_line(name: str, report: Mapping[str, Any]) -> str:
-    """Returns one line on how far a computer's start-up is."""
+    """Returns one line on the progress of a computer's start-up."""
     return f"{name:16} {report['stage']:9} {report.get('lacks') or report.get('waypoint') or ''}".rstrip()
 
 
 def status_table(computers: Sequence[Computer], reports: Mapping[str, Mapping[str, Any]]) -> str:
-    """Returns one row a computer."""
+    """Returns a table with one row per computer."""
     rows = [HEADINGS, *(_row(computer, reports.get(computer.name, {})) for computer in computers)]
     if any(computer.node for computer in computers):
         nodes = ["NODE", *(computer.node or "-" for computer in computers)]
@@ -34,7 +34,7 @@ def status_table(computers: Sequence[Computer], reports: Mapping[str, Mapping[st
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> str:
-    """Returns rows as lines whose columns are as wide as they must be."""
+    """Returns rows as lines with aligned columns."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return "\n".join(
         "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows

@@ -1,4 +1,4 @@
-"""``./pioneer up``: starts a fleet, or what is missing of one, and waits for what it has started."""
+"""``./pioneer up``: starts a fleet, or its missing parts, and waits for what it has started."""
 
 import contextlib
 import json
@@ -21,11 +21,11 @@ from containers.table import progress_line
 from pioneer_harness.proc import processors
 
 JOINED = "/var/lib/pioneer/robots"
-"""Where the base station finds how many robots there are, once more have joined (docker/computer)."""
+"""File on the base station with the number of robots, once more have joined (docker/computer)."""
 START_UP, START_UP_PER_ROBOT = 120.0, 10.0
 COMPUTERS_A_PROCESSOR = 3
-"""So many may start at once. A computer starts a dozen programs, for about ten seconds of processor time, and roslaunch
-gives its master ten seconds to answer."""
+"""Number of computers that may start at once, per processor. Each starts a dozen programs, which takes about ten
+seconds of processor time, and roslaunch gives its master only ten seconds to answer."""
 _UP = ("bash", "-c", "until /opt/pioneer/docker/healthy 2>/dev/null; do sleep 0.5; done")
 _PAGE = "until (exec 3<>/dev/tcp/$HOSTNAME/{port}) 2>/dev/null; do sleep 0.5; done"
 
@@ -34,10 +34,10 @@ def up(options: Namespace) -> int:
     """Runs the command; returns its exit status.
 
     Raises:
-        ContainerError: it cannot be, or did not come to pass.
+        ContainerError: the request is impossible or failed; the text says why.
     """
     began = time.monotonic()
-    # An engine that does not answer and impossible options are reported before anything is built or written.
+    # Report an engine that does not answer and impossible options before anything is built or written.
     swarm = Deployment(options, _say) if is_on_swarm(options) else None
     there = swarm.stack.computers() if swarm else project(options.project).computers()
     plan = make_fleet_plan(options, there, swarm.processors if swarm else processors())
@@ -53,7 +53,7 @@ def up(options: Namespace) -> int:
         built = time.monotonic()
         computers = _start(plan, options)
     for extra in options.extras:
-        # The fleet page waits for the world.
+        # The fleet page has to wait for the world.
         if extra == DESKTOP or (plan.base and not is_idle(plan.base)):
             _await_page(next(one for one in computers if one.name == BASE), extra)
         _say(_address(extra))
@@ -68,7 +68,7 @@ def up(options: Namespace) -> int:
 
 
 def _start(plan: FleetPlan, options: Namespace) -> list[Computer]:
-    """Starts the containers that do not run yet; returns all."""
+    """Starts the containers that do not run yet; returns all of the fleet's."""
     variables = {
         "PIONEER_WORLD": plan.world,
         "PIONEER_ROBOTS": str(plan.robots),
@@ -80,7 +80,7 @@ def _start(plan: FleetPlan, options: Namespace) -> list[Computer]:
         variables["COMPOSE_PROFILES"] = ",".join(options.extras)
     fleet = project(options.project, **variables)
     new, size = plan.started, max(1, int(COMPUTERS_A_PROCESSOR * processors()))
-    # What runs is left alone, so that more robots can join.
+    # Leave running containers alone, so that more robots can join.
     keep = ["--no-recreate"] if plan.base else []
     for begin in range(0, len(new) - size, size):
         wave = new[begin : begin + size]
@@ -92,15 +92,15 @@ def _start(plan: FleetPlan, options: Namespace) -> list[Computer]:
 
 
 def _await_gateways(computers: Sequence[Computer]) -> None:
-    """Waits until the gateways of computers take connections: their masters answer by then."""
+    """Waits until the computers' gateways accept connections: by then their masters answer."""
     for one in computers:
-        # One that has ended, or is late, is asked at the end what it lacks.
+        # A computer that has ended or is late is asked at the end what it lacks.
         with contextlib.suppress(ContainerError):
             output("docker", "exec", one.container, "timeout", f"{START_UP:g}", *_UP)
 
 
 def _await_page(base: Computer, extra: str) -> None:
-    """Waits until a browser would find the page of an extra, which is on the base station's network."""
+    """Waits until the page of an extra is served on the base station's network."""
     wait = ("bash", "-c", _PAGE.format(port=EXTRAS[extra]))
     try:
         output("docker", "exec", base.container, "timeout", f"{START_UP:g}", *wait)
@@ -109,7 +109,7 @@ def _await_page(base: Computer, extra: str) -> None:
 
 
 def _address(extra: str) -> str:
-    """Returns the line with the address of its page."""
+    """Returns the line with the page's address."""
     word = token(extra).read_text().strip()
     page = f"http://{os.environ.get('PIONEER_SUBNET', '192.168.2')}.100:{EXTRAS[extra]}"
     if extra == WEB:
@@ -119,9 +119,9 @@ def _address(extra: str) -> str:
 
 
 def _join(base: Computer, robots: Sequence[str]) -> None:
-    """Puts more robots into a running world and its successors, and what RViz shows of them onto the base station.
+    """Adds robots to the running world and later ones, and what RViz shows of them to the base station.
 
-    A world has those already that joined before, unless it began again on another machine.
+    The world already has robots that joined earlier, unless it was restarted on another machine.
     """
     if not robots:
         return
@@ -150,7 +150,7 @@ def _say_idle(plan: FleetPlan, computers: Sequence[Computer]) -> None:
 
 
 def _await(plan: FleetPlan, computers: Sequence[Computer], waypoints: int, image_seconds: float, started: float) -> int:
-    """Waits for the computers that were started to have driven, for the others to be ready: they are sent nowhere."""
+    """Waits until the started computers' robots have driven; the others, which get no waypoints, need only be ready."""
     latest: dict[str, dict[str, Any]] = {}
     sent = plan.started if waypoints else []
     until = {one.name: "moving" if one.name in sent else "ready" for one in computers if not is_idle(one)}
@@ -179,7 +179,7 @@ def _await(plan: FleetPlan, computers: Sequence[Computer], waypoints: int, image
 
 
 def _who(plan: FleetPlan, computers: Sequence[Computer], waypoints: int) -> str:
-    """Returns the sentence's beginning: which robots do what."""
+    """Returns the beginning of the sentence: which robots do what."""
     robots = [one for one in computers if one.robot and not is_idle(one)]
     new = [one for one in robots if plan.starts(one.name)]
     if not new:

@@ -98,7 +98,7 @@ def test_a_check_that_does_not_end_is_stopped_with_all_its_sessions(tmp_path: Pa
     check = Check("endless", ["bash", "-c", f"trap : INT; {node(pid, ':')} & wait; wait"], timeout=2.0, patience=0.5)
     assert [count for _, count in run([check], 1, quiet)] == [Count(failed=1)]
     assert "not finished after 2 s" in check.log.read_text()
-    assert "did not end when asked to, and were killed:" in check.log.read_text()
+    assert "killed, because they did not end in time:" in check.log.read_text()
     assert ended(number(pid))
 
 

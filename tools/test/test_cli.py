@@ -54,7 +54,7 @@ def test_an_unknown_command_suggests_the_nearest() -> None:
     assert (done.returncode, done.stderr) == (
         2, "pioneer: unknown command 'dmeo': did you mean 'demo'? (./pioneer --help)\n",
     )  # fmt: skip
-    assert "there are demo, fleet" in unknown("zzz")
+    assert "available: demo, fleet" in unknown("zzz")
 
 
 def test_the_usage_names_every_command() -> None:

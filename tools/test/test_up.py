@@ -290,10 +290,10 @@ def test_help_states_how_many_robots_the_worlds_have_places_for(capsys: pytest.C
     [
         (5, None, None, 1.0, ""),
         (13, None, None, 1.0, ""),
-        (15, None, None, 0.9, "2 processors carry 15 robots at a real-time factor of 0.9 (--rtf R sets another)"),
+        (15, None, None, 0.9, "2 processors sustain 15 robots at a real-time factor of 0.9 (--rtf R sets another)"),
         (15, 1.0, None, 1.0, ""),
         (2, 0.0, None, 0.0, ""),
-        (15, None, "1", 1.0, "2 processors carry 15 robots at a real-time factor of 0.9; the world that runs has 1"),
+        (15, None, "1", 1.0, "2 processors sustain 15 robots at a real-time factor of 0.9; the world that runs has 1"),
         (10, None, "0.5", 0.5, ""),
         (2, 0.5, "0.5", 0.5, ""),
     ],

@@ -1,7 +1,7 @@
-// Draws the fleet on a canvas and keeps the table, from what /live sends; sends commands the same way.
+// Draws the fleet on a canvas and updates the tables with data from the WebSocket /live; sends commands over it.
 "use strict";
 (() => {
-  // Robots in the order of their computers, each with its colour.
+  // Robot names in the order of their computers, and the colour of each.
   let names = [], FLEET = {};
   const state = {}, trails = new Map(), images = new Map();
   const FOOTPRINT = [[0.2, 0.2], [0.2, -0.2], [-0.3, -0.2], [-0.3, 0.2]], TRAIL = 600;
@@ -24,7 +24,7 @@
       wake = setTimeout(connect, 1000);
     };
   }
-  // A page that nobody sees gets nothing; it comes back with a whole picture.
+  // A hidden page disconnects; when visible again it reconnects and gets a full snapshot.
   document.addEventListener("visibilitychange", () => document.hidden ? socket?.close() : connect());
 
   function send(command) {
@@ -77,7 +77,7 @@
   const pixel = (x, y) => [canvas().clientWidth / 2 + (x - view.x) * view.scale, canvas().clientHeight / 2 - (y - view.y) * view.scale];
   const metre = (u, v) => [view.x + (u - canvas().clientWidth / 2) / view.scale, view.y - (v - canvas().clientHeight / 2) / view.scale];
 
-  // Fits the view to the known part of the map, not to the grey around it.
+  // Fits the view to the known part of the map, without the unknown area around it.
   function fit() {
     const map = state.map, image = images.get("map");
     if (!map || !image || !canvas()) return;
@@ -139,7 +139,7 @@
     context.restore();
   }
 
-  // A label stands above what it names, or as near to that as others leave room.
+  // Places a label above its object, or at the nearest position that does not overlap other labels.
   function label(context, boxes, text, x, y, colour, bad) {
     const width = context.measureText(text).width + 8, height = 18;
     const places = [[0, -26], [0, 26], [width / 2 + 16, 0], [-width / 2 - 16, 0], [0, -46], [0, 46], [0, -66], [0, 66]];
@@ -207,7 +207,7 @@
     labels = boxes.slice(shown.length);
   }
 
-  // ---- the words
+  // ---- tables and text
 
   function words(news) {
     if ("time" in news || "factor" in news || "paused" in news)
@@ -258,7 +258,7 @@
     const idle = (state.rules ?? []).map(rule => `<tr><td>${escaped(rule.gateway)}</td><td>${escaped(rule.name)}</td><td class="bad">${escaped(rule.state)}</td><td>${escaped(rule.reason)}</td></tr>`);
     box.innerHTML = `<svg viewBox="0 0 480 ${height}"><rect x="4" y="${height / 2 - 18}" width="116" height="36" rx="4" fill="none" stroke="currentColor"/>
       <text x="10" y="${height / 2 - 3}">${escaped(state.gateway || "no gateway")}</text><text x="10" y="${height / 2 + 10}">${escaped(state.hub || "no hub")}</text>${rows.join("")}</svg>
-      ${idle.length ? `<table><tr><th>Gateway</th><th>Topic</th><th>State</th><th>Reason</th></tr>${idle.join("")}</table>` : "<p>All rules carry.</p>"}`;
+      ${idle.length ? `<table><tr><th>Gateway</th><th>Topic</th><th>State</th><th>Reason</th></tr>${idle.join("")}</table>` : "<p>All rules are active.</p>"}`;
   }
 
   function log() {
@@ -271,7 +271,7 @@
       `<div class="${escaped(level)}">${stamp.toFixed(1)} <b>${escaped(computer || "base")}</b> ${escaped(node)}: ${escaped(text)}</div>`).join("");
   }
 
-  // ---- hands
+  // ---- user input
 
   function act(word) {
     const chosen = [...selected], [kind, ...rest] = word.split("-"), what = rest.join("-");
@@ -375,7 +375,7 @@
     mark();
     if (drawn) { words(state); draw(); }
   }
-  // The connection first: the rest of the page takes longer.
+  // Connect first: the rest of the page takes longer to load.
   connect();
   begin();
 })();

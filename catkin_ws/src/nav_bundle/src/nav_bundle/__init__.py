@@ -2,6 +2,6 @@
 
 import os
 
-# OpenBLAS starts a thread a core, which keep spinning for a while after each product of matrices: for the small ones
-# of navigation that costs ten times the work itself. It reads this once, when numpy is imported.
+# OpenBLAS starts one thread per core, and these threads spin for a while after each matrix product. For the small
+# matrices here, that costs ten times the work itself. OpenBLAS reads the variable once, when numpy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -1,11 +1,11 @@
-"""Messages from and to core values, and message classes whose long arrays are numpy's.
+"""Conversions between messages and core values, and message classes with numpy arrays.
 
-Every ``…_from_message`` checks what it converts: a number that is not finite or beyond ``LARGEST`` raises a
-``MessageError`` that names the field. Nothing behind this module has to check again.
+Every ``…_from_message`` checks its input: a number that is not finite or exceeds ``LARGEST`` raises a
+``MessageError`` that names the field. Code that uses the converted values does not have to check again.
 
 genpy turns an ``int8[]`` into a tuple of ints, which takes seconds and hundreds of megabytes for a map of
-4000 x 4000 cells. The classes here read and write the same bytes under the same type and MD5 sum: give them
-to a Subscriber, a ServiceProxy or a Service in place of the generated ones.
+4000 x 4000 cells. The classes here have the same wire format, type and MD5 sum. Pass them to a Subscriber, a
+ServiceProxy or a Service in place of the generated ones.
 """
 
 import io
@@ -45,7 +45,7 @@ from pioneer_node.core.frame import stripped
 
 
 class _Cells(genpy.Message):  # type: ignore[misc]
-    """Mixed into a message that ends in int8 ``data``, which may then be an array when it is written."""
+    """Mixin for a message whose last field is int8 ``data``; lets ``data`` be an array when serialised."""
 
     data: Any
 
@@ -63,7 +63,7 @@ class _Cells(genpy.Message):  # type: ignore[misc]
 
 
 class GridMessage(_Cells, OccupancyGrid):  # type: ignore[misc]
-    """An OccupancyGrid whose ``data`` is read as an int8 array, and may be one when it is written."""
+    """An OccupancyGrid whose ``data`` is deserialised as an int8 array, and may be one when serialised."""
 
     def deserialize(self, data: bytes) -> Self:
         """Reads the message from ``data``."""
@@ -71,7 +71,7 @@ class GridMessage(_Cells, OccupancyGrid):  # type: ignore[misc]
 
 
 class ScanMessage(LaserScan):  # type: ignore[misc]
-    """A LaserScan whose ``ranges`` and ``intensities`` are read as float32 arrays. For subscribers."""
+    """A LaserScan whose ``ranges`` and ``intensities`` are deserialised as float32 arrays. For subscribers."""
 
     def deserialize(self, data: bytes) -> Self:
         """Reads the message from ``data``."""
@@ -79,7 +79,7 @@ class ScanMessage(LaserScan):  # type: ignore[misc]
 
 
 class GetMapArrayResponse(GetMapResponse):  # type: ignore[misc]
-    """A GetMap response around a ``GridMessage``."""
+    """A GetMap response that holds a ``GridMessage``."""
 
     def __init__(self, *args: Any, **fields: Any) -> None:
         super().__init__(*args, **fields)
@@ -87,7 +87,7 @@ class GetMapArrayResponse(GetMapResponse):  # type: ignore[misc]
             self.map = GridMessage()
 
     def serialize(self, buff: io.BytesIO) -> None:
-        """Writes the response: the map's bytes and nothing else."""
+        """Writes the response: only the map."""
         self.map.serialize(buff)
 
     def deserialize(self, data: bytes) -> Self:
@@ -103,7 +103,7 @@ class GetMapArray(GetMap):  # type: ignore[misc]
 
 
 class SetMapArrayRequest(SetMapRequest):  # type: ignore[misc]
-    """A SetMap request whose map's ``data`` is read as an int8 array."""
+    """A SetMap request whose map ``data`` is deserialised as an int8 array."""
 
     def deserialize(self, data: bytes) -> Self:
         """Reads the request from ``data``."""
@@ -117,7 +117,7 @@ class SetMapArray(SetMap):  # type: ignore[misc]
 
 
 class LoadMapArrayResponse(LoadMapResponse):  # type: ignore[misc]
-    """A LoadMap response around a ``GridMessage``. For services."""
+    """A LoadMap response that holds a ``GridMessage``. For services."""
 
     def __init__(self, *args: Any, **fields: Any) -> None:
         super().__init__(*args, **fields)
@@ -125,7 +125,7 @@ class LoadMapArrayResponse(LoadMapResponse):  # type: ignore[misc]
             self.map = GridMessage()
 
     def serialize(self, buff: io.BytesIO) -> None:
-        """Writes the response: the map's bytes and the result."""
+        """Writes the response: the map and the result."""
         self.map.serialize(buff)
         buff.write(struct.pack("<B", self.result))
 
@@ -137,7 +137,7 @@ class LoadMapArray(LoadMap):  # type: ignore[misc]
 
 
 class ParticlesMessage(PoseArray):  # type: ignore[misc]
-    """A PoseArray written from an array. For publishers."""
+    """A PoseArray serialised from a numpy array. For publishers."""
 
     def __init__(self, particles: NDArray[np.float64], frame: str, stamp: Any) -> None:
         super().__init__(Header(0, stamp, stripped(frame)), [])
@@ -156,11 +156,11 @@ class ParticlesMessage(PoseArray):  # type: ignore[misc]
 
 
 LARGEST = 1.0e6
-"""Largest magnitude of a number that a message may bring: farther off [m] or faster [m/s] nothing is."""
+"""Largest magnitude accepted for a number in a message; no real distance [m] or speed [m/s] exceeds it."""
 
 
 def check_numbers(what: str, message: genpy.Message, largest: float = LARGEST) -> None:
-    """Refuses a message that holds a number which is not finite or larger than ``largest``, nested fields included.
+    """Raises if a number in the message, nested fields included, is not finite or exceeds ``largest``.
 
     Raises:
         MessageError: names ``what``, the field and its value.
@@ -171,7 +171,7 @@ def check_numbers(what: str, message: genpy.Message, largest: float = LARGEST) -
 
 
 def _numbers(message: genpy.Message, prefix: str = "") -> Iterator[tuple[str, float]]:
-    """Yields each float of a message, however deep, with its path; arrays element by element."""
+    """Yields each float of a message, nested fields and array elements included, with its path."""
     for slot in message.__slots__:
         value = getattr(message, slot)
         if isinstance(value, float):
@@ -183,7 +183,7 @@ def _numbers(message: genpy.Message, prefix: str = "") -> Iterator[tuple[str, fl
 
 
 def yaw_from_quaternion(quaternion: Quaternion) -> float:
-    """Returns the heading [rad], in [-pi, pi], of a rotation; the quaternion's length does not matter."""
+    """Returns the yaw [rad] in [-pi, pi] of a rotation; the quaternion need not be normalised."""
     x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
     return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
@@ -197,7 +197,7 @@ def pose_from_message(message: PoseMessage) -> Pose:
     """Returns the planar part of a geometry_msgs/Pose: z, roll and pitch are dropped.
 
     Raises:
-        MessageError: a number is not finite, or beyond ``LARGEST``.
+        MessageError: a number is not finite, or exceeds ``LARGEST``.
     """
     check_numbers("pose", message)
     return Pose(message.position.x, message.position.y, yaw_from_quaternion(message.orientation))
@@ -217,7 +217,7 @@ def covariance_from_message(message: PoseWithCovarianceStamped) -> NDArray[np.fl
     """Returns the covariance over x [m], y [m], yaw [rad], shape (3, 3), of a pose with covariance.
 
     Raises:
-        MessageError: a number is not finite, or beyond ``LARGEST`` squared.
+        MessageError: a number is not finite, or exceeds ``LARGEST`` squared.
     """
     check_numbers("initial pose", message.pose, LARGEST**2)
     full = np.array(message.pose.covariance).reshape(6, 6)
@@ -225,14 +225,14 @@ def covariance_from_message(message: PoseWithCovarianceStamped) -> NDArray[np.fl
 
 
 def covariance_message(covariance: NDArray[np.float64]) -> list[float]:
-    """Returns a 6 x 6 covariance, row by row, from one over x, y, yaw."""
+    """Returns a 6 x 6 covariance in row-major order from a covariance over x, y, yaw."""
     full = np.zeros((6, 6))
     full[np.ix_([0, 1, 5], [0, 1, 5])] = covariance
     return full.ravel().tolist()
 
 
 def scan_from_message(message: LaserScan, base_from_laser: Transform) -> Scan:
-    """Returns the scan of a (Scan)Message as seen from the robot; a laser mounted upside down turns the other way.
+    """Returns the scan of a LaserScan or ScanMessage in the robot's frame; reverses the angles of an inverted laser.
 
     Raises:
         ObservationError: an angle is not finite, or a range limit is NaN.
@@ -250,14 +250,14 @@ def scan_from_message(message: LaserScan, base_from_laser: Transform) -> Scan:
 
 
 def points_from_scan(message: LaserScan, inf_is_valid: bool) -> NDArray[np.float64]:
-    """Returns the points (n, 3) [m] of a (Scan)Message in the laser's frame; raises as ``scan_from_message`` does."""
+    """Returns the points (n, 3) [m] of a scan message in the laser's frame; raises like ``scan_from_message``."""
     _check_scan(message)
     ranges, limits = np.asarray(message.ranges, np.float32), (message.range_min, message.range_max)
     return points_from_ranges(ranges, message.angle_min, message.angle_increment, *limits, inf_is_valid)
 
 
 def _check_scan(message: LaserScan) -> None:
-    """Refuses angles that are none. Ranges need no check: NaN and infinity among them mean that nothing was seen."""
+    """Raises if an angle or range limit is invalid. NaN and infinity are valid ranges: they mean no return."""
     numbers = (message.angle_min, message.angle_increment, message.range_min, message.range_max)
     if not all(map(math.isfinite, numbers[:2])) or any(map(math.isnan, numbers)):
         names = "angle_min, angle_increment, range_min, range_max"
@@ -265,10 +265,10 @@ def _check_scan(message: LaserScan) -> None:
 
 
 def velocity_from_odometry(message: Odometry) -> Velocity:
-    """Returns the robot's velocity in its own frame.
+    """Returns the robot's velocity in the robot's frame.
 
     Raises:
-        MessageError: a number is not finite, or beyond ``LARGEST``.
+        MessageError: a number is not finite, or exceeds ``LARGEST``.
     """
     twist = message.twist.twist
     check_numbers("odometry", twist)
@@ -279,10 +279,10 @@ _REALS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
 
 
 def points_from_cloud(message: PointCloud2) -> NDArray[np.float64]:
-    """Returns a cloud's points (n, 3) [m] in its frame, without those that have a coordinate that is no number.
+    """Returns a cloud's points (n, 3) [m] in its frame, without points that have a NaN or infinite coordinate.
 
     Raises:
-        ObservationError: the cloud has no fields x, y, z of floats, or fewer bytes than it says.
+        ObservationError: the cloud has no float fields x, y, z, or fewer bytes than its header declares.
     """
     fields = {field.name: field for field in message.fields}
     order = ">" if message.is_bigendian else "<"
@@ -297,50 +297,50 @@ def points_from_cloud(message: PointCloud2) -> NDArray[np.float64]:
         records: NDArray[np.void] = np.ndarray(shape, kind, bytes(message.data), strides=steps).ravel()
     except (TypeError, ValueError):
         size = f"{len(message.data)} bytes for {message.width} x {message.height} points of {message.point_step}"
-        raise ObservationError(f"a point cloud came with {size} bytes") from None
+        raise ObservationError(f"the point cloud has {size} bytes") from None
     points = np.stack([records[name].astype(np.float64) for name in "xyz"], axis=1)
     return points[np.isfinite(points).all(axis=1)]
 
 
 def grid_from_message(message: OccupancyGrid) -> Grid:
-    """Returns the map of a (Grid)Message; the cells share its memory where it is an array, and are then read-only.
+    """Returns the map of an OccupancyGrid or GridMessage; an array ``data`` is shared, and the cells are read-only.
 
     Raises:
-        MapError: no cells, another number of them than width and height say, or no resolution.
-        MessageError: origin or resolution are not finite, or beyond ``LARGEST``.
+        MapError: no cells, a number of cells other than width x height, or no resolution.
+        MessageError: origin or resolution is not finite, or exceeds ``LARGEST``.
     """
     info = message.info
     check_numbers("map", info)
     if info.width * info.height != len(message.data):
-        raise MapError(f"a map of {info.width} x {info.height} cells came with {len(message.data)} of them")
+        raise MapError(f"the map has {len(message.data)} cells, expected {info.width} x {info.height}")
     cells = np.asarray(message.data, np.int8).reshape(info.height, info.width)
     return Grid(float_from_float32(info.resolution), pose_from_message(info.origin), cells)
 
 
 def float_from_float32(value: float) -> float:
-    """Returns the shortest decimal that a float32 field may have come from: 0.05, not 0.0500000007."""
+    """Returns the shortest decimal that rounds to the same float32: 0.05, not 0.0500000007."""
     return float(str(np.float32(value)))
 
 
 def message_from_grid(grid: Grid, frame: str, stamp: Any, load_time: Any | None = None) -> GridMessage:
-    """Returns ``grid`` as a GridMessage in ``frame``; it shares the cells' memory.
+    """Returns ``grid`` as a GridMessage in ``frame``; the message shares the cells' memory.
 
     Args:
         grid: the map.
         frame: frame of its origin; a leading slash is dropped.
         stamp: genpy.Time of the header.
-        load_time: genpy.Time the map was made or loaded; ``stamp`` where absent.
+        load_time: genpy.Time at which the map was made or loaded; defaults to ``stamp``.
     """
     info = MapMetaData(load_time or stamp, grid.resolution, grid.cols, grid.rows, message_from_pose(grid.origin))
     return GridMessage(Header(0, stamp, stripped(frame)), info, grid.cells.reshape(-1))
 
 
 class GridUpdateMessage(_Cells, OccupancyGridUpdate):  # type: ignore[misc]
-    """An OccupancyGridUpdate whose ``data`` may be an int8 array when it is written. For publishers."""
+    """An OccupancyGridUpdate whose ``data`` may be an int8 array when serialised. For publishers."""
 
 
 class PathMessage(Path):  # type: ignore[misc]
-    """A Path written from an array, because a PoseStamped object for each of hundreds of poses costs milliseconds."""
+    """A Path serialised from an array, because creating hundreds of PoseStamped objects takes milliseconds."""
 
     def __init__(self, *args: Any, **fields: Any) -> None:
         super().__init__(*args, **fields)
@@ -372,14 +372,14 @@ def path_message(track: NDArray[np.float64], frame: str, stamp: Any) -> PathMess
 
 
 class GetPlanArrayResponse(GetPlanResponse):  # type: ignore[misc]
-    """A GetPlan response around a ``PathMessage``. For services."""
+    """A GetPlan response that holds a ``PathMessage``. For services."""
 
     def serialize(self, buff: io.BytesIO) -> None:
-        """Writes the response: the plan's bytes and nothing else."""
+        """Writes the response: only the plan."""
         self.plan.serialize(buff)
 
 
 class GetPlanArray(GetPlan):  # type: ignore[misc]
-    """nav_msgs/GetPlan whose response is written from an array."""
+    """nav_msgs/GetPlan whose response is serialised from an array."""
 
     _response_class = GetPlanArrayResponse

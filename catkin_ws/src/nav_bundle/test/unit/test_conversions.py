@@ -71,7 +71,7 @@ def test_a_map_of_sixteen_million_cells_is_quick() -> None:
 def test_a_map_with_cells_missing_is_refused() -> None:
     message = conversions.message_from_grid(small_grid(), "map", STAMP)
     message.info.width = 4
-    with pytest.raises(MapError, match="4 x 2 cells came with 6"):
+    with pytest.raises(MapError, match="the map has 6 cells, expected 4 x 2"):
         conversions.grid_from_message(message)
 
 

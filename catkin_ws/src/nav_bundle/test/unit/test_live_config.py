@@ -71,7 +71,7 @@ def test_the_other_local_planner_can_be_chosen():
 
 
 def test_values_that_contradict_each_other_are_refused():
-    with pytest.raises(ParameterError, match="minimal velocity lies above"):
+    with pytest.raises(ParameterError, match="~min_vel_x must be at most ~max_vel_x"):
         changed("TrajectoryPlannerROS", min_vel_x=2.0)
 
 

@@ -68,12 +68,12 @@ def test_a_written_map_is_read_back(tmp_path: Path) -> None:
     ("text", "error", "says"),
     [
         ("image: none.pgm\nresolution: 1\norigin: [0, 0, 0]", MapFileMissingError, "none.pgm does not exist"),
-        ("image: room.yaml\nresolution: 1\norigin: [0, 0, 0]", MapImageError, "room.yaml is no image"),
+        ("image: room.yaml\nresolution: 1\norigin: [0, 0, 0]", MapImageError, "room.yaml is not an image"),
         ("resolution: 1\norigin: [0, 0, 0]", MapMetadataError, "has no image"),
         ("image: a\nresolution: 1\norigin: [0, 0]", MapMetadataError, "does not describe a map"),
         ("image: a\nresolution: 0\norigin: [0, 0, 0]", MapMetadataError, "resolution must be positive"),
         ("image: a\nresolution: 1\norigin: [0, 0, 0]\nmode: dark", MapMetadataError, "mode must be one of"),
-        ("image: [", MapMetadataError, "no YAML"),
+        ("image: [", MapMetadataError, "is not valid YAML"),
         ("just words", MapMetadataError, "does not describe a map"),
     ],
 )

@@ -1,1 +1,1 @@
-"""Measurements of the running parts, beside the figures they are to reach."""
+"""Measures the running system and compares the figures with their goals."""

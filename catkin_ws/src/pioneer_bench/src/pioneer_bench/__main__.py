@@ -17,11 +17,11 @@ BENCHES = {
     "web": "the fleet page: CPU of its server and bytes to a page, by the number of pages",
     "traffic": "right of way: fleets on random tours in narrow and shipped worlds, without ROS",
 }
-"""Modules of this package, and what they measure."""
+"""Modules of this package with a description of each bench."""
 
 
 def main() -> int:
-    """Runs the bench that the command line names; returns its exit status."""
+    """Runs the bench named on the command line; returns its exit status."""
     parser = argparse.ArgumentParser(
         prog="./pioneer bench",
         description="Measures, and prints the figures beside those to reach. ./pioneer bench BENCH --help has options.",
@@ -31,7 +31,7 @@ def main() -> int:
     benches.add_parser("containers", help="the fleet in containers: start-up, CPU, memory and traffic by its size")
     for name, text in BENCHES.items():
         one = benches.add_parser(name, help=text)
-        if name in sys.argv[1:2]:  # the others' engines and nodes are not needed
+        if name in sys.argv[1:2]:  # does not import what only the other benches need
             bench = importlib.import_module(f"pioneer_bench.{name}")
             bench.add_arguments(one)
             one.add_argument("--output", type=Path, default=Path("bench-report"), metavar="DIR",

@@ -1,4 +1,4 @@
-"""``pioneer_bench accuracy``: how true the simulated robot's motion, contacts and laser are."""
+"""``pioneer_bench accuracy``: accuracy of the simulated robot's motion, contacts and laser."""
 
 import argparse
 from dataclasses import replace
@@ -13,12 +13,12 @@ from pioneer_gazebo.adapters.urdf import robot_from_urdf
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """This bench has no options of its own."""
+    """Adds nothing: this bench has no options of its own."""
     del parser
 
 
 def run(options: argparse.Namespace) -> int:
-    """Runs all trials; returns 0 where every bound holds, else 1."""
+    """Runs all trials; returns 0 if every bound holds, else 1."""
     with Worlds() as worlds, TemporaryDirectory() as folder:
         rows = list(accuracy_rows(worlds.make, robot_from_urdf(pioneer_urdf())))
         meshed = accuracy_rows(worlds.make, meshed_pioneer(Path(folder)))

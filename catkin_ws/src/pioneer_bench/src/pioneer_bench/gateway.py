@@ -1,4 +1,4 @@
-"""``pioneer_bench gateway``: how fast rules act, and what relaying costs beside direct connections and topic_tools."""
+"""``pioneer_bench gateway``: how fast rules take effect, and the cost of relaying beside a direct connection."""
 
 import argparse
 import contextlib
@@ -28,13 +28,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Runs all trials; returns 0 where every goal holds, 1 where one does not, 2 where a trial failed."""
+    """Runs all trials; returns 0 if every goal is met, 1 if one is missed, 2 if a trial failed."""
     repetitions, seconds = (1, 1.0) if options.quick else (options.repetitions, options.seconds)
     rows: list[Row] = []
     failure = ""
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="pioneer-bench-"))
-        # rosmaster, in this process, prints a traceback for each node that was killed.
+        # rosmaster runs in this process and prints a traceback for each node that was killed.
         stack.enter_context(contextlib.redirect_stderr(stack.enter_context(open(Path(folder) / "masters.log", "w"))))
         wake_master_workers()  # as in masters that our launcher starts
         tell_registrations()

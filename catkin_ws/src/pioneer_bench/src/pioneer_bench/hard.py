@@ -1,4 +1,4 @@
-"""``pioneer_bench nav --hard``: courses that are hard for navigation, driven without ROS, beside the C++ stack."""
+"""``pioneer_bench nav --hard``: hard navigation courses, driven without ROS, beside the C++ stack's figures."""
 
 import os
 from collections.abc import Callable, Iterator, Mapping
@@ -20,7 +20,7 @@ _MOST = 1000
 
 @dataclass(frozen=True)
 class Trial:
-    """A course, what is changed of the shipped parameters, and how many seeds it is driven with at most."""
+    """A course, the changes to the shipped parameters, and the greatest number of seeds to drive it with."""
 
     make: Callable[[int], Course]
     seeds: int = 1
@@ -45,12 +45,12 @@ TRIALS = {
     "box below the laser": Trial(lambda _: course.doorstep()),
 }
 CLEARANCE_GOAL, SPEED_GOAL, PATIENCE_GOAL, TIME_GOAL = 0.25, 0.38, 25.6, 118.0
-"""The C++ stack's, measured side by side: gap to walls [m], speed in clutter [m/s], time until it gives up [s], time
-for eight goals among thirty cylinders [s]."""
+"""Figures of the C++ stack, measured side by side: gap to walls [m], speed in clutter [m/s], time until it gives up
+[s], time for eight goals among thirty cylinders [s]."""
 
 
 def random_changes(seed: int) -> dict[str, Any]:
-    """Returns parameters that differ from the shipped ones, within what configurations of robots in use have."""
+    """Returns random parameter changes, within the range of robot configurations in use."""
     generator = np.random.default_rng(seed)
 
     def between(low: float, high: float) -> float:

@@ -11,7 +11,7 @@ from pioneer_bench.report import finish
 from pioneer_gazebo.adapters.learning import PioneerParallelEnv, pioneer
 
 GOAL, GOAL_ROBOTS = 1200.0, 10
-"""Agent-steps a CPU-second, and with how many robots."""
+"""Goal in agent-steps a CPU-second, and the number of robots that it applies to."""
 ACTION = (0.5, 0.4)
 
 
@@ -24,13 +24,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Measures; returns 0 where the goal holds, 1 where not."""
+    """Runs the bench; returns 0 if the goal is met, else 1."""
     robot, rows = pioneer(), list[Row]()
     for robots in options.robots:
         env = PioneerParallelEnv(options.world, robots, description=robot, limit=options.steps + 1)
         actions = dict.fromkeys(env.possible_agents, np.array(ACTION, np.float32))
         env.reset(seed=0)
-        env.step(actions)  # compiles
+        env.step(actions)  # the first step includes compilation
         rates = tuple(_rate(env, actions, options.steps, seed) for seed in range(options.repeat))
         env.close()
         goal = GOAL if robots == GOAL_ROBOTS else None

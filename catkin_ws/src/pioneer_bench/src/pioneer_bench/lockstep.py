@@ -1,4 +1,4 @@
-"""``pioneer_bench lockstep``: how fast time passes when it waits for every robot's nodes, and at what cost."""
+"""``pioneer_bench lockstep``: speed and cost of demos in which simulated time waits for every robot's nodes."""
 
 import argparse
 import json
@@ -11,9 +11,9 @@ from pioneer_bench.core.row import Row
 from pioneer_bench.report import finish
 
 FACTOR_OF_TWO = 3.0
-"""Goal for two robots on two quiet cores."""
+"""Least real-time factor with two robots on two idle cores."""
 STALE = "out of date"
-"""In the log of a move_base whose costmap got no scan in time."""
+"""What move_base logs when a costmap did not get a scan in time."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Drives all demos; returns 0 where every goal holds, 1 where one does not, 2 where a demo could not be driven."""
+    """Runs all demos; returns 0 if every goal is met, 1 if one is missed, 2 if a demo failed."""
     rows, values, complete = list[Row](), list[dict[str, Any]](), True
     for robots in options.robots:
         runs = [_demo(robots, number, options) for number in range(options.repeat)]
@@ -61,7 +61,7 @@ def _rows(robots: int, runs: list[dict[str, Any]]) -> list[Row]:
 
 
 def _demo(robots: int, number: int, options: argparse.Namespace) -> dict[str, Any] | None:
-    """Returns what one demo reports, None (and a line) where it wrote no report."""
+    """Returns the report of one demo; prints a line and returns None if there is none."""
     folder = (options.output / f"lockstep-{robots}-{number}").absolute()
     words = {"robots": robots, "world": options.world, "seed": options.seed, "waypoints": options.waypoints}
     command = [sys.executable, "-m", "pioneer_demo", "demo", "--lockstep", "--report", str(folder)]
@@ -82,6 +82,6 @@ def _demo(robots: int, number: int, options: argparse.Namespace) -> dict[str, An
 
 
 def _stale(folder: Path) -> int:
-    """Returns how often a node of a demo says that its sensor data is out of date."""
+    """Returns how often the nodes of a demo logged that their sensor data is out of date."""
     logs = [path for path in (folder / "log").rglob("*.log") if path.is_file()]
     return sum(path.read_text(errors="replace").count(STALE) for path in logs)

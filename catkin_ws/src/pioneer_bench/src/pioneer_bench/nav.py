@@ -1,4 +1,4 @@
-"""``pioneer_bench nav``: how well, how safely and at what cost one robot drives to waypoints, tour by tour."""
+"""``pioneer_bench nav``: success, safety and cost of one robot driving tours of waypoints."""
 
 import argparse
 from concurrent.futures import ThreadPoolExecutor
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Drives all tours; returns 0 where every goal holds, 1 where one does not, 2 where a tour could not be driven."""
+    """Drives all tours; returns 0 if every goal is met, 1 if one is missed, 2 if a tour could not be driven."""
     remark = f"Real-time factor {options.real_time_factor:g}, {options.parallel} at a time. {EXPLANATION}"
     if options.hard:
         return finish(options, "navigation", "Navigation", hard_rows(max(options.seeds), options.parallel), remark)
@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _tour(condition: str, seed: int, options: argparse.Namespace) -> Tour | None:
-    """Returns what one tour measured, None (and a line) where it could not be driven."""
+    """Returns the results of one tour; prints a line and returns None if it could not be driven."""
     label = f"{CONDITIONS[condition].title}, seed {seed}"
     asked = {name: getattr(options, name) for name in ("waypoints", "world", "real_time_factor")}
     config = {"condition": condition, "seed": seed, **asked}

@@ -1,4 +1,4 @@
-"""Navigation without ROS: plans, costmaps, the local planners' cycle and amcl's update, CPU time a call."""
+"""CPU time per call of navigation without ROS: plans, costmaps, the local planners' cycle and amcl's update."""
 
 import gc
 import math
@@ -46,12 +46,12 @@ _WINDOW = CostmapConfig(
     height=3.0,
     layers=(ObstacleConfig(sources=(_LASER,)), InflationConfig(inflation_radius=2.0, cost_scaling_factor=5.0)),
 )
-_NEAR_LENGTH = 0.15  # share by which a way may be longer or shorter than the peer's
+_NEAR_LENGTH = 0.15  # greatest relative deviation from the peer's path length
 _BEAMS = 180
 
 
 def kernel_rows(repetitions: int = 5) -> list[Row]:
-    """Returns the rows of both map sizes and of the cycles; takes about half a minute."""
+    """Returns the rows of both map sizes and of the planner cycles; takes about half a minute."""
     small = Costmap(_WHOLE)
     small.set_map(_grid(400))
     small.update(Pose(2.5, 2.5), ())
@@ -75,7 +75,7 @@ def _grid(side: int) -> Grid:
 
 
 def _cpu_ms(work: Callable[[], object], repetitions: int) -> float:
-    """Returns the least CPU time of one call [ms]; what it made is let go within it, as a node does."""
+    """Returns the least CPU time of one call [ms], including freeing its result, as in a node."""
     gc.collect()
     best = math.inf
     for _ in range(repetitions):
@@ -90,7 +90,7 @@ def _length(path: Path) -> float:
 
 
 def _ways(costmap: Costmap, length: float) -> Iterator[tuple[Pose, Pose]]:
-    """Yields five pairs of random places that a path of about ``length`` [m] joins."""
+    """Yields five pairs of random poses joined by a path of about ``length`` [m]."""
     generator = np.random.default_rng(int(length))
     planner = NavfnPlanner(NavfnConfig())
     free = np.argwhere(costmap.cells < 100)
@@ -138,7 +138,7 @@ def _whole_map_rows() -> Iterator[Row]:
 
 
 def _scan_at(pose: Pose) -> Observation:
-    """Returns what a laser at ``pose`` would see 2 m around it: a wavy wall."""
+    """Returns the scan of a laser at ``pose``: a wavy wall 2 m around it."""
     bearings = np.linspace(-math.pi, math.pi, _BEAMS, endpoint=False)
     ranges = 1.9 + 0.2 * np.sin(7.0 * bearings)
     points = np.stack([pose.x + ranges * np.cos(bearings), pose.y + ranges * np.sin(bearings)], axis=1)

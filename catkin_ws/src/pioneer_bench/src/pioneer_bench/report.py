@@ -1,4 +1,4 @@
-"""What all benches share: how their figures are written, and measuring in a process of one's own."""
+"""Shared by all benches: writing results, and measuring in a separate process."""
 
 import argparse
 import json
@@ -12,11 +12,11 @@ from typing import Any
 from pioneer_bench.core.row import Row, table
 
 LOAD = os.getloadavg()[0]
-"""Of this machine, before the run."""
+"""Load average of this machine before the run."""
 
 
 def write(folder: Path, name: str, title: str, text: str, values: object) -> None:
-    """Prints ``text`` and writes it to ``name``.md in ``folder``, and ``values`` to ``name``.json."""
+    """Prints ``text``, writes it to ``name``.md in ``folder``, and writes ``values`` to ``name``.json."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{name}.md").write_text(f"# {title}\n\n{text}\n")
     (folder / f"{name}.json").write_text(json.dumps(values, indent=2) + "\n")
@@ -26,10 +26,10 @@ def write(folder: Path, name: str, title: str, text: str, values: object) -> Non
 def finish(
     options: argparse.Namespace, name: str, title: str, rows: Sequence[Row], remark: str = "", **values: Any
 ) -> int:
-    """Writes the table of ``rows`` and a remark, and both with ``values`` as JSON.
+    """Writes the table of ``rows`` with a remark, and the same with ``values`` as JSON.
 
     Returns:
-        The bench's exit status: 0 where every goal holds, else 1.
+        The bench's exit status: 0 if every goal is met, else 1.
     """
     text = (
         f"{table(rows)}\n\n{os.cpu_count()} cores, load before the run {LOAD:.1f}; medians and ranges. {remark}".strip()
@@ -40,14 +40,14 @@ def finish(
 
 
 def measured(node: str, setting: dict[str, Any], hear: Callable[[str], object] = print) -> Any:
-    """Returns what ``pioneer_bench.nodes.NODE`` prints as its last line, JSON; None if it failed.
+    """Runs ``pioneer_bench.nodes.NODE`` as a process; returns its last line, parsed as JSON, or None if it failed.
 
-    A process can be only one ROS node, on one master, and its memory and processor time are not the bench's own.
+    A process can be only one ROS node on one master, and the bench's own memory and CPU time must not count.
 
     Args:
-        node: the module's name; its only argument is ``setting`` as JSON.
-        setting: what is to be measured.
-        hear: called with each other line.
+        node: name of the module; its only argument is ``setting`` as JSON.
+        setting: what to measure.
+        hear: called with every other line.
     """
     command = [sys.executable, "-m", f"pioneer_bench.nodes.{node}", json.dumps(setting)]
     result = None

@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Runs each setting, one process for each number of robots; returns 0 where every goal holds, else 1."""
+    """Runs each setting with one process per number of robots; returns 0 if every goal is met, else 1."""
     found: dict[str, list[Run]] = {}
     for name in options.setting:
         found[name] = []
@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _rates(rates: Rates, options: argparse.Namespace) -> Rates:
-    """Returns the setting with what the command line says otherwise."""
+    """Returns the setting with the command line's changes."""
     names = ("robots", "beams", "scan_rate", "odometry_rate", "real_time_factor")
     asked = {name: getattr(options, name) for name in names}
     changes = {name: value for name, value in asked.items() if value is not None}
@@ -56,7 +56,7 @@ def _section(rates: Rates, runs: list[Run]) -> str:
 
 
 def _one(robots: int, rates: Rates, options: argparse.Namespace) -> Run | None:
-    """Returns one run's figures, None (and a line) where it failed."""
+    """Returns the results of one run; prints a line and returns None if it failed."""
     asked = {**vars(options), **dataclasses.asdict(rates), "robots": robots}
     values = measured("load", {field.name: asked[field.name] for field in dataclasses.fields(LoadConfig)})
     if values is None:

@@ -1,4 +1,4 @@
-"""``pioneer_bench traffic``: fleets that keep the right of way, in simulated narrow and shipped worlds, without ROS."""
+"""``pioneer_bench traffic``: right of way for fleets in simulated narrow and shipped worlds, without ROS."""
 
 import argparse
 import json
@@ -24,12 +24,12 @@ _TRIALS = "trials.jsonl"
 _LIMIT = 1800.0
 """Simulated seconds after which a trial counts as stuck."""
 _WAIT = 10.0
-"""Seconds that one of two robots may wait in the bay, beside 1.5 times what it needs alone."""
+"""Time that one of two robots may wait in the bay, in addition to 1.5 times its time alone [s]."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """One trial."""
+    """Results of one trial."""
 
     world: str
     robots: int
@@ -46,7 +46,7 @@ class Result:
 
     @property
     def key(self) -> tuple[str, int, int, int]:
-        """What distinguishes one trial from the others: world, robots, seed, waypoints of each robot."""
+        """The trial's key: world, robots, seed, waypoints per robot."""
         return self.world, self.robots, self.seed, self.waypoints
 
 
@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Drives all trials; returns 0 where every goal holds, 1 where one does not."""
+    """Drives all trials; returns 0 if every goal is met, 1 if one is missed."""
     options.output.mkdir(parents=True, exist_ok=True)
     results = _results(options)
     remark = "A sample is a trial. Seconds are simulated ones."
@@ -74,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _results(options: argparse.Namespace) -> list[Result]:
-    """Returns the results of all trials asked for; each is written to a file as soon as it is there."""
+    """Returns the results of all requested trials; appends each to a file as soon as it is available."""
     asked = [
         (world, robots, seed, options.waypoints)
         for seed in range(options.seeds)
@@ -157,7 +157,7 @@ def _rows(results: Sequence[Result]) -> list[Row]:
 
 
 def _draw(results: Sequence[Result], path: Path) -> None:
-    """Draws completion time against the sum of the robots' times alone."""
+    """Plots completion time against the sum of the robots' times alone."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -193,7 +193,7 @@ def _draw(results: Sequence[Result], path: Path) -> None:
 
 
 def _draw_densest(results: Sequence[Result], path: Path) -> None:
-    """Drives the trial with the most robots for the places of its world again, and draws where they went."""
+    """Repeats the trial with the most robots per place of its roadmap, and draws the robots' tracks."""
     import matplotlib
 
     matplotlib.use("Agg")

@@ -1,4 +1,4 @@
-"""``pioneer_bench web``: what the fleet page costs the base station, by the number of pages that are open."""
+"""``pioneer_bench web``: cost of the fleet page on the base station, by number of open pages."""
 
 import argparse
 import contextlib
@@ -29,7 +29,7 @@ CPU_GOALS = {1: 0.15, 10: 0.4}
 BYTES_GOAL = 200e3
 START = 120.0
 SETTLE = 6.0
-"""Longer than subscriptions outlast the last page [s]."""
+"""Longer than subscriptions remain after the last page has closed [s]."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Measures; returns 0 where every goal holds, 1 where one does not, 2 where the bench failed."""
+    """Runs the bench; returns 0 if every goal is met, 1 if one is missed, 2 if the bench failed."""
     rows: list[Row] = []
     try:
         with _server(options.robots) as (url, pid):
@@ -59,11 +59,11 @@ def run(options: argparse.Namespace) -> int:
 
 @contextlib.contextmanager
 def _server(robots: int) -> Iterator[tuple[str, int]]:
-    """Yields address and process of a page of the tests' stand-in, whose robots all drive."""
+    """Yields address and process id of a fleet page on the tests' stand-in fleet, with all robots driving."""
     stand_in = Path(rospkg.RosPack().get_path("pioneer_web")) / "test" / "e2e" / "stand_in.py"
     with (
         tempfile.TemporaryDirectory(prefix="pioneer-bench-") as folder,
-        # rosmaster, in this process, prints a traceback for each node that has ended.
+        # rosmaster runs in this process and prints a traceback for each node that has ended.
         open(Path(folder) / "master.log", "w") as log, contextlib.redirect_stderr(log),
         Master() as master, PortReservation() as ports, ProcessGroup() as group,
     ):  # fmt: skip
@@ -77,7 +77,7 @@ def _server(robots: int) -> Iterator[tuple[str, int]]:
         wait_until(lambda: _answers(group, url), "the page's server", START)
         with _page(url) as socket:
             for number in range(1, robots + 1):
-                # Far off, so that it drives, with plan and costmap, to the end of the bench.
+                # Far away, so that it drives, with plan and costmap, until the end of the bench.
                 name = f"pioneer{number}"
                 sent = json.dumps({"do": "drive", "robots": [name], "x": 9000, "y": 0})
                 wait_until(functools.partial(_is_done, socket, sent), f"{name}'s goal", START)
@@ -90,7 +90,7 @@ def _answers(group: ProcessGroup, url: str) -> bool:
 
 
 def _cookie(url: str) -> str:
-    """Returns the cookie of a new session; empty while the server does not answer."""
+    """Returns the cookie of a new session; empty if the server does not answer yet."""
     try:
         with urllib.request.urlopen(f"http://{url}/login", TOKEN.encode(), timeout=5.0) as answer:
             return str(answer.headers["Set-Cookie"]).partition(";")[0]
@@ -115,7 +115,7 @@ def _rows(url: str, pid: int, count: int, options: argparse.Namespace) -> list[R
         for number in range(count):
             socket = stack.enter_context(_page(url))
             threading.Thread(target=_drain, args=(socket, sizes, number), daemon=True).start()
-        time.sleep(SETTLE)  # not for a condition: first pictures are not part of what a page costs while it is open
+        time.sleep(SETTLE)  # not a wait for a condition: the first pictures must not count as running cost
         costs, flows = [], list[float]()
         for _ in range(options.repetitions):
             began, cpu, size = time.monotonic(), _cpu(pid), sum(sizes)

@@ -1,4 +1,4 @@
-"""``pioneer_bench worlds``: what each world costs to load and to run with ten robots, and whether beams are true."""
+"""``pioneer_bench worlds``: cost of loading each world and running it with ten robots, and accuracy of its scans."""
 
 import argparse
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Runs each world in a process of its own; returns 0 where all goals hold, else 1."""
+    """Runs each world in a separate process; returns 0 if all goals are met, else 1."""
     package = Path(rospkg.RosPack().get_path("pioneer_gazebo"))
     shipped = sorted([*(package / "worlds").glob("*.world"), *(package / "test" / "world").glob("*.world")])
     figures = []

@@ -1,1 +1,1 @@
-"""The main job: a fleet on several masters in one command, its live view and its report."""
+"""Runs a fleet on several masters with one command: start-up, live view and report."""

@@ -1,4 +1,4 @@
-"""ROS messages to and from the values of the core."""
+"""Converts between ROS messages and core values."""
 
 import math
 from collections.abc import Iterator
@@ -13,17 +13,17 @@ from pioneer_fleet.conversions import pose_from_message
 from pioneer_fleet.core.geometry import Pose
 
 BEAMS_KEPT = 180
-"""Of each scan for a film, about."""
+"""Approximate number of beams kept per scan for a video."""
 
 
 def floor_from_grid(message: Any) -> Floor:
-    """Returns the floor of a ``nav_msgs/OccupancyGrid`` whose ``data`` is an array, of a map that is not turned."""
+    """Returns the floor of an unrotated ``nav_msgs/OccupancyGrid`` whose ``data`` is a numpy array."""
     cells, corner = message.data.reshape(message.info.height, message.info.width), message.info.origin.position
     return floor_from_cells(cells, message.info.resolution, corner.x, corner.y)
 
 
 def hits_from_scan(message: Any, mount: Pose) -> Hits:
-    """Returns where a ``sensor_msgs/LaserScan``'s beams ended, in the frame that its sensor's ``mount`` is given in."""
+    """Returns the end points of a ``sensor_msgs/LaserScan``'s beams, in the parent frame of the sensor's ``mount``."""
     every = max(1, len(message.ranges) // BEAMS_KEPT)
     ranges = np.asarray(message.ranges[::every], np.float32)
     angles = mount.yaw + message.angle_min + np.arange(len(ranges)) * message.angle_increment * every
@@ -32,7 +32,7 @@ def hits_from_scan(message: Any, mount: Pose) -> Hits:
 
 
 def counters_from_diagnostics(message: Any) -> Iterator[tuple[str, int, int]]:
-    """Yields name, messages and bytes so far of each gateway's connection in a ``diagnostic_msgs/DiagnosticArray``."""
+    """Yields name, message count and byte count of each gateway connection in a ``diagnostic_msgs/DiagnosticArray``."""
     for status in message.status:
         values = {one.key: one.value for one in status.values}
         if {"messages", "bytes"} <= values.keys():
@@ -40,9 +40,9 @@ def counters_from_diagnostics(message: Any) -> Iterator[tuple[str, int, int]]:
 
 
 def speed_from_truth(message: Any) -> tuple[float, float]:
-    """Returns the speeds forwards [m/s] and anticlockwise [rad/s] of a robot's ``base_pose_ground_truth``.
+    """Returns forward speed [m/s] and yaw rate [rad/s] from a robot's ``base_pose_ground_truth``.
 
-    The p3d plugin gives velocities in the world's frame, unlike odometry.
+    Unlike odometry, the p3d plugin gives velocities in the world frame.
     """
     pose, velocity = pose_from_message(message.pose.pose), message.twist.twist
     forwards = math.cos(pose.yaw) * velocity.linear.x + math.sin(pose.yaw) * velocity.linear.y
@@ -50,12 +50,12 @@ def speed_from_truth(message: Any) -> tuple[float, float]:
 
 
 def status_from_message(message: Any) -> str:
-    """Returns what an ``actionlib_msgs/GoalStatusArray`` says of its newest goal; empty where it says nothing."""
+    """Returns the status text of the newest goal in an ``actionlib_msgs/GoalStatusArray``; empty if there is none."""
     return message.status_list[-1].text if message.status_list else ""
 
 
 def twist_from_goal(goal: Pose) -> Twist:
-    """Returns a waypoint as ``map_goal`` takes it: position in ``map`` [m], heading in degrees."""
+    """Returns a waypoint in the format of ``map_goal``: position in ``map`` [m], heading in degrees."""
     twist = Twist()
     twist.linear.x, twist.linear.y, twist.angular.z = goal.x, goal.y, math.degrees(goal.yaw)
     return twist

@@ -47,7 +47,7 @@ def test_a_fleet_drives_as_fast_as_the_processors_carry_and_no_faster_than_real_
 
 def test_a_chosen_factor_is_logged_and_a_requested_one_is_kept():
     chosen, asked = parsed("--robots", "15"), parsed("--robots", "15", "--rtf", "1")
-    assert chosen.choice == "Real-time factor 0.9: 2 processors carry no more with 15 robots (--rtf R sets another)"
+    assert chosen.choice == "Real-time factor 0.9: 2 processors sustain no more with 15 robots (--rtf R sets another)"
     assert (asked.real_time_factor, asked.choice) == (1.0, "")
 
 

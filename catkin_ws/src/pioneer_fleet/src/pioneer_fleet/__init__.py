@@ -1,1 +1,1 @@
-"""How one computer of the fleet does."""
+"""Status reports, recording, replay and teleoperation of the fleet."""

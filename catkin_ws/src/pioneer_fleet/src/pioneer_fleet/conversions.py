@@ -1,4 +1,4 @@
-"""ROS messages to values of the core."""
+"""Converts ROS messages to core values."""
 
 import xml.etree.ElementTree as ElementTree
 from typing import Any
@@ -8,20 +8,20 @@ from pioneer_fleet.core.monitor import ClientState, Queue
 
 
 def queue_from_message(message: Any) -> Queue:
-    """Returns the contents of a ``simple_navigation_goals/WaypointQueue`` that a monitor keeps."""
+    """Returns the `Queue` of a ``simple_navigation_goals/WaypointQueue``."""
     waiting = len(message.waiting) + bool(message.current.header.frame_id)
     counts = (message.received, message.reached, message.aborted)
     return Queue(ClientState(message.state), *counts, message.text, waiting)
 
 
 def pose_from_message(message: Any) -> Pose:
-    """Returns a ``geometry_msgs/Pose`` in the plane."""
+    """Returns a ``geometry_msgs/Pose`` projected to 2D."""
     turn = message.orientation
     return Pose(message.position.x, message.position.y, yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w))
 
 
 def pose_from_transform(message: Any) -> Pose:
-    """Returns a ``geometry_msgs/Transform`` in the plane."""
+    """Returns a ``geometry_msgs/Transform`` projected to 2D."""
     turn, shift = message.rotation, message.translation
     return Pose(shift.x, shift.y, yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w))
 
@@ -32,7 +32,7 @@ def points_from_path(message: Any) -> Points:
 
 
 def mount_of(description: str, link: str) -> Pose:
-    """Returns where a link of a URDF sits on its root: the joints' origins in the plane, one after the other."""
+    """Returns the 2D pose of a URDF link relative to the root link, by composing the joint origins."""
     joints = dict[str, tuple[str, Pose]]()
     for joint in ElementTree.fromstring(description).iter("joint"):
         parent, child, origin = joint.find("parent"), joint.find("child"), joint.find("origin")

@@ -32,7 +32,7 @@ def test_what_was_latched_before_comes_first(path: Path) -> None:
 
 def test_a_file_that_is_none_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "run.mcap").write_bytes(b"no recording at all")
-    with pytest.raises(RecordingError, match="is no complete MCAP file"):
+    with pytest.raises(RecordingError, match="is not a complete MCAP file"):
         contents(tmp_path / "run.mcap")
 
 

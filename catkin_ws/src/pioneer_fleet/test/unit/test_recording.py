@@ -99,5 +99,5 @@ def assert_replayed(path: Path, environment: dict[str, str]) -> None:
 def test_a_file_that_is_no_recording_is_named(tmp_path: Path) -> None:
     for name in ("a.mcap", "a.bag"):
         (tmp_path / name).write_bytes(b"nothing")
-        with pytest.raises(RecordingError, match=f"{name} is no complete"):
+        with pytest.raises(RecordingError, match=f"{name} is not a complete"):
             next(messages_of(tmp_path / name))

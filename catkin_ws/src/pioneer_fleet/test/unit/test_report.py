@@ -28,7 +28,7 @@ def test_a_rule_that_thins_messages_out_is_in_force() -> None:
     report = robot(gateway="g", hub="h", rules={**ACTIVE, "flip base_scan": "rate-limited"})
     assert report.stage is Stage.LINKED
     assert report.as_json(0.0)["active"] == 3
-    assert report.lacks == "no odometry has come"
+    assert report.lacks == "no odometry received"
 
 
 def test_a_tool_that_has_ended_leaves_no_rule_to_wait_for() -> None:

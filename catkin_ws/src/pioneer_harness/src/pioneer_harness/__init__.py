@@ -1,1 +1,1 @@
-"""Masters on free ports, wait-for-condition and process groups that always end, for tests and the demo."""
+"""Test and demo harness: masters on free ports, waiting for conditions, process groups that always clean up."""

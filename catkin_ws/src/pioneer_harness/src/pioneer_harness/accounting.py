@@ -1,4 +1,4 @@
-"""CPU time and memory of a tree of processes by kind, those that have ended included."""
+"""Accounts CPU time and memory of a process tree by kind, including processes that have ended."""
 
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
@@ -10,11 +10,11 @@ KindOf = Callable[[Sequence[str]], str]
 
 @dataclasses.dataclass(frozen=True)
 class Usage:
-    """What the processes of one kind have cost."""
+    """Resource usage of all processes of one kind."""
 
     cpu: float  #: [s] user and system time since their start
-    rss: int  #: [bytes] the largest sum of resident memory seen at one sample, shared pages counted in each
-    processes: int  #: how many were seen
+    rss: int  #: [bytes] peak over the samples of the summed resident memory; shared pages count in each process
+    processes: int  #: number of processes seen
 
 
 @dataclasses.dataclass
@@ -27,8 +27,8 @@ class _Record:
 class Account:
     """Adds up samples of processes.
 
-    A process that ends keeps the CPU time of its last sample. Children that lived between two samples only show in
-    their parent's waited-for time: what of that is not accounted for by known children counts as the kind ``short``.
+    An ended process keeps the CPU time of its last sample. Children that lived only between two samples show up only in
+    their parent's waited-for time: the part of it that known children do not explain counts as kind ``short``.
     """
 
     def __init__(self, kind_of: KindOf, short: str = "other") -> None:
@@ -38,7 +38,7 @@ class Account:
         self._peak_rss: dict[str, int] = {}
 
     def add(self, states: Iterable[ProcessState], arguments_of: Callable[[int], Sequence[str]]) -> None:
-        """Takes in one sample: all processes of the tree that exist now."""
+        """Adds one sample: all processes of the tree that exist now."""
         seen = set()
         for state in states:
             key = (state.pid, state.started)
@@ -49,7 +49,7 @@ class Account:
         self._note_rss()
 
     def usage(self) -> dict[str, Usage]:
-        """Returns each kind's cost up to the last sample."""
+        """Returns each kind's usage up to the last sample."""
         cpu: dict[str, float] = {}
         count: dict[str, int] = {}
         for record in self._records.values():
@@ -63,7 +63,7 @@ class Account:
 
     def _update(self, key: tuple[int, int], state: ProcessState, arguments_of: Callable[[int], Sequence[str]]) -> None:
         record = self._records.get(key)
-        if not state.alive:  # a zombie has no command line any more, but its last times
+        if not state.alive:  # a zombie has no command line, but still its final CPU times
             if record is not None:
                 record.state = dataclasses.replace(state, rss=0)
             return

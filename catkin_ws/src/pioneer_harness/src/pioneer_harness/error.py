@@ -1,16 +1,16 @@
-"""The errors of this package, one tree."""
+"""Exception hierarchy of this package."""
 
 
 class HarnessError(Exception):
-    """Root of every error that the harness raises."""
+    """Base class of all harness errors."""
 
 
 class WaitError(HarnessError):
-    """What was awaited did not come about in time; the message names it and the last value seen."""
+    """A wait timed out; the message names the condition and its last value."""
 
 
 class PortError(HarnessError):
-    """No port of a range is free."""
+    """No port in the range is free."""
 
 
 class ProcessStartError(HarnessError):
@@ -18,4 +18,4 @@ class ProcessStartError(HarnessError):
 
 
 class ProcessDiedError(HarnessError):
-    """A process ended that was to live; the message names it, how it ended, and its last lines of output."""
+    """A process ended unexpectedly; the message gives its name, how it ended, and its last lines of output."""

@@ -1,4 +1,4 @@
-"""Another machine: a network namespace at the other end of a cable that can be cut, narrowed and made to lose."""
+"""Emulates a second machine: a network namespace on a virtual cable that can be cut, rate-limited or made lossy."""
 
 import os
 import socket
@@ -7,27 +7,27 @@ import subprocess
 from pioneer_harness.error import HarnessError
 
 _NETWORK, _CABLES = "10.231.77", 64
-"""Each cable takes four of the network's addresses."""
+"""Each cable uses four addresses of the network."""
 
 
 class MachineError(HarnessError):
-    """This machine will not let us make another one."""
+    """This machine does not allow a network namespace to be set up."""
 
 
 class FarMachine:
-    """A network namespace, joined to ours by a pair of virtual Ethernet devices.
+    """A network namespace, connected to ours by a veth pair.
 
     Raises:
-        MachineError: that needs CAP_NET_ADMIN and CAP_SYS_ADMIN (root, and no unprivileged container).
+        MachineError: CAP_NET_ADMIN or CAP_SYS_ADMIN is missing (needs root, and no unprivileged container).
     """
 
     def __init__(self) -> None:
         number, self._reserved = _free_cable()
-        #: there: that of the other end
-        #: here: our address on the cable, which no other machine of ours has
+        #: there: address of the far end
+        #: here: our address on the cable, unique among our emulated machines
         self.here, self.there = (f"{_NETWORK}.{4 * number + end}" for end in (1, 2))
         self.name, self._near = f"pioneer-{os.getpid()}-{number}", f"pioneer{number}"
-        self.prefix = ("ip", "netns", "exec", self.name)  #: a command that runs another one there
+        self.prefix = ("ip", "netns", "exec", self.name)  #: command prefix that runs a command there
         try:
             _run("ip", "netns", "add", self.name)
             _run("ip", "link", "add", self._near, "type", "veth", "peer", "name", "eth0", "netns", self.name)
@@ -45,39 +45,39 @@ class FarMachine:
         _run(*self.prefix, *argv)
 
     def unplug(self) -> None:
-        """Cuts the cable at the far end: no packet arrives any more, neither here nor there."""
+        """Unplugs the cable at the far end: packets no longer arrive in either direction."""
         self.run("ip", "link", "set", "eth0", "down")
 
     def plug(self) -> None:
-        """Mends the cable."""
+        """Plugs the cable in again."""
         self.run("ip", "link", "set", "eth0", "up")
 
     def narrow(self, rate: str) -> None:
-        """Lets no more than `rate` (as tc writes it) come from there."""
+        """Limits the traffic from there to `rate`, in tc's notation."""
         self.run(
             "tc", "qdisc", "replace", "dev", "eth0", "root", "tbf", "rate", rate, "burst", "16kb", "latency", "400ms"
         )
 
     def widen(self) -> None:
-        """Takes `narrow` back."""
+        """Removes the rate limit."""
         self.run("tc", "qdisc", "delete", "dev", "eth0", "root")
 
     def lose(self, share: float) -> None:
-        """Drops this share of all packets that arrive there."""
+        """Drops a random ``share`` of all packets that arrive there."""
         match = ("-m", "statistic", "--mode", "random", "--probability", str(share))
         self.run("iptables", "-A", "INPUT", "-i", "eth0", *match, "-j", "DROP")
 
     def close(self) -> None:
-        """Takes all of it away; its processes must have ended."""
+        """Removes the namespace and the cable; its processes must have ended."""
         subprocess.run(["ip", "link", "delete", self._near], capture_output=True, check=False)
         subprocess.run(["ip", "netns", "delete", self.name], capture_output=True, check=False)
         self._reserved.close()
 
 
 def _free_cable() -> tuple[int, socket.socket]:
-    """Returns a cable number that is free on this machine, and the socket that reserves it until it is closed.
+    """Returns a free cable number, and the socket that reserves it until closed.
 
-    As with `PortReservation`, that is a name that lives as long as its socket.
+    As in `PortReservation`, the reservation is an abstract socket name that lives as long as its socket.
     """
     for number in range(_CABLES):
         name = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)

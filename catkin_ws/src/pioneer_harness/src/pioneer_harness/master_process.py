@@ -1,4 +1,4 @@
-"""A ROS master as a process of its own, which can be killed, restarted, and run on another machine."""
+"""Runs a ROS master in a separate process, which can be killed, restarted, or run on another machine."""
 
 import os
 import signal
@@ -11,14 +11,14 @@ from pioneer_harness.wait import START, wait_until
 
 
 class MasterProcess(MasterClient):
-    """Looks like `pioneer_harness.masters.Master`; ends with its group.
+    """Has the interface of `pioneer_harness.masters.Master`; ends with its group.
 
     Args:
-        group: what starts it.
-        port: where it listens.
-        folder: for its log and its nodes'.
+        group: the process group that starts it.
+        port: its TCP port.
+        folder: for its log and its nodes' logs.
         host: its address.
-        prefix: a command that runs others elsewhere, such as in a network namespace.
+        prefix: command prefix that runs it elsewhere, such as in a network namespace.
     """
 
     def __init__(
@@ -36,11 +36,11 @@ class MasterProcess(MasterClient):
         return pid
 
     def restart(self) -> None:
-        """Kills the master and starts it again, with nothing in it."""
+        """Kills the master and starts it again without any state."""
         os.kill(self._pid, signal.SIGKILL)
         wait_until(lambda: not is_running(self.uri), "the master's end", 5)
         self._pid = self._start()
 
     def stop(self) -> None:
-        """Closes our own connection; the process ends with its group."""
+        """Closes our connections; the process itself ends with its group."""
         self.close_clients()

@@ -1,4 +1,4 @@
-"""Real ROS masters inside a test's process, each on a port of its own."""
+"""Real ROS masters inside the test process, each on its own port."""
 
 import os
 import socket
@@ -15,10 +15,10 @@ _LOOPBACK = "127.0.0.1"
 
 
 class _ClosingProxy(rosmaster.util.ServerProxy):  # type: ignore[misc]
-    """A proxy that closes its connection with its end.
+    """A proxy that closes its connection when it is deleted.
 
-    rosmaster's workers keep theirs by thread, and end some time after their master: open sockets would be reported in
-    whichever test runs then.
+    rosmaster's worker threads each keep a connection and end some time after their master: the open sockets would be
+    reported in whichever test runs then.
     """
 
     def __del__(self) -> None:
@@ -29,7 +29,7 @@ rosmaster.util.ServerProxy = _ClosingProxy
 
 
 class MasterClient:
-    """Calls of a master's API, on connections that ``close_clients`` closes."""
+    """Client of a master's API; ``close_clients`` closes its connections."""
 
     def __init__(self, uri: str) -> None:
         self.uri = uri  #: the master's address, ``http://127.0.0.1:PORT/``
@@ -37,13 +37,13 @@ class MasterClient:
         self._client = self.proxy()
 
     def proxy(self, name: str = "/pioneer_harness") -> rosgraph.Master:
-        """Returns a client of the master's API that calls itself ``name``."""
+        """Returns a client of the master's API under the node name ``name``."""
         client = rosgraph.Master(name, master_uri=self.uri)
         self._clients.append(client)
         return client
 
     def system_state(self) -> tuple[dict[str, list[str]], ...]:
-        """Returns publishers, subscribers and service providers: each topic's or service's node names."""
+        """Returns publishers, subscribers and services, each as a dict from topic or service to node names."""
         return tuple(dict(rows) for rows in self._client.getSystemState())
 
     def set_param(self, name: str, value: Any) -> None:
@@ -51,7 +51,7 @@ class MasterClient:
         self._client.setParam(name, value)
 
     def get_param(self, name: str) -> Any:
-        """Returns a parameter by its full name; ``rosgraph.MasterError`` where there is none."""
+        """Returns a parameter by its full name; raises ``rosgraph.MasterError`` if it is not set."""
         return self._client.getParam(name)
 
     def close_clients(self) -> None:
@@ -61,20 +61,20 @@ class MasterClient:
 
 
 class Master(MasterClient):
-    """A ROS master of one's own, as a context manager; several may live at once."""
+    """A private ROS master, as a context manager; several may run at once."""
 
     def __init__(self, port: int = 0) -> None:
-        """Starts it; 0 is any free port."""
+        """Starts the master; port 0 picks any free port."""
         self._home = tempfile.TemporaryDirectory(prefix="pioneer-master-")
-        self.home = Path(self._home.name)  #: a temporary directory for ``ROS_HOME`` (logs), removed at the end
+        self.home = Path(self._home.name)  #: temporary ``ROS_HOME`` (logs), removed by `stop`
         self._master = rosmaster.master.Master(port=port)
         self._master.start()
-        self.port = int(self._master.master_node.port)  #: its port
+        self.port = int(self._master.master_node.port)  #: its TCP port
         super().__init__(f"http://{_LOOPBACK}:{self.port}/")
 
     @property
     def environment(self) -> dict[str, str]:
-        """This process's environment, pointed at the master: for the nodes that a test starts."""
+        """This process's environment with the master's address, for nodes that a test starts."""
         return {**os.environ, **environment(self.uri, self.home)}
 
     def stop(self) -> None:
@@ -84,8 +84,8 @@ class Master(MasterClient):
             return
         self.close_clients()
         server, node.is_shutdown = node.server, True
-        # rosmaster closes the socket under its own loop, which then spins; the loop is ended first, by a
-        # connection that wakes it.
+        # rosmaster closes the socket while its server loop still uses it, which then spins. So end the loop first: a
+        # connection wakes it up.
         ending = threading.Thread(target=server.shutdown)
         ending.start()
         while ending.is_alive():

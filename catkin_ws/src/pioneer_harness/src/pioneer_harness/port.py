@@ -1,4 +1,4 @@
-"""Free TCP ports, reserved so that two programs side by side never choose the same one."""
+"""Reserves free TCP ports so that two programs running in parallel never choose the same one."""
 
 import contextlib
 import socket
@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 from pioneer_harness.error import PortError
 
-# Above it the kernel picks the ports of outgoing connections, so what is free now need not be free in a second.
+# From here up the kernel picks ports for outgoing connections, so a free port may be taken a second later.
 _FIRST_EPHEMERAL = 32768
 _STRIDE = 1000
 
 
 class PortReservation:
-    """Ports that are free and that no other reservation of this machine holds, until ``release``.
+    """Holds free ports that no other reservation on this machine holds, until ``release``.
 
     A reservation is an abstract Unix socket named after the port. Such names live as long as the socket and are
     private to a network namespace, exactly as ports are; a killed process leaves none behind.
@@ -22,7 +22,7 @@ class PortReservation:
         self._held: dict[int, socket.socket] = {}
 
     def take(self, preferred: int) -> int:
-        """Returns ``preferred`` where it is free, else the first free one of that number plus 1000, 2000, …
+        """Returns ``preferred`` if it is free, else the first free port of ``preferred`` + 1000, + 2000, …
 
         Raises:
             PortError: none of them is free.
@@ -33,7 +33,7 @@ class PortReservation:
         raise PortError(f"no free port: tried {preferred}, then every {_STRIDE} above it")
 
     def release(self) -> None:
-        """Gives all reserved ports back."""
+        """Releases all reserved ports."""
         while self._held:
             self._held.popitem()[1].close()
 
@@ -60,9 +60,9 @@ class PortReservation:
 
 
 def is_free(port: int) -> bool:
-    """Returns whether a server could listen on ``port`` of every interface now."""
+    """Returns whether a server could listen on ``port`` on all interfaces now."""
     with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_STREAM)) as server:
-        # As ROS masters and redis do: what lingers of closed connections does not matter.
+        # As ROS masters and Redis do: connections in TIME_WAIT do not matter.
         server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             server.bind(("", port))

@@ -1,4 +1,4 @@
-"""The state of processes, read from ``/proc``."""
+"""Reads the state of processes from ``/proc``."""
 
 import ctypes
 import dataclasses
@@ -16,15 +16,15 @@ _libc = ctypes.CDLL(None, use_errno=True)
 
 @dataclasses.dataclass(frozen=True)
 class ProcessState:
-    """One process at one moment."""
+    """Snapshot of one process."""
 
-    pid: int  #: its number
-    parent: int  #: its parent's number
-    session: int  #: its session's leader
+    pid: int  #: process id
+    parent: int  #: its parent's pid
+    session: int  #: pid of its session leader
     alive: bool  #: False for a zombie
-    started: int  #: [clock ticks since boot] with the pid this names a process for good
+    started: int  #: [clock ticks since boot] together with the pid this identifies a process uniquely
     cpu: float  #: [s] user and system time of its own threads
-    waited_cpu: float  #: [s] the same of its children that ended and were waited for, and of theirs
+    waited_cpu: float  #: [s] the same for ended descendants that were waited for
     rss: int  #: [bytes] resident memory, shared pages included
 
 
@@ -39,19 +39,19 @@ def become_subreaper() -> None:
 
 
 def process_states() -> dict[int, ProcessState]:
-    """Returns all processes of the machine that can be seen, by pid."""
+    """Returns all visible processes of the machine by pid."""
     states = (process_state(int(name)) for name in os.listdir("/proc") if name.isdigit())
     return {state.pid: state for state in states if state is not None}
 
 
 def process_state(pid: int) -> ProcessState | None:
-    """Returns the state of ``pid``, or None where there is no such process."""
+    """Returns the state of ``pid``, or None if there is no such process."""
     text = _read(pid, "stat")
     return _state_from_stat(pid, text.decode(errors="replace")) if text else None
 
 
 def arguments(pid: int) -> tuple[str, ...]:
-    """Returns the command line of ``pid``, empty for a zombie, a kernel thread, or none at all."""
+    """Returns the command line of ``pid``; empty for a zombie, a kernel thread, or a process that does not exist."""
     text = _read(pid, "cmdline")
     return tuple(part.decode(errors="replace") for part in text.split(b"\0")[:-1])
 
@@ -76,7 +76,7 @@ def descendants(states: dict[int, ProcessState], roots: Iterable[int]) -> set[in
 
 
 def processors(control_group: Path = _CONTROL_GROUP) -> float:
-    """Returns how many processors' time this process may use: those it may run on, or less by its container's quota."""
+    """Returns how many processors this process may use, limited by its affinity and its container's CPU quota."""
     return min(float(len(os.sched_getaffinity(0))), _quota(control_group))
 
 
@@ -95,12 +95,12 @@ def _read(pid: int, name: str) -> bytes:
     try:
         with open(f"/proc/{pid}/{name}", "rb", buffering=0) as file:
             return file.read()
-    except OSError:  # it ended meanwhile, or belongs to another user
+    except OSError:  # the process has ended, or belongs to another user
         return b""
 
 
 def _state_from_stat(pid: int, text: str) -> ProcessState:
-    # The name stands in brackets and may hold anything; the numbers follow the last bracket (proc(5), from field 3).
+    # The name is in brackets and may contain anything; the numbers follow the last bracket (proc(5), from field 3).
     fields = text[text.rindex(")") + 2 :].split()
     user, system, waited_user, waited_system = (int(field) for field in fields[11:15])
     return ProcessState(

@@ -1,4 +1,4 @@
-"""Groups of processes that always end, with whatever they started themselves."""
+"""Process groups that are always cleaned up, including all descendants."""
 
 import dataclasses
 import os
@@ -24,13 +24,13 @@ from pioneer_harness.proc import (
     process_states,
 )
 
-# Each group has a variable of its own, so that a process stays recognisable to this group though it was started by
-# another one inside: a test's, under the test runner's.
+# Each group has its own variable, so that it recognises its processes even if a nested group started them, such as a
+# test's group inside the test runner's.
 _VARIABLE = "PIONEER_PROCESS_GROUP_"
 _POLL_INTERVAL = 0.02
 _LAST_LINES = 15
-# A shell starts background jobs with SIGINT ignored, which children would inherit; and a user who kills this process
-# with SIGKILL must not leave its children running.
+# A shell starts background jobs with SIGINT ignored, which children would inherit. And when this process is killed
+# with SIGKILL, its children must end too.
 _PREFIX = ("/usr/bin/env", "--default-signal=INT", "/usr/bin/setpriv", "--pdeathsig", "TERM", "--")
 
 
@@ -39,9 +39,9 @@ class Death:
     """A process that died unexpectedly."""
 
     name: str  #: as given to ``start``
-    pid: int  #: its process number
-    status: int  #: as ``subprocess.Popen.returncode``: minus the signal's number where one ended it
-    log: Path | None  #: where its output went, if into a file
+    pid: int  #: its process id
+    status: int  #: as ``subprocess.Popen.returncode``: negative signal number if a signal ended it
+    log: Path | None  #: its log file, if any
 
     def __str__(self) -> str:
         how = (
@@ -62,13 +62,13 @@ class _Member:
 
 
 class ProcessGroup:
-    """Starts processes, notices at once when one ends, and ends all of them with all their descendants.
+    """Starts processes, detects at once when one ends, and finally ends all of them with all their descendants.
 
-    Each process leads a session of its own and gets SIGTERM should this process die first. This process becomes a
-    subreaper, so that descendants stay findable when their own parent dies. Nothing is ever signalled that did not
-    come from ``start``: descendants are recognised by the process tree and by a variable in their environment.
+    Each process leads its own session and gets SIGTERM if this process dies first. This process becomes a subreaper, so
+    that descendants can be found after their parent died. Only processes that come from ``start`` are ever signalled:
+    descendants are recognised by the process tree and by a variable in their environment.
 
-    Threads: one, which sleeps until a process ends. ``start`` is to be called from a thread that lives as long as
+    Threads: one, which sleeps until a process ends. Call ``start`` from a thread that lives as long as
     the group, because Linux delivers the parent-death signal when the *thread* ends.
     """
 
@@ -100,12 +100,12 @@ class ProcessGroup:
         """Starts ``argv`` and returns its pid.
 
         Args:
-            name: what the process is called in messages.
+            name: name of the process in messages.
             argv: program and arguments; the program is looked up on the PATH of ``env``.
-            env: the whole environment; this process's own where None.
-            log: file that its output is appended to; without one it shares this process's output.
-            may_end: it is no death when the process ends with status 0.
-            folder: where it runs; this process's own directory where None.
+            env: the whole environment; None for this process's.
+            log: file to append its output to; None to share this process's output.
+            may_end: exit status 0 is not an unexpected end.
+            folder: working directory; None for this process's.
 
         Raises:
             ProcessStartError: there is no such program or folder, the log cannot be opened, or the group is stopping.
@@ -137,28 +137,28 @@ class ProcessGroup:
             return tuple(self._deaths)
 
     def check(self) -> None:
-        """Raises ``ProcessDiedError`` if a process has ended that was to live."""
+        """Raises ``ProcessDiedError`` if a process has ended unexpectedly."""
         if deaths := self.deaths:
             raise ProcessDiedError(str(deaths[0]))
 
     def is_running(self, name: str) -> bool:
-        """Returns whether a process of that name has not ended."""
+        """Returns whether a process with this name is running."""
         with self._changed:
             return any(member.name == name and member.popen.returncode is None for member in self._members.values())
 
     def kill(self, name: str) -> None:
-        """Ends a process and all its descendants by SIGKILL, as a power failure does; that is no unexpected end."""
+        """Kills a process and its descendants with SIGKILL, like a power failure; not counted as unexpected."""
         with self._changed:
             living = [one for one in self._members.values() if one.name == name and one.popen.returncode is None]
             for member in living:
                 member.killed = True
         pids = [pid for member in living for pid in descendants(process_states(), {member.popen.pid})]
-        # The starter first, so that it does not replace what ends.
+        # The parent first, so that it does not respawn its children.
         for pid in [*(member.popen.pid for member in living), *pids]:
             _send(pid, signal.SIGKILL)
 
     def states(self) -> dict[int, ProcessState]:
-        """Returns the processes of the group and all their descendants, orphaned ones too, zombies included."""
+        """Returns the group's processes and all their descendants, including orphans and zombies."""
         everything = process_states()
         with self._changed:
             roots = set(self._members)
@@ -170,20 +170,20 @@ class ProcessGroup:
         return ours
 
     def sample(self, account: Account) -> None:
-        """Adds the group's processes as they are now to ``account``."""
+        """Adds a sample of the group's current processes to ``account``."""
         account.add(self.states().values(), arguments)
 
     def stop(self, grace: float = 3.0, urgent: Callable[[], bool] = lambda: False) -> tuple[str, ...]:
-        """Ends everything: SIGINT to what was started, after ``grace`` [s] SIGKILL to whatever still lives.
+        """Ends everything: SIGINT to the started processes, after ``grace`` [s] SIGKILL to all that are left.
 
-        Processes that the started ones leave behind when they end get SIGINT, too.
+        Orphans that the started processes leave behind get SIGINT too.
 
         Args:
-            grace: time to end in order [s].
+            grace: time for an orderly exit [s].
             urgent: polled; the grace period ends once it returns true.
 
         Returns:
-            The command lines of the processes that had to be killed; empty when all ended by themselves.
+            The command lines of the processes that had to be killed; empty if all exited by themselves.
         """
         with self._changed:
             self._stopping = True
@@ -231,10 +231,10 @@ class ProcessGroup:
 
     def _kill_all(self) -> tuple[str, ...]:
         killed: dict[tuple[int, int], str] = {}
-        # What is killed may have had children that show up as ours only now, so until nothing is left.
+        # Children of a killed process may show up as ours only now, so repeat until nothing is left.
         while living := self._living():
             for state in living:
-                # One without a command line has given back its memory: it is ending by itself.
+                # A process without a command line has released its memory: it is exiting by itself.
                 if line := " ".join(arguments(state.pid)):
                     killed.setdefault((state.pid, state.started), line)
                 _send(state.pid, signal.SIGKILL)
@@ -277,7 +277,7 @@ class ProcessGroup:
 
 
 def last_lines(path: Path, count: int = _LAST_LINES) -> str:
-    """Returns the last ``count`` lines of a text file, indented; empty where it cannot be read."""
+    """Returns the last ``count`` lines of a text file, indented; empty if it cannot be read."""
     try:
         with path.open("rb") as file:
             file.seek(max(0, path.stat().st_size - 400 * count))
@@ -307,8 +307,8 @@ def _spawn(
 
 
 def _wait_for_the_program(pid: int) -> None:
-    """Returns when the prefix has done its work: a signal sent before that would meet the inherited handling."""
-    # In the middle of an exec there is no command line at all.
+    """Waits until the prefix commands have exec'ed the program: until then inherited signal dispositions apply."""
+    # During exec the command line is empty.
     while arguments(pid)[:1] in ((), (_PREFIX[0],), (_PREFIX[2],)):
         state = process_state(pid)
         if state is None or not state.alive:

@@ -1,4 +1,4 @@
-"""Waiting for a condition instead of for an amount of time."""
+"""Waits for a condition instead of a fixed time."""
 
 import threading
 import time
@@ -10,7 +10,7 @@ from pioneer_harness.error import WaitError
 Value = TypeVar("Value")
 
 START = 60.0
-"""So long a process may take to start [s]: that is the machine's business, and not what is tested."""
+"""Generous time-out for a process to start [s]: startup depends on the machine and is not what is tested."""
 
 _POLL_INTERVAL = 0.02
 
@@ -21,13 +21,13 @@ def wait_until(
     """Returns the first true value of ``condition()``.
 
     Args:
-        condition: called again and again, in the caller's thread.
-        what: what is awaited, for the error: "the map on /map".
+        condition: called repeatedly in the caller's thread.
+        what: description for the error: "the map on /map".
         timeout: [s] of monotonic wall time.
-        notified: where given, ``condition`` is called holding it, and again after each notification, not by polling.
+        notified: if given, ``condition`` is called with it held, after each notification instead of by polling.
 
     Raises:
-        WaitError: the condition was still false at the end; whatever ``condition`` raises passes through.
+        WaitError: the condition was still false at the time-out. Exceptions from ``condition`` pass through.
     """
     deadline = time.monotonic() + timeout
     if notified is None:

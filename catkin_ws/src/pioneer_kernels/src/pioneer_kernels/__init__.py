@@ -1,1 +1,1 @@
-"""Numba kernels declared once, compiled at build, and called with their arguments checked."""
+"""Numba kernels: declared once, compiled at build time, and called with checked arguments."""

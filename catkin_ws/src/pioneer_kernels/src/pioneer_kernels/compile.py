@@ -21,7 +21,7 @@ from numba.core.errors import NumbaError, NumbaPendingDeprecationWarning
 # numba announces that pycc will be replaced; Debian's numba is pinned by the distribution.
 warnings.simplefilter("ignore", NumbaPendingDeprecationWarning)
 
-from numba.pycc import CC  # noqa: E402 - the filter has to stand before the import that warns
+from numba.pycc import CC  # noqa: E402 - the filter must precede the import that warns
 from numba.pycc import compiler as pycc  # noqa: E402
 
 from pioneer_kernels import declaration  # noqa: E402
@@ -34,7 +34,7 @@ def numba_type(hint: Any) -> types.Type:
     """Returns numba's type for a parameter or result of a kernel.
 
     Raises:
-        KernelError: kernels cannot take a value of that type.
+        KernelError: the type is not supported in kernels.
     """
     if array := declaration.array_of(hint):
         return types.Array(numba.from_dtype(array[0]), array[1], "C")
@@ -68,7 +68,7 @@ def exported(name: str) -> list[Callable[..., Any]]:
 
 
 def _flags_releasing_gil(flags: Callable[[], Any]) -> Any:
-    """Returns numba's compiler flags with the one set that ``@njit(nogil=True)`` sets: pycc has no option for it."""
+    """Returns numba's compiler flags with the flag of ``@njit(nogil=True)`` set, since pycc has no option for it."""
     changed = flags()
     changed.release_gil = True
     return changed
@@ -84,7 +84,7 @@ def main() -> int:
     parser.add_argument("--cpu", default="host", help="LLVM processor name (default: %(default)s)")
     arguments = parser.parse_args()
     sys.path.insert(0, str(arguments.source_root))
-    # Without this, importing the kernel writes __pycache__ into the source tree as the build's user.
+    # Otherwise importing the kernel writes __pycache__ into the source tree, owned by the build's user.
     sys.dont_write_bytecode = True
     try:
         functions = exported(arguments.module)

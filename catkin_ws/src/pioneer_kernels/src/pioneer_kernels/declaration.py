@@ -1,16 +1,17 @@
-"""A kernel's interface, written once: the annotations of the function that computes it.
+"""Declares kernels: the annotations of a kernel function define its interface.
 
-At build, ``compile.py`` derives numba signatures from them. At run time a kernel module is imported without numba, and
-``@kernel`` replaces each function by its compiled form, which refuses arguments that do not match the annotations: an
-extension would read an int64 array as float64, and a tuple of the wrong length from memory that is not its own.
+At build time, ``compile.py`` derives numba signatures from them. At run time a kernel module is imported without numba,
+and ``@kernel`` replaces each function by its compiled form. That form rejects arguments that do not match the
+annotations, because the extension itself checks nothing: it would read an int64 array as float64, and a tuple of the
+wrong length beyond its end.
 
 A parameter is one of
 
 * ``int``, ``float``, ``bool``;
 * ``Array1[np.float64]``, ``Array2[…]``, ``Array3[…]``: a C-contiguous array of that type and number of dimensions;
-* a ``NamedTuple`` of such, which groups what belongs together, or ``tuple[int, int]`` and the like.
+* a group of these: a ``NamedTuple``, or ``tuple[int, int]`` and the like.
 
-It returns ``int``, ``float``, ``bool`` or ``None``. Lengths of arrays are not checked.
+A kernel returns ``int``, ``float``, ``bool`` or ``None``. Lengths of arrays are not checked.
 """
 
 import importlib
@@ -36,21 +37,21 @@ jit: Callable[..., Any] | None = None
 
 
 class KernelError(Exception):
-    """A kernel's declaration that numba cannot compile, or arguments that do not match it."""
+    """A kernel declaration that numba cannot compile, or arguments that do not match it."""
 
 
 def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
-    """Marks a function that kernels call; ``options`` are those of ``numba.njit``."""
+    """Marks a helper function that kernels call; ``options`` are those of ``numba.njit``."""
     if jit:
         return jit(function, **options)
     return function or (lambda marked: marked)
 
 
 def kernel(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """Returns the compiled form of a kernel, called with positional arguments, which are checked.
+    """Returns the compiled form of a kernel, which takes positional arguments and checks them.
 
     Raises:
-        KernelError: by the returned function, for an array, group or number of arguments that was not declared.
+        KernelError: by the returned function, if an array, a group or the number of arguments was not declared so.
     """
     if declare:
         return declare(function)
@@ -62,7 +63,7 @@ def kernel(function: Callable[Parameters, Result]) -> Callable[Parameters, Resul
 
 
 def array_of(hint: Any) -> tuple[np.dtype[Any], int] | None:
-    """Returns dtype and number of dimensions that ``Array1[…]`` and the others name; None for other hints."""
+    """Returns the dtype and number of dimensions of ``Array1[…]`` to ``Array3[…]``; None for other hints."""
     if get_origin(hint) is not Annotated:
         return None
     array, dimensions = get_args(hint)
@@ -70,7 +71,7 @@ def array_of(hint: Any) -> tuple[np.dtype[Any], int] | None:
 
 
 def fields_of(hint: Any) -> dict[str, Any] | None:
-    """Returns the hints of a group's fields by name; None for what is no group."""
+    """Returns the hints of a group's fields by name; None if ``hint`` is not a group."""
     if get_origin(hint) is tuple:
         return {str(index): each for index, each in enumerate(get_args(hint))}
     return get_type_hints(hint, include_extras=True) if isinstance(hint, type) and issubclass(hint, tuple) else None
@@ -94,7 +95,7 @@ _Groups = list[tuple[int, type[tuple[Any, ...]], int, _Arrays, "_Groups"]]  # ty
 
 
 def _checks(hints: dict[str, Any]) -> tuple[_Arrays, _Groups]:
-    """Returns (position, dtype, dimensions) of the arrays, and of groups (position, type, length) and their checks."""
+    """Returns (position, dtype, dimensions) of the arrays, and (position, type, length, inner checks) of the groups."""
     arrays, groups = [], []
     for index, hint in enumerate(hints.values()):
         if array := array_of(hint):
@@ -124,7 +125,7 @@ def _match(values: tuple[Any, ...], arrays: _Arrays, groups: _Groups) -> bool:
 
 
 def _complaint(values: tuple[Any, ...], hints: dict[str, Any], group: str = "") -> str:
-    """Says which value is the first that does not match its hint."""
+    """Returns a message that names the first value that does not match its hint."""
     if len(values) != len(hints):
         return f"{group}expected {len(hints)} values ({', '.join(hints)}), got {len(values)}"
     for (name, hint), value in zip(hints.items(), values, strict=True):

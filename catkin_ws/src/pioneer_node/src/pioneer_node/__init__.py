@@ -1,1 +1,1 @@
-"""What every node of this workspace shares: parameters, frames, entry point."""
+"""Shared basis of all nodes in this workspace: parameters, frames, entry point, launchers."""

@@ -1,4 +1,4 @@
-"""Messages as they are on the wire."""
+"""Converts messages to their wire format."""
 
 import io
 import struct
@@ -8,12 +8,12 @@ _LENGTH = struct.Struct("<I")
 
 
 def frame_of(message: Any) -> bytearray:
-    """Returns a message as TCPROS carries it: its length, then its bytes."""
+    """Returns a message as a TCPROS frame: its length, then its bytes."""
     buffer = io.BytesIO()
     message.serialize(buffer)
     return bytearray(framed(buffer.getvalue()))
 
 
 def framed(body: bytes) -> bytes:
-    """Returns a serialised message with its length before it."""
+    """Returns a serialised message with its length prefix."""
     return _LENGTH.pack(len(body)) + body

@@ -225,7 +225,7 @@ def test_a_malformed_message_and_a_failing_callback_cost_themselves_only(host: C
         say(b"\xff\xff\xff")
     say(word("fail"))
     wait_until(lambda: "RuntimeError: as asked" in one.text(), "the fault", START)
-    assert one.text().count("left out a message on /robot/words of /peer") == 1
+    assert one.text().count("dropped an invalid message on /robot/words from /peer") == 1
     wait_until(
         lambda: any("bad callback" in one.msg for _, one in peer.heard if isinstance(one, Log)), "/rosout", START
     )

@@ -1,1 +1,1 @@
-"""Right of way for fleets in narrow ways."""
+"""Right of way for fleets in narrow passages."""

@@ -1,4 +1,4 @@
-"""Messages from and to the coordinators' reports."""
+"""Conversions between messages and the coordinators' reports."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,7 +14,7 @@ from pioneer_traffic.msg import Wait as WaitMessage
 
 
 def message_from_report(report: Report, stamp: Any) -> ReportMessage:
-    """Returns a report as a message of ``stamp`` (genpy.Time)."""
+    """Returns a report as a message with ``stamp`` (genpy.Time)."""
     return ReportMessage(
         header=Header(0, stamp, "map"),
         robot=report.robot,
@@ -36,7 +36,7 @@ def message_from_report(report: Report, stamp: Any) -> ReportMessage:
 
 
 def report_from_message(message: ReportMessage, places: int) -> Report | None:
-    """Returns a message's report; None where it names a stop, a goal or a path beyond a roadmap of ``places``."""
+    """Returns the report of a message; None if a stop, goal or path is outside a roadmap of ``places``."""
     stops = [*message.held[-1:], *(place for path in message.plan.paths for place in path.places)]
     if not _are_places((*stops, message.goal), places) or any(not path.held for path in message.plan.paths):
         return None

@@ -1,1 +1,1 @@
-"""The fleet in the browser."""
+"""Web dashboard of the fleet."""

@@ -1,4 +1,4 @@
-"""ROS messages to values of the core."""
+"""Converts between ROS messages and core values."""
 
 import base64
 import io
@@ -22,7 +22,7 @@ _DEPTHS = {"16UC1": "<u2", "mono16": "<u2", "32FC1": "<f4"}
 
 
 def scan_from_message(message: Any) -> tuple[float, float, list[int]]:
-    """Returns ranges of a ``sensor_msgs/LaserScan`` [cm], some 180 of them, 0 for none; first angle and step [rad]."""
+    """Returns first angle, angle step [rad] and about 180 ranges [cm] of a ``LaserScan``; 0 means no return."""
     every = max(1, len(message.ranges) // BEAMS)
     ranges = np.asarray(message.ranges[::every], np.float32)
     valid = (ranges >= message.range_min) & (ranges <= message.range_max)
@@ -36,7 +36,7 @@ def line_from_path(message: Any) -> tuple[str, Points]:
 
 
 def costs_from_grid(message: Any) -> tuple[str, Image]:
-    """Returns frame and picture of a ``nav_msgs/OccupancyGrid`` whose ``data`` is an array."""
+    """Returns frame and image of a ``nav_msgs/OccupancyGrid`` whose ``data`` is a numpy array."""
     info = message.info
     cells = message.data.reshape(info.height, info.width)
     text = base64.b64encode(png(cells, COSTS)).decode()
@@ -45,10 +45,10 @@ def costs_from_grid(message: Any) -> tuple[str, Image]:
 
 
 def jpeg_from_image(message: Any) -> bytes:
-    """Returns a ``sensor_msgs/Image`` as JPEG: colours and grey as they are, distances from black (near) to white.
+    """Returns a ``sensor_msgs/Image`` as JPEG: colour and grey unchanged, depth from black (near) to white (far).
 
     Raises:
-        ValueError: its encoding is unknown.
+        ValueError: the encoding is not supported.
     """
     size, encoding = (message.width, message.height), message.encoding
     if encoding in _DEPTHS:
@@ -66,7 +66,7 @@ def jpeg_from_image(message: Any) -> bytes:
 
 
 def goals_from_queue(message: Any) -> tuple[Pose, ...]:
-    """Returns the waypoints of a ``simple_navigation_goals/WaypointQueue`` in ``map``, the one under way first."""
+    """Returns the waypoints in ``map`` of a ``simple_navigation_goals/WaypointQueue``, the current one first."""
     return tuple(
         pose_from_message(one.pose)
         for one in (message.current, *message.waiting)
@@ -75,13 +75,13 @@ def goals_from_queue(message: Any) -> tuple[Pose, ...]:
 
 
 def message_from_pose(pose: Pose) -> PoseMessage:
-    """Returns a pose in the plane as ``geometry_msgs/Pose``."""
+    """Returns a 2D pose as ``geometry_msgs/Pose``."""
     turn = Quaternion(0.0, 0.0, np.sin(pose.yaw / 2), np.cos(pose.yaw / 2))
     return PoseMessage(Point(pose.x, pose.y, 0.0), turn)
 
 
 def goal_from_pose(pose: Pose) -> PoseStamped:
-    """Returns a waypoint in ``map``."""
+    """Returns a waypoint in ``map`` as ``geometry_msgs/PoseStamped``."""
     message = PoseStamped(pose=message_from_pose(pose))
     message.header.frame_id = "map"
     return message

@@ -122,7 +122,7 @@ def test_a_page_of_another_origin_gets_no_socket_with_the_users_cookie(fleet):
 def test_a_viewer_sees_and_cannot_command(fleet):
     with live(fleet, Cookie=fleet.login(fleet.viewer)) as socket:
         answer = ask(socket, do="stop", robots=["pioneer1"])
-        assert answer == {"good": False, "text": "this session may only look"}
+        assert answer == {"good": False, "text": "this session is read-only"}
 
 
 @pytest.mark.parametrize(

@@ -88,7 +88,7 @@ def test_a_viewers_client_reads_and_cannot_publish(fleet):
         one.send(
             op="advertise", channels=[{"id": 1, "topic": "/pioneer1/map_goal", "schemaName": "geometry_msgs/Twist"}]
         )
-        assert "may only look" in one.await_op("status")["message"]
+        assert "is read-only" in one.await_op("status")["message"]
 
 
 def test_a_frame_that_breaks_the_protocol_is_answered_and_the_connection_lives(fleet):

@@ -1,4 +1,4 @@
-"""Messages from and to waypoints and their queue."""
+"""Conversions between messages and waypoints or their queue."""
 
 import math
 from typing import Any
@@ -23,12 +23,12 @@ def waypoint_from_twist(message: Twist, frame: str) -> Waypoint:
 
 
 def waypoint_from_pose(message: PoseStamped, frame: str) -> Waypoint:
-    """Returns a PoseStamped as a waypoint in the frame of its header, or in ``frame`` where that is empty.
+    """Returns a PoseStamped as a waypoint in the frame of its header, or in ``frame`` if that is empty.
 
-    Its height, roll, pitch and stamp are dropped.
+    Height, roll, pitch and stamp are dropped.
 
     Raises:
-        WaypointError: a number is not finite, or the orientation is no rotation.
+        WaypointError: a number is not finite, or the orientation is not a rotation.
     """
     position, turn = message.pose.position, message.pose.orientation
     yaw = yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w)
@@ -36,7 +36,7 @@ def waypoint_from_pose(message: PoseStamped, frame: str) -> Waypoint:
 
 
 def pose_from_waypoint(waypoint: Waypoint, stamp: Any) -> PoseStamped:
-    """Returns ``waypoint`` as a PoseStamped of ``stamp`` (genpy.Time)."""
+    """Returns ``waypoint`` as a PoseStamped at ``stamp`` (genpy.Time)."""
     turn = Quaternion(0.0, 0.0, math.sin(waypoint.yaw / 2.0), math.cos(waypoint.yaw / 2.0))
     return PoseStamped(Header(0, stamp, waypoint.frame), Pose(Point(waypoint.x, waypoint.y, 0.0), turn))
 
@@ -47,7 +47,7 @@ def goal_from_waypoint(waypoint: Waypoint, stamp: Any) -> MoveBaseGoal:
 
 
 def message_from_queue(queue: WaypointQueue, frame: str, stamp: Any) -> WaypointQueueMessage:
-    """Returns the status of ``queue`` at ``stamp`` (genpy.Time); ``frame`` is what its waypoints are usually in."""
+    """Returns the status of ``queue`` at ``stamp`` (genpy.Time); ``frame`` is the default frame of its waypoints."""
     return WaypointQueueMessage(
         header=Header(0, stamp, frame),
         state=int(queue.phase),

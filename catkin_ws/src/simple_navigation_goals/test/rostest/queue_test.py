@@ -104,7 +104,7 @@ class QueueTest(unittest.TestCase):
     def kill_move_base(self) -> None:
         if self.process is not None:
             os.kill(self.process, signal.SIGKILL)
-            wait_until(lambda: self.map_client.status.text.startswith("move_base is gone"), "the loss", TIMEOUT)
+            wait_until(lambda: self.map_client.status.text.startswith("move_base disconnected"), "the loss", TIMEOUT)
             type(self).process = None
 
     def sent(self, count: int) -> list[PoseStamped]:
@@ -163,7 +163,7 @@ class QueueTest(unittest.TestCase):
     def test_a_patrol_is_driven_and_a_bad_one_is_refused_in_one_line(self) -> None:
         self.start_move_base()
         start = rospy.ServiceProxy("map_goal_client/patrol", Trigger)
-        assert "names a file" in start().message
+        assert "is not set to a file" in start().message
         path = self.logs / "patrol.yaml"
         rospy.set_param("map_goal_client/patrol", str(path))
         path.write_text("waypoints: [{x: 1.0}]")

@@ -45,14 +45,14 @@ def test_the_file_may_name_another_frame(tmp_path: Path) -> None:
         ("", "a patrol needs frame, loop, waypoints"),
         ("- {x: 1, y: 2}", "a patrol needs"),
         ("waypoints: []", "a list of"),
-        ("{waypoints: [{x: 1, y: 2}], lop: true}", "knows no 'lop'"),
+        ("{waypoints: [{x: 1, y: 2}], lop: true}", "unknown field 'lop'"),
         ("waypoints: [{x: 1, y: 2}, {x: 1}]", "waypoint 2 has no y"),
         ("waypoints: [{x: 1, y: north}]", "waypoint 1: y must be a number, not 'north'"),
-        ("waypoints: [{x: 1, y: 2, yaw: 1}]", "waypoint 1 knows no 'yaw', only x, y, heading, wait"),
+        ("waypoints: [{x: 1, y: 2, yaw: 1}]", "waypoint 1: unknown field 'yaw'; known: x, y, heading, wait"),
         ("waypoints: [{x: 1, y: .nan}]", "waypoint 1: y is nan"),
         ("waypoints: [{x: 1, y: 2, wait: -1}]", "must not be negative"),
         ("{loop: 0, waypoints: [{x: 1, y: 2}]}", "loop must be"),
-        ("waypoints: [{x: 1", "no YAML"),
+        ("waypoints: [{x: 1", "is not valid YAML"),
     ],
 )
 def test_what_is_wrong_is_one_line_with_the_files_name(tmp_path: Path, text: str, words: str) -> None:

@@ -1,1 +1,1 @@
-"""Foreign things, one a module: map files, serialised messages."""
+"""Adapters to files and wire formats, one per module: map files, serialised messages."""

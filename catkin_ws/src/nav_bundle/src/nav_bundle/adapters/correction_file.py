@@ -1,4 +1,4 @@
-"""``map`` to ``odom`` on disk: where the robot is, for an amcl that starts while the robot's odometry keeps running."""
+"""``map`` to ``odom`` on disk, so that a restarted amcl recovers the pose while the odometry keeps running."""
 
 import json
 import math
@@ -10,20 +10,20 @@ from nav_bundle.core.pose import Pose
 
 
 class CorrectionFileError(NavigationError):
-    """The file cannot be read, written or removed, or holds something else."""
+    """The file cannot be read, written or removed, or its content is invalid."""
 
 
 class CorrectionFile:
-    """One file, or none where its path is empty: then nothing is read, written or removed."""
+    """The correction file at ``path``. With an empty path nothing is read, written or removed."""
 
     def __init__(self, path: str) -> None:
         self._path = Path(path) if path else None
 
     def read(self, odom_frame: str) -> Pose | None:
-        """Returns the pose of ``odom_frame`` in ``map``; None where there is no file, or it is about another robot's.
+        """Returns the pose of ``odom_frame`` in ``map``; None if there is no file or it holds another odom frame.
 
         Raises:
-            CorrectionFileError: see there.
+            CorrectionFileError: the file cannot be read, or its content is invalid.
         """
         if self._path is None:
             return None
@@ -36,14 +36,14 @@ class CorrectionFile:
             text = f"{self._path} does not hold x, y and yaw in map of an odom frame: {error}"
             raise CorrectionFileError(text) from None
         if not all(map(math.isfinite, (pose.x, pose.y, pose.yaw))):
-            raise CorrectionFileError(f"{self._path} holds a number that is none")
+            raise CorrectionFileError(f"{self._path} holds a number that is not finite")
         return pose if frame == odom_frame else None
 
     def write(self, pose: Pose, odom_frame: str) -> None:
-        """Replaces the file as a whole, so that a kill at any moment leaves the old one or the new one.
+        """Replaces the file atomically: a process killed at any moment leaves either the old or the new file.
 
         Raises:
-            CorrectionFileError: see there.
+            CorrectionFileError: the file cannot be written.
         """
         if self._path is None:
             return
@@ -55,13 +55,13 @@ class CorrectionFile:
             raise CorrectionFileError(f"cannot remember the pose in {self._path}: {error}") from None
 
     def forget(self) -> None:
-        """Removes the file, if there is one.
+        """Removes the file, if it exists.
 
         Raises:
-            CorrectionFileError: see there.
+            CorrectionFileError: the file cannot be removed.
         """
         try:
             if self._path is not None:
                 self._path.unlink(missing_ok=True)
         except OSError as error:
-            raise CorrectionFileError(f"cannot remove {self._path}, which no longer holds: {error}") from None
+            raise CorrectionFileError(f"cannot remove the outdated {self._path}: {error}") from None

@@ -1,4 +1,4 @@
-"""Maps on disk: a YAML file beside an image, as map_server has always read and written them."""
+"""Maps on disk in map_server's format: a YAML file and an image."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,10 @@ from nav_bundle.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from nav_bundle.core.pose import Pose
 
 MODES = ("trinary", "scale", "raw")
-"""How a pixel becomes a cell: free, occupied or unknown; with shades between; or the pixel's value itself (0 … 100)."""
+"""How pixels become cells.
+
+trinary: free, occupied or unknown; scale: also the values between; raw: the pixel's value itself (0 … 100).
+"""
 
 _FREE_PIXEL, _UNKNOWN_PIXEL, _OCCUPIED_PIXEL = 254, 205, 0
 _PLAIN_MODES = {"1", "L", "LA", "P", "PA", "RGB", "RGBA"}
@@ -35,30 +38,30 @@ class MapImageError(MapError):
 
 @dataclass(frozen=True)
 class MapDescription:
-    """What a map's YAML file says."""
+    """Content of a map's YAML file."""
 
     image: Path  #: path of the image
     resolution: float  #: side of a pixel [m]
     origin: Pose  #: pose of the image's lower left corner in the map frame
     occupied_thresh: float  #: a pixel at least this dark (0 … 1) is occupied
-    free_thresh: float  #: a pixel darker than that, and no darker than the former, is not free
-    negate: bool  #: white is occupied instead of black
+    free_thresh: float  #: a pixel less dark than this (0 … 1) is free; between the thresholds, see ``MODES``
+    negate: bool  #: white pixels are occupied, not black ones
     mode: str  #: one of ``MODES``
 
 
 def read_description(path: Path) -> MapDescription:
-    """Returns what the YAML file at ``path`` says; the image's path is relative to the file's folder.
+    """Returns the content of the YAML file at ``path``; the image's path is relative to the file's folder.
 
     Raises:
-        MapFileMissingError: no such file.
-        MapMetadataError: a field is missing or makes no sense.
+        MapFileMissingError: the file cannot be read.
+        MapMetadataError: a field is missing or invalid.
     """
     try:
         fields = yaml.safe_load(path.read_text())
     except OSError as error:
         raise MapFileMissingError(f"cannot read the map {path}: {error.strerror}") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise MapMetadataError(f"{path} is no YAML: {' '.join(str(error).split())}") from None
+        raise MapMetadataError(f"{path} is not valid YAML: {' '.join(str(error).split())}") from None
     if not isinstance(fields, dict):
         raise MapMetadataError(f"{path} does not describe a map: it needs image, resolution, origin")
     try:
@@ -93,22 +96,22 @@ def read_map(path: Path) -> Grid:
     """Returns the map that the YAML file at ``path`` describes.
 
     Raises:
-        MapError: one of its kinds above; the message names the file.
+        MapError: one of the subclasses above; the message names the file.
     """
     description = read_description(path)
     pixels = _read_pixels(description.image)
-    # The image's first row is the map's last.
+    # The image's first row is the map's last (largest y).
     cells = np.ascontiguousarray(_cell_of_pixel(description)[pixels[::-1]])
     return Grid(description.resolution, description.origin, cells)
 
 
 def _read_pixels(path: Path) -> NDArray[np.uint8]:
-    """Returns an image's brightness: the mean of its colours, transparency not counted; uint8, shape (rows, cols)."""
+    """Returns an image's brightness: the mean of its colours, ignoring alpha; uint8, shape (rows, cols)."""
     try:
         with Image.open(path) as image:
             if image.mode not in _PLAIN_MODES:
                 raise MapImageError(
-                    f"{path} has pixels of a kind a map cannot have (PIL mode {image.mode}): use 8 bits"
+                    f"{path} has an unsupported pixel format (PIL mode {image.mode}); use 8 bits per channel"
                 )
             if image.mode in ("L", "1", "LA"):
                 return np.asarray(image.convert("L"))
@@ -116,13 +119,13 @@ def _read_pixels(path: Path) -> NDArray[np.uint8]:
     except FileNotFoundError:
         raise MapFileMissingError(f"the map's image {path} does not exist") from None
     except UnidentifiedImageError:
-        raise MapImageError(f"{path} is no image") from None
+        raise MapImageError(f"{path} is not an image") from None
     except (OSError, SyntaxError, ValueError) as error:
         raise MapImageError(f"cannot read the map's image {path}: {error}") from None
 
 
 def _cell_of_pixel(description: MapDescription) -> NDArray[np.int8]:
-    """Returns the cell that each brightness 0 … 255 stands for, int8, shape (256,)."""
+    """Returns the cell value for each brightness 0 … 255, int8, shape (256,)."""
     brightness = np.arange(256)
     if description.mode == "raw":
         return np.where(brightness <= OCCUPIED, brightness, UNKNOWN).astype(np.int8)
@@ -139,9 +142,9 @@ def write_map(grid: Grid, name: Path, occupied: int = 65, free: int = 25) -> tup
 
     Args:
         grid: the map.
-        name: path without extension; its folder exists.
-        occupied: least value (0 … 100) of a cell drawn black.
-        free: greatest value of a cell drawn white; the rest is drawn grey, unknown.
+        name: path without extension; the folder must exist.
+        occupied: cells with at least this value (0 … 100) are drawn black.
+        free: cells with at most this value are drawn white; all others are grey (unknown).
 
     Raises:
         MapError: the files cannot be written.

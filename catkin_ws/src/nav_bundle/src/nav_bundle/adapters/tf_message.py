@@ -1,10 +1,9 @@
-"""The few transforms that a node needs, picked out of serialised tf2_msgs/TFMessage.
+"""Extracts the few transforms that a node needs from serialised tf2_msgs/TFMessage.
 
-/tf carries every robot's transforms, and a node wants two or three of them. Searching a message's bytes for a
-known (parent, child) pair costs a microsecond where unpacking it into objects costs some ten per transform. Only a
-message in which a name was found is read record by record, so that a name's bytes inside of another field count for
-nothing.
-Layout (little-endian): count u32, then each: seq, secs, nsecs u32; parent; child (u32 length + text); 7 f64.
+/tf carries every robot's transforms, but a node needs only two or three of them. Searching a message's bytes for a
+known (parent, child) pair takes about 1 µs; unpacking it into objects takes about 10 µs per transform. A message is
+parsed record by record only if the search found a name. Parsing also rejects a match inside another field.
+Layout (little-endian): count u32, then per record: seq, secs, nsecs u32; parent; child (u32 length + text); 7 f64.
 """
 
 import struct
@@ -21,18 +20,18 @@ _LENGTH = struct.Struct("<I")
 _BODY = struct.Struct("<7d")
 
 Refuse = Callable[[str], None]
-"""Called with one line for each message and each transform that cannot be used."""
+"""Called with one line for each message or transform that cannot be used."""
 
 
 class RawTFMessage(TFMessage):  # type: ignore[misc]
-    """A TFMessage that keeps its bytes instead of unpacking them. For subscribers."""
+    """A TFMessage that keeps its serialised bytes instead of unpacking them. For subscribers."""
 
     def __init__(self, *args: Any, **fields: Any) -> None:
         super().__init__(*args, **fields)
         self.buffer = b""  #: the serialised message
 
     def deserialize(self, data: bytes) -> Self:
-        """Keeps ``data``."""
+        """Stores ``data`` in ``buffer`` without unpacking it."""
         self.buffer = data
         return self
 
@@ -47,12 +46,12 @@ class StampedTransform(NamedTuple):
 
 
 def transforms_of(buffer: bytes, refuse: Refuse) -> list[StampedTransform]:
-    """Returns every usable transform of a serialised message; none of a message that does not parse."""
+    """Returns every usable transform of a serialised message; an empty list if the message does not parse."""
     return [record for _, record in _usable(_parsed(buffer, refuse), buffer, refuse)]
 
 
 class _Names(NamedTuple):
-    """Where a record's two names lie in a message."""
+    """Byte offsets of a record's two frame names in a message."""
 
     begin: int
     middle: int
@@ -60,7 +59,7 @@ class _Names(NamedTuple):
 
 
 def _parsed(buffer: bytes, refuse: Refuse) -> list[_Names]:
-    """Returns where each record's names lie; none where the lengths in the message and its size do not agree."""
+    """Returns the offsets of each record's names; empty if the lengths in the message do not match its size."""
     try:
         return list(_walk(buffer))
     except struct.error:
@@ -82,7 +81,7 @@ def _walk(buffer: bytes) -> Iterator[_Names]:
 
 
 def _usable(places: Iterable[_Names], buffer: bytes, refuse: Refuse) -> Iterator[tuple[_Names, StampedTransform]]:
-    """Yields the records at ``places`` that a tree of frames can take."""
+    """Yields the valid records at ``places``; reports the others to ``refuse``."""
     for names in places:
         try:
             record = _record(buffer, names)
@@ -101,18 +100,18 @@ def _record(buffer: bytes, names: _Names) -> StampedTransform:
     child = stripped(buffer[names.middle + 4 : names.end].decode())
     seconds, nanoseconds = _STAMP.unpack_from(buffer, names.begin - _STAMP.size)
     x, y, z, qx, qy, qz, qw = _BODY.unpack_from(buffer, names.end)
-    # The same sum as genpy.Time.to_sec(), so that equal stamps are equal floats.
+    # The same arithmetic as genpy.Time.to_sec(), so that equal stamps give equal floats.
     return StampedTransform(parent, child, seconds + nanoseconds / 1e9, Transform((x, y, z), (qx, qy, qz, qw)))
 
 
 class TransformPicker:
-    """Picks the transforms of some child frames out of serialised messages.
+    """Extracts the transforms of watched child frames from serialised messages.
 
-    A message is read only where it holds the (parent, child) bytes of a child whose parent is known, or the name of
-    another watched child. Not thread-safe.
+    A message is parsed only if it contains the (parent, child) bytes of a child whose parent is known, or the name
+    of a watched child whose parent is not. Not thread-safe.
 
     Args:
-        refuse: takes one line for each message and each watched transform that is dropped.
+        refuse: called with one line for each message and each watched transform that is dropped.
     """
 
     def __init__(self, refuse: Refuse) -> None:
@@ -121,13 +120,13 @@ class TransformPicker:
         self._needles: dict[str, bytes] = {}
 
     def watch(self, children: Iterable[str]) -> None:
-        """Picks ``children`` from now on, and learns their parents again: a child may have a new one."""
+        """Watches ``children`` from now on, and learns their parents again, since a child may be reparented."""
         self._needles = {child: child.encode() for child in children}
         spellings = ((spelling, child) for child in self._needles for spelling in (child, f"/{child}"))
         self._children = {spelling.encode(): child for spelling, child in spellings}
 
     def pick(self, buffer: bytes) -> list[StampedTransform]:
-        """Returns the watched transforms in a serialised message, none of one that does not parse."""
+        """Returns the watched transforms in a serialised message; an empty list if it does not parse."""
         if not any(needle in buffer for needle in self._needles.values()):
             return []
         children = self._children

@@ -1,7 +1,8 @@
-"""The transforms that a node asks for, out of the bytes of /tf and /tf_static.
+"""Stores the transforms that a node uses, read from the bytes of /tf and /tf_static.
 
-tf2_ros' Python listener unpacks and stores every transform of every robot: at 50 robots most of a core. This one
-searches the bytes of /tf for the few edges in use, and unpacks those. Static transforms, few and latched, are all kept.
+tf2_ros' Python listener unpacks and stores every transform of every robot; with 50 robots this takes most of a core.
+This store searches the bytes of /tf for the few edges in use and unpacks only those. It keeps all static transforms,
+which are few and latched.
 """
 
 import threading
@@ -13,28 +14,28 @@ from nav_bundle.core.transform import DisconnectedError, FrameError, Transform, 
 from pioneer_node.core.frame import stripped
 
 HISTORY, FUTURE_LIMIT = 10.0, 10.0
-"""History of each edge [s], and how far ahead of the clock a transform may be stamped [s]."""
+"""Defaults: history of each edge [s], and how far ahead of the clock a transform may be stamped [s]."""
 
 _MOST_PAIRS = 512
 
 
 class TransformStore:
-    """Transforms between the frames asked for.
+    """Transforms between the requested pairs of frames.
 
-    A pair of frames is kept from its first ``lookup`` or ``listen`` on: call ``listen`` early. Of more pairs
-    than anybody needs, those asked for longest ago are dropped.
-    When time jumps back, all but the static transforms are forgotten, and transforms of the time before that arrive
-    late are left out. Thread-safe.
+    Transforms for a pair of frames are recorded from its first ``lookup`` or ``listen``; call ``listen`` early. The
+    number of pairs is limited; beyond the limit, the least recently requested pair is dropped.
+    When time jumps back, the store clears all but the static transforms and ignores late transforms from before the
+    jump. Thread-safe.
 
-    On error: a message that does not parse, and a transform that no tree can take or that is stamped more than
-        ``future_limit`` ahead of the clock, are dropped with a warning.
+    On error: a message that does not parse, an invalid transform, and a transform stamped more than ``future_limit``
+        ahead of the clock are dropped with a warning.
 
     Args:
         now: returns ROS time [s].
-        warn: takes a line that may come often.
+        warn: called with a warning line, possibly often.
         keep: history of each edge [s].
-        future_limit: how far ahead of the clock a transform may be stamped [s]; one from the far future would pass
-            for the newest until then.
+        future_limit: how far ahead of the clock a transform may be stamped [s]; one from the far future would count
+            as the newest until then.
     """
 
     def __init__(
@@ -44,7 +45,7 @@ class TransformStore:
         keep: float = HISTORY,
         future_limit: float = FUTURE_LIMIT,
     ) -> None:
-        self.arrived = threading.Condition()  #: notified of each message that brings something
+        self.arrived = threading.Condition()  #: notified after each message with usable transforms
         self._now, self._warn = now, warn
         self._tree = TransformTree(keep)
         self._picker = TransformPicker(warn)
@@ -54,7 +55,7 @@ class TransformStore:
         self._clock = ClockJump()
 
     def listen(self, target: str, source: str) -> None:
-        """Keeps from now on what joins the two frames."""
+        """Starts recording the transforms that connect the two frames."""
         with self.arrived:
             self._listen(target, source)
 
@@ -62,26 +63,26 @@ class TransformStore:
         """Returns target_from_source at ROS time ``stamp`` [s], or at the newest common time when None.
 
         Raises:
-            DisconnectedError: the frames are not joined, perhaps not yet.
-            ExtrapolationError: joined, but not at ``stamp``; its ``future`` tells on which side.
+            DisconnectedError: the frames are not connected, or not yet.
+            ExtrapolationError: connected, but not at ``stamp``; ``future`` is true if ``stamp`` is too new.
         """
         with self.arrived:
             target, source = self._listen(target, source)
             return self._tree.lookup(target, source, stamp)
 
     def has_fixed(self, frame: str) -> bool:
-        """Returns whether /tf_static has told of a frame fixed to this one."""
+        """Returns whether /tf_static has a child frame of ``frame``."""
         with self.arrived:
             return frame in self._fixed
 
     def latest(self, target: str, source: str) -> float:
-        """Returns the newest stamp [s] at which the frames can be joined (inf: static); raises DisconnectedError."""
+        """Returns the newest stamp [s] at which the frames are connected (inf: static); raises DisconnectedError."""
         with self.arrived:
             target, source = self._listen(target, source)
             return self._tree.latest(target, source)
 
     def take(self, message: bytes) -> None:
-        """Takes a message of /tf, as it is serialised."""
+        """Stores the watched transforms of a serialised message from /tf."""
         with self.arrived:
             picked = self._picker.pick(message)
             if picked:
@@ -89,14 +90,14 @@ class TransformStore:
                 self._insert([one for one in picked if self._is_timely(one)], static=False)
 
     def take_static(self, message: bytes) -> None:
-        """Takes a message of /tf_static, as it is serialised."""
+        """Stores all transforms of a serialised message from /tf_static."""
         with self.arrived:
             records = transforms_of(message, self._warn)
             self._fixed.update(record.parent for record in records)
             self._insert(records, static=True)
 
     def watch(self) -> None:
-        """Watches the edges between the pairs, and where a pair is not yet joined, the ends of its two chains."""
+        """Watches the edges between each pair of frames; if not yet connected, both chains up to their roots."""
         children: set[str] = set()
         for target, source in self._pairs:
             try:
@@ -106,12 +107,12 @@ class TransformStore:
         self._picker.watch(children)
 
     def wake(self) -> None:
-        """Ends waits for ``arrived``."""
+        """Wakes all threads that wait for ``arrived``."""
         with self.arrived:
             self.arrived.notify_all()
 
     def _listen(self, *frames: str) -> tuple[str, str]:
-        """Keeps the pair (target, source); returns the names as the tree has them."""
+        """Records the pair (target, source); returns the frame names without leading slash."""
         target, source = pair = stripped(frames[0]), stripped(frames[1])
         for frame in pair:
             fault = frame_fault(frame)
@@ -132,7 +133,7 @@ class TransformStore:
         ahead = record.stamp - self._clock.now
         if ahead <= self._future_limit:
             return True
-        if self._clock.now > 0.0:  # before the first /clock every stamp is far ahead
+        if self._clock.now > 0.0:  # before the first /clock message, every stamp is far ahead
             self._warn(
                 f"a transform from {record.parent!r} to {record.child!r} was dropped: it is stamped {ahead:.1f} s "
                 f"ahead of the clock, more than ~transform_future_limit, {self._future_limit:g} s"

@@ -1,1 +1,1 @@
-"""The algorithms of navigation, without ROS: poses, grids, transforms, particle filter, planners."""
+"""Navigation algorithms without ROS: poses, grids, transforms, particle filter, planners."""

@@ -1,8 +1,8 @@
-"""The last centimetres: an estimate moved to where its scan lies best on the map.
+"""Refines amcl's pose estimate by a least-squares fit of the scan to the map.
 
-A particle filter with amcl's blunt likelihoods follows the robot some 5 to 10 cm behind, the more the worse the
-odometry. Its estimate is a good start for a least-squares fit of the scan to the map, within the filter's spread. A few
-particles move to where the scan fits, so that the cloud does not fall farther behind.
+amcl's likelihoods are broad, so its estimate lags behind the robot by about 5 to 10 cm, more with poor odometry. The
+estimate is a good starting point for the fit, which stays within the filter's spread. The filter then moves a few
+particles to the fitted pose so that the cloud does not lag further behind.
 """
 
 import numpy as np
@@ -13,20 +13,20 @@ from nav_bundle.core.sensor import Beams, DistanceField
 from nav_bundle.kernels.alignment import align
 
 SIGMA = 0.1
-"""Spread of hits about obstacles [m]; what is three times as far from any is taken for something unmapped."""
+"""Standard deviation of hits about obstacles [m]; a hit farther than three times this counts as unmapped."""
 PRIOR_FLOOR = 0.1
-"""Standard deviation [m], [rad] added to the particles' spread: they can all be wrong by that."""
+"""Standard deviation [m], [rad] added to the particles' spread, because all particles can share an error this large."""
 ITERATIONS = 10
 LEAST_AGREEMENT = 0.4
-"""Share of the beams that must lie on obstacles for the fit to be believed."""
+"""Share of the beams that must hit mapped obstacles for the fit to be accepted."""
 FARTHEST = 0.5
-"""A fit that moves the estimate further [m], [rad] found another place."""
+"""A fit that moves the estimate farther than this [m], [rad] is rejected: it found another place."""
 
 
 def refined(estimate: Estimate, beams: Beams, field: DistanceField) -> tuple[Pose, float]:
-    """Returns the pose near the estimate's at which the beams fit the map best, and the share of them that do.
+    """Returns the pose near the estimate at which the beams fit the map best, and the share of beams that fit.
 
-    The pose is the estimate's own where too few fit.
+    Returns the estimate's own pose if too few beams fit or the fit moved too far.
     """
     points = np.ascontiguousarray(beams.end_points())
     if len(points) == 0:

@@ -1,4 +1,4 @@
-"""amcl's parameters under their names in ROS Noetic, with its defaults."""
+"""amcl's parameters, with the names and defaults of ROS Noetic."""
 
 import math
 from dataclasses import dataclass, fields
@@ -12,17 +12,18 @@ LASER_MODELS = ("likelihood_field", "likelihood_field_prob", "beam")
 ODOM_MODELS = ("diff", "omni", "diff-corrected", "omni-corrected")
 """Values of ``odom_model_type``."""
 UNSUPPORTED = frozenset({"bag_scan_period"})
-"""Noetic's parameters that have no effect here; the node logs this once when they are set."""
+"""Noetic parameters that have no effect here; the node logs this once if they are set."""
 
 
 @dataclass(frozen=True)
 class AmclConfig:
-    """Parameters of amcl, documented one by one in config/amcl_defaults.yaml; SI units.
+    """Parameters of amcl in SI units; config/amcl_defaults.yaml documents each one.
 
-    Ours are ``seed`` of the random generator, ``refine_estimate``, ``correction_file`` and ``transform_future_limit``.
+    Not in Noetic: ``seed`` of the random generator, ``refine_estimate``, ``correction_file`` and
+    ``transform_future_limit``.
 
     Raises:
-        ParameterError: a value out of its range.
+        ParameterError: a value is out of range.
     """
 
     seed: int = 0

@@ -1,4 +1,4 @@
-"""Room left beside the robot: what it costs to come nearer to obstacles than the plan has to."""
+"""Clearance cost: penalises driving closer to obstacles than the plan requires."""
 
 from dataclasses import dataclass, field
 
@@ -12,18 +12,19 @@ from nav_bundle.core.local_planner import Situation
 from nav_bundle.kernels.trajectory import plan_prices
 
 _ASIDE = 0.25
-"""The plan comes nearer than it has to where there is more room so far [m] beside it."""
+"""Lateral search range [m]: more clearance within this distance beside the plan counts as avoidable nearness."""
 _ASIDES = np.linspace(-_ASIDE, _ASIDE, 7)
-"""Where that is looked for."""
+"""Lateral offsets [m] that are searched."""
 _BLUR = 3
-"""Cells along the plan in which its narrowest place counts."""
+"""Window along the plan [cells] in which the narrowest place counts."""
 
 
 @dataclass
 class Clearance:
-    """Prices of driving nearer to obstacles than ``distance`` [m]; ``scale`` is that of touching them all the way.
+    """Penalty for driving closer to obstacles than ``distance`` [m].
 
-    Nearness counts at the robot's centre, front and rear.
+    ``scale`` is the penalty for touching obstacles all the way. Clearance is measured at the robot's centre, front
+    and rear.
     """
 
     distance: float = 0.0
@@ -32,7 +33,7 @@ class Clearance:
     _prices: NDArray[np.float64] = field(default_factory=lambda: np.zeros(256), compare=False)
 
     def prices(self, costmap: Costmap) -> NDArray[np.float64]:
-        """Returns the price by the cost of the centre's cell, shape (256,): zero at ``distance``, rising towards it."""
+        """Returns the penalty for each cell cost, shape (256,): zero at ``distance``, rising towards the obstacle."""
         if self._costmap is not costmap.config:
             self._costmap = costmap.config
             gaps = np.linspace(max(self.distance, 1e-6), 0.0, 50)
@@ -42,18 +43,18 @@ class Clearance:
         return self._prices
 
     def ends(self, footprint: Footprint) -> NDArray[np.float64]:
-        """Returns where along the robot [m] its nearness to obstacles is looked at: centre, rear and front.
+        """Returns the positions along the robot's x axis [m] where clearance is measured: centre, rear and front.
 
-        The middles of circles that cover a long footprint's corners, too, which swing out in turns.
+        They are the centres of circles that also cover the corners of a long footprint, which swing out in turns.
         """
         half, x = footprint.inscribed_radius / 2.0, footprint.vertices[:, 0]
         return np.array([0.0, min(0.0, x.min() + half), max(0.0, x.max() - half)])
 
     def allowed(self, situation: Situation, plan: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns the price that the plan itself cannot avoid, by distance from the robot in cells; shape (n,).
+        """Returns the penalty that the plan cannot avoid, by distance from the robot in cells; shape (n,).
 
-        That is the least across the plan, from ``_ASIDE`` to its right to as far to its left: in a doorway there is no
-        other, beside a pillar there is. Empty where nearness costs nothing.
+        This is the smallest penalty across the plan, from ``_ASIDE`` on its right to ``_ASIDE`` on its left: a doorway
+        leaves no alternative, a pillar does. Empty if clearance has no cost.
         """
         if self.scale <= 0.0 or self.distance <= 0.0:
             return np.empty(0)

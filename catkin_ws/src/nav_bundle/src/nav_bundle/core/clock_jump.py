@@ -1,17 +1,16 @@
-"""A clock that jumps back, as when a simulation is reset, and what of the time before still comes after it."""
+"""Detects a clock that jumps back, as in a simulation reset, and late stamps from before the jump."""
 
 import math
 
 MOST_AHEAD = 5.0
-"""A transform is stamped less far ahead of its clock than this [s]: amcl's by its transform_tolerance."""
+"""Transforms are stamped less than this far ahead of the clock [s]; amcl's are ahead by its transform_tolerance."""
 
 
 class ClockJump:
-    """Tells that time jumped back, and which stamps are of the time before. Times are ROS times [s].
+    """Detects jumps back in time, and which stamps precede the jump. Times are ROS times [s].
 
-    The clock and what is stamped come on connections of their own, so that the last transforms of the time before may
-    come after the first moment of the new one. Among the new ones they would pass for the newest until that time comes
-    again.
+    /clock and stamped messages arrive on separate connections, so the last transforms from before the jump may arrive
+    after it. If accepted, they would count as the newest until the clock reaches that time again.
     """
 
     def __init__(self) -> None:
@@ -19,7 +18,7 @@ class ClockJump:
         self._before = -math.inf
 
     def jumped(self, now: float) -> bool:
-        """Takes the time, and tells whether it is earlier than the one taken last."""
+        """Stores the time ``now``; returns whether it is earlier than the last one."""
         back = now < self.now
         if back:
             self._before = max(self._before, self.now)
@@ -27,5 +26,5 @@ class ClockJump:
         return back
 
     def is_of_before(self, stamp: float) -> bool:
-        """Tells whether ``stamp`` is of the time before the last jump: far ahead of now, which has yet to get there."""
+        """Returns whether ``stamp`` precedes the last jump: it is far ahead, and the clock has not caught up yet."""
         return self.now < self._before and stamp > self.now + MOST_AHEAD

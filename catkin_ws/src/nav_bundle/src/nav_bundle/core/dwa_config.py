@@ -1,4 +1,4 @@
-"""Parameters of DWAPlannerROS, under dwa_local_planner's names."""
+"""Parameters of DWAPlannerROS, with dwa_local_planner's names."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from nav_bundle.core.local_planner import Velocity
 from pioneer_node.core.live import Live
 from pioneer_node.core.parameter import UNKNOWN, ParameterError, config_from_mapping
 
-# Names that dwa_local_planner still takes, and what they are called now.
+# Deprecated names that dwa_local_planner still accepts, and the current ones.
 _FORMER = {
     "max_trans_vel": "max_vel_trans",
     "min_trans_vel": "min_vel_trans",
@@ -22,12 +22,12 @@ _FORMER = {
 
 @dataclass(frozen=True)
 class DwaConfig:
-    """Defaults are Noetic's.
+    """Parameters of DWAPlannerROS; defaults are Noetic's.
 
     Speeds in [m/s] and [rad/s], accelerations in [m/s**2] and [rad/s**2], distances in [m], angles in [rad], times
-    in [s]. ``path_distance_bias`` and ``goal_distance_bias`` weigh metres. ``acc_lim_trans``, ``stop_time_buffer``,
-    ``scaling_speed`` and ``max_scaling_factor`` are taken and change nothing, as in Noetic; the clouds that
-    ``publish_traj_pc`` asks for are not there, which is refused. Ours are ``clearance`` and
+    in [s]. ``path_distance_bias`` and ``goal_distance_bias`` are weights per metre. ``acc_lim_trans``,
+    ``stop_time_buffer``, ``scaling_speed`` and ``max_scaling_factor`` are accepted without effect, as in Noetic.
+    ``publish_traj_pc`` is not supported and is reported as such. Not in Noetic: ``clearance`` and
     ``clearance_scale``, see ``TrajectoryConfig``.
     """
 
@@ -76,7 +76,7 @@ class DwaConfig:
     global_frame_id: str = ""
 
     def approach(self) -> ApproachConfig:
-        """Returns what holds near the goal."""
+        """Returns the parameters of the goal approach."""
         return ApproachConfig(
             acc=Velocity(self.acc_lim_x, self.acc_lim_y, self.acc_lim_theta),
             left=self.max_vel_theta,
@@ -92,10 +92,10 @@ class DwaConfig:
 
 
 def dwa_config_from_parameters(parameters: Mapping[str, Any], owner: str, frequency: float) -> DwaConfig:
-    """Returns the configuration in namespace ``owner``; ``frequency`` [Hz] holds where it names none.
+    """Returns the configuration in namespace ``owner``; ``frequency`` [Hz] is the default ``controller_frequency``.
 
     Raises:
-        ParameterError: an unknown name, a wrong type, a value out of range, or an option that is not there.
+        ParameterError: an unknown name, a wrong type, a value out of range, or an unsupported option.
     """
     values = {_FORMER.get(name, name): value for name, value in parameters.items()}
     values.setdefault("controller_frequency", frequency)
@@ -117,5 +117,7 @@ def _check(config: DwaConfig, owner: str) -> None:
     for name in ("vx_samples", "vy_samples", "vth_samples"):
         if getattr(config, name) < 1:
             raise ParameterError(f"{owner}: ~{name} must be at least 1, not {getattr(config, name)}")
-    if config.min_vel_x > config.max_vel_x or config.min_vel_y > config.max_vel_y:
-        raise ParameterError(f"{owner}: a minimal velocity lies above the maximal one")
+    for axis in ("x", "y"):
+        low, high = getattr(config, f"min_vel_{axis}"), getattr(config, f"max_vel_{axis}")
+        if low > high:
+            raise ParameterError(f"{owner}: ~min_vel_{axis} must be at most ~max_vel_{axis} ({low} > {high})")

@@ -22,16 +22,17 @@ _EPSILON = 1.0e-4
 
 
 class DwaPlanner:
-    """Samples the velocities that can be reached within a cycle, and drives the cheapest.
+    """Samples the velocities reachable within one cycle and returns the cheapest.
 
-    A sample costs its end's distance to the plan and to the plan's last point inside the costmap, the same
-    for the robot's nose, its turning speed, and the highest costmap cost on its way (dwa_local_planner's critics). A
-    reversal closes the way back until the robot has moved on. Unlike dwa_local_planner, turns in place slower than
-    ``min_vel_theta`` are tried at that speed instead of not at all: from standstill no other can be reached.
+    As with dwa_local_planner's critics, the cost of a sample adds up: the distances of its end point to the plan and
+    to the plan's last point inside the costmap, the same two for the robot's nose, the turning speed, and the highest
+    costmap cost along the trajectory. After a reversal, the old direction is blocked until the robot has moved on.
+    Unlike dwa_local_planner, turns in place slower than ``min_vel_theta`` are raised to that speed instead of
+    discarded: from standstill no faster turn can be reached.
     """
 
     def __init__(self, config: DwaConfig, resolution: float) -> None:
-        """Takes the configuration and the local costmap's cell size [m]."""
+        """Creates a planner from the configuration and the local costmap's cell size [m]."""
         self.config = config
         plan, goal = resolution * config.path_distance_bias, resolution * config.goal_distance_bias
         self._window = DynamicWindow(
@@ -50,7 +51,7 @@ class DwaPlanner:
         self._route: Route | None = None
 
     def set_plan(self, plan: Path) -> None:
-        """Takes a new plan; a goal approach restarts only if the plan leads to another goal."""
+        """Sets a new plan; the goal approach restarts only if the plan leads to another goal."""
         route = Route(plan)
         if self._route is None or self._route.goal != route.goal:
             self._approach.reset()
@@ -58,11 +59,11 @@ class DwaPlanner:
         self._route = route
 
     def cell_costs(self) -> NDArray[np.float64]:
-        """Returns what the local costmap's cells cost; see ``Rollout.cell_costs``."""
+        """Returns the costs of the local costmap's cells; see ``Rollout.cell_costs``."""
         return self._window.cell_costs()
 
     def decide(self, situation: Situation) -> Decision:
-        """Returns what to drive now; see ``local_planner.LocalPlanner``."""
+        """Returns the command for this cycle; see ``local_planner.LocalPlanner``."""
         if self._route is None:
             raise LocalPlannerError("there is no plan to follow")
         ahead = self._route.ahead(situation, self.config.prune_plan)
@@ -81,7 +82,7 @@ class DwaPlanner:
         return Decision(best.velocity, False, self._window.poses(best.velocity), ahead)
 
     def _samples(self, situation: Situation, left: float) -> NDArray[np.float64]:
-        """Returns the velocities (n, 3) to try with ``left`` [m] to go in the costmap."""
+        """Returns the velocities (n, 3) to try; the plan's end in the costmap is ``left`` [m] away."""
         config = self.config
         time = 1.0 / config.controller_frequency if config.use_dwa else config.sim_time
         now = situation.velocity
@@ -99,7 +100,7 @@ class DwaPlanner:
         return self._possible(np.stack(axes, axis=-1).reshape(-1, 3), turns)
 
     def _possible(self, samples: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns the samples that the robot can carry out, turns in place among them."""
+        """Returns the samples that the robot can execute, including turns in place."""
         config = self.config
         speed = np.hypot(samples[:, 0], samples[:, 1])
         moving = speed + _EPSILON >= config.min_vel_trans
@@ -112,13 +113,13 @@ class DwaPlanner:
 
 
 def _reachable(now: float, change: float, slowest: float, fastest: float) -> tuple[float, float]:
-    """Returns the range between ``slowest`` and ``fastest`` within ``change`` of ``now``, or its nearest point."""
+    """Returns the part of ``slowest`` to ``fastest`` within ``change`` of ``now``; if empty, the nearest limit."""
     low, high = max(slowest, now - change), min(fastest, now + change)
     return (low, high) if low <= high else ((high, high) if now < slowest else (low, low))
 
 
 def _spread(low: float, high: float, count: int) -> NDArray[np.float64]:
-    """Returns ``count`` values from ``low`` to ``high``, at least both ends, and zero where it lies between."""
+    """Returns ``count`` values from ``low`` to ``high``, at least both ends, plus zero if it lies between."""
     if low == high:
         return np.array([low])
     values = np.linspace(low, high, max(count, 2))

@@ -1,4 +1,4 @@
-"""Velocity samples scored as dwa_local_planner does, one kernel call a question."""
+"""Scores velocity samples as dwa_local_planner does, all samples in one kernel call."""
 
 import math
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from nav_bundle.kernels.trajectory import Horizon, Scales
 
 @dataclass(frozen=True)
 class NoseScales:
-    """Cost of a cell's step of the nose to the plan and to its goal, and of a unit of turning speed [s/rad]."""
+    """Weights: nose's distance to the plan and to its goal [1/cell], and turning speed [s/rad]."""
 
     alignment: float
     front: float
@@ -24,11 +24,11 @@ class NoseScales:
 
 
 class DynamicWindow(Rollout):
-    """A rollout that also looks at the robot's nose, a point ``nose`` [m] in front of it.
+    """A rollout that also scores the robot's nose, a point ``nose`` [m] in front of the robot.
 
-    The nose is drawn along the plan, and to a point beyond the plan's end as seen from the robot. Unless
-    ``accelerating``, a sample begins with its own velocity: it was chosen from what can be reached in one cycle.
-    ``is_free`` keeps accelerating in any case.
+    The nose is attracted to the plan, and to a point beyond the plan's end as seen from the robot. Unless
+    ``accelerating``, a sample starts at its own velocity, since it was chosen from those reachable in one cycle.
+    ``is_free`` always accelerates.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class DynamicWindow(Rollout):
         self._alignment, self._accelerating = nose_scales.alignment, accelerating
 
     def begin_window(self, situation: Situation, plan: NDArray[np.float64], aligned: bool) -> bool:
-        """Takes a moment like ``begin``; the nose keeps to the plan only where ``aligned``."""
+        """Starts a cycle like ``begin``; the nose follows the plan only if ``aligned``."""
         if not self.begin(situation, plan):
             return False
         to_front = self._nose.to_front
@@ -69,7 +69,7 @@ class DynamicWindow(Rollout):
         return score(*moment, self._accelerating, every, limit, results), results
 
     def poses(self, velocity: Velocity, time: float = math.inf) -> NDArray[np.float64]:
-        """Returns the poses (n, 3) that ``velocity`` leads through within ``time`` [s], the horizon's at most."""
+        """Returns the poses (n, 3) along ``velocity`` within ``time`` [s], at most the horizon."""
         poses = np.empty((256, 3))
         sample = np.array([velocity.x, velocity.y, velocity.turn], np.float64)
         return poses[: trace(self._motion, sample, self._until(time), self._accelerating, poses)]

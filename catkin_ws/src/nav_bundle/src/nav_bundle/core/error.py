@@ -1,8 +1,8 @@
-"""The root of this package's error tree."""
+"""Base classes of this package's errors."""
 
 
 class NavigationError(Exception):
-    """What went wrong in navigation, said in one line for people."""
+    """Base class of navigation errors; the message is one readable line."""
 
 
 class MapError(NavigationError):

@@ -1,4 +1,4 @@
-"""The global planner GlobalPlanner: navfn's wave with other weights, spread evenly or towards the goal (A*)."""
+"""The global planner GlobalPlanner: navfn's wavefront with other weights, expanded as Dijkstra or A*."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,13 +23,13 @@ _BLOCKED = -1
 class GlobalPlannerConfig:
     """Parameters under ``~GlobalPlanner``; defaults are Noetic's.
 
-    A cell of cost c weighs ``neutral_cost + cost_factor c``, at most ``lethal_cost - 1``; from ``lethal_cost`` on it
-    cannot be crossed. With ``use_dijkstra`` false the wave runs towards the goal first (A*): faster over open ground.
-    ``use_grid_path`` leads from cell to cell instead of down the gradient; ``orientation_mode`` is one of
-    ``orientation.Orientation``, ``orientation_window_size`` [poses] says how far to look for where the path leads.
-    ``publish_potential`` shows the potential from 0 to ``publish_scale``. ``planner_window_x``, ``planner_window_y``,
-    ``visualize_potential`` and ``outline_map`` are taken and change nothing. ``keep_right`` is ours, see
-    ``navfn.NavfnConfig``.
+    A cell of cost c weighs ``neutral_cost + cost_factor c``, at most ``lethal_cost - 1``; cells with cost
+    ``lethal_cost`` or more are blocked. With ``use_dijkstra`` false the wavefront expands towards the goal first (A*),
+    which is faster on open ground. ``use_grid_path`` follows the path from cell to cell instead of down the gradient.
+    ``orientation_mode`` is one of ``orientation.Orientation``; ``orientation_window_size`` [poses] is the look-ahead
+    for the path's direction. ``publish_potential`` publishes the potential scaled to 0 … ``publish_scale``.
+    ``planner_window_x``, ``planner_window_y``, ``visualize_potential`` and ``outline_map`` are accepted without
+    effect. Not in Noetic: ``keep_right``, see ``navfn.NavfnConfig``.
     """
 
     allow_unknown: bool = True
@@ -53,7 +53,7 @@ class GlobalPlannerConfig:
     restore_defaults: Annotated[bool, Live()] = False
 
     def weights(self) -> NDArray[np.float32]:
-        """Returns what crossing a cell adds, by its cost; negative where nothing may pass. Shape (256,)."""
+        """Returns the potential added by crossing a cell, by its cost; negative if blocked. Shape (256,)."""
         dearest = self.lethal_cost - 1
         table = np.floor(np.minimum(self.neutral_cost + self.cost_factor * np.arange(256), dearest)).astype(np.float32)
         table[self.lethal_cost :] = _BLOCKED
@@ -65,7 +65,7 @@ def global_planner_config_from_parameters(parameters: Mapping[str, Any], owner: 
     """Returns the configuration in namespace ``owner``.
 
     Raises:
-        ParameterError: an unknown name, a wrong type, a value out of range, or an option that is not there.
+        ParameterError: an unknown name, a wrong type, a value out of range, or an unsupported option.
     """
     config = config_from_mapping(GlobalPlannerConfig, parameters, owner)
     offered = {"use_quadratic": True, "old_navfn_behavior": False}
@@ -87,7 +87,7 @@ def global_planner_config_from_parameters(parameters: Mapping[str, Any], owner: 
 
 
 def visible_potential(potential: NDArray[np.float32], scale: int) -> NDArray[np.int8]:
-    """Returns a potential from 0 to ``scale``, -1 where it did not reach, as global_planner shows it."""
+    """Returns the potential scaled to 0 … ``scale``, -1 in cells not reached, as global_planner publishes it."""
     reached = potential < FAR
     values = np.full(potential.shape, -1, np.int8)
     highest = float(potential[reached].max(initial=0.0)) or 1.0
@@ -96,7 +96,7 @@ def visible_potential(potential: NDArray[np.float32], scale: int) -> NDArray[np.
 
 
 class GlobalPlanner(NavfnPlanner):
-    """Plans as global_planner does: a quadratic potential, a path down it or from cell to cell, headings along it."""
+    """Plans as global_planner does: quadratic potential, gradient or grid path, then headings along the path."""
 
     def __init__(self, config: GlobalPlannerConfig) -> None:
         super().__init__(NavfnConfig(config.allow_unknown, config.default_tolerance, keep_right=config.keep_right))

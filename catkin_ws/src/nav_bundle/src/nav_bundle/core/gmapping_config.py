@@ -1,4 +1,4 @@
-"""slam_gmapping's parameters under their names in ROS Noetic, with its defaults."""
+"""slam_gmapping's parameters, with the names and defaults of ROS Noetic."""
 
 import math
 from dataclasses import dataclass, fields
@@ -14,14 +14,14 @@ _NOT_NEGATIVE = (
 
 @dataclass(frozen=True)
 class GmappingConfig:
-    """Parameters of slam_gmapping, documented one by one in config/gmapping_defaults.yaml; SI units.
+    """Parameters of slam_gmapping in SI units; config/gmapping_defaults.yaml documents each one.
 
-    ``maxUrange``, ``maxRange`` and ``tf_delay`` may be negative: Noetic's default for an absent one is then used.
-    ``llsamplerange`` and its three neighbours are accepted and change nothing, here as in the C++ node, which reads
-    them for a likelihood it never samples.
+    A negative ``maxUrange``, ``maxRange`` or ``tf_delay`` selects Noetic's default for an unset parameter.
+    ``llsamplerange``, ``llsamplestep``, ``lasamplerange`` and ``lasamplestep`` are accepted without effect. The C++
+    node only reads them for a likelihood that it never samples.
 
     Raises:
-        ParameterError: a value out of its range.
+        ParameterError: a value is out of range.
     """
 
     base_frame: str = "base_link"

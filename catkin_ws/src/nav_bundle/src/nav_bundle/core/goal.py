@@ -1,4 +1,4 @@
-"""Which goals a planner in the plane can take."""
+"""Validation of goals for planar navigation."""
 
 import math
 
@@ -10,14 +10,14 @@ Quaternion = tuple[float, float, float, float]
 
 
 class GoalError(NavigationError):
-    """A goal that cannot be driven to, whatever the map: the text names what is wrong with it."""
+    """A goal that is invalid on any map; the message names the reason."""
 
 
 def check_goal(position: tuple[float, float, float], rotation: Quaternion) -> None:
-    """Refuses goals with numbers that are none, and rotations that are no heading.
+    """Raises if a goal has a NaN or infinite number, or a rotation that is not a pure yaw.
 
     Raises:
-        GoalError: with move_base's text.
+        GoalError: with move_base's message.
     """
     if not all(math.isfinite(value) for value in rotation):
         raise GoalError("Quaternion has nans or infs... discarding as a navigation goal")

@@ -1,4 +1,4 @@
-"""The end of the way: stop, turn to the goal's heading, stop again."""
+"""Goal approach: stop, rotate to the goal's heading, stop again."""
 
 import math
 from collections.abc import Callable
@@ -10,36 +10,36 @@ from nav_bundle.core.pose import Pose, angle_difference
 
 @dataclass(frozen=True)
 class ApproachConfig:
-    """What a local planner's parameters say about the end of the way."""
+    """A local planner's parameters for the goal approach."""
 
-    acc: Velocity  #: limits of the velocity's change [m/s**2, rad/s**2]
+    acc: Velocity  #: acceleration limits [m/s**2, rad/s**2]
     #: left, right: fastest turns [rad/s], both positive
     left: float
     right: float
-    slowest: float  #: slowest turn [rad/s] that the robot carries out
-    #: place, heading: tolerances [m], [rad]
+    slowest: float  #: slowest turn [rad/s] that the robot can execute
+    #: place, heading: goal tolerances [m], [rad]
     place: float
     heading: float
-    latch: bool  #: the place counts as reached for good once it was
-    #: still, still_turning: slower [m/s], [rad/s] than this the robot stands
+    latch: bool  #: once reached, the goal position stays reached
+    #: still, still_turning: at or below these speeds [m/s], [rad/s] the robot counts as stopped
     still: float
     still_turning: float
-    period: float  #: of a control cycle [s]
+    period: float  #: control period [s]
 
 
 class GoalApproach:
-    """What base_local_planner does within ``xy_goal_tolerance`` of the goal."""
+    """Controls the robot within ``xy_goal_tolerance`` of the goal, as base_local_planner does."""
 
     def __init__(self, config: ApproachConfig) -> None:
         self._config = config
         self._latched = self._rotating = False
 
     def reset(self) -> None:
-        """Forgets that the goal's place was reached."""
+        """Forgets that the goal position was reached."""
         self._latched = self._rotating = False
 
     def is_near(self, pose: Pose, goal: Pose) -> bool:
-        """Tells whether the goal's place is reached; for good, with ``latch_xy_goal_tolerance``."""
+        """Returns whether the goal position is reached; ``latch_xy_goal_tolerance`` latches the result."""
         near = pose.distance(goal) <= self._config.place
         if near and self._config.latch:
             self._latched = True
@@ -48,10 +48,10 @@ class GoalApproach:
         return near or self._latched
 
     def decide(self, situation: Situation, goal: Pose, is_free: Callable[[Velocity], bool]) -> Decision:
-        """Returns the command that ends at ``goal``'s heading.
+        """Returns the command that stops the robot and turns it to the heading of ``goal``.
 
         Raises:
-            LocalPlannerError: an obstacle is in the way of the turn.
+            LocalPlannerError: the turn would hit an obstacle.
         """
         difference = angle_difference(goal.yaw, situation.pose.yaw)
         if abs(difference) <= self._config.heading:
@@ -70,7 +70,7 @@ class GoalApproach:
         return standing and abs(velocity.turn) <= self._config.still_turning
 
     def _slowed(self, velocity: Velocity, is_free: Callable[[Velocity], bool]) -> Velocity:
-        """Returns the velocity after one period of braking; standstill if even that meets an obstacle."""
+        """Returns the velocity after one period of braking; standstill if that velocity would hit an obstacle."""
         config, period = self._config, self._config.period
         slowed = Velocity(
             _towards_zero(velocity.x, config.acc.x * period),
@@ -80,7 +80,7 @@ class GoalApproach:
         return slowed if is_free(slowed) else STANDSTILL
 
     def _turning_speed(self, difference: float, current: float) -> float:
-        """Returns a speed that turns by ``difference`` [rad]: reachable, able to stop in time, not too slow to move."""
+        """Returns a turning speed for ``difference`` [rad]: reachable, able to stop in time, not below ``slowest``."""
         config = self._config
         fastest = config.left if difference > 0.0 else config.right
         speed = min(max(abs(difference), config.slowest), fastest)

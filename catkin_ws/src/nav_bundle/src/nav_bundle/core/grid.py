@@ -1,4 +1,4 @@
-"""Occupancy grids: what a map is inside this package."""
+"""Occupancy grids: the map type of this package."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from nav_bundle.core.error import MapError
 from nav_bundle.core.pose import Pose
 
 UNKNOWN = -1
-"""A cell nobody has seen."""
+"""A cell that has not been observed."""
 FREE = 0
 """A cell that is certainly free."""
 OCCUPIED = 100
@@ -22,15 +22,15 @@ _CELL_OF_SYMBOL = {"#": OCCUPIED, ".": FREE, " ": FREE, "?": UNKNOWN}
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A map of square cells; row 0 and column 0 lie at the origin, rows grow with y, columns with x.
+    """A map of square cells. Cell (0, 0) is at the origin; rows increase with y, columns with x.
 
     Raises:
-        MapError: a resolution that is not positive, or cells that are not a non-empty int8 table.
+        MapError: the resolution is not positive, or the cells are not a non-empty 2D int8 array.
     """
 
     resolution: float  #: side of a cell [m], positive
-    origin: Pose  #: pose of the outer corner of cell (0, 0) in the map frame. Its yaw turns the whole grid.
-    #: int8, shape (rows, cols): ``UNKNOWN`` (-1), or occupancy from 0 to 100, as nav_msgs/OccupancyGrid
+    origin: Pose  #: pose of the outer corner of cell (0, 0) in the map frame; its yaw rotates the whole grid
+    #: int8, shape (rows, cols): ``UNKNOWN`` (-1), or occupancy from 0 to 100, as in nav_msgs/OccupancyGrid
     cells: NDArray[np.int8] = field(repr=False)
 
     def __post_init__(self) -> None:
@@ -50,11 +50,11 @@ class Grid:
         return int(self.cells.shape[1])
 
     def contains(self, row: int, col: int) -> bool:
-        """Tells whether cell (``row``, ``col``) lies in the grid."""
+        """Returns whether cell (``row``, ``col``) is inside the grid."""
         return 0 <= row < self.rows and 0 <= col < self.cols
 
     def cell_at(self, x: float, y: float) -> tuple[int, int]:
-        """Returns (row, col) of the cell that holds point (``x``, ``y``) [m, map frame], inside the grid or not."""
+        """Returns (row, col) of the cell that contains point (``x``, ``y``) [m, map frame], inside the grid or not."""
         along, across = self.origin.inverse().apply(x, y)
         return math.floor(across / self.resolution), math.floor(along / self.resolution)
 
@@ -63,7 +63,7 @@ class Grid:
         return self.origin.apply((col + 0.5) * self.resolution, (row + 0.5) * self.resolution)
 
     def cells_at(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Returns (row, col), shape (n, 2), of the cells that hold ``points`` (x, y) [m, map frame], shape (n, 2)."""
+        """Returns (row, col), shape (n, 2), of the cells at ``points`` (x, y) [m, map frame], shape (n, 2)."""
         cosine, sine = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
         dx, dy = points[:, 0] - self.origin.x, points[:, 1] - self.origin.y
         across_along = np.stack([cosine * dy - sine * dx, cosine * dx + sine * dy], axis=1)
@@ -79,12 +79,12 @@ class Grid:
 
 
 def grid_from_text(rows: Sequence[str], resolution: float = 1.0, origin: Pose | None = None) -> Grid:
-    """Returns the grid drawn in ``rows``, the topmost (largest y) first; made for tests and small examples.
+    """Returns the grid drawn in ``rows``, the topmost (largest y) first; for tests and small examples.
 
-    ``#`` is occupied, ``.`` or a blank free, ``?`` unknown.
+    ``#`` is occupied, ``.`` or a space free, ``?`` unknown.
 
     Raises:
-        MapError: rows of different lengths, or another symbol.
+        MapError: the rows differ in length, or contain another symbol.
     """
     try:
         table = [[_CELL_OF_SYMBOL[symbol] for symbol in row] for row in reversed(rows)]

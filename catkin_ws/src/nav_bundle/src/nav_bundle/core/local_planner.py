@@ -1,4 +1,4 @@
-"""What a local planner is, and what every one of them does with the global plan."""
+"""The local planner interface, and the handling of the global plan that all local planners share."""
 
 import math
 from dataclasses import dataclass, field
@@ -13,11 +13,11 @@ from nav_bundle.core.planner import Path
 from nav_bundle.core.pose import Pose
 
 _BEHIND = 1.0
-"""Plan points are dropped up to the first one this near [m] to the robot, as base_local_planner does."""
+"""Plan points before the first one within this distance [m] of the robot are pruned, as in base_local_planner."""
 
 
 class LocalPlannerError(NavigationError):
-    """There is no velocity that may be driven, and why."""
+    """No valid velocity was found; the message names the reason."""
 
 
 @dataclass(frozen=True)
@@ -34,49 +34,49 @@ STANDSTILL = Velocity()
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """What a local planner decides on."""
+    """A local planner's input for one cycle."""
 
     costmap: Costmap  #: the local costmap
-    pose: Pose  #: the robot's, in the local costmap's frame
-    velocity: Velocity  #: the robot's, measured
+    pose: Pose  #: the robot's pose in the local costmap's frame
+    velocity: Velocity  #: the robot's measured velocity
     local_from_global: Pose  #: pose of the global plan's frame in the local costmap's frame
-    fastest: float = math.inf  #: how fast to go [m/s] at most, for care in front of what the map does not know
+    fastest: float = math.inf  #: speed limit [m/s] in front of unmapped obstacles
 
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """What to drive now, and why."""
+    """A local planner's output for one cycle."""
 
     velocity: Velocity = STANDSTILL  #: the command
-    reached: bool = False  #: the goal is reached; the command is to stand still
-    #: poses (n, 3) the command leads through, in the local frame; empty when there is none
+    reached: bool = False  #: the goal is reached; the command is standstill
+    #: poses (n, 3) along the commanded trajectory, in the local frame; empty if there is none
     local_plan: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
     #: the part of the plan (n, 3) in the local costmap, in the local frame
     global_plan: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
 
 
 class LocalPlanner(Protocol):
-    """Turns a global plan into velocities, cycle by cycle."""
+    """Computes velocities that follow a global plan, one per cycle."""
 
     def set_plan(self, plan: Path) -> None:
-        """Takes a new plan, in the global frame, and begins to follow it."""
+        """Sets a new plan, in the global frame, and starts to follow it."""
         ...
 
     def decide(self, situation: Situation) -> Decision:
-        """Returns what to drive now.
+        """Returns the command for this cycle.
 
         Raises:
-            LocalPlannerError: nothing may be driven.
+            LocalPlannerError: there is no valid velocity.
         """
         ...
 
     def cell_costs(self) -> NDArray[np.float64]:
-        """Returns what the local costmap's cells cost (n, 6); see ``Rollout.cell_costs``."""
+        """Returns the costs of the local costmap's cells (n, 6); see ``Rollout.cell_costs``."""
         ...
 
 
 class Route:
-    """A global plan under way: what of it still lies ahead and in the local costmap."""
+    """The global plan being followed, and its part ahead within the local costmap."""
 
     def __init__(self, plan: Path) -> None:
         self.plan = plan
@@ -89,12 +89,12 @@ class Route:
         return Pose(x, y, yaw)
 
     def ahead(self, situation: Situation, prune: bool) -> NDArray[np.float64]:
-        """Returns the plan's poses (n, 3) in the local frame, from the first to the last within the costmap's reach.
+        """Returns the plan's poses (n, 3) in the local frame: the first consecutive run within the costmap's reach.
 
-        With ``prune`` the poses that lie behind are forgotten for good.
+        ``prune`` permanently removes the poses behind the robot.
 
         Raises:
-            LocalPlannerError: no pose of the plan lies within reach.
+            LocalPlannerError: no pose of the plan is within reach.
         """
         place = situation.costmap.geometry
         reach = max(place.rows, place.cols) * place.resolution / 2.0

@@ -1,4 +1,4 @@
-"""Adaptive Monte Carlo localisation: odometry and scans in, the robot's pose in the map out. No ROS, no clock."""
+"""Adaptive Monte Carlo localisation: estimates the robot's pose in the map from odometry and scans. Without ROS."""
 
 import math
 from dataclasses import dataclass, fields, replace
@@ -17,35 +17,35 @@ from nav_bundle.core.pose import Pose, angle_difference
 from nav_bundle.core.sensor import Beams, LikelihoodField, Scan, SensorModel, sensor_model
 
 RIVALS = 50
-"""Poses of which the likeliest becomes a random particle."""
+"""Number of candidate poses from which the likeliest becomes a random particle."""
 DENSITY = 1000.0
-"""Poses [1/m²] that a robot which may be anywhere is looked for at first, where the sensor model can judge as many:
+"""Candidate poses per area [1/m²] for the first scan of global localisation, if the sensor model can evaluate as many:
 seven for each 0.5 m by 0.5 m by 10°."""
 DOUBTS = 4
-"""Estimates in a row that no scan fits: the robot is lost."""
+"""After this many consecutive estimates that do not fit the scan, the robot counts as lost."""
 REFINING_BEAMS = 180
-"""Beams that refine an estimate: more cost little there, since they meet one pose, not hundreds."""
+"""Beams used to refine an estimate; many are affordable here, since only one pose is evaluated, not hundreds."""
 
 
 class NoMapError(NavigationError):
-    """Localisation was asked for something that needs a map before one was set."""
+    """An operation needs a map, but none has been set yet."""
 
 
 @dataclass(frozen=True, eq=False)
 class Update:
-    """What one scan led to."""
+    """Result of one scan."""
 
-    #: where the robot was when the scan was taken; None when the particles were weighed, not resampled
+    #: the robot's pose when the scan was taken; None if the particles were weighted but not resampled
     estimate: Estimate | None
-    map_from_odom: Pose | None  #: the odometry frame's pose in the map; None as ``estimate``
+    map_from_odom: Pose | None  #: the odometry frame's pose in the map; None if ``estimate`` is None
 
 
 class Localisation:
-    """Particles that follow a robot through a map.
+    """Tracks a robot in a map with a particle filter.
 
     Args:
         config: amcl's parameters.
-        generator: source of all randomness; equal ones give equal results.
+        generator: source of all randomness; the same seed gives the same results.
     """
 
     def __init__(self, config: AmclConfig, generator: np.random.Generator) -> None:
@@ -58,7 +58,7 @@ class Localisation:
         self._odom: Pose | None = None
         self._forced = self._scattered = False
         self._updates = self._doubts = 0
-        self.agreement = 1.0  #: share of the last scan's beams that fitted the map; 1 without ``refine_estimate``
+        self.agreement = 1.0  #: share of the last scan's beams that fit the map; 1 without ``refine_estimate``
 
     @property
     def particles(self) -> NDArray[np.float64]:
@@ -67,23 +67,23 @@ class Localisation:
 
     @property
     def has_map(self) -> bool:
-        """Tells whether a map has been set."""
+        """Returns whether a map has been set."""
         return self._sensor is not None
 
     @property
     def lost(self) -> bool:
-        """Tells whether lately no scan fitted the map where the robot is thought to be."""
+        """Returns whether the last ``DOUBTS`` scans did not fit the map at the estimated pose."""
         return self._doubts >= DOUBTS
 
     def set_map(self, grid: Grid) -> None:
-        """Uses ``grid`` from now on; the particles stay where they are."""
-        # The old field goes first: two of a large map need not be held at once.
+        """Sets the map; keeps the particles."""
+        # Frees the old likelihood field first, so that memory never holds two fields of a large map.
         self._sensor = self._free = None
         self._sensor = sensor_model(self._config, grid)
         self._free = FreeSpace(grid, self._generator)
 
     def configure(self, config: AmclConfig) -> None:
-        """Continues with other parameters; the particles stay; the next resampling adapts their number."""
+        """Applies new parameters; keeps the particles; the next resampling adapts their number."""
         before, self._config = self._config, config
         self._filter.configure(config)
         self._move = _motion_model(config)
@@ -93,13 +93,13 @@ class Localisation:
             self._sensor = sensor_model(config, self._free.grid)
 
     def set_pose(self, pose: Pose, covariance: NDArray[np.float64]) -> None:
-        """Restarts around ``pose`` (map frame); ``covariance`` over x, y, yaw, shape (3, 3)."""
+        """Restarts with particles around ``pose`` (map frame); ``covariance`` over x, y, yaw, shape (3, 3)."""
         self._filter.gather(pose, covariance)
         self._odom, self._scattered = None, False
         self._doubts = 0
 
     def scatter(self) -> None:
-        """Restarts with particles all over the free space: the robot may be anywhere.
+        """Restarts with particles spread over the free space (global localisation).
 
         Raises:
             NoMapError: there is no map yet.
@@ -110,11 +110,11 @@ class Localisation:
         self._odom, self._scattered = None, True
 
     def force_update(self) -> None:
-        """Makes the next scan count although the robot stands."""
+        """Makes the next scan due even if the robot has not moved."""
         self._forced = True
 
     def due(self, odom: Pose) -> bool:
-        """Tells whether a scan taken at odometry pose ``odom`` would be used: enough movement, forced, or the first."""
+        """Returns whether a scan at odometry pose ``odom`` is due: first scan, forced, or enough movement."""
         if self._odom is None or self._forced:
             return True
         turn = angle_difference(odom.yaw, self._odom.yaw)
@@ -122,9 +122,9 @@ class Localisation:
         return step > self._config.update_min_d or abs(turn) > self._config.update_min_a
 
     def advance(self, odom: Pose, scan: Scan) -> Update:
-        """Moves the particles to odometry pose ``odom`` (odom frame, at the scan's time), weighs and resamples them.
+        """Moves the particles to odometry pose ``odom`` (odom frame, at the scan's time), weights and resamples them.
 
-        The first scan after a start gives an estimate in any case, others each ``resample_interval``-th time.
+        The first scan after a restart always gives an estimate; later only every ``resample_interval``-th scan does.
 
         Raises:
             NoMapError: there is no map yet.
@@ -140,7 +140,7 @@ class Localisation:
         config = self._config
         beams = self._thinned(scan, config.laser_max_beams)
         likelihoods = partial(self._sensor.likelihoods, beams=beams)
-        if self._scattered:  # few poses all over the map miss the right one: the scan says where they are worth it
+        if self._scattered:  # a sparse uniform spread may miss the true pose: draw where the scan is likely instead
             count = config.max_particles
             rivals = max(RIVALS, math.ceil(DENSITY * self._free.area / count))
             self._filter.replace(_likely(self._free, likelihoods, rivals, self._sensor.capacity, count))
@@ -156,7 +156,7 @@ class Localisation:
         return Update(estimate, estimate.pose.compose(odom.inverse()))
 
     def _refined(self, estimate: Estimate, scan: Scan) -> Estimate:
-        """Lays the scan onto the map near the estimate; few particles learn of it: all would narrow them."""
+        """Fits the scan to the map near the estimate; moves only a few particles, since all would narrow the cloud."""
         if not (self._config.refine_estimate and isinstance(self._sensor, LikelihoodField)):
             return estimate
         pose, self.agreement = refined(estimate, self._thinned(scan, REFINING_BEAMS), self._sensor.field)
@@ -170,7 +170,7 @@ class Localisation:
 
 
 def _likely(free: FreeSpace, likelihoods: Judge, rivals: int, most: int, count: int) -> NDArray[np.float64]:
-    """Returns ``count`` poses, each the likeliest of ``rivals``; of fewer where more than ``most`` would be judged."""
+    """Returns ``count`` poses, each the likeliest of ``rivals``, or of fewer to evaluate at most ``most`` poses."""
     return free.draw_likely(count, max(1, min(rivals, most // max(1, count))), likelihoods)
 
 

@@ -1,4 +1,4 @@
-"""How well a map that a robot has drawn agrees with the true one."""
+"""Compares a map built by a robot with the true map."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,7 @@ from nav_bundle.core.pose import Pose
 
 
 def grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Returns ``mask``, shape (rows, cols), with the eight neighbours of each of its cells."""
+    """Returns ``mask``, shape (rows, cols), dilated by one cell (eight neighbours)."""
     rows = np.pad(mask, ((1, 1), (0, 0)))
     rows = rows[:-2] | rows[1:-1] | rows[2:]
     columns = np.pad(rows, ((0, 0), (1, 1)))
@@ -16,18 +16,18 @@ def grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def agreement(drawn: Grid, true: Grid, true_from_drawn: Pose) -> float:
-    """Returns the intersection over union of the two maps' occupied cells, cells within one of each other being equal.
+    """Returns the intersection over union of the two maps' occupied cells, with a tolerance of one cell.
 
-    Of the true map count the cells that a laser can see: occupied ones beside a free one.
+    In the true map, only cells that a laser can see count: occupied cells next to a free one.
 
     Args:
         drawn: the robot's map.
-        true: of the same resolution.
-        true_from_drawn: the robot's map frame in the true one's.
+        true: the true map, of the same resolution.
+        true_from_drawn: pose of the robot's map frame in the true map's frame.
 
     Returns:
-        From 0 to 1: occupied cells of ``drawn`` near a true one, over those, the other ones of ``drawn``, and the
-        true ones that none of ``drawn`` is near; 1 for two empty maps.
+        From 0 to 1: right / (right + wrong + missed). Right are occupied cells of ``drawn`` near a true one, wrong all
+        its other occupied cells, missed the true ones without a cell of ``drawn`` nearby. 1 for two empty maps.
     """
     solid = true.cells == OCCUPIED
     surface = solid & grown(true.cells == FREE)
@@ -44,7 +44,7 @@ def agreement(drawn: Grid, true: Grid, true_from_drawn: Pose) -> float:
 
 
 def _points(grid: Grid, frame: Pose) -> NDArray[np.float64]:
-    """Returns the centres of the occupied cells (x, y) [m], shape (n, 2), in the frame that ``frame`` leads to."""
+    """Returns the centres of the occupied cells (x, y) [m], shape (n, 2), in the parent frame of ``frame``."""
     points = grid.points_at(np.argwhere(grid.cells == OCCUPIED))
     cosine, sine = np.cos(frame.yaw), np.sin(frame.yaw)
     turned = points @ np.array([[cosine, sine], [-sine, cosine]])

@@ -1,4 +1,4 @@
-"""Care in front of what the map does not know: it may be another robot that comes to meet this one."""
+"""Speed limit in front of unmapped obstacles, which may be oncoming robots."""
 
 import math
 from dataclasses import dataclass
@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from nav_bundle.core.pose import Pose
 
 _FRONT = 0.5
-"""Cosine of 60 degrees: what lies farther to the side is not in front."""
+"""Cosine of 60 degrees: obstacles farther to the side do not count as in front."""
 
 
 @dataclass(frozen=True)
 class Care:
-    """How to meet: the speed is held to ``scale`` [1/s] times the distance beyond ``margin`` [m].
+    """Limits the speed to ``scale`` [1/s] times the distance beyond ``margin`` [m].
 
-    So two robots that meet have time to give way. It is never held below ``slowest`` [m/s].
+    Two robots that meet thus have time to give way. The limit is never below ``slowest`` [m/s].
     """
 
     margin: float = 0.5
@@ -24,7 +24,7 @@ class Care:
     slowest: float = 0.15
 
     def speed(self, unmapped: NDArray[np.float64], pose: Pose) -> float:
-        """Returns how fast to go [m/s] for the unmapped obstacles (n, 2) [m] in front, infinity without any."""
+        """Returns the speed limit [m/s] for the unmapped obstacles (n, 2) [m] in front; infinity if there are none."""
         ahead = unmapped - (pose.x, pose.y)
         along = ahead @ (math.cos(pose.yaw), math.sin(pose.yaw))
         distance = np.hypot(ahead[:, 0], ahead[:, 1])

@@ -1,7 +1,7 @@
-"""How particles move when odometry says that the robot did (Thrun, Burgard and Fox, Probabilistic Robotics, 5.4).
+"""Odometry motion models for particles (Thrun, Burgard and Fox, Probabilistic Robotics, 5.4).
 
-As in ROS, the models without "-corrected" in their name take the variance for the standard deviation, which makes
-them the more certain the smaller the step; parameters tuned for one kind do not suit the other.
+As in ROS, the models without "-corrected" in their name use the variance as the standard deviation, so that the
+noise becomes too small for small steps. Parameters tuned for one kind do not suit the other.
 """
 
 import math
@@ -20,7 +20,7 @@ MotionModel = Callable[[NDArray[np.float64], Pose, Pose, np.random.Generator], N
 """Moves particles (x, y [m], yaw [rad]; shape (n, 3)) in place, from one odometry pose to the next."""
 
 STANDSTILL = 0.01
-"""A shorter step [m] has no direction: the robot turned in place."""
+"""A step shorter than this [m] counts as a turn in place, since its direction is undefined."""
 
 
 def motion_model(name: str, alphas: Alphas) -> MotionModel:
@@ -45,14 +45,14 @@ def _drive(
     deviation: Callable[[float], float],
     generator: np.random.Generator,
 ) -> None:
-    """A differential drive turns, goes straight, and turns again."""
+    """Moves particles as a differential drive: turn, drive straight, turn again."""
     distance = before.distance(after)
     turn = angle_difference(after.yaw, before.yaw)
     first = 0.0
     if distance >= STANDSTILL:
         first = angle_difference(math.atan2(after.y - before.y, after.x - before.x), before.yaw)
     second = angle_difference(turn, first)
-    # Driving backwards is no turn by pi, and is not noisier than driving forwards.
+    # Driving backwards is not a turn by pi, and has the same noise as driving forwards.
     first_noise, second_noise = (min(abs(a), abs(angle_difference(a, math.pi))) for a in (first, second))
     a1, a2, a3, a4, _ = alphas
     sigmas = (
@@ -76,7 +76,7 @@ def _strafe(
     deviation: Callable[[float], float],
     generator: np.random.Generator,
 ) -> None:
-    """An omnidirectional base goes in any direction while it turns."""
+    """Moves particles as an omnidirectional base: translation in any direction with a simultaneous turn."""
     distance = before.distance(after)
     turn = angle_difference(after.yaw, before.yaw)
     a1, a2, a3, a4, a5 = alphas

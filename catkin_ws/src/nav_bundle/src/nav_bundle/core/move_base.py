@@ -1,8 +1,8 @@
-"""What move_base does when: a pure state machine.
+"""move_base's logic as a pure state machine.
 
-``advance`` takes the state, what happened since the last cycle and the time, and returns the next
-state, the velocity to command (None: command nothing) and what the node has to do. Plans, costmaps
-and goals stay with the node; the machine knows only how they turned out.
+``advance`` takes the state, the inputs since the last cycle and the time. It returns the next state, the velocity
+to command (None: command nothing) and the events that the node has to carry out. Plans, costmaps and goals stay in
+the node; the state machine sees only their outcomes.
 """
 
 import math
@@ -14,7 +14,7 @@ from nav_bundle.core.pose import Pose
 
 
 class Phase(Enum):
-    """What move_base is at."""
+    """State of move_base."""
 
     IDLE = "idle"
     PLANNING = "planning"
@@ -23,7 +23,7 @@ class Phase(Enum):
 
 
 class Trigger(Enum):
-    """Why recovery began; the value is the text of the abort when no recovery is left (Noetic's)."""
+    """Why recovery started; the value is Noetic's abort message when all recovery behaviours have failed."""
 
     PLANNING = "Failed to find a valid plan. Even after executing recovery behaviors."
     CONTROLLING = "Failed to find a valid control. Even after executing recovery behaviors."
@@ -32,7 +32,7 @@ class Trigger(Enum):
 
 
 class PlanOutcome(Enum):
-    """How the search for a plan stands."""
+    """Outcome of the search for a plan, if it has ended."""
 
     NONE = "none"
     FOUND = "found"
@@ -49,11 +49,11 @@ class Outcome(Enum):
 
 @dataclass(frozen=True)
 class Limits:
-    """The parameters that decide: times [s], frequencies [Hz], distances [m].
+    """Parameters of the state machine: times [s], frequencies [Hz], distances [m].
 
-    ``max_planning_retries`` below 0 and ``oscillation_timeout`` 0 mean without limit;
-    ``planner_frequency`` 0 means plan once a goal and whenever control fails. ``meeting_period`` is how old a plan may
-    become while something that the map does not know is near.
+    ``max_planning_retries`` below 0 and ``oscillation_timeout`` 0 mean no limit.
+    ``planner_frequency`` 0 means plan once per goal and whenever control fails. ``meeting_period`` is the maximum age
+    of a plan while an unmapped obstacle is near.
     """
 
     planner_frequency: float = 0.0
@@ -67,13 +67,13 @@ class Limits:
 
     @property
     def planning_period(self) -> float:
-        """Time from one plan to the next while the robot drives [s]; infinite without a frequency."""
+        """Time between plans while the robot drives [s]; infinite if ``planner_frequency`` is 0."""
         return 1.0 / self.planner_frequency if self.planner_frequency > 0.0 else math.inf
 
 
 @dataclass(frozen=True)
 class State:
-    """Where move_base stands between two cycles; times in [s] of ROS time."""
+    """State of the machine between two cycles; times are ROS times [s]."""
 
     phase: Phase = Phase.IDLE
     plan_due: float = math.inf
@@ -89,39 +89,39 @@ class State:
 
 @dataclass(frozen=True)
 class Inputs:
-    """What happened since the last cycle."""
+    """Inputs since the last cycle."""
 
-    new_goal: bool = False  #: a goal was accepted; it replaces the one under way
-    cancel: bool = False  #: the goal under way was cancelled
-    pose: Pose | None = None  #: the robot's in the global frame, None when it is not known
-    current: bool = True  #: sensors, odometry and transforms are recent enough to drive on
-    plan: PlanOutcome = PlanOutcome.NONE  #: how the search under way ended, if it did
-    control: Velocity | None = None  #: what the local planner wants, None when it found nothing to drive
-    reached: bool = False  #: the local planner says that the goal is reached
-    recovery: Velocity | None = None  #: what the recovery under way wants to drive
-    recovered: bool = False  #: the recovery under way has ended
-    meeting: bool = False  #: something that the map does not know is near: plans age fast
-    pushing: bool = False  #: the robot is commanded to drive and does not move
+    new_goal: bool = False  #: a goal was accepted; it replaces the active one
+    cancel: bool = False  #: the active goal was cancelled
+    pose: Pose | None = None  #: the robot's pose in the global frame; None if unknown
+    current: bool = True  #: sensor data, odometry and transforms are recent enough to drive
+    plan: PlanOutcome = PlanOutcome.NONE  #: outcome of the search for a plan, if it has ended
+    control: Velocity | None = None  #: the local planner's command; None if it found no valid velocity
+    reached: bool = False  #: the local planner reports that the goal is reached
+    recovery: Velocity | None = None  #: the active recovery behaviour's command
+    recovered: bool = False  #: the active recovery behaviour has ended
+    meeting: bool = False  #: an unmapped obstacle is near, so plans must be renewed sooner
+    pushing: bool = False  #: the robot is commanded to drive but does not move
 
 
 @dataclass(frozen=True)
 class StartPlanning:
-    """Begin a search for a plan to the goal."""
+    """Start a search for a plan to the goal."""
 
 
 @dataclass(frozen=True)
 class StopPlanning:
-    """Drop the search under way."""
+    """Abandon the current search for a plan."""
 
 
 @dataclass(frozen=True)
 class FollowPlan:
-    """Hand the plan that was found to the local planner."""
+    """Pass the new plan to the local planner."""
 
 
 @dataclass(frozen=True)
 class StartRecovery:
-    """Begin the recovery behaviour of this index."""
+    """Start the recovery behaviour with this index."""
 
     index: int
     trigger: Trigger
@@ -137,7 +137,7 @@ class Finish:
 
 @dataclass(frozen=True)
 class Warn:
-    """Tell the user."""
+    """Log a warning."""
 
     text: str
 
@@ -146,7 +146,7 @@ Event = StartPlanning | StopPlanning | FollowPlan | StartRecovery | Finish | War
 Step = tuple[State, Velocity | None, tuple[Event, ...]]
 
 RETRY_PERIOD = 0.1
-"""Longest wait between two searches while the robot stands without a plan [s]."""
+"""Longest wait between two searches while the robot has no plan [s]."""
 PUSHING_TEXT = "The robot is commanded to drive and does not move: it pushes against something, or its motors are off"
 STALE_TEXT = "Sensor data is out of date, we're not going to allow commanding of the base for safety"
 
@@ -173,7 +173,7 @@ def advance(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
 
 
 def _begin(inputs: Inputs, now: float) -> Step:
-    """Starts on a new goal: the robot stands until there is a plan to it."""
+    """Starts a new goal; the robot stands still until there is a plan."""
     state = State(
         phase=Phase.PLANNING,
         last_valid_plan=now,
@@ -189,7 +189,7 @@ def _finish(outcome: Outcome, text: str) -> Step:
 
 
 def _watch_oscillation(state: State, pose: Pose | None, now: float, limits: Limits) -> State:
-    """Notes that the robot got on, if it moved by ``oscillation_distance``."""
+    """Resets the oscillation timer if the robot has moved by ``oscillation_distance``."""
     if pose is None:
         return state
     if state.oscillation_pose is not None and pose.distance(state.oscillation_pose) < limits.oscillation_distance:
@@ -199,14 +199,14 @@ def _watch_oscillation(state: State, pose: Pose | None, now: float, limits: Limi
 
 
 def _request_plan(state: State, now: float) -> tuple[State, tuple[Event, ...]]:
-    """Asks for a plan when one is due; the next is due when this one has turned out."""
+    """Requests a plan if one is due; the outcome of this request sets the next due time."""
     if now < state.plan_due or state.phase not in (Phase.PLANNING, Phase.CONTROLLING):
         return state, ()
     return replace(state, plan_due=math.inf), (StartPlanning(),)
 
 
 def _take_plan(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
-    """Takes the search's outcome; a velocity in the step means that the cycle ends here."""
+    """Handles the outcome of the search; if the returned step has a velocity, the cycle ends here."""
     if state.phase not in (Phase.PLANNING, Phase.CONTROLLING) or inputs.plan is PlanOutcome.NONE:
         return state, None, ()
     if inputs.plan is PlanOutcome.FAILED:
@@ -224,7 +224,7 @@ def _take_plan(state: State, inputs: Inputs, now: float, limits: Limits) -> Step
 
 
 def _planning_failed(state: State, now: float, limits: Limits) -> Step:
-    """Tries again, until patience or retries end; a robot under way keeps the plan it has."""
+    """Retries until patience or retries are exhausted; a moving robot keeps its current plan."""
     period = min(limits.planning_period, RETRY_PERIOD) if math.isfinite(limits.planning_period) else 0.0
     if state.phase is Phase.CONTROLLING:
         return replace(state, plan_due=now + limits.planning_period), None, ()
@@ -237,7 +237,7 @@ def _planning_failed(state: State, now: float, limits: Limits) -> Step:
 
 
 def _clear(state: State, trigger: Trigger) -> Step:
-    """Stops the robot and goes over to recovery."""
+    """Stops the robot and enters recovery."""
     state = replace(state, phase=Phase.CLEARING, trigger=trigger, recovering=False, plan_due=math.inf)
     return state, STANDSTILL, (StopPlanning(),)
 

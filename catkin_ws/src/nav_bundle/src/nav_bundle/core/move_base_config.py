@@ -1,4 +1,4 @@
-"""Parameters of move_base under their Noetic names."""
+"""Parameters of move_base, with their Noetic names."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -35,30 +35,30 @@ _LOCAL_PLANNERS: dict[str, LocalKind] = {
     "base_local_planner/TrajectoryPlannerROS": (trajectory_config_from_parameters, TrajectoryPlanner),
     "dwa_local_planner/DWAPlannerROS": (dwa_config_from_parameters, DwaPlanner),
 }
-"""What reads a planner's configuration from its parameters, namespace and the control frequency [Hz], and what makes
-the planner from that and the local costmap's resolution [m]."""
+"""By type: reads the configuration from parameters, namespace and control frequency [Hz]; creates the planner from the
+configuration and the local costmap's resolution [m]."""
 GlobalKind = tuple[Callable[[Mapping[str, Any], str], Any], Callable[[Any], NavfnPlanner]]
 _GLOBAL_PLANNERS: dict[str, GlobalKind] = {
     "navfn/NavfnROS": (_navfn_config, NavfnPlanner),
     "global_planner/GlobalPlanner": (global_planner_config_from_parameters, GlobalPlanner),
 }
-"""What reads a planner's configuration from its parameters and namespace, and what makes the planner from that."""
+"""By type: reads the configuration from parameters and namespace; creates the planner from the configuration."""
 
 
 @dataclass(frozen=True)
 class MoveBaseConfig:
     """The parameters in move_base's own namespace.
 
-    Ours are ``odom_timeout`` [s], the longest silence of the odometry that the robot may still drive on, 0 for any, and
-    ``transform_future_limit`` [s], how far ahead of the clock a transform or a cancel may be stamped.
-    ``base_global_planner`` may also be ``global_planner/GlobalPlanner``, ``base_local_planner``
-    ``dwa_local_planner/DWAPlannerROS``. The packages' names may be left out.
+    ``base_global_planner`` may also be ``global_planner/GlobalPlanner``, and ``base_local_planner`` may be
+    ``dwa_local_planner/DWAPlannerROS``. The package name is optional.
 
-    Ours too: an unmapped obstacle within ``meeting_distance`` [m] (0: none) and at least ``meeting_min_width`` [m] wide
-    may be a robot. In front of it the speed is at most ``meeting_vel_scale`` [1/s] times the distance beyond
-    ``meeting_margin`` [m], but not below ``meeting_min_vel`` [m/s], and plans are made at
-    ``meeting_planner_frequency`` [Hz]. A robot that stands against a command for ``pushing_timeout`` [s] (0: any time),
-    or whose wheels slip, backs up and recovers.
+    The following parameters are not in Noetic. ``odom_timeout`` [s] is the maximum age of odometry to drive on; 0
+    disables the check. ``transform_future_limit`` [s] is how far ahead of the clock a transform or cancel may be
+    stamped. An unmapped obstacle within ``meeting_distance`` [m] (0: disabled) and at least ``meeting_min_width`` [m]
+    wide may be a robot. In front of it the speed is at most ``meeting_vel_scale`` [1/s] times the distance beyond
+    ``meeting_margin`` [m], but never below ``meeting_min_vel`` [m/s], and the planner runs at
+    ``meeting_planner_frequency`` [Hz]. A robot that is commanded to drive but stands for ``pushing_timeout`` [s] (0:
+    disabled), or whose wheels slip, backs up and starts recovery.
     """
 
     base_global_planner: Annotated[str, Live()] = "navfn/NavfnROS"
@@ -91,8 +91,10 @@ class MoveBaseConfig:
 
 @dataclass(frozen=True)
 class Setup:
-    """Everything move_base is made from; planners' names are the namespaces of their parameters and topics,
-    ``global_planner`` and ``local_planner`` their configurations.
+    """Complete configuration of move_base.
+
+    Planner names are also the namespaces of the planners' parameters and topics; ``global_planner`` and
+    ``local_planner`` are their configurations.
     """
 
     base: MoveBaseConfig
@@ -106,7 +108,7 @@ class Setup:
     limits: Limits = field(default_factory=Limits)
 
     def live_configs(self) -> dict[str, Any]:
-        """Returns the configurations that may change while the node runs, by their namespace below the node's."""
+        """Returns the dynamically reconfigurable configurations, by namespace relative to the node."""
         configs: dict[str, Any] = {"": self.base, self.local_planner_name: self.local_planner}
         if live_values(self.global_planner):
             configs[self.global_planner_name] = self.global_planner
@@ -118,34 +120,34 @@ class Setup:
 
     @property
     def potential_scale(self) -> int:
-        """The highest value that a shown potential has; 0 where none is to be shown."""
+        """Maximum value of the published potential; 0 if it is not published."""
         planner = self.global_planner
         return planner.publish_scale if isinstance(planner, GlobalPlannerConfig) and planner.publish_potential else 0
 
     @property
     def care(self) -> Care:
-        """How to meet what the map does not know."""
+        """Speed limit in front of unmapped obstacles."""
         return Care(self.base.meeting_margin, self.base.meeting_vel_scale, self.base.meeting_min_vel)
 
     @property
     def unmapped(self) -> tuple[float, float]:
-        """How near [m] and how wide [m] what the map does not know must be to count."""
+        """Maximum distance [m] and minimum width [m] of unmapped obstacles that count."""
         return self.base.meeting_distance, self.base.meeting_min_width
 
     def make_global_planner(self) -> NavfnPlanner:
-        """Returns the global planner that was asked for."""
+        """Returns a new global planner of the configured type."""
         _, (_, make) = _planner(_GLOBAL_PLANNERS, self.global_planner_name, "global planner")
         return make(self.global_planner)
 
     def drives_as(self, other: "Setup") -> bool:
-        """Tells whether the local planner of both is the same."""
+        """Returns whether both setups have the same local planner, configuration and local costmap resolution."""
         mine, its = (
             (each.local_planner_name, each.local_planner, each.local_costmap.resolution) for each in (self, other)
         )
         return mine == its
 
     def make_local_planner(self) -> LocalPlanner:
-        """Returns the local planner that was asked for, on the local costmap's cells."""
+        """Returns a new local planner of the configured type, for the local costmap's resolution."""
         _, (_, make) = _planner(_LOCAL_PLANNERS, self.local_planner_name, "local planner")
         return make(self.local_planner, self.local_costmap.resolution)
 
@@ -153,10 +155,10 @@ class Setup:
 def changed_parameters(
     parameters: Mapping[str, Any], setup: Setup, namespace: str, changes: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Returns the tree ``parameters`` that led to ``setup`` with ``changes`` of one of its ``live_configs``.
+    """Returns ``parameters``, from which ``setup`` was built, with ``changes`` to one of its ``live_configs``.
 
-    What may change in that namespace is written out whole, as dynamic_reconfigure does: a default that follows another
-    parameter stays where it is.
+    As in dynamic_reconfigure, all live values of that namespace are written out. A default derived from another
+    parameter thus keeps its value.
     """
     tree = dict(parameters)
     own = tree
@@ -165,16 +167,16 @@ def changed_parameters(
         own[name] = dict(found) if isinstance(found, Mapping) else {}
         own = own[name]
     for name, value in {**live_values(setup.live_configs()[namespace]), **changes}.items():
-        own.pop(name, None)  # so that it comes after a former name of the same parameter
+        own.pop(name, None)  # moves it behind a deprecated name of the same parameter
         own[name] = value
     return tree
 
 
 def setup_from_parameters(parameters: Mapping[str, Any], owner: str) -> Setup:
-    """Returns the set-up of the node ``owner`` from all of its private parameters.
+    """Returns the setup of the node ``owner`` from all of its private parameters.
 
     Raises:
-        ParameterError: an unknown or wrong parameter, or a planner that does not exist.
+        ParameterError: an unknown or invalid parameter, or an unknown planner.
     """
     nested = {name for name, value in parameters.items() if isinstance(value, Mapping)}
     base = config_from_mapping(MoveBaseConfig, parameters, owner, nested)
@@ -209,7 +211,7 @@ def _check(base: MoveBaseConfig, owner: str) -> None:
 
 
 def _planner(kinds: dict[str, Kind], wanted: str, what: str) -> tuple[str, Kind]:
-    """Returns the name of the planner ``wanted`` without its package, and how it is made."""
+    """Returns the name of the planner ``wanted`` without its package, and its entry in ``kinds``."""
     for full, kind in kinds.items():
         name = full.split("/")[-1]
         if wanted in (full, name):

@@ -1,4 +1,4 @@
-"""The global planner NavfnROS: a potential over the costmap and the steepest way down it."""
+"""The global planner NavfnROS: computes a potential over the costmap and descends its gradient."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,19 +17,19 @@ from nav_bundle.kernels import navfn as kernel
 from nav_bundle.kernels.navfn import FAR
 
 NEUTRAL_COST = 50
-"""What a free cell costs."""
+"""Weight of a free cell."""
 COST_FACTOR = 0.8
-"""What a unit of costmap cost adds."""
+"""Weight added per unit of costmap cost."""
 HIGHEST_COST = 253
-"""What the dearest cell that may be crossed costs."""
+"""Highest weight of a traversable cell."""
 MEETING_DISTANCE = 3.0
-"""How near [m] what the map does not know must be to be passed on the right."""
+"""Unmapped obstacles within this distance [m] are passed on the right."""
 
 _BLOCKED = -1
-# How far apart the wave's urgency bands lie; two steps over free ground, as in navfn, give the best speed at four.
+# Width of the wavefront's priority bands. navfn uses two steps over free ground; four are the fastest here.
 _BAND = 4.0 * NEUTRAL_COST
-# Unmapped obstacles are passed on the right: crossing the line to their left, this long and thick [m],
-# costs as much as about a metre of free ground.
+# Unmapped obstacles are passed on the right: a line to their left, of this length and half width [m], costs as much
+# to cross as about a metre of free ground.
 _SHUNNED_LENGTH, _SHUNNED_DEPTH = 2.5, 0.15
 
 
@@ -37,9 +37,9 @@ _SHUNNED_LENGTH, _SHUNNED_DEPTH = 2.5, 0.15
 class NavfnConfig:
     """Parameters under ``~NavfnROS``.
 
-    ``planner_window_x``, ``planner_window_y`` and ``visualize_potential`` are taken and change nothing.
-    ``keep_right`` is ours: what the map does not know, such as another robot, is passed on the right
-    unless that is a metre longer, so that two robots that meet do not dodge to the same side.
+    ``planner_window_x``, ``planner_window_y`` and ``visualize_potential`` are accepted without effect.
+    Not in Noetic: ``keep_right`` passes unmapped obstacles, such as other robots, on the right unless that is a metre
+    longer, so that two robots that meet do not dodge to the same side.
     """
 
     allow_unknown: bool = True
@@ -51,7 +51,7 @@ class NavfnConfig:
 
 
 def weights(allow_unknown: bool) -> NDArray[np.float32]:
-    """Returns what crossing a cell adds, by its cost; negative where nothing may pass. Shape (256,)."""
+    """Returns the potential added by crossing a cell, by its cost; negative if blocked. Shape (256,)."""
     table = np.floor(np.minimum(NEUTRAL_COST + COST_FACTOR * np.arange(256), HIGHEST_COST)).astype(np.float32)
     table[INSCRIBED:] = _BLOCKED
     table[UNKNOWN] = HIGHEST_COST if allow_unknown else _BLOCKED
@@ -59,11 +59,11 @@ def weights(allow_unknown: bool) -> NDArray[np.float32]:
 
 
 class NavfnPlanner:
-    """Plans as navfn does: cells weigh ``50 + 0.8 cost``, so paths keep off walls as far as inflation reaches.
+    """Plans as navfn does: cells weigh ``50 + 0.8 cost``, so paths avoid the inflated area around walls.
 
-    The wave starts at the robot, so that the nearest reachable place within the tolerance is known
-    when the goal itself is blocked. Unlike navfn, a robot whose centre stands in an inscribed cell
-    may leave it: the inscribed cells within its inscribed radius can be crossed, at the highest cost.
+    The wavefront starts at the robot. If the goal itself is blocked, the nearest reachable cell within the tolerance
+    is thus known. Unlike in navfn, a robot whose centre is in an inscribed cell can leave it: inscribed cells within
+    its inscribed radius are traversable at the highest cost.
     """
 
     def __init__(self, config: NavfnConfig) -> None:
@@ -73,11 +73,11 @@ class NavfnPlanner:
         self._follow_cells = False
 
     def _finished(self, start: Pose, path: Path) -> Path:
-        """Returns what is made of a path that was found from ``start``."""
+        """Returns the path after post-processing; hook for subclasses."""
         return path
 
     def search(self, costmap: Costmap, start: Pose, goal: Pose, tolerance: float | None = None) -> "NavfnSearch":
-        """Begins a search on a copy of the costmap's cells; see ``planner.GlobalPlanner``."""
+        """Starts a search on a copy of the costmap's cells; see ``planner.GlobalPlanner``."""
         place = costmap.geometry
         start_cell, goal_cell = _cell(place, start), _cell(place, goal)
         if not _inside(place, start_cell):
@@ -101,7 +101,7 @@ class NavfnPlanner:
 
 
 class NavfnSearch:
-    """One search; its wave continues where the last call left it."""
+    """One incremental search; each call to ``advance`` continues the wavefront."""
 
     def __init__(
         self,
@@ -114,10 +114,10 @@ class NavfnSearch:
         weight: NDArray[np.float32],
         guided: bool = False,
     ) -> None:
-        self.geometry = geometry  #: where the cells lie
-        #: makes the path that is returned of the one that was found
+        self.geometry = geometry  #: geometry of the cells
+        #: post-processes the path that was found
         self.finish: Callable[[Path], Path] = lambda path: path
-        self.follow_cells = False  #: the path leads from cell to cell instead of down the gradient
+        self.follow_cells = False  #: follow the path from cell to cell instead of down the gradient
         self._start, self._goal_cell, self._goal = start, goal_cell, goal
         self._tolerance = tolerance
         self._wave = Wave(costs, weight, start, _BAND)
@@ -125,11 +125,11 @@ class NavfnSearch:
 
     @property
     def potential(self) -> NDArray[np.float32]:
-        """Cost of the cheapest way from the robot, float32, shape (rows, cols); ``FAR`` where none was found."""
+        """Cost of the cheapest path from the robot, float32, shape (rows, cols); ``FAR`` in cells not reached."""
         return self._wave.potential
 
     def advance(self, budget: int) -> Path | None:
-        """Looks at about ``budget`` more cells; see ``planner.Search``."""
+        """Visits about ``budget`` more cells; see ``planner.Search``."""
         if self._guide:
             if not self._guide.advance(budget):
                 return None
@@ -138,7 +138,7 @@ class NavfnSearch:
         return self._path() if self._wave.advance(self._goal_cell, budget) else None
 
     def _path(self) -> Path:
-        """Returns the path from the robot to the goal, or to the nearest reached place within the tolerance."""
+        """Returns the path from the robot to the goal, or to the nearest reached cell within the tolerance."""
         exact = self.potential[self._goal_cell] < FAR
         end = self._goal_cell if exact else self._nearest()
         steps = np.empty((4 * sum(self.potential.shape) + self.potential.size // 8, 2), np.float64)
@@ -156,7 +156,7 @@ class NavfnSearch:
         return row, col
 
     def _poses(self, cells: NDArray[np.float64], exact: bool) -> Path:
-        """Returns the points of ``cells`` (row, col) with yaw 0 as navfn has it, the last with the goal's heading."""
+        """Returns the poses at ``cells`` (row, col): yaw 0 as in navfn, the goal's heading at the last one."""
         place = self.geometry
         path = np.zeros((max(len(cells), 1), 3))
         path[: len(cells), 0] = place.origin_x + (cells[:, 1] + 0.5) * place.resolution
@@ -176,7 +176,7 @@ def _inside(place: Geometry, cell: tuple[int, int]) -> bool:
 
 
 def _open_around(costs: NDArray[np.uint8], cell: tuple[int, int], radius: float) -> None:
-    """Makes the inscribed cells within ``radius`` [cells] passable at the highest price."""
+    """Makes the inscribed cells within ``radius`` [cells] traversable at the highest cost."""
     reach = int(np.ceil(radius))
     rows = np.arange(max(cell[0] - reach, 0), min(cell[0] + reach + 1, costs.shape[0]))
     cols = np.arange(max(cell[1] - reach, 0), min(cell[1] + reach + 1, costs.shape[1]))

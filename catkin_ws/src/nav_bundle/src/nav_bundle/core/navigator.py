@@ -1,7 +1,7 @@
 """move_base without ROS: costmaps, planners, recovery and the state machine, one cycle at a time.
 
-The node reads topics and transforms into a ``Sight`` and publishes what a ``Cycle`` holds; a simulation does both on
-its own.
+The node fills a ``Sight`` from topics and transforms and publishes the content of a ``Cycle``. A simulation can do
+both itself.
 """
 
 from collections.abc import Callable
@@ -33,7 +33,7 @@ from nav_bundle.core.pose import Pose
 from nav_bundle.core.pushing import Picture, PushingWatch
 from nav_bundle.core.recovery import BackUp, Recovery, Surroundings
 
-# How many cells a search may look at in one cycle: about 60 ms while the robot stands, 8 ms while it drives.
+# Number of cells a search may visit in one cycle: about 60 ms while the robot stands, 8 ms while it drives.
 _CELLS_STANDING = 2_000_000
 _CELLS_DRIVING = 250_000
 _NOBODY = np.empty((0, 2))
@@ -42,24 +42,24 @@ _NO_POSE = "Unable to get starting pose of robot, unable to create global plan"
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """What is known about the robot in one cycle; None where it is not known."""
+    """Robot state in one cycle; None for unknown values."""
 
-    pose: Pose | None  #: in the global costmap's frame
-    local_pose: Pose | None = None  #: in the local costmap's frame
-    local_from_global: Pose | None = None  #: pose of the global costmap's frame in the local one's
-    velocity: Velocity | None = None  #: measured
-    current: bool = False  #: sensors, odometry and transforms are recent enough to drive on
+    pose: Pose | None  #: the robot's pose in the global costmap's frame
+    local_pose: Pose | None = None  #: the robot's pose in the local costmap's frame
+    local_from_global: Pose | None = None  #: pose of the global costmap's frame in the local costmap's frame
+    velocity: Velocity | None = None  #: measured velocity
+    current: bool = False  #: sensor data, odometry and transforms are recent enough to drive
 
 
 @dataclass(eq=False)
 class Cycle:
-    """What came of one cycle."""
+    """Result of one cycle."""
 
-    command: Velocity | None = None  #: what to drive, None to leave the base alone
-    decision: Decision | None = None  #: what the local planner chose
-    plan: Path | None = None  #: the global plan that is followed from now on
-    found: Search | None = None  #: the search that found it
-    recovery: StartRecovery | None = None  #: the recovery behaviour that began
+    command: Velocity | None = None  #: velocity to command; None to leave the base alone
+    decision: Decision | None = None  #: the local planner's decision
+    plan: Path | None = None  #: the new global plan to follow
+    found: Search | None = None  #: the search that ended with a path
+    recovery: StartRecovery | None = None  #: the recovery behaviour that started
     finish: Finish | None = None  #: how the goal ended
     warnings: list[str] = field(default_factory=list)  #: lines for the log
 
@@ -71,7 +71,7 @@ class Navigator:
         setup: parameters.
         global_costmap: updated by the caller before each cycle.
         local_costmap: updated by the caller before each cycle.
-        refresh: updates both costmaps at once, when a recovery behaviour has changed them.
+        refresh: updates both costmaps immediately; called after a recovery behaviour has changed them.
     """
 
     def __init__(
@@ -92,16 +92,16 @@ class Navigator:
         self._command: Velocity | None = None
 
     def cell_costs(self) -> NDArray[np.float64]:
-        """Returns what the local costmap's cells cost in the last decision (n, 6); see ``Rollout.cell_costs``."""
+        """Returns the local costmap's cell costs of the last decision (n, 6); see ``Rollout.cell_costs``."""
         return self._controller.cell_costs()
 
     @property
     def phase(self) -> Phase:
-        """What is being done."""
+        """Current phase of the state machine."""
         return self._state.phase
 
     def configure(self, setup: Setup) -> None:
-        """Takes other parameters; the plan being followed stays."""
+        """Applies new parameters; keeps the current plan."""
         before, self._setup = self._setup, setup
         if (setup.global_planner_name, setup.global_planner) != (before.global_planner_name, before.global_planner):
             self.planner = setup.make_global_planner()
@@ -112,29 +112,29 @@ class Navigator:
                 self._controller.set_plan(self._route)
 
     def look_around(self, pose: Pose | None) -> None:
-        """Takes note of what an update of the global costmap showed around the robot at ``pose``."""
+        """Finds unmapped obstacles near ``pose``; call it after each update of the global costmap."""
         self._unmapped = _NOBODY if pose is None else self._global.unmapped(pose, *self._setup.unmapped)
 
     def look_at(self, picture: Picture) -> None:
-        """Takes note of what the laser saw, in the local costmap's frame."""
+        """Adds a scan, in the local costmap's frame, to the pushing detection."""
         if self._state.phase is Phase.CONTROLLING:
             self._pushing.note_picture(picture)
 
     def begin(self, goal: Pose, pose: Pose | None, now: float) -> Cycle:
-        """Starts on a new goal, in the global costmap's frame, from ``pose``."""
+        """Starts a new goal, in the global costmap's frame, from ``pose``."""
         self._goal = goal
         return self._advance(Inputs(new_goal=True, pose=pose), pose, now, Cycle())
 
     def restart(self, pose: Pose | None, now: float) -> Cycle:
-        """Starts again on the current goal, if there is one, for a clock that jumped back."""
+        """Restarts the current goal, if any, after the clock jumped back."""
         return Cycle() if self._goal is None else self.begin(self._goal, pose, now)
 
     def cancel(self, now: float) -> Cycle:
-        """Ends the goal."""
+        """Cancels the current goal."""
         return self._advance(Inputs(cancel=True), None, now, Cycle())
 
     def cycle(self, sight: Sight, now: float) -> Cycle:
-        """Does one cycle's work at ROS time ``now`` [s]."""
+        """Runs one cycle at ROS time ``now`` [s]."""
         result = Cycle()
         if self._state.phase is Phase.IDLE:
             return result
@@ -145,7 +145,7 @@ class Navigator:
         return self._advance(inputs, sight.pose, now, result)
 
     def _worked_out(self, inputs: Inputs, sight: Sight, now: float, result: Cycle) -> Inputs:
-        """Returns the inputs with the outcome of search, local planner and recovery."""
+        """Returns the inputs, completed with the outcomes of search, local planner and recovery."""
         inputs = replace(inputs, plan=self._search_on(result))
         if self._state.phase is Phase.CONTROLLING:
             self._pushing.note_motion(self._command, sight.velocity or Velocity(), now)
@@ -163,7 +163,7 @@ class Navigator:
         return inputs
 
     def _search_on(self, result: Cycle) -> PlanOutcome:
-        """Continues the search."""
+        """Continues the search and returns its outcome."""
         if self._search is None:
             return PlanOutcome.NONE
         driving = self._state.phase is Phase.CONTROLLING
@@ -179,7 +179,7 @@ class Navigator:
         return PlanOutcome.FOUND
 
     def _decide(self, sight: Sight, result: Cycle) -> Decision | None:
-        """Asks the local planner; None where it finds nothing to drive."""
+        """Returns the local planner's decision; None if it finds no valid velocity or the robot state is unknown."""
         if sight.pose is None or sight.local_pose is None or sight.local_from_global is None or sight.velocity is None:
             return None
         fastest = self._setup.care.speed(self._unmapped, sight.pose)
@@ -231,7 +231,7 @@ class Navigator:
                 result.warnings.append(text)
 
     def _start_planning(self, pose: Pose | None) -> None:
-        """Begins a search; a start or goal outside the map becomes a search that fails."""
+        """Starts a search; if the start or goal is outside the map, the search fails on its first ``advance``."""
         assert self._goal is not None
         try:
             if pose is None:
@@ -242,11 +242,11 @@ class Navigator:
 
 
 class _FailedSearch:
-    """A search that could not begin."""
+    """A search that could not start."""
 
     def __init__(self, error: PlannerError) -> None:
         self._error = error
 
     def advance(self, budget: int) -> Path | None:
-        """Raises the reason."""
+        """Raises the error that prevented the search."""
         raise self._error

@@ -1,4 +1,4 @@
-"""Headings along a path: what global_planner calls its orientation filter."""
+"""Headings along a path: global_planner's orientation filter."""
 
 import math
 from enum import IntEnum
@@ -9,7 +9,7 @@ from nav_bundle.core.planner import Path
 from nav_bundle.core.pose import Pose, angle_difference
 
 _BEND = 0.35
-"""A path that bends more than this [rad] between two poses is not straight any more, as in global_planner."""
+"""A path that bends by more than this [rad] between two poses is not straight, as in global_planner."""
 
 
 class Orientation(IntEnum):
@@ -34,14 +34,14 @@ _TURNED = {
 
 
 def oriented(path: Path, start: Pose, mode: Orientation, window: int) -> Path:
-    """Returns ``path`` (n, 3) with headings by ``mode``; the last pose keeps the goal's.
+    """Returns ``path`` (n, 3) with headings set by ``mode``; the last pose keeps the goal's heading.
 
     Args:
         path: from the robot to the goal.
         start: the robot's pose.
-        mode: along the path, against it or across it; or evenly from the robot's heading to the goal's; or along the
-            path up to its last straight part, and evenly from there.
-        window: how many poses to either side say where the path leads.
+        mode: along, against or across the path; or interpolated from the robot's heading to the goal's; or along the
+            path up to its last straight part, and interpolated from there.
+        window: number of poses on either side that determine the direction of the path.
     """
     turned = path.copy()
     if mode in _TURNED and len(path) > 1:
@@ -58,7 +58,7 @@ def oriented(path: Path, start: Pose, mode: Orientation, window: int) -> Path:
 
 
 def _last_straight(path: Path) -> int:
-    """Returns where the last straight part of a path begins."""
+    """Returns the index where the last straight part of a path begins."""
     index = max(len(path) - 3, 0)
     last = float(path[index, 2])
     while index > 0 and abs(angle_difference(float(path[index - 1, 2]), last)) <= _BEND:
@@ -67,7 +67,7 @@ def _last_straight(path: Path) -> int:
 
 
 def _interpolate(path: Path, start: Pose, first: int) -> None:
-    """Turns evenly from the heading at ``first``, the robot's at the path's begin, to that of the goal."""
+    """Interpolates headings from the one at ``first`` (the robot's, if 0) to the goal's."""
     begin = start.yaw if first == 0 else float(path[first, 2])
     turn = angle_difference(float(path[-1, 2]), begin)
     path[first:, 2] = begin + turn * np.linspace(0.0, 1.0, len(path) - first)

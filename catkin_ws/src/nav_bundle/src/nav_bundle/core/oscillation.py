@@ -1,4 +1,4 @@
-"""Against going to and fro: after a reversal, the way back is closed until the robot has moved on."""
+"""Oscillation suppression: after a reversal, the old direction is blocked until the robot has moved on."""
 
 from dataclasses import dataclass, field
 
@@ -17,7 +17,7 @@ class _Direction:
     only: int = 0
 
     def note(self, value: float) -> bool:
-        """Takes a chosen velocity; tells whether it reversed the last one."""
+        """Records a chosen velocity; returns whether it reversed the last motion."""
         sign = (value > 0.0) - (value < 0.0)
         reversed_ = sign != 0 and self.last == -sign
         if reversed_:
@@ -29,10 +29,10 @@ class _Direction:
 
 @dataclass
 class Oscillation:
-    """dwa_local_planner's critic of that name.
+    """dwa_local_planner's oscillation critic.
 
-    Sidesteps and turns count only while the robot drives no faster forward than ``slow`` [m/s]. What was closed opens
-    again when the robot is ``distance`` [m] or ``angle`` [rad] away from where it reversed.
+    Sideways motion and turns count only while the forward speed is at most ``slow`` [m/s]. A blocked direction is
+    released once the robot is ``distance`` [m] or ``angle`` [rad] away from the pose where it reversed.
     """
 
     slow: float
@@ -42,17 +42,17 @@ class Oscillation:
     _since: Pose = field(default_factory=Pose)
 
     def reset(self) -> None:
-        """Forgets everything."""
+        """Releases all directions and forgets the last motion."""
         self._axes = tuple(_Direction() for _ in range(3))
 
     def allowed(self, samples: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tells for each of ``samples`` (n, 3) whether it is not the way back."""
+        """Returns a mask of the ``samples`` (n, 3) that do not move in a blocked direction."""
         only = np.array([axis.only for axis in self._axes])
         closed: NDArray[np.bool_] = (samples * only < 0.0).any(axis=1)
         return ~closed
 
     def note(self, chosen: Velocity, pose: Pose) -> None:
-        """Takes the velocity chosen at ``pose``."""
+        """Records the velocity chosen at ``pose``."""
         forward, sideways, turning = self._axes
         is_reversal = forward.note(chosen.x)
         if abs(chosen.x) <= self.slow:

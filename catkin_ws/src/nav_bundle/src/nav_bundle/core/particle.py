@@ -1,4 +1,4 @@
-"""A particle filter over poses whose size follows its uncertainty (Fox 2003), with recovery by random particles."""
+"""An adaptive particle filter over poses (KLD sampling, Fox 2003), with recovery by random particles."""
 
 import math
 from collections.abc import Callable
@@ -13,45 +13,46 @@ from nav_bundle.core.pose import Pose
 from nav_bundle.kernels import particle as kernel
 
 PoseSource = Callable[[int], NDArray[np.float64]]
-"""Makes that many poses (x, y [m], yaw [rad]; shape (n, 3))."""
+"""Generates the given number of poses (x, y [m], yaw [rad]; shape (n, 3))."""
 Judge = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Gives poses, shape (n, 3), their likelihoods, shape (n,)."""
+"""Returns the likelihoods, shape (n,), of poses, shape (n, 3)."""
 LARGEST_SHARE = 0.1
-"""Of particles that a resampling draws at random. Particles at the robot's true pose multiply by their likelihood over
-the average and by the share that is not random; a share that follows the fall of the average cancels the first."""
+"""Largest share of random particles in a resampling. Particles at the true pose multiply by their likelihood over the
+average, and by the share that is not random; without the limit, a share equal to the drop of the average would cancel
+their growth."""
 AT_ONCE = 10_000
-"""Poses drawn and judged together: many calls cost time, many poses memory."""
+"""Number of poses drawn and evaluated per call: more calls take time, more poses take memory."""
 LEARNT = 0.05
-"""Share of the particles that move to a pose at which a scan fits."""
+"""Share of the particles that move to a pose at which the scan fits."""
 LEARNT_SPREAD = (0.03, 0.03, 0.01)
-"""Standard deviations of x, y [m], yaw [rad] about such a pose."""
+"""Standard deviations of x, y [m], yaw [rad] about that pose."""
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
-"""Its multiples modulo 1 lie evenly, however many are taken."""
+"""Inverse golden ratio: any number of its multiples modulo 1 is evenly distributed."""
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Where the robot is thought to be."""
+    """Estimate of the robot's pose."""
 
     pose: Pose  #: mean of the heaviest cluster of particles
-    weight: float  #: that cluster's share of the weight, 0 … 1
-    #: of all particles, over x [m], y [m], yaw [rad], shape (3, 3); yaw is not correlated
+    weight: float  #: that cluster's share of the total weight, 0 … 1
+    #: covariance of all particles over x [m], y [m], yaw [rad], shape (3, 3); yaw is uncorrelated with x and y
     covariance: NDArray[np.float64]
-    cluster_covariance: NDArray[np.float64]  #: of the heaviest cluster alone
+    cluster_covariance: NDArray[np.float64]  #: covariance of the heaviest cluster alone
 
 
 class FreeSpace:
-    """The free cells of a map, to draw poses from evenly; keeps one number a row, not one a cell."""
+    """Draws poses uniformly from the free cells of a map; stores one count per row, not an entry per free cell."""
 
     def __init__(self, grid: Grid, generator: np.random.Generator) -> None:
         self.grid = grid  #: the map
         self._generator = generator
         self._cells = np.ascontiguousarray(grid.cells)
         self._until_row = np.cumsum(np.count_nonzero(grid.cells == FREE, axis=1), dtype=np.int64)
-        self.area = float(self._until_row[-1]) * grid.resolution**2  #: of its free cells [m²]
+        self.area = float(self._until_row[-1]) * grid.resolution**2  #: area of the free cells [m²]
 
     def draw(self, count: int) -> NDArray[np.float64]:
-        """Returns ``count`` poses, anywhere in free cells and at any heading; anywhere in the map if none is free."""
+        """Returns ``count`` uniform poses in free cells, or in the whole map if no cell is free."""
         generator, free = self._generator, int(self._until_row[-1])
         cells = np.empty((count, 2), np.int64)
         if free:
@@ -88,12 +89,12 @@ class ParticleFilter:
         self._slow = self._fast = 0.0
 
     def configure(self, config: AmclConfig) -> None:
-        """Continues with other parameters; the particles stay."""
+        """Applies new parameters; keeps the particles."""
         self._config = config
         self._table, self._labels = _scratch(max(config.max_particles, len(self.poses)))
 
     def replace(self, poses: NDArray[np.float64]) -> None:
-        """Restarts from ``poses``, shape (n, 3), all of equal weight."""
+        """Restarts from ``poses``, shape (n, 3), with equal weights."""
         self.poses = np.ascontiguousarray(poses, np.float64)
         self.weights = _equal_weights(len(poses))
         self._slow = self._fast = 0.0
@@ -106,7 +107,7 @@ class ParticleFilter:
         self.replace(normal @ spread.T + np.array([pose.x, pose.y, pose.yaw]))
 
     def weigh(self, likelihoods: NDArray[np.float64]) -> None:
-        """Multiplies the weights by ``likelihoods``, shape (n,), and follows their slow and fast averages."""
+        """Multiplies the weights by ``likelihoods``, shape (n,), and updates their slow and fast averages."""
         weights = self.weights * likelihoods
         total = float(weights.sum())
         if not (total > 0.0 and math.isfinite(total)):
@@ -121,12 +122,12 @@ class ParticleFilter:
         return value if mean == 0.0 else mean + rate * (value - mean)
 
     def resample(self, random_poses: PoseSource) -> None:
-        """Resamples the particles by their weights, as many as their spread needs.
+        """Resamples the particles by their weights; the number adapts to their spread (KLD sampling).
 
-        Draws lie evenly over the weights (low variance): drawn independently, the few particles of the right place
-        among many can vanish by chance. Where scans have lately become less likely than in the long run, some, at most
-        ``LARGEST_SHARE``, come from ``random_poses`` instead, until they are as likely again (augmented MCL; Noetic's
-        amcl forgets both averages after the first such draw).
+        Draws are evenly spaced over the weights (low variance), since independent draws can lose the few particles
+        at the true pose by chance. If scans have recently become less likely than in the long run, a share of at most
+        ``LARGEST_SHARE`` is drawn from ``random_poses`` until the likelihood has recovered (augmented MCL; Noetic's
+        amcl resets both averages after the first such draw).
         """
         config, generator = self._config, self._generator
         if config.selective_resampling and 1.0 / float((self.weights**2).sum()) > 0.5 * len(self.weights):
@@ -147,10 +148,10 @@ class ParticleFilter:
         self.weights = _equal_weights(count)
 
     def learn(self, pose: Pose) -> None:
-        """Moves a few particles to ``pose``, about which scans then decide: the cloud lags behind poor odometry.
+        """Moves a few particles to ``pose``, since the cloud lags behind with poor odometry; later scans weight them.
 
-        None with recovery by random particles: it finds a robot that was carried off, and a wrong place that fits in
-        part must not hold it.
+        Does nothing if recovery by random particles is on: recovery must find a robot that was carried away, and a
+        wrong pose that fits partly must not attract particles.
         """
         if self._config.recovery_alpha_fast > 0.0:
             return
@@ -173,13 +174,13 @@ def _equal_weights(count: int) -> NDArray[np.float64]:
 
 
 def _scratch(most: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Returns the kernels' hash table and its labels, for at most so many particles."""
+    """Returns the kernels' hash table and its labels, for at most ``most`` particles."""
     table = np.empty(1 << (2 * most).bit_length(), np.int64)
     return table, np.empty_like(table)
 
 
 def _covariance(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the covariance of x, y, yaw from the sums of ``kernel.cluster``; yaw's is that of a wrapped normal."""
+    """Returns the covariance of x, y, yaw from the sums of ``kernel.cluster``; yaw as a wrapped normal distribution."""
     x, y, cosine, sine, xx, xy, yy = (sums[2:] / sums[1]).tolist()
     length = min(1.0, max(1e-12, math.hypot(cosine, sine)))
     result = np.zeros((3, 3))

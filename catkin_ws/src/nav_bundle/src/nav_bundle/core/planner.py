@@ -1,4 +1,4 @@
-"""What a global planner is: values in, a path out, or an error that says why not."""
+"""The global planner interface: searches a path on a costmap, or raises an error with the reason."""
 
 from typing import Protocol
 
@@ -14,7 +14,7 @@ Path = NDArray[np.float64]
 
 
 class PlannerError(NavigationError):
-    """There is no path, and why."""
+    """There is no path; the message names the reason."""
 
 
 class StartOutsideError(PlannerError):
@@ -26,14 +26,14 @@ class GoalOutsideError(PlannerError):
 
 
 class NoPathError(PlannerError):
-    """Nothing within the tolerance of the goal can be reached."""
+    """No cell within the tolerance of the goal can be reached."""
 
 
 class Search(Protocol):
-    """A search under way, on a picture of the costmap taken at its start."""
+    """An incremental search on a snapshot of the costmap."""
 
     def advance(self, budget: int) -> Path | None:
-        """Looks at about ``budget`` more cells; returns the path once it is found.
+        """Visits about ``budget`` more cells; returns the path once it is found.
 
         Raises:
             NoPathError: the goal cannot be reached.
@@ -42,10 +42,10 @@ class Search(Protocol):
 
 
 class GlobalPlanner(Protocol):
-    """Plans over a global costmap."""
+    """Plans paths on a global costmap."""
 
     def search(self, costmap: Costmap, start: Pose, goal: Pose, tolerance: float | None = None) -> Search:
-        """Begins the search for a path; ``tolerance`` [m] around the goal, the planner's own where None.
+        """Starts a search for a path; ``tolerance`` [m] applies around the goal (None: the planner's default).
 
         Raises:
             StartOutsideError: the robot is not on the costmap.
@@ -55,16 +55,16 @@ class GlobalPlanner(Protocol):
 
 
 EVERYTHING = 1 << 62
-"""A budget that lets a search end in one call."""
+"""A budget with which every search ends in one call."""
 
 
 def path_between(
     planner: GlobalPlanner, costmap: Costmap, start: Pose, goal: Pose, tolerance: float | None = None
 ) -> Path:
-    """Returns the whole path in one call.
+    """Returns the path, searched in one call.
 
     Raises:
-        PlannerError: there is none.
+        PlannerError: there is no path.
     """
     path = planner.search(costmap, start, goal, tolerance).advance(EVERYTHING)
     if path is None:

@@ -1,4 +1,7 @@
-"""Notices a robot that pushes: commanded to drive, it stands, or its wheels turn while the laser sees it stay."""
+"""Detects a robot that pushes against something: it stands despite a command, or its wheels slip.
+
+Wheel slip shows when odometry advances but the laser scans show no motion.
+"""
 
 from dataclasses import dataclass
 
@@ -9,26 +12,27 @@ from nav_bundle.core.local_planner import Velocity
 from nav_bundle.core.pose import Pose, angle_difference
 
 _WAY, _TURN = 0.15, 0.3
-"""So far [m], [rad] odometry must go between two scans that are compared."""
+"""Odometry must advance by one of these [m], [rad] between two compared scans."""
 _VISIBLE, _OCCLUDED = 0.05, 1.0
-"""Ranges tell something where they would have to change by so much [m]; where by more, something else came in sight."""
+"""A beam is informative if its expected change is within these limits [m]; above, another object came into view."""
 _BEAMS = 15
-"""Fewer beams that would have to change tell nothing, as in a long corridor."""
+"""Minimum number of informative beams; fewer, as in a long corridor, give no result."""
 _UNCHANGED, _MOST = 0.4, 0.7
-"""A beam stayed if it changed by less than this part of what it would have to; the robot, if that part of them did."""
+"""A beam counts as unchanged below the first share of its expected change; the robot as stationary if more than the
+second share of the beams is unchanged."""
 _IN_A_ROW = 2
 _COMMANDED, _STANDING = 0.05, 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """What a laser saw from ``sensor``, its pose in the odometry's frame: points (n, 2) [m] in the same frame."""
+    """A laser scan: sensor pose and points (n, 2) [m], both in the odometry frame."""
 
     sensor: Pose
     points: NDArray[np.float64]
 
     def ranges(self, bearings: NDArray[np.float64], sensor: Pose) -> NDArray[np.float64]:
-        """Returns how far [m] the points lie at ``bearings`` [rad] as seen from ``sensor``."""
+        """Returns the ranges [m] to the points at ``bearings`` [rad] as seen from ``sensor``."""
         away = self.points - (sensor.x, sensor.y)
         angles = np.arctan2(away[:, 1], away[:, 0]) - sensor.yaw
         closeness = 1.0 / np.maximum(np.hypot(away[:, 0], away[:, 1]), 0.01)
@@ -36,7 +40,7 @@ class Picture:
 
 
 def stayed(before: Picture, after: Picture) -> bool | None:
-    """Tells whether the laser stayed where it was although odometry advanced; None where the pictures do not tell."""
+    """Returns whether the laser did not move although odometry advanced; None if the scans do not allow a decision."""
     if min(len(before.points), len(after.points)) < _BEAMS:
         return None
     away = after.points - (after.sensor.x, after.sensor.y)
@@ -50,7 +54,7 @@ def stayed(before: Picture, after: Picture) -> bool | None:
 
 
 class PushingWatch:
-    """Watches commands, odometry and scans; ``timeout`` [s] is how long the robot may stand against a command."""
+    """Monitors commands, odometry and scans; ``timeout`` [s] is how long the robot may stand despite a command."""
 
     def __init__(self, timeout: float) -> None:
         self._timeout = timeout
@@ -59,11 +63,11 @@ class PushingWatch:
         self._slips = 0
 
     def reset(self) -> None:
-        """Forgets what was seen, as after a manoeuvre."""
+        """Clears the history, for example after a manoeuvre."""
         self._since, self._before, self._slips = None, None, 0
 
     def note_motion(self, command: Velocity | None, measured: Velocity, now: float) -> None:
-        """Takes the last command and what odometry makes of it."""
+        """Records the last command and the velocity measured by odometry."""
         stands = abs(measured.x) < _STANDING and abs(measured.turn) < _STANDING
         if command is None or abs(command.x) < _COMMANDED or not stands:
             self._since = None
@@ -81,7 +85,7 @@ class PushingWatch:
         self._before = picture
 
     def pushes(self, now: float) -> bool:
-        """Tells whether the robot pushes against something, or does not move for another reason."""
+        """Returns whether the robot pushes against something, or fails to move for another reason."""
         if self._timeout <= 0.0:
             return False
         stalls = self._since is not None and now - self._since > self._timeout

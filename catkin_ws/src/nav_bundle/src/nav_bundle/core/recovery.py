@@ -1,4 +1,4 @@
-"""Recovery behaviours: what move_base tries when planning or control fails."""
+"""Recovery behaviours that move_base runs when planning or control fails."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -11,12 +11,12 @@ from nav_bundle.core.pose import Pose, angle_difference
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 
 _BACK, _LOOK_BACK, _BACKWARDS = 0.3, 0.1, -0.15
-"""How far [m] a robot that pushes backs up, how far behind it is looked [m], and its speed [m/s]."""
+"""Distance that a pushing robot backs up [m], look-behind distance for obstacles [m], and velocity [m/s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """What a recovery acts on: both costmaps, and the robot's pose in the frame of each."""
+    """Input of a recovery behaviour: both costmaps, and the robot's pose in the frame of each."""
 
     global_costmap: Costmap
     global_pose: Pose
@@ -25,20 +25,20 @@ class Surroundings:
 
 
 class Recovery(Protocol):
-    """One behaviour, cycle by cycle.
+    """One recovery behaviour, executed in steps.
 
-    ``name`` is its parameter namespace; ``complaint`` says why it ended early, if it did.
+    ``name`` is its parameter namespace; ``complaint`` is the reason if it ended early, else empty.
     """
 
     name: str
     complaint: str
 
     def start(self) -> None:
-        """Starts from the beginning."""
+        """Starts the behaviour from the beginning."""
         ...
 
     def step(self, around: Surroundings) -> Velocity | None:
-        """Acts; returns the velocity to drive, None once it has ended."""
+        """Runs one step; returns the velocity to command, None once the behaviour has ended."""
         ...
 
 
@@ -46,7 +46,7 @@ class Recovery(Protocol):
 class ClearConfig:
     """Parameters of clear_costmap_recovery: side of the square that is kept [m], and which costmaps to clear.
 
-    ``layer_names`` is taken and changes nothing: every obstacle layer is cleared.
+    ``layer_names`` is accepted without effect: every obstacle layer is cleared.
     """
 
     reset_distance: float = 3.0
@@ -57,7 +57,7 @@ class ClearConfig:
 
 
 class ClearCostmapRecovery:
-    """Forgets the obstacles that sensors marked farther off than ``reset_distance`` / 2."""
+    """Clears sensor obstacles outside the square of side ``reset_distance`` around the robot."""
 
     def __init__(self, name: str, config: ClearConfig) -> None:
         self.name, self.complaint = name, ""
@@ -68,10 +68,10 @@ class ClearCostmapRecovery:
             raise ParameterError(f"~{name}/affected_maps must be local, global or both, not {config.affected_maps!r}")
 
     def start(self) -> None:
-        """Has nothing to prepare."""
+        """Does nothing."""
 
     def step(self, around: Surroundings) -> Velocity | None:
-        """Clears and has ended."""
+        """Clears the costmaps; always returns None, since one step is enough."""
         if self._config.affected_maps in ("global", "both"):
             around.global_costmap.clear_outside(around.global_pose, self._config.reset_distance)
         if self._config.affected_maps in ("local", "both"):
@@ -81,7 +81,7 @@ class ClearCostmapRecovery:
 
 @dataclass(frozen=True)
 class RotateConfig:
-    """Parameters of rotate_recovery: angle between two looks [rad], speeds and acceleration [rad/s, rad/s**2]."""
+    """Parameters of rotate_recovery: angle between collision checks [rad], speeds [rad/s], acceleration [rad/s**2]."""
 
     sim_granularity: float = 0.017
     frequency: float = 20.0
@@ -92,10 +92,10 @@ class RotateConfig:
 
 
 class RotateRecovery:
-    """Turns once round to the left, as far as the footprint stays free, so that sensors see all around.
+    """Rotates the robot once to the left while the footprint stays free, so that sensors see all directions.
 
-    As in Noetic, a goal tolerance of more than half a turn (3.15 means that a goal's heading does not matter) ends the
-    turn where it begins: a laser that sees all around gains nothing by it.
+    As in Noetic, a ``yaw_goal_tolerance`` of more than half a turn (3.15 means any heading) ends the rotation at once.
+    A laser with a full field of view gains nothing from it.
     """
 
     def __init__(self, name: str, config: RotateConfig) -> None:
@@ -105,11 +105,11 @@ class RotateRecovery:
         self._half_way = False
 
     def start(self) -> None:
-        """Begins a new turn at whatever heading the robot has then."""
+        """Restarts the rotation; the next step sets its start heading."""
         self.complaint, self._begun, self._half_way = "", None, False
 
     def step(self, around: Surroundings) -> Velocity | None:
-        """Returns the turning velocity, None after the turn or in front of an obstacle."""
+        """Returns the turning velocity; None after the full rotation or if an obstacle blocks it."""
         yaw = around.local_pose.yaw
         if self._begun is None:
             self._begun = yaw
@@ -123,7 +123,7 @@ class RotateRecovery:
         return Velocity(turn=min(max(speed, self._config.min_in_place_rotational_vel), self._config.max_rotational_vel))
 
     def _left(self, yaw: float) -> float:
-        """Returns the angle that is still to turn [rad]."""
+        """Returns the remaining angle [rad]."""
         assert self._begun is not None
         if not self._half_way:
             to_half = angle_difference(self._begun + math.pi, yaw)
@@ -142,7 +142,7 @@ class RotateRecovery:
 
 
 class BackUp:
-    """Drives back from what the robot pushes against, and then does what ``following`` does."""
+    """Backs up from the obstacle that the robot pushes against, then runs ``following``."""
 
     def __init__(self, following: Recovery) -> None:
         self._following = following
@@ -151,12 +151,12 @@ class BackUp:
         self._away = False
 
     def start(self) -> None:
-        """Begins where the robot stands then."""
+        """Restarts the behaviour; the next step sets its start pose."""
         self._from, self._away = None, False
         self._following.start()
 
     def step(self, around: Surroundings) -> Velocity | None:
-        """Returns the way back, while it is free, and then what the recovery drives."""
+        """Returns a backward velocity while backing up is free, then the velocity of ``following``."""
         pose = around.local_pose
         self._from = self._from or pose
         behind = Pose(*pose.apply(-_LOOK_BACK, 0.0), pose.yaw)
@@ -169,10 +169,10 @@ class BackUp:
 
 
 def recoveries_from_parameters(parameters: Mapping[str, Any], circumscribed_radius: float) -> list[Recovery]:
-    """Returns move_base's behaviours in order: those of ``recovery_behaviors``, else Noetic's four.
+    """Returns move_base's behaviours in order: those of ``recovery_behaviors``, else Noetic's four defaults.
 
     Raises:
-        ParameterError: a behaviour that is not {name, type}, an unknown type, or wrong parameters of one.
+        ParameterError: an entry that is not {name, type}, an unknown type, or invalid parameters.
     """
     listed = parameters.get("recovery_behaviors")
     if listed:
@@ -207,11 +207,11 @@ def _rotate(parameters: Mapping[str, Any], name: str, _: float) -> Recovery:
 
 Maker = Callable[[Mapping[str, Any], str, float], Recovery]
 _MAKERS: dict[str, Maker] = {"ClearCostmapRecovery": _clear, "RotateRecovery": _rotate}
-"""Makes each type of behaviour from move_base's parameters, its name, and the reset distance [m] it has by default."""
+"""By type: creates the behaviour from move_base's parameters, its name and the default reset distance [m]."""
 
 
 def _rotate_config(parameters: Mapping[str, Any], own: Mapping[str, Any], name: str) -> RotateConfig:
-    """Returns the behaviour's parameters; the speeds stand in the local planner's namespace."""
+    """Returns the behaviour's parameters; the speeds default to the local planner's parameters."""
     planner = parameters.get("TrajectoryPlannerROS", {})
     names = {
         "yaw_goal_tolerance": "yaw_goal_tolerance",

@@ -1,4 +1,4 @@
-"""Velocity samples rolled out over the local costmap and scored, one kernel call a question."""
+"""Rolls out and scores velocity samples on the local costmap, all samples in one kernel call."""
 
 import math
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ _NO_PLAN = np.empty((0, 2))
 
 @dataclass(frozen=True)
 class Scored:
-    """A sample that may be driven: its velocity, cost, and the end that was scored."""
+    """A valid sample: its velocity, cost and scored end pose."""
 
     velocity: Velocity
     cost: float
@@ -29,7 +29,7 @@ class Scored:
 
 
 class Rollout:
-    """Scores samples of one moment: the costmap, the distances to plan and goal, the robot's motion."""
+    """Scores velocity samples for one cycle from costmap, distances to plan and goal, and the robot's motion."""
 
     def __init__(self, acc: Velocity, horizon: Horizon, scales: Scales, clearance: Clearance) -> None:
         self._acc = np.array([acc.x, acc.y, acc.turn], np.float64)
@@ -38,14 +38,14 @@ class Rollout:
         self._ahead = _NO_PLAN
         self._to_plan = self._to_goal = np.empty((0, 0), np.int32)
         self._queue = np.empty(0, np.int32)
-        # The moment, from ``begin`` on.
+        # Inputs of the current cycle, set by ``begin``.
         self._costmap: Costmap
         self._motion: Motion
         self._ground: Ground
         self._floor: Floor
 
     def begin(self, situation: Situation, plan: NDArray[np.float64]) -> bool:
-        """Takes a moment and fills the distance grids from ``plan`` (n, 3); False if it misses the costmap."""
+        """Starts a cycle and fills the distance grids from ``plan`` (n, 3); False if the plan misses the costmap."""
         costmap = situation.costmap
         self._costmap = costmap
         if self._to_plan.shape != costmap.cells.shape:
@@ -68,17 +68,17 @@ class Rollout:
         return distance_grids(self._floor, points, self._to_plan, self._to_goal, self._queue) > 0
 
     def cheapest(self, samples: NDArray[np.float64]) -> Scored | None:
-        """Returns the cheapest of ``samples`` (n, 3), the first of equals; None if none may be driven."""
+        """Returns the cheapest of ``samples`` (n, 3), the first of equals; None if none is valid."""
         best, results = self._search(samples, True, False)
         return None if best < 0 else _scored(samples[best], results[best])
 
     def all_of(self, samples: NDArray[np.float64], limit: float = math.inf) -> list[Scored]:
-        """Returns all of ``samples`` (n, 3) that may be driven and cost no more than ``limit``, in their order."""
+        """Returns all valid ``samples`` (n, 3) that cost at most ``limit``, in their order."""
         _, results = self._search(samples, True, True, limit=limit)
         return [_scored(sample, result) for sample, result in zip(samples, results, strict=True) if result[_COST] >= 0]
 
     def is_free(self, velocity: Velocity, time: float = math.inf) -> bool:
-        """Tells whether ``velocity``, driven for ``time`` [s], the horizon's at most, touches nothing."""
+        """Returns whether ``velocity`` is collision-free for ``time`` [s], at most the horizon."""
         sample = np.array([[velocity.x, velocity.y, velocity.turn]], np.float64)
         return self._search(sample, False, True, time)[0] >= 0
 
@@ -91,21 +91,21 @@ class Rollout:
         return kernel.search(*moment, ahead, reach, every, limit, results), results
 
     def _until(self, time: float) -> Horizon:
-        """Returns the horizon, cut off at ``time`` [s]."""
+        """Returns the horizon, limited to ``time`` [s]."""
         return self.horizon._replace(time=min(self.horizon.time, time))
 
     def poses(self, velocity: Velocity, time: float = math.inf) -> NDArray[np.float64]:
-        """Returns the poses (n, 3) that ``velocity`` leads through within ``time`` [s], the horizon's at most."""
+        """Returns the poses (n, 3) along ``velocity`` within ``time`` [s], at most the horizon."""
         poses = np.empty((256, 3))
         sample = np.array([velocity.x, velocity.y, velocity.turn], np.float64)
         count = kernel.roll_out(self._motion, sample, self._until(time), poses)
         return poses[:count]
 
     def cell_costs(self) -> NDArray[np.float64]:
-        """Returns what makes samples that end in the costmap's cells dear, shape (n, 6).
+        """Returns the cost terms of samples that end in each of the costmap's cells, shape (n, 6).
 
-        That is x, y [m] of the cell's middle, steps to the plan, steps to the goal, costmap cost, and the cost of all
-        three; of cells that the robot's centre may be in and that lead to plan and goal.
+        The columns are x, y [m] of the cell's centre, steps to the plan, steps to the goal, costmap cost, and the
+        weighted sum of the three. Only cells where the robot's centre may be and that are connected to plan and goal.
         """
         if not self._to_plan.size:
             return np.empty((0, 6))
@@ -118,7 +118,7 @@ class Rollout:
         return np.column_stack([middles, parts, parts @ (scales.plan, scales.goal, scales.obstacle)])
 
     def goal_distance(self, x: float, y: float) -> int | None:
-        """Returns the steps from the cell at ``x, y`` [m] to the local goal, None outside the costmap."""
+        """Returns the steps from the cell at ``x, y`` [m] to the local goal; None outside the costmap."""
         place = self._costmap.geometry
         row, col = place.row_of(y), place.col_of(x)
         if not (0 <= row < place.rows and 0 <= col < place.cols):

@@ -1,4 +1,4 @@
-"""How well particles explain a laser scan (Thrun, Burgard and Fox, Probabilistic Robotics, chapter 6)."""
+"""Laser sensor models for particles (Thrun, Burgard and Fox, Probabilistic Robotics, chapter 6)."""
 
 import math
 from dataclasses import dataclass, field
@@ -13,26 +13,26 @@ from nav_bundle.core.pose import Pose
 from nav_bundle.kernels import likelihood as kernel
 
 LONGEST_FIELD = 255
-"""Cells a likelihood field reaches at most: squared distances fit 16 bits."""
+"""Maximum reach of a likelihood field [cells], so that squared distances fit into 16 bits."""
 
 GATHERED = 0.5
-"""Beams are skipped only when every particle is this close [m] to their mean, along x and along y."""
+"""Beams are skipped only if every particle is within this distance [m] of the mean, along x and along y."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scan:
     """One planar laser scan."""
 
-    #: measured distances [m], shape (n,); NaN and anything at or beyond ``range_max`` is "nothing seen"
+    #: measured distances [m], shape (n,); NaN and values at or beyond ``range_max`` mean no return
     ranges: NDArray[np.float32] = field(repr=False)
     angle_min: float  #: direction of the first beam [rad] in the laser's frame
     angle_increment: float  #: angle between beams [rad]; negative for a laser mounted upside down
-    range_min: float  #: shorter ranges count as nothing seen [m]
-    range_max: float  #: [m]
+    range_min: float  #: ranges up to this one count as no return [m]
+    range_max: float  #: maximum range [m]
     laser: Pose  #: pose of the laser in the robot's frame
 
     def thinned(self, beams: int, shortest: float, longest: float) -> "Beams":
-        """Returns about ``beams`` beams spread over the scan, with range limits that bind where they are positive."""
+        """Returns about ``beams`` beams spread evenly over the scan; the range limits [m] apply if positive."""
         step = max(1, (len(self.ranges) - 1) // (beams - 1))
         range_max = min(self.range_max, longest) if longest > 0.0 else self.range_max
         range_min = max(self.range_min, shortest) if shortest > 0.0 else self.range_min
@@ -46,7 +46,7 @@ class Scan:
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """The beams of a scan that are used: ``ranges`` [m] and ``bearings`` [rad, laser frame], both shape (m,)."""
+    """The used beams of a scan: ``ranges`` [m] and ``bearings`` [rad, laser frame], both shape (m,)."""
 
     ranges: NDArray[np.float64]
     bearings: NDArray[np.float64]
@@ -54,7 +54,7 @@ class Beams:
     laser: Pose
 
     def end_points(self) -> NDArray[np.float64]:
-        """Returns where the beams ended that ended somewhere (x, y) [m, robot frame], shape (k, 2)."""
+        """Returns the end points (x, y) [m, robot frame], shape (k, 2), of the beams with a return."""
         seen = self.ranges < self.range_max
         ranges, angles = self.ranges[seen], self.bearings[seen] + self.laser.yaw
         laser = np.array([self.laser.x, self.laser.y])
@@ -62,42 +62,42 @@ class Beams:
 
 
 class SensorModel(Protocol):
-    """Judges particles by a scan."""
+    """Computes the likelihoods of particles given a scan."""
 
-    capacity: int  #: poses that it judges in half a second, more or less
+    capacity: int  #: approximate number of poses evaluated in half a second
 
     def likelihoods(self, particles: NDArray[np.float64], beams: Beams) -> NDArray[np.float64]:
-        """Returns how well particles (x, y [m], yaw [rad], map frame; shape (n, 3)) explain the beams: shape (n,)."""
+        """Returns the likelihoods, shape (n,), of particles (x, y [m], yaw [rad], map frame; shape (n, 3))."""
 
 
 def placement(grid: Grid) -> NDArray[np.float64]:
-    """Returns where ``grid`` lies, as the kernels take it."""
+    """Returns the origin and resolution of ``grid`` in the kernels' format."""
     yaw = grid.origin.yaw
     return np.array([grid.origin.x, grid.origin.y, math.cos(yaw), math.sin(yaw), 1.0 / grid.resolution])
 
 
 class DistanceField:
-    """How far each place of a map is from the nearest obstacle, in two bytes a cell."""
+    """Distance of each map cell to the nearest obstacle, two bytes per cell."""
 
     def __init__(self, grid: Grid, reach: float) -> None:
-        self.resolution = grid.resolution  #: side of a cell [m]
-        self.cap = max(1, min(LONGEST_FIELD, math.ceil(reach / grid.resolution)))  #: where the field ends [cells]
-        #: squared distances [cells²] between centres of cells, shape (rows, cols), at most the square of ``cap``
+        self.resolution = grid.resolution  #: cell size [m]
+        self.cap = max(1, min(LONGEST_FIELD, math.ceil(reach / grid.resolution)))  #: maximum distance [cells]
+        #: squared distances [cells²] between cell centres, shape (rows, cols), at most the square of ``cap``
         self.cells = kernel.Field(np.empty(grid.cells.shape, np.uint16), placement(grid))
         kernel.distance_field(np.ascontiguousarray(grid.cells), OCCUPIED, self.cap, self.cells.squares)
 
 
 class LikelihoodField:
-    """Obstacles blurred: how likely a beam ends at a place, by its distance to the nearest obstacle of the map.
+    """Likelihood field model: a beam's likelihood depends on the distance of its end point to the nearest obstacle.
 
-    A table turns squared distances into likelihoods, so that weighing a particle needs no exponential.
+    A table maps squared distances to likelihoods, so that weighting a particle needs no exponential.
     """
 
     capacity = 600_000
 
     def __init__(self, config: AmclConfig, grid: Grid) -> None:
         self._config = config
-        self.field = DistanceField(grid, config.laser_likelihood_max_dist)  #: the distances
+        self.field = DistanceField(grid, config.laser_likelihood_max_dist)  #: distances to the nearest obstacle
         distances = np.sqrt(np.arange(self.field.cap**2 + 1)) * grid.resolution
         distances = np.minimum(distances, config.laser_likelihood_max_dist)
         self._hit = config.laser_z_hit * np.exp(-(distances**2) / (2.0 * config.laser_sigma_hit**2))
@@ -106,7 +106,7 @@ class LikelihoodField:
         return self._hit + self._config.laser_z_rand / beams.range_max
 
     def likelihoods(self, particles: NDArray[np.float64], beams: Beams) -> NDArray[np.float64]:
-        """Returns 1 + the sum of the cubed likelihoods of the beams: upstream's, blunter than their product."""
+        """Returns 1 + the sum of the beams' cubed likelihoods, as amcl does; this is less peaked than the product."""
         result = np.ones(len(particles))
         self._add(particles, beams.end_points(), self._beam_likelihoods(beams) ** 3, result)
         return result
@@ -133,7 +133,7 @@ class LikelihoodField:
 
 
 class LikelihoodFieldProduct(LikelihoodField):
-    """The likelihood field with the beams' likelihoods multiplied ("likelihood_field_prob"), and beam skipping."""
+    """Likelihood field model that multiplies the beams' likelihoods ("likelihood_field_prob"), with beam skipping."""
 
     def likelihoods(self, particles: NDArray[np.float64], beams: Beams) -> NDArray[np.float64]:
         """Returns the product of the beams' likelihoods."""
@@ -145,7 +145,7 @@ class LikelihoodFieldProduct(LikelihoodField):
         return np.exp(result)
 
     def _agreed(self, particles: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Drops beams that few particles can explain (people in the way), unless that were nearly all of them."""
+        """Drops beams that few particles can explain (such as people nearby), unless that would drop nearly all."""
         config = self._config
         kept = self._agreement(particles, points, config.beam_skip_distance) > config.beam_skip_threshold
         if np.count_nonzero(~kept) >= len(points) * config.beam_skip_error_threshold:
@@ -154,13 +154,13 @@ class LikelihoodFieldProduct(LikelihoodField):
 
 
 def _gathered(particles: NDArray[np.float64]) -> bool:
-    """Tells whether all particles lie so close together [m] that a beam few can explain met something unmapped."""
+    """Returns whether the particles are so close together that a beam that few explain hit an unmapped obstacle."""
     places = particles[:, :2]
     return bool((np.abs(places - places.mean(axis=0)) < GATHERED).all())
 
 
 class BeamModel:
-    """Compares each range with the one that the map predicts: hits, things in the way, nothing seen, and noise."""
+    """Beam model: compares each range with the map's prediction (hit, unexpected object, no return, noise)."""
 
     capacity = 20_000
 
@@ -170,7 +170,7 @@ class BeamModel:
         self._placement = placement(grid)
 
     def likelihoods(self, particles: NDArray[np.float64], beams: Beams) -> NDArray[np.float64]:
-        """Returns 1 + the sum of the cubed likelihoods of the beams, as upstream."""
+        """Returns 1 + the sum of the beams' cubed likelihoods, as amcl does."""
         config = self._config
         expected = np.empty((len(particles), len(beams.ranges)))
         laser = np.array([beams.laser.x, beams.laser.y, beams.laser.yaw])
@@ -187,7 +187,7 @@ class BeamModel:
 
 
 def sensor_model(config: AmclConfig, grid: Grid) -> SensorModel:
-    """Returns the model that ``laser_model_type`` names, for ``grid``."""
+    """Returns the sensor model selected by ``laser_model_type``, for ``grid``."""
     if config.laser_model_type == "beam":
         return BeamModel(config, grid)
     if config.laser_model_type == "likelihood_field_prob":

@@ -1,7 +1,7 @@
-"""Mapping while driving: GMapping's Rao-Blackwellised particle filter (Grisetti, Stachniss and Burgard 2007).
+"""SLAM with GMapping's Rao-Blackwellised particle filter (Grisetti, Stachniss and Burgard 2007).
 
-Each particle is a path of the laser with the map that follows from it. Odometry moves them apart, the scan is matched
-to each one's own map, and what fits badly dies out when the weights have become uneven. No ROS, no clock.
+Each particle is a laser trajectory with its own map. Odometry moves the particles with noise, each scan is matched to
+each particle's map, and resampling removes unlikely particles once the weights have become uneven. Without ROS.
 """
 
 import math
@@ -18,14 +18,14 @@ from nav_bundle.core.tile_map import TileMaps
 from nav_bundle.kernels.slam import Matching, match
 
 SIDEWAYS = 0.3
-"""Share of ``srr`` that movement along one axis adds to the noise along the other, upstream's."""
+"""Share of ``srr`` that motion along one axis adds to the noise along the other, as in gmapping."""
 SHORT_OF_MAX = 0.01
-"""Ranges this close [m] to the scan's limit saw nothing, upstream's."""
+"""Ranges within this distance [m] of the scan's limit count as no return, as in gmapping."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Beams:
-    """A scan's beams as the kernels take them: all that clear or hit, and of those that hit, the ones matched."""
+    """A scan's beams in the kernels' format: all valid beams, which of them hit, and the hits used for matching."""
 
     beams: NDArray[np.float64]
     hits: NDArray[np.uint8]
@@ -33,19 +33,19 @@ class _Beams:
 
 
 class Slam:
-    """Particles with maps. The map frame is where odometry was when the first scan came.
+    """Particles with maps. The map frame coincides with the odometry frame at the first scan.
 
     Args:
         config: slam_gmapping's parameters.
-        generator: source of all randomness; equal ones give equal results.
+        generator: source of all randomness; the same seed gives the same results.
     """
 
     def __init__(self, config: GmappingConfig, generator: np.random.Generator) -> None:
         self._config, self._generator = config, generator
         #: the particles' laser poses, x, y [m], yaw [rad], map frame, shape (particles, 3)
         self.poses = np.zeros((config.particles, 3))
-        #: resamplings: how often the particles have been resampled
-        #: unmatched: particles whose last scan found no match better than ``minimumScore``
+        #: resamplings: number of resamplings so far
+        #: unmatched: number of particles whose last scan match did not exceed ``minimumScore``
         self.unmatched = self.resamplings = 0
         self._maps = TileMaps(config.particles, config.xmin, config.ymin, config.delta)
         self._odom: Pose | None = None
@@ -56,17 +56,17 @@ class Slam:
 
     @property
     def map_from_odom(self) -> Pose | None:
-        """The odometry frame's pose in the map by the best particle at the last scan used; None before the first."""
+        """The odometry frame's pose in the map, from the best particle at the last used scan; None before the first."""
         return self._map_from_odom
 
     @property
     def tiles(self) -> int:
-        """Tiles that all maps together use, 8 kB each."""
+        """Number of tiles used by all maps together, 8 kB each."""
         return self._maps.tiles
 
     @property
     def best(self) -> int:
-        """Index of the particle whose whole path explains the scans best."""
+        """Index of the particle whose trajectory explains the scans best."""
         return int(np.argmax(self._sums))
 
     def weights(self) -> NDArray[np.float64]:
@@ -76,23 +76,23 @@ class Slam:
         return weights / weights.sum()
 
     def entropy(self) -> float:
-        """Returns the entropy [nat] of the weights: the logarithm of the number of particles where all are equal."""
+        """Returns the entropy [nat] of the weights; for equal weights, the logarithm of the number of particles."""
         weights = self.weights()
         return float(-(weights * np.log(np.maximum(weights, np.finfo(float).tiny))).sum())
 
     def grid(self) -> Grid:
-        """Returns the best particle's map, from xmin, ymin to xmax, ymax, and farther where it has grown."""
+        """Returns the best particle's map, from xmin, ymin to xmax, ymax, or larger if the map has grown beyond."""
         config = self._config
         return self._maps.drawn(self.best, config.occ_thresh, config.xmax, config.ymax)
 
     def observe(self, odom: Pose, scan: Scan, stamp: float) -> bool:
-        """Moves the particles by odometry, and uses the scan if the robot has gone far enough since the last one.
+        """Moves the particles by odometry, and uses the scan if the robot has moved far enough since the last used one.
 
-        Call it with every scan: noise is drawn for each step of odometry, as upstream.
+        Call it with every scan: noise is drawn for each odometry step, as in gmapping.
 
         Args:
-            odom: the robot's pose by odometry at the scan's time.
-            scan: what the laser saw.
+            odom: the robot's odometry pose at the scan's time.
+            scan: the laser scan.
             stamp: time of the scan [s].
 
         Returns:
@@ -123,7 +123,7 @@ class Slam:
         return far or 0.0 <= config.temporalUpdate < stamp - self._stamp
 
     def _move(self, before: Pose, after: Pose) -> None:
-        """Moves every particle as the laser moved by odometry, each with a noise of its own."""
+        """Moves every particle by the laser's odometry motion, each with independent noise."""
         step = before.inverse().compose(after)
         length, turn = math.hypot(step.x, step.y), abs(angle_difference(after.yaw, before.yaw))
         if length == 0.0 and turn == 0.0:
@@ -144,12 +144,12 @@ class Slam:
         self.poses[:, 2] += yaw
 
     def _beams(self, scan: Scan) -> _Beams:
-        """Sorts the beams: beyond maxRange they say nothing, from maxUrange on they clear that far, nearer they hit."""
+        """Classifies beams: dropped beyond maxRange; clearing up to maxUrange if at or beyond it; otherwise hits."""
         config = self._config
         longest = config.maxRange if config.maxRange >= 0.0 else scan.range_max - SHORT_OF_MAX
         usable = config.maxUrange if config.maxUrange >= 0.0 else longest
         ranges = scan.ranges.astype(np.float64)
-        # A comparison with NaN is false: such beams are dropped.
+        # Comparisons with NaN are false, so NaN beams are dropped.
         valid = (ranges >= scan.range_min) & (ranges > 0.0) & (ranges <= longest)
         bearings = scan.angle_min + scan.angle_increment * np.arange(len(ranges))[valid]
         lengths = np.minimum(ranges[valid], usable)
@@ -175,7 +175,7 @@ class Slam:
         self._sums += found[:, 1]
 
     def _resample_if_uneven(self) -> None:
-        """Draws particles by weight (systematic resampling) when too few of them carry it all."""
+        """Resamples systematically if the effective number of particles is below ``resampleThreshold``."""
         weights, count = self.weights(), len(self.poses)
         if 1.0 / (weights**2).sum() >= self._config.resampleThreshold * count:
             return

@@ -1,8 +1,8 @@
-"""Maps of many particles that share what they have in common.
+"""Maps of many particles that share common tiles (copy on write).
 
-Cells lie in tiles, tiles in one pool; a map is a directory of tile numbers. Copying a map copies its directory; a tile
-is copied when a map writes into it that others name too. So thirty maps that differ in the last few scans cost little
-more than one, and a directory grows to where beams lead, whatever the extent that is published.
+Cells are grouped into tiles, and all tiles are in one pool; a map is a directory of tile numbers. Copying a map copies
+only its directory; a shared tile is copied when a map writes into it. Thirty maps that differ in the last few scans
+thus need little more memory than one. A directory grows wherever beams reach, regardless of the published extent.
 """
 
 import math
@@ -16,27 +16,27 @@ from nav_bundle.kernels import slam as kernel
 from nav_bundle.kernels.slam import TILE
 
 _MARGIN = 4
-"""Tiles a directory grows beyond what was asked for, so that it grows seldom."""
+"""Extra tiles added when a directory grows, so that it grows rarely."""
 _FIRST = 512
-"""Tiles in a new pool."""
+"""Initial number of tiles in a pool."""
 
 
 class TileMaps:
     """The maps of ``count`` particles.
 
     Args:
-        count: of the maps.
-        x: [m], and
-        y: of the corner of cell (0, 0); cells at negative rows and columns exist as well [m].
-        delta: side of a cell [m].
+        count: number of maps.
+        x: x of the corner of cell (0, 0) [m]; cells with negative rows and columns exist, too.
+        y: y of that corner [m].
+        delta: cell size [m].
     """
 
     def __init__(self, count: int, x: float, y: float, delta: float) -> None:
         self._corner, self._delta = (x, y), delta
         #: tile numbers, int32, shape (count, tile rows, tile columns)
         self.directories = np.empty((count, 0, 0), np.int32)
-        self._first = (0, 0)  # tile row and column of the directories' first, from cell (0, 0)
-        self.pool = np.zeros((_FIRST, TILE * TILE, 4), np.uint16)  #: the tiles, as kernels/slam.py has them
+        self._first = (0, 0)  # tile row and column of the directories' first tile, counted from cell (0, 0)
+        self.pool = np.zeros((_FIRST, TILE * TILE, 4), np.uint16)  #: the tiles, in the format of kernels/slam.py
         self._users = np.zeros(_FIRST, np.int32)
         self._spare = self._unused()
 
@@ -58,13 +58,13 @@ class TileMaps:
     def register(
         self, index: int, pose: NDArray[np.float64], beams: NDArray[np.float64], hits: NDArray[np.uint8]
     ) -> None:
-        """Enters a scan into map ``index``.
+        """Adds a scan to map ``index``.
 
         Args:
-            index: of the map.
+            index: index of the map.
             pose: the laser's x, y [m], yaw [rad], shape (3,).
-            beams: cosine and sine of their bearings, length [cells], shape (m, 3).
-            hits: 0 where a beam ended in the air, shape (m,).
+            beams: cosine and sine of the bearing, length [cells], shape (m, 3).
+            hits: 0 for beams that end in free space, shape (m,).
         """
         reach = float(beams[:, 2].max(initial=0.0)) * self._delta
         self._reserve(self._cover(pose[0] - reach, pose[1] - reach, pose[0] + reach, pose[1] + reach))
@@ -72,16 +72,16 @@ class TileMaps:
         kernel.register(pose, beams, hits, self._placement(), self.directories[index], tiles)
 
     def resample(self, chosen: NDArray[np.int64]) -> None:
-        """Replaces the maps by those of the indices ``chosen``, any of them any number of times."""
+        """Replaces the maps by those with the indices ``chosen``; indices may repeat."""
         self.directories = np.ascontiguousarray(self.directories[chosen])
         named = self.directories[self.directories >= 0]
         self._users[:] = np.bincount(named, minlength=len(self._users))
         self._spare = self._unused()
 
     def drawn(self, index: int, threshold: float, x: float, y: float) -> Grid:
-        """Returns map ``index`` from its cell (0, 0) to (``x``, ``y``) [m], and as much farther as it has tiles.
+        """Returns map ``index`` from its cell (0, 0) to (``x``, ``y``) [m], extended to all tiles in use.
 
-        Cells of whose visits more than ``threshold`` were hits are occupied, other visited ones free.
+        A visited cell is occupied if the share of hits among its visits exceeds ``threshold``, else free.
         """
         rows = math.ceil((y - self._corner[1]) / self._delta - 1e-9)
         cols = math.ceil((x - self._corner[0]) / self._delta - 1e-9)
@@ -93,7 +93,7 @@ class TileMaps:
         return Grid(self._delta, Pose(self._corner[0] + left * self._delta, self._corner[1] + low * self._delta), cells)
 
     def _extent(self, directory: NDArray[np.int32], axis: int, most: int) -> tuple[int, int]:
-        """Returns first and end row (axis 0) or column (1) that take in 0 … ``most`` and every tile."""
+        """Returns the first and end row (axis 0) or column (axis 1) that contain 0 … ``most`` and all used tiles."""
         used = np.flatnonzero((directory >= 0).any(axis=1 - axis))
         if len(used) == 0:
             return 0, most
@@ -101,10 +101,10 @@ class TileMaps:
         return min(0, int(first + used[0]) * TILE), max(most, int(first + used[-1] + 1) * TILE)
 
     def _cover(self, left: float, low: float, right: float, top: float) -> int:
-        """Makes the directories take in a box [m]; returns how many tiles lie in it."""
+        """Grows the directories to contain a box [m]; returns the number of tiles in the box."""
         side = TILE * self._delta
         x, y = self._corner
-        # A tile more on each side: a beam that ends on a border may be rounded over it.
+        # One extra tile on each side: rounding may move the end of a beam across a tile border.
         first = np.floor([(low - y) / side, (left - x) / side]).astype(int) - 1
         end = np.floor([(top - y) / side, (right - x) / side]).astype(int) + 2
         if self.directories.shape[1] == 0:
@@ -120,17 +120,17 @@ class TileMaps:
         return int(np.prod(end - first))
 
     def _reserve(self, tiles: int) -> None:
-        """Makes the pool hold at least ``tiles`` unused ones."""
+        """Grows the pool to at least ``tiles`` unused tiles."""
         if self._spare[0] >= tiles:
             return
         size = len(self._users) + max(tiles, len(self._users) // 4)
-        # In place: a second pool beside the first would be the peak of the memory used.
+        # Resize in place: a copy of the pool would set the peak memory use.
         self.pool.resize((size, TILE * TILE, 4), refcheck=False)
         self._users = np.concatenate([self._users, np.zeros(size - len(self._users), np.int32)])
         self._spare = self._unused()
 
     def _unused(self) -> NDArray[np.int32]:
-        """Returns the unused tiles: their number first, then they, lowest last so that the lowest are taken first."""
+        """Returns the number of unused tiles, then the tiles in descending order, so that the lowest is taken first."""
         unused = np.flatnonzero(self._users == 0)[::-1]
         spare = np.empty(len(self._users) + 1, np.int32)
         spare[0] = len(unused)

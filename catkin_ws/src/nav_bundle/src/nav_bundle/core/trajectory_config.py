@@ -1,4 +1,4 @@
-"""Parameters of TrajectoryPlannerROS, under base_local_planner's names."""
+"""Parameters of TrajectoryPlannerROS, with base_local_planner's names."""
 
 import math
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from nav_bundle.core.local_planner import Velocity
 from pioneer_node.core.live import Live
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 
-# Names that base_local_planner still takes, and what they are called now.
+# Deprecated names that base_local_planner still accepts, and the current ones.
 _FORMER = {
     "pdist_scale": "path_distance_bias",
     "gdist_scale": "goal_distance_bias",
@@ -23,14 +23,14 @@ _FORMER = {
 
 @dataclass(frozen=True)
 class TrajectoryConfig:
-    """Defaults are those that take effect in Noetic: dynamic_reconfigure's, where both it and the code name one.
+    """Parameters of TrajectoryPlannerROS; defaults are those effective in Noetic (dynamic_reconfigure's, if any).
 
-    Speeds in [m/s] and [rad/s], accelerations in [m/s**2] and [rad/s**2], distances in [m], times in
-    [s]. With ``heading_scoring`` a sample is scored at ``heading_scoring_timestep``, and by its heading to the farthest
-    point of the plan in sight too. Ours are ``clearance`` [m], the room that is left to obstacles where there is that
-    much, and ``clearance_scale``, the cost of touching them all the way, in units of the biases; 0 for
-    base_local_planner's scores. ``stop_time_buffer`` and ``simple_attractor`` are refused unless they ask for what is
-    done anyway.
+    Speeds in [m/s] and [rad/s], accelerations in [m/s**2] and [rad/s**2], distances in [m], times in [s].
+    ``heading_scoring`` scores a sample at ``heading_scoring_timestep``, and also by its heading to the farthest visible
+    point of the plan. Not in Noetic: ``clearance`` [m] is the distance kept from obstacles where there is room, and
+    ``clearance_scale`` is the cost of touching them all the way, in units of the biases; 0 gives base_local_planner's
+    scores. ``stop_time_buffer`` is accepted without effect. ``holonomic_robot`` and ``simple_attractor`` are not
+    supported: setting them is an error.
     """
 
     acc_lim_x: Annotated[float, Live(0.0, 20.0)] = 2.5
@@ -78,7 +78,7 @@ class TrajectoryConfig:
     global_frame_id: str = ""
 
     def approach(self) -> ApproachConfig:
-        """Returns what holds near the goal."""
+        """Returns the parameters of the goal approach."""
         return ApproachConfig(
             acc=Velocity(self.acc_lim_x, self.acc_lim_y, self.acc_lim_theta),
             left=self.max_vel_theta,
@@ -94,10 +94,10 @@ class TrajectoryConfig:
 
 
 def trajectory_config_from_parameters(parameters: Mapping[str, Any], owner: str, frequency: float) -> TrajectoryConfig:
-    """Returns the configuration in namespace ``owner``; ``frequency`` [Hz] holds where it names none.
+    """Returns the configuration in namespace ``owner``; ``frequency`` [Hz] is the default ``controller_frequency``.
 
     Raises:
-        ParameterError: an unknown name, a wrong type, a value out of range, or an option that is not built.
+        ParameterError: an unknown name, a wrong type, a value out of range, or an unsupported option.
     """
     values = {_FORMER.get(name, name): value for name, value in parameters.items()}
     if "max_rotational_vel" in parameters:
@@ -120,7 +120,9 @@ def _check(config: TrajectoryConfig, owner: str) -> None:
     for name in ("vx_samples", "vtheta_samples"):
         if getattr(config, name) < 1:
             raise ParameterError(f"{owner}: ~{name} must be at least 1, not {getattr(config, name)}")
-    if config.min_vel_x > config.max_vel_x or config.min_vel_theta > config.max_vel_theta:
-        raise ParameterError(f"{owner}: a minimal velocity lies above the maximal one")
+    for axis in ("x", "theta"):
+        low, high = getattr(config, f"min_vel_{axis}"), getattr(config, f"max_vel_{axis}")
+        if low > high:
+            raise ParameterError(f"{owner}: ~min_vel_{axis} must be at most ~max_vel_{axis} ({low} > {high})")
     if config.escape_vel > 0.0:
         raise ParameterError(f"{owner}: ~escape_vel must not be positive, it leads backwards; got {config.escape_vel}")

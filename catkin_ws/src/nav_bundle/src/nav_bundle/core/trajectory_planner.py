@@ -22,27 +22,28 @@ _NO_COMMAND = (
 
 _STANDING = 1.0e-3
 _CRAWL = 0.1
-"""Slower forward speeds [m/s] are not tried, nor slower than a quarter of the highest: they look ahead by a few
-centimetres only, and so end at the obstacle."""
+"""Slowest forward speed tried [m/s], or a quarter of the maximum if that is less: slower samples look only a few
+centimetres ahead, and so lead up to the obstacle."""
 _DEAD_END_RADIUS = 0.2
-"""A way that ends so near [m] to where the robot last could only back up leads there again."""
+"""A sample that ends within this distance [m] of the pose where the robot last had to back up leads to a dead end."""
 _LONGEST_ESCAPE = 0.8
-"""A robot that comes to the same dead end again backs up twice as far as before, up to this [m]."""
+"""A robot that returns to the same dead end backs up twice as far as before, up to this distance [m]."""
 _SHORT_ESCAPES = tuple((time, turn) for time in (0.5, 0.3) for turn in (0.0, 0.2, -0.2, 0.4, -0.4))
-"""Where the way straight back is not free as far as others are looked at: for how long [s], and turning how [rad/s].
-Longer than stopping takes."""
+"""Escapes tried if straight back is not free over the whole horizon: duration [s] and turning speed [rad/s]. The
+durations exceed the stopping time."""
 _CIRCLE_RADIUS = 0.5
-"""A robot that turned in place by a full circle takes what leads on, at any cost, until it has come so far [m]."""
+"""A robot that has turned in place by a full circle accepts any sample that makes progress, whatever its cost, until it
+has moved this far [m]."""
 _SHORT_REACH = 0.5
-"""A robot whose samples all end so near [m] sees what nearness to walls costs on its way, and little of what it gains:
-stopping to turn would be cheapest at each corner."""
+"""Reach [m] below which a robot is short-sighted: its samples show the clearance cost on the way but little of the
+progress, so that stopping to turn would be cheapest at each corner."""
 _HEADING_SCALE = 0.3
-"""Cost of a radian between the robot's heading and the plan, with ``heading_scoring``, as in base_local_planner."""
+"""Cost per radian between the robot's heading and the plan, with ``heading_scoring``, as in base_local_planner."""
 
 
 @dataclass
 class _Turning:
-    """Against swaying in place: once it turned one way, the robot may not turn the other way before it has moved."""
+    """Prevents swaying in place: after a turn one way, the robot may not turn the other way until it has moved."""
 
     left: bool = False
     right: bool = False
@@ -52,11 +53,11 @@ class _Turning:
 
     @property
     def circled(self) -> bool:
-        """Whether the robot has turned by a full circle where it still is."""
+        """Whether the robot has turned in place by a full circle."""
         return abs(self.angle) > math.tau
 
     def note(self, chosen: Velocity, pose: Pose, reset_distance: float) -> None:
-        """Takes the chosen command at ``pose``."""
+        """Records the command chosen at ``pose``."""
         if chosen.x <= 0.0 and chosen.turn != 0.0:
             self.left, self.right = chosen.turn > 0.0, chosen.turn < 0.0
         if self._place is None or pose.distance(self._place) > _CIRCLE_RADIUS:
@@ -70,19 +71,19 @@ class _Turning:
 
 
 class TrajectoryPlanner:
-    """Samples velocities, follows each over the local costmap, and drives the cheapest.
+    """Samples velocities, simulates each on the local costmap, and returns the cheapest.
 
-    A sample costs its end's distance to the plan and to the plan's last point inside the costmap,
-    and the highest costmap cost on its way. Turns in place are tried with at least
-    ``min_in_place_vel_theta`` and told apart by the distance a little ahead of them. When nothing
-    may be driven forward, the robot backs up with ``escape_vel`` until it has moved or turned enough.
-    Unlike base_local_planner it never backs into what the costmap calls lethal, and it turns in place
-    where the cheapest sample leads no nearer to the goal: standing still can be the cheapest of all,
-    and so can be the way into the dead end that the robot has just backed out of.
+    The cost of a sample adds up the distances of its end point to the plan and to the plan's last point inside the
+    costmap, and the highest costmap cost along the trajectory. Turns in place are at least
+    ``min_in_place_vel_theta`` fast and are compared by the distance of a point a little ahead. If no forward sample is
+    valid, the robot backs up with ``escape_vel`` until it has moved or turned enough.
+    Unlike base_local_planner, it never backs into lethal cells. It also turns in place if the cheapest sample makes no
+    progress towards the goal, since standing still, or the way back into a dead end that the robot has just left, can
+    be the cheapest.
     """
 
     def __init__(self, config: TrajectoryConfig, resolution: float) -> None:
-        """Takes the configuration and the local costmap's cell size [m]."""
+        """Creates a planner from the configuration and the local costmap's cell size [m]."""
         self.config = config
         unit = resolution if config.meter_scoring else 1.0
         self._rollout = Rollout(
@@ -108,7 +109,7 @@ class TrajectoryPlanner:
         self._dead_end: Pose | None = None
 
     def set_plan(self, plan: Path) -> None:
-        """Takes a new plan; a goal approach restarts only if the plan leads to another goal."""
+        """Sets a new plan; the goal approach restarts only if the plan leads to another goal."""
         route = Route(plan)
         if self._route is None or self._route.goal != route.goal:
             self._approach.reset()
@@ -117,11 +118,11 @@ class TrajectoryPlanner:
         self._route = route
 
     def cell_costs(self) -> NDArray[np.float64]:
-        """Returns what the local costmap's cells cost; see ``Rollout.cell_costs``."""
+        """Returns the costs of the local costmap's cells; see ``Rollout.cell_costs``."""
         return self._rollout.cell_costs()
 
     def decide(self, situation: Situation) -> Decision:
-        """Returns what to drive now; see ``local_planner.LocalPlanner``."""
+        """Returns the command for this cycle; see ``local_planner.LocalPlanner``."""
         if self._route is None:
             raise LocalPlannerError("there is no plan to follow")
         ahead = self._route.ahead(situation, self.config.prune_plan)
@@ -137,14 +138,14 @@ class TrajectoryPlanner:
         return Decision(velocity, False, self._rollout.poses(velocity, time), ahead)
 
     def _best(self, situation: Situation, ahead: NDArray[np.float64]) -> tuple[Velocity, float] | None:
-        """Returns what to drive and for how long [s] it is known to touch nothing, the whole horizon if infinite."""
+        """Returns the best velocity and how long [s] it is known to be collision-free (inf: the whole horizon)."""
         if not self._is_escaping(situation.pose):
             goal_distance = math.hypot(ahead[-1, 0] - situation.pose.x, ahead[-1, 1] - situation.pose.y)
             fastest = min(goal_distance / self.config.sim_time, situation.fastest)
             samples = self._forward_samples(situation.velocity, fastest)
             forward: Scored | None = self._rollout.cheapest(samples)
             if self._turning.circled:
-                self._dead_end = None  # no other way was found than by where it had to back up
+                self._dead_end = None  # the only way found leads past the dead end
                 forward = self._onward(samples, situation.pose) or forward
             if forward is not None and not self._leads_on(forward, situation.pose):
                 onward = self._onward(samples, situation.pose) if self._is_short_sighted else None
@@ -159,7 +160,7 @@ class TrajectoryPlanner:
         return self._escape(situation.pose)
 
     def _range(self, velocity: Velocity) -> tuple[float, float, float, float]:
-        """Returns the lowest and highest forward speed and turning speed that can be reached."""
+        """Returns the lowest and highest reachable forward and turning speeds."""
         config = self.config
         time = self._period if config.dwa else config.sim_time
         slowest = max(config.min_vel_x, min(_CRAWL, 0.25 * config.max_vel_x))
@@ -173,7 +174,7 @@ class TrajectoryPlanner:
     def _forward_samples(self, velocity: Velocity, limit: float) -> NDArray[np.float64]:
         """Returns straight and curved samples (n, 3), no faster than ``limit`` unless braking takes longer.
 
-        Standing still is none of them: it is always free, and would be chosen for good in front of an obstacle.
+        Standstill is excluded: it is always free, so in front of an obstacle it would be chosen forever.
         """
         slowest, fastest, right, left = self._range(velocity)
         fastest = max(min(fastest, limit), slowest)
@@ -186,9 +187,9 @@ class TrajectoryPlanner:
         return samples.reshape(-1, 3)
 
     def _turn_in_place(self, situation: Situation, best: Scored | None) -> Scored | None:
-        """Returns the turn in place that looks best ahead, if it costs no more than ``best``, else ``best``.
+        """Returns the turn in place with the shortest distance ahead, if it costs no more than ``best``, else ``best``.
 
-        Of short-sighted robots ``best``, too, where no turn looks better than the heading that they have.
+        A short-sighted robot also gets ``best`` if no turn improves on its current heading.
         """
         _, _, right, left = self._range(situation.velocity)
         step = (left - right) / max(self.config.vtheta_samples - 1, 1)
@@ -205,14 +206,14 @@ class TrajectoryPlanner:
         return chosen
 
     def _onward(self, samples: NDArray[np.float64], pose: Pose) -> Scored | None:
-        """Returns the cheapest sample that leads on, whatever it costs beside standing; None where none does."""
+        """Returns the cheapest sample that makes progress, even if standing is cheaper; None if there is none."""
         onward = [scored for scored in self._rollout.all_of(samples) if self._leads_on(scored, pose)]
         return min(onward, key=lambda scored: scored.cost) if onward else None
 
     def _leads_on(self, scored: Scored, pose: Pose) -> bool:
-        """Tells whether a sample ends nearer to the local goal than the robot is, and not in the last dead end.
+        """Returns whether a sample makes progress: it ends closer to the local goal, and not in the last dead end.
 
-        Standing and creeping lead nowhere.
+        Standing and creeping make no progress.
         """
         if self._dead_end is not None and scored.end.distance(self._dead_end) < _DEAD_END_RADIUS:
             return False
@@ -224,13 +225,13 @@ class TrajectoryPlanner:
         return self._turning.right if turn > 0.0 else self._turning.left
 
     def _distance_ahead(self, end: Pose) -> float:
-        """Returns the steps to the local goal from ``heading_lookahead`` in front of ``end``."""
+        """Returns the steps to the local goal from the point ``heading_lookahead`` in front of ``end``."""
         x, y = end.apply(self.config.heading_lookahead, 0.0)
         distance = self._rollout.goal_distance(x, y)
         return math.inf if distance is None else float(distance)
 
     def _is_escaping(self, pose: Pose) -> bool:
-        """Tells whether the robot still backs out; ends that once it has moved or turned enough."""
+        """Returns whether the robot still has to back up; ends the escape once it has moved or turned enough."""
         start = self._escape_from
         if start is None:
             return False
@@ -241,20 +242,20 @@ class TrajectoryPlanner:
         return not (moved or turned)
 
     def _way_back(self) -> tuple[Velocity, float] | None:
-        """Returns the velocity that backs up: straight, else in the arc that is free the longest; and for how long."""
+        """Returns a free velocity to back up, straight if possible, else the first free arc; and its duration [s]."""
         speed = self.config.escape_vel
         ways = [(math.inf, 0.0), *_SHORT_ESCAPES] if speed else []
         backs = ((Velocity(speed, 0.0, turn), time) for time, turn in ways)
         return next((back for back in backs if self._rollout.is_free(*back)), None)
 
     def _escape(self, pose: Pose) -> tuple[Velocity, float] | None:
-        """Returns the velocity that backs up and how long it is free, None where no way back is."""
+        """Returns a velocity to back up and how long [s] it is free; None if backing up is not possible."""
         back = self._way_back()
         if back is None:
             self._escape_from = None
             return None
         if self._escape_from is None:
-            # Beside a wall, as far back as last time is where the robot can only come here again from.
+            # Beside a wall, backing up by the same distance again would only lead back to this dead end.
             again = self._dead_end is not None and pose.distance(self._dead_end) < _DEAD_END_RADIUS
             longer = min(2.0 * self._escape_distance, max(_LONGEST_ESCAPE, self.config.escape_reset_dist))
             self._escape_distance = longer if again else self.config.escape_reset_dist

@@ -1,4 +1,4 @@
-"""Rigid transforms in space and a tree of them over time: the part of tf that navigation needs."""
+"""3D rigid transforms and a time-buffered transform tree: the part of tf that navigation needs."""
 
 import bisect
 import math
@@ -13,27 +13,27 @@ from nav_bundle.core.pose import Pose
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 _UNIT_TOLERANCE = 1.0e-2
-"""How far the square of a quaternion's length may be from 1, as in tf2."""
+"""Tolerance of a quaternion's squared length about 1, as in tf2."""
 
 
 class TransformError(NavigationError):
-    """No transform between two frames at a time; says which frames, when and why."""
+    """No transform between two frames at a given time; the message names the frames, the time and the reason."""
 
 
 class DisconnectedError(TransformError):
-    """The frames are not (yet) joined by any chain of transforms."""
+    """The frames are not connected by transforms, or not yet."""
 
 
 class FrameError(TransformError):
-    """A name that no frame can have."""
+    """An invalid frame name."""
 
 
 class ExtrapolationError(TransformError):
-    """The frames are joined, but not at the time asked for."""
+    """The frames are connected, but not at the requested time."""
 
     def __init__(self, message: str, future: bool) -> None:
         super().__init__(message)
-        #: whether the time lies after the newest transform (wait for more) or before the oldest (too late)
+        #: true: the time is after the newest transform (wait for more); false: before the oldest (too late)
         self.future = future
 
 
@@ -45,7 +45,7 @@ class Transform:
     rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)  #: unit quaternion x, y, z, w
 
     def compose(self, other: "Transform") -> "Transform":
-        """Returns a_from_c for this a_from_b and ``other`` b_from_c."""
+        """Returns a_from_c, given this transform as a_from_b and ``other`` as b_from_c."""
         x, y, z = rotated(self.rotation, other.translation)
         tx, ty, tz = self.translation
         return Transform((tx + x, ty + y, tz + z), quaternion_product(self.rotation, other.rotation))
@@ -58,13 +58,13 @@ class Transform:
         return Transform((-px, -py, -pz), back)
 
     def planar(self) -> Pose:
-        """Returns the source frame's pose in the target's plane: z, roll and pitch are dropped."""
+        """Returns the source frame's pose projected onto the target's xy plane: z, roll and pitch are dropped."""
         x, y, z, w = self.rotation
         yaw = math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
         return Pose(self.translation[0], self.translation[1], yaw)
 
     def upright(self) -> bool:
-        """Tells whether the source's z axis points up in the target frame: false for a sensor mounted upside down."""
+        """Returns whether the source's z axis points up in the target frame; false for a sensor mounted upside down."""
         x, y, z, w = self.rotation
         return w * w - x * x - y * y + z * z > 0.0
 
@@ -79,7 +79,7 @@ class Transform:
 
 
 def fault_of(parent: str, child: str, transform: Transform) -> str:
-    """Returns why a tree of frames cannot take parent_from_child, by tf2's rules; an empty text where it can."""
+    """Returns why parent_from_child is invalid by tf2's rules; an empty string if it is valid."""
     for frame in (parent, child):
         fault = frame_fault(frame)
         if fault:
@@ -94,7 +94,7 @@ def fault_of(parent: str, child: str, transform: Transform) -> str:
 
 
 def frame_fault(frame: str) -> str:
-    """Returns why ``frame`` cannot name a frame; an empty text where it can."""
+    """Returns why ``frame`` is not a valid frame name; an empty string if it is."""
     if not frame:
         return "a frame's name is empty"
     return f"the frame name {frame!r} holds a NUL" if "\0" in frame else ""
@@ -113,7 +113,7 @@ def quaternion_product(first: Quaternion, second: Quaternion) -> Quaternion:
 
 
 def rotated(rotation: Quaternion, vector: Vector) -> Vector:
-    """Returns ``vector`` turned by the unit quaternion ``rotation``."""
+    """Returns ``vector`` rotated by the unit quaternion ``rotation``."""
     x, y, z, w = rotation
     vx, vy, vz = vector
     cx, cy, cz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
@@ -121,7 +121,7 @@ def rotated(rotation: Quaternion, vector: Vector) -> Vector:
 
 
 def interpolated(first: Transform, second: Transform, fraction: float) -> Transform:
-    """Returns the transform ``fraction`` (0 … 1) of the way between two: straight in place, evenly in rotation."""
+    """Interpolates between two transforms (``fraction`` 0 … 1): linear in translation, slerp in rotation."""
     (ax, ay, az), (bx, by, bz) = first.translation, second.translation
     place = (ax + fraction * (bx - ax), ay + fraction * (by - ay), az + fraction * (bz - az))
     return Transform(place, _slerp(first.rotation, second.rotation, fraction))
@@ -131,7 +131,7 @@ def _slerp(first: Quaternion, second: Quaternion, fraction: float) -> Quaternion
     cosine = sum(a * b for a, b in zip(first, second, strict=True))
     sign = 1.0 if cosine >= 0.0 else -1.0
     angle = math.acos(min(1.0, abs(cosine)))
-    if angle < 1e-4:  # so close that the chord is the arc
+    if angle < 1e-4:  # linear interpolation is exact enough here
         near, far = 1.0 - fraction, sign * fraction
     else:
         near = math.sin((1.0 - fraction) * angle) / math.sin(angle)
@@ -142,26 +142,26 @@ def _slerp(first: Quaternion, second: Quaternion, fraction: float) -> Quaternion
 
 
 class Edge:
-    """One child frame's transforms to its parent over the last seconds."""
+    """Recent transforms of one child frame to its parent."""
 
     def __init__(self, parent: str, static: bool) -> None:
-        self.parent = parent  #: frame the transforms lead to
-        self.static = static  #: valid at all times; holds one transform
+        self.parent = parent  #: parent frame of the transforms
+        self.static = static  #: true: holds one transform, valid at all times
         self._stamps: list[float] = []
         self._transforms: list[Transform] = []
 
     @property
     def oldest(self) -> float:
-        """Stamp [s] of the first transform kept; -inf for a static edge."""
+        """Stamp [s] of the oldest transform; -inf for a static edge."""
         return -math.inf if self.static else self._stamps[0]
 
     @property
     def newest(self) -> float:
-        """Stamp [s] of the last transform; inf for a static edge."""
+        """Stamp [s] of the newest transform; inf for a static edge."""
         return math.inf if self.static else self._stamps[-1]
 
     def insert(self, stamp: float, transform: Transform, keep: float) -> None:
-        """Adds a transform in its place in time, and forgets those more than ``keep`` seconds older than the newest."""
+        """Adds a transform in time order, and drops those more than ``keep`` seconds older than the newest."""
         stamps, transforms = self._stamps, self._transforms
         if self.static or not stamps:
             stamps[:], transforms[:] = [stamp], [transform]
@@ -172,7 +172,7 @@ class Edge:
             return
         stamps.insert(place, stamp)
         transforms.insert(place, transform)
-        # Trimmed by the half, so that a full history costs nothing per insertion.
+        # Trims only at twice the history, so that an insertion into a full history costs nothing on average.
         if stamps[0] < stamps[-1] - 2.0 * keep:
             old = bisect.bisect_left(stamps, stamps[-1] - keep)
             del stamps[:old], transforms[:old]
@@ -189,10 +189,10 @@ class Edge:
 
 
 class TransformTree:
-    """The newest seconds of a tree of frames. Frame names carry no leading slash. Not thread-safe.
+    """A transform tree with limited history. Frame names have no leading slash. Not thread-safe.
 
     Args:
-        keep: history kept of each edge [s].
+        keep: history of each edge [s].
     """
 
     def __init__(self, keep: float = 10.0) -> None:
@@ -200,13 +200,13 @@ class TransformTree:
         self._edges: dict[str, Edge] = {}
 
     def clear(self) -> None:
-        """Forgets every transform that is not static: what to do when time jumps back."""
+        """Drops all transforms that are not static; call it when time jumps back."""
         self._edges = {child: edge for child, edge in self._edges.items() if edge.static}
 
     def insert(self, parent: str, child: str, stamp: float, transform: Transform, static: bool = False) -> bool:
-        """Adds parent_from_child at ``stamp`` [s]; tells whether the tree's shape changed.
+        """Adds parent_from_child at ``stamp`` [s]; returns whether the structure of the tree changed.
 
-        A child under a new parent leaves the old one, with its history.
+        A child with a new parent is detached from the old one, and its history is dropped.
         """
         edge = self._edges.get(child)
         changed = edge is None or edge.parent != parent or edge.static != static
@@ -216,22 +216,22 @@ class TransformTree:
         return changed
 
     def parent(self, frame: str) -> str | None:
-        """Returns the frame that ``frame`` hangs on, or None for a root or a frame never heard of."""
+        """Returns the parent of ``frame``; None for a root or an unknown frame."""
         edge = self._edges.get(frame)
         return edge.parent if edge else None
 
     def chain(self, frame: str) -> list[str]:
-        """Returns ``frame`` and its ancestors, up to the root or to where a loop would begin."""
+        """Returns ``frame`` and its ancestors, up to the root or the start of a loop."""
         frames = [frame]
         while (parent := self.parent(frames[-1])) is not None and parent not in frames:
             frames.append(parent)
         return frames
 
     def path(self, target: str, source: str) -> tuple[list[str], list[str]]:
-        """Returns the children of the edges between two frames: those below ``target`` and those below ``source``.
+        """Returns the child frames from ``target``, and those from ``source``, up to the common ancestor.
 
         Raises:
-            DisconnectedError: no chain joins the frames.
+            DisconnectedError: the frames are not connected.
         """
         up, down = self.chain(source), self.chain(target)
         common = next((frame for frame in up if frame in down), None)
@@ -249,10 +249,10 @@ class TransformTree:
         return " and ".join(f"'{frame}' ends at '{self.chain(frame)[-1]}'" for frame in frames)
 
     def lookup(self, target: str, source: str, stamp: float | None = None) -> Transform:
-        """Returns target_from_source at ``stamp`` [s], or at the newest time that all edges know when None.
+        """Returns target_from_source at ``stamp`` [s]; if None, at the newest time common to all edges.
 
         Raises:
-            DisconnectedError: no chain joins the frames.
+            DisconnectedError: the frames are not connected.
             ExtrapolationError: an edge between them does not cover ``stamp``.
         """
         below_target, below_source = self.path(target, source)
@@ -264,10 +264,10 @@ class TransformTree:
         return self._climb(below_target, stamp).inverse().compose(to_common)
 
     def latest(self, target: str, source: str) -> float:
-        """Returns the newest stamp [s] at which the two frames can be joined; inf when only static edges join them.
+        """Returns the newest stamp [s] at which the two frames are connected; inf if all edges between are static.
 
         Raises:
-            DisconnectedError: no chain joins the frames.
+            DisconnectedError: the frames are not connected.
         """
         below_target, below_source = self.path(target, source)
         return min((self._edges[child].newest for child in below_target + below_source), default=math.inf)
@@ -285,5 +285,5 @@ class TransformTree:
 def _extrapolation(edge: Edge, child: str, stamp: float) -> ExtrapolationError:
     future = stamp > edge.newest
     side, bound = ("newest", edge.newest) if future else ("oldest", edge.oldest)
-    message = f"transform '{edge.parent}' to '{child}' asked for at {stamp:.3f} s, its {side} is of {bound:.3f} s"
+    message = f"transform '{edge.parent}' to '{child}' requested at {stamp:.3f} s; its {side} is at {bound:.3f} s"
     return ExtrapolationError(message, future)

@@ -1,1 +1,1 @@
-"""Numba sources, compiled at build into ``nav_bundle._<noun>``; imported by the build alone."""
+"""Numba sources, compiled at build time into ``nav_bundle._<noun>``; only the build imports them."""

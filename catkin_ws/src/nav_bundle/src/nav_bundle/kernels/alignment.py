@@ -1,4 +1,4 @@
-"""A scan laid onto the map's obstacles: the last centimetres that a particle filter leaves."""
+"""Scan-to-map alignment that corrects the last centimetres of a particle filter's estimate."""
 
 import math
 
@@ -8,14 +8,14 @@ from nav_bundle.kernels.likelihood import Field
 from pioneer_kernels.declaration import Array1, Array2, kernel, njit
 
 LONGEST_STEP = 0.1
-"""Of one iteration [m], [rad]: a linearised distance is not to be trusted further."""
+"""Largest step of one iteration [m], [rad], beyond which the linearised distance is unreliable."""
 SETTLED = 1e-4
-"""An iteration that moves less [m], [rad] is the last."""
+"""Convergence threshold: the iteration ends after a step smaller than this [m], [rad]."""
 
 
 @njit
 def _distance(x, y, field, out):
-    """Writes distance to the nearest obstacle [cells] and its gradient at (x, y) [cells]; tells whether in the grid."""
+    """Writes distance to the nearest obstacle [cells] and its gradient at (x, y) [cells]; False outside the grid."""
     left, low = math.floor(x - 0.5), math.floor(y - 0.5)
     col, row = np.int64(left), np.int64(low)
     if row < 0 or col < 0 or row + 1 >= field.shape[0] or col + 1 >= field.shape[1]:
@@ -31,7 +31,7 @@ def _distance(x, y, field, out):
 
 @njit
 def _solve(matrix, vector, out):
-    """Solves a symmetric positive definite 3 x 3 system by Cholesky's method."""
+    """Solves a symmetric positive definite 3 x 3 system by Cholesky decomposition."""
     lower = np.zeros((3, 3))
     for i in range(3):
         for j in range(i + 1):
@@ -90,22 +90,22 @@ def align(
     iterations: int,
     out: Array1[np.float64],
 ) -> float:
-    """Writes the pose near ``start`` at which a scan's end points lie best on obstacles; returns their agreement.
+    """Writes the pose near ``start`` at which a scan's end points fit the obstacles best; returns their agreement.
 
-    Gauss-Newton on distances to the nearest obstacle, each beam weighed by exp(-d² / 2 sigma²) (Welsch's robust
-    weight), and a normal prior about ``start`` that holds what the scan says nothing about.
+    Gauss-Newton on the distances to the nearest obstacle, with each beam weighted by exp(-d² / 2 sigma²) (Welsch's
+    robust weight). A normal prior about ``start`` constrains directions that the scan does not determine.
 
     Args:
         start: x, y [m], yaw [rad], map frame.
         points: end points [m], robot frame, shape (m, 2).
         field: distances to obstacles.
         information: inverse covariance of the prior times the variance of one beam, shape (3, 3).
-        sigma: spread [m] of hits about obstacles.
-        iterations: most of them.
-        out: the pose, shape (3,).
+        sigma: standard deviation [m] of hits about obstacles.
+        iterations: maximum number of iterations.
+        out: the resulting pose, shape (3,).
 
     Returns:
-        The share of beams that lie on obstacles at the pose written, 0 … 1.
+        The share of beams that hit obstacles at the resulting pose (sum of the weights over their number), 0 … 1.
     """
     out[:] = start
     matrix = np.empty((3, 3))

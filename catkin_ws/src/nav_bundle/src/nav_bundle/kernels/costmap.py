@@ -1,6 +1,6 @@
-"""Costmap kernels: rays that clear and mark, layers that merge, inflation by an exact distance transform.
+"""Costmap kernels: clearing, marking, merging of layers, and inflation by an exact distance transform.
 
-Grids are ``[row, col]`` of unsigned bytes with costmap_2d's meaning: 0 free, 253 inscribed,
+Grids are ``[row, col]`` of unsigned bytes with costmap_2d's values: 0 free, 253 inscribed,
 254 lethal, 255 unknown.
 """
 
@@ -23,7 +23,7 @@ Bounds = tuple[int, int, int, int]
 
 
 class Place(NamedTuple):
-    """Where a grid lies: corner of cell (0, 0) [m] in its frame, side of a cell [m]."""
+    """Origin and resolution of a grid: corner of cell (0, 0) [m] in its frame, cell size [m]."""
 
     x: float
     y: float
@@ -31,7 +31,7 @@ class Place(NamedTuple):
 
 
 class Rays(NamedTuple):
-    """What a sensor at (x, y) [m] has seen: points, and how far [m] they count."""
+    """Points seen by a sensor at (x, y) [m], and the maximum distance [m] at which they count."""
 
     x: float
     y: float
@@ -41,13 +41,13 @@ class Rays(NamedTuple):
 
 @njit
 def cell_at(place, x, y):
-    """Returns the row and column of the cell that holds (x, y) [m]."""
+    """Returns the row and column of the cell that contains (x, y) [m]."""
     return int(np.floor((y - place.y) / place.resolution)), int(np.floor((x - place.x) / place.resolution))
 
 
 @njit
 def line_between(row_0, col_0, row_1, col_1):
-    """Returns Bresenham's line for ``next_cell``: cells after the first one, those along each axis, directions."""
+    """Returns Bresenham's line for ``next_cell``: steps in total, steps along each axis, directions."""
     d_row = abs(row_1 - row_0)
     d_col = abs(col_1 - col_0)
     return max(d_row, d_col), d_row, d_col, 1 if row_1 > row_0 else -1, 1 if col_1 > col_0 else -1
@@ -55,7 +55,7 @@ def line_between(row_0, col_0, row_1, col_1):
 
 @njit
 def next_cell(row, col, error_row, error_col, line):
-    """Returns the line's next cell and both errors there; they are half of ``line[0]`` in its first cell."""
+    """Returns the line's next cell and the updated errors; initialise both errors with half of ``line[0]``."""
     length, d_row, d_col, step_row, step_col = line
     error_row -= d_row
     if error_row < 0:
@@ -70,7 +70,7 @@ def next_cell(row, col, error_row, error_col, line):
 
 @njit
 def _clear_line(cells, row_0, col_0, row_1, col_1):
-    """Frees the cells of Bresenham's line, both ends included, until it leaves the grid."""
+    """Clears the cells of Bresenham's line, both ends included, until it leaves the grid."""
     rows, cols = cells.shape
     line = line_between(row_0, col_0, row_1, col_1)
     row, col, error_row, error_col = row_0, col_0, line[0] // 2, line[0] // 2
@@ -83,7 +83,7 @@ def _clear_line(cells, row_0, col_0, row_1, col_1):
 
 @kernel
 def clear_rays(cells: Costs, place: Place, rays: Rays) -> None:
-    """Frees the cells between the sensor and each point, as far as ``rays.longest``."""
+    """Clears the cells between the sensor and each point, up to ``rays.longest``."""
     rows, cols = cells.shape
     row_0, col_0 = cell_at(place, rays.x, rays.y)
     if row_0 < 0 or row_0 >= rows or col_0 < 0 or col_0 >= cols:
@@ -101,7 +101,7 @@ def clear_rays(cells: Costs, place: Place, rays: Rays) -> None:
 
 @kernel
 def mark_points(cells: Costs, place: Place, rays: Rays) -> None:
-    """Makes the cell of every point nearer to the sensor than ``rays.longest`` lethal."""
+    """Marks the cell of every point closer to the sensor than ``rays.longest`` as lethal."""
     rows, cols = cells.shape
     for i in range(rays.points.shape[0]):
         dx = rays.points[i, 0] - rays.x
@@ -115,7 +115,7 @@ def mark_points(cells: Costs, place: Place, rays: Rays) -> None:
 
 @njit
 def polygon_covers(vertices, x, y):
-    """True if the point lies inside the polygon (n, 2) by the even-odd rule."""
+    """Returns whether the point is inside the polygon (n, 2) by the even-odd rule."""
     inside = False
     last = vertices.shape[0] - 1
     for i in range(vertices.shape[0]):
@@ -129,7 +129,7 @@ def polygon_covers(vertices, x, y):
 
 @njit
 def set_line(cells, row_0, col_0, row_1, col_1, value):
-    """Writes ``value`` along Bresenham's line, skipping what lies outside the grid."""
+    """Writes ``value`` along Bresenham's line, skipping cells outside the grid."""
     rows, cols = cells.shape
     line = line_between(row_0, col_0, row_1, col_1)
     row, col, error_row, error_col = row_0, col_0, line[0] // 2, line[0] // 2
@@ -171,7 +171,7 @@ def fill_polygon(cells: Costs, place: Place, vertices: Points, value: int) -> No
 
 @kernel
 def merge_highest(master: Costs, layer: Costs, window: Bounds) -> None:
-    """Takes the higher cost of both in the window; what the layer does not know changes nothing."""
+    """Merges the layer into the window of ``master`` by maximum; the layer's unknown cells change nothing."""
     row_0, row_1, col_0, col_1 = window
     for row in range(row_0, row_1):
         for col in range(col_0, col_1):
@@ -182,7 +182,7 @@ def merge_highest(master: Costs, layer: Costs, window: Bounds) -> None:
 
 @kernel
 def merge_known(master: Costs, layer: Costs, window: Bounds) -> None:
-    """Replaces the master by what the layer knows in the window."""
+    """Overwrites the window of ``master`` with the layer's known cells."""
     row_0, row_1, col_0, col_1 = window
     for row in range(row_0, row_1):
         for col in range(col_0, col_1):
@@ -192,7 +192,7 @@ def merge_known(master: Costs, layer: Costs, window: Bounds) -> None:
 
 @kernel
 def changed_window(cells: Costs, before: Costs, row_0: int, col_0: int, window: Array1[np.int64]) -> None:
-    """Widens ``window`` (row_0, row_1, col_0, col_1) by the cells that differ from ``before``.
+    """Extends ``window`` (row_0, row_1, col_0, col_1) to contain all cells that differ from ``before``.
 
     ``before`` is a copy of the part of ``cells`` that starts at ``row_0, col_0``.
     """
@@ -207,7 +207,7 @@ def changed_window(cells: Costs, before: Costs, row_0: int, col_0: int, window: 
 
 @njit
 def _column_distance(cells, distance, row_0, row_1, col_0, col_1, radius):
-    """Fills ``distance`` (window's shape) with the steps to the nearest lethal cell of the same column.
+    """Fills ``distance`` (window's shape) with the distance [cells] to the nearest lethal cell in the same column.
 
     Distances above ``radius`` are ``radius + 1``.
     """
@@ -232,7 +232,7 @@ def _column_distance(cells, distance, row_0, row_1, col_0, col_1, radius):
 def _envelope(heights, radius, sites, starts):
     """Finds the lower envelope of the parabolas ``(x - i)**2 + heights[i]**2``; returns their number.
 
-    ``sites[k]`` is the k-th parabola's position, lowest from ``starts[k]`` to ``starts[k + 1]``
+    ``sites[k]`` is the position of the k-th parabola, which is lowest from ``starts[k]`` to ``starts[k + 1]``
     (Felzenszwalb and Huttenlocher, Distance Transforms of Sampled Functions, 2012).
     """
     count = 0
@@ -258,14 +258,14 @@ def _envelope(heights, radius, sites, starts):
 
 @kernel
 def inflate(cells: Costs, window: Bounds, radius: int, table: Array1[np.uint8], inflate_unknown: bool) -> None:
-    """Spreads costs around the lethal cells into the window, exact to the cell.
+    """Inflates the lethal cells within the window, using exact distances.
 
     Args:
-        cells: costs; lethal cells outside the window count as far as ``radius`` reaches.
-        window: where to.
-        radius: [cells].
+        cells: costs; lethal cells outside the window count up to ``radius`` away.
+        window: part of the grid to inflate.
+        radius: inflation radius [cells].
         table: cost by squared distance [cells**2], ``radius**2 + 1`` entries.
-        inflate_unknown: spread every cost into unknown cells, not only inscribed ones.
+        inflate_unknown: write every cost into unknown cells, not only inscribed cost and above.
     """
     row_0, row_1, col_0, col_1 = window
     left = max(col_0 - radius, 0)

@@ -1,7 +1,7 @@
-"""Dynamic window kernel: velocity samples scored by dwa_local_planner's critics (Fox, Burgard and Thrun, 1997).
+"""Dynamic window kernel: scores velocity samples by dwa_local_planner's critics (Fox, Burgard and Thrun, 1997).
 
-All critics but the obstacles' look at a trajectory's end alone, so they bound its score from below; see
-``kernels/trajectory.py``, whose search this one shares.
+All critics except the obstacle critic depend only on a trajectory's end, so their sum is a lower bound of its score.
+The search is shared with ``kernels/trajectory.py``.
 """
 
 from typing import NamedTuple
@@ -32,10 +32,10 @@ from pioneer_kernels.declaration import Array2, kernel, njit
 
 
 class Nose(NamedTuple):
-    """The robot's nose: ``length`` [m] in front of it, steps to where it shall be at the local goal, and weights.
+    """The robot's nose: ``length`` [m] in front of it, steps to its target beyond the local goal, and weights.
 
-    ``alignment`` and ``front`` are the cost of a step of the nose to the plan and to its goal, ``twirling`` that of a
-    unit of turning speed [s/rad].
+    ``alignment`` and ``front`` are the costs per step from the nose to the plan and to its target; ``twirling`` is the
+    cost per unit of turning speed [s/rad].
     """
 
     length: float
@@ -47,14 +47,14 @@ class Nose(NamedTuple):
 
 @njit
 def _looks(sample, horizon):
-    """Returns how many poses of a sample are looked at: one per granularity of way or of turn."""
+    """Returns the number of poses checked for a sample: one per granularity of distance or angle."""
     way = np.sqrt(sample[0] * sample[0] + sample[1] * sample[1]) * horizon.time
     return max(1, int(np.ceil(max(way / horizon.way, abs(sample[2]) * horizon.time / horizon.turn))))
 
 
 @njit
 def _finish(ground, motion, start, sample, time, steps, nose, scored):
-    """Writes the last pose that is looked at; returns the nose's (row, col) there, (-1, -1) if it left the grid."""
+    """Writes the last checked pose; returns the nose's (row, col) there, (-1, -1) if the nose left the grid."""
     rows, cols = ground.costs.shape
     x, y, yaw = motion.pose[0], motion.pose[1], motion.pose[2]
     vx, vy, turn = start[0], start[1], start[2]
@@ -82,19 +82,19 @@ def score(
     limit: float,
     results: Array2[np.float64],
 ) -> int:
-    """Scores velocity samples; returns the index of the cheapest one that may be driven, -1 if none may.
+    """Scores velocity samples; returns the index of the cheapest valid one, -1 if none is valid.
 
     Args:
-        ground: to drive on, with the steps that ``plan_distance.distance_grids`` wrote.
-        nose: the robot's.
-        motion: at the start.
+        ground: costmap and the steps written by ``plan_distance.distance_grids``.
+        nose: the robot's nose.
+        motion: the robot's motion at the start.
         samples: velocities (n, 3) to try.
-        horizon: how far they are followed; its ``turn`` is an angle [rad] here.
-        scales: weights of the costs; headings do not count.
-        accelerating: samples start from the robot's velocity and approach theirs; otherwise they start with theirs.
-        every: check every sample, also those that cannot win.
-        limit: what costs more may not be driven.
-        results: per sample cost (negative: why not), x, y, yaw of the scored end, and the bound.
+        horizon: simulation horizon; its ``turn`` is an angle [rad] here.
+        scales: weights of the costs; the heading weight is ignored.
+        accelerating: samples accelerate from the robot's velocity; otherwise they start at their own velocity.
+        every: check every sample, even those that cannot be the cheapest.
+        limit: samples that cost more are invalid.
+        results: per sample: cost (negative: why invalid), x, y, yaw of the scored end, and the bound.
     """
     rows, cols = ground.costs.shape
     count = samples.shape[0]

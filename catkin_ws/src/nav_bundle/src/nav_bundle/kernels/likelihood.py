@@ -1,6 +1,6 @@
-"""What a scan says about particles: distances to obstacles, likelihood fields, ray casting.
+"""Sensor model kernels: distance fields, likelihood fields, ray casting.
 
-Grids are row-major with row 0 at the origin; ``placement`` puts them into the map frame:
+Grids are row-major with row 0 at the origin; ``placement`` is their pose and scale in the map frame:
 (origin x [m], origin y [m], cosine and sine of the origin's yaw, 1 / resolution [1/m]).
 """
 
@@ -13,7 +13,7 @@ from pioneer_kernels.declaration import Array1, Array2, kernel, njit
 
 
 class Field(NamedTuple):
-    """Squared distances [cells²] to the nearest obstacle, from ``distance_field``, and where they lie."""
+    """Squared distances [cells²] to the nearest obstacle, from ``distance_field``, and the grid's placement."""
 
     squares: Array2[np.uint16]
     placement: Array1[np.float64]
@@ -21,10 +21,10 @@ class Field(NamedTuple):
 
 @kernel
 def distance_field(cells: Array2[np.int8], occupied: int, cap: int, out: Array2[np.uint16]) -> None:
-    """Writes each cell's squared distance [cells²] to the nearest ``occupied`` one, at most that of ``cap``.
+    """Writes each cell's squared distance [cells²] to the nearest ``occupied`` cell, at most ``cap`` squared.
 
-    Exact Euclidean distance in two passes (Meijster, Roerdink and Hesselink 2000): along columns, then along rows
-    the lower envelope of parabolas. ``cap`` is at most 255, so that squares fit uint16.
+    Exact Euclidean distance in two passes (Meijster, Roerdink and Hesselink 2000): along columns, then along rows by
+    the lower envelope of parabolas. ``cap`` is at most 255, so that squares fit into uint16.
     """
     rows, cols = cells.shape
     for col in range(cols):
@@ -46,7 +46,7 @@ def distance_field(cells: Array2[np.int8], occupied: int, cap: int, out: Array2[
 
 @njit
 def _envelope(line, cap, apex, height, start):
-    """Replaces distances along columns by squared distances in the plane, for one row."""
+    """Replaces column distances by squared 2D distances, for one row."""
     count = 0
     cols = line.shape[0]
     for col in range(cols):
@@ -56,7 +56,7 @@ def _envelope(line, cap, apex, height, start):
         begin = 0
         while count > 0:
             other = apex[count - 1]
-            # The first column where the parabola of ``col`` lies below the other one.
+            # The first column where the parabola of ``col`` is below the other one.
             rise = square - height[count - 1] + col * col - other * other
             begin = rise // (2 * (col - other)) + 1
             if begin > start[count - 1]:
@@ -79,7 +79,7 @@ def _envelope(line, cap, apex, height, start):
 
 @njit
 def _squared_distance(x, y, field):
-    """Squared distance at (x, y) [cells]; -1 outside the grid."""
+    """Returns the squared distance at (x, y) [cells]; -1 outside the grid."""
     col, row = math.floor(x), math.floor(y)
     if 0 <= row < field.shape[0] and 0 <= col < field.shape[1]:
         return np.int64(field[np.int64(row), np.int64(col)])
@@ -88,7 +88,7 @@ def _squared_distance(x, y, field):
 
 @njit
 def _in_grid(pose, placement):
-    """Pose (x, y [m], yaw) of the map frame as (x, y [cells], cosine, sine of yaw) of the grid."""
+    """Returns a pose (x, y [m], yaw) of the map frame as (x, y [cells], cosine, sine of yaw) in the grid's frame."""
     dx, dy = pose[0] - placement[0], pose[1] - placement[1]
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
     x = (placement[2] * dx + placement[3] * dy) * placement[4]
@@ -110,8 +110,8 @@ def add_likelihoods(
         poses: particles x, y [m], yaw [rad], shape (n, 3), map frame.
         points: end points of the beams [cells], robot frame, shape (m, 2).
         field: distances to obstacles.
-        table: value of each squared distance; its last entry also stands for points off the grid.
-        out: shape (n,).
+        table: value by squared distance; its last entry also applies to points off the grid.
+        out: sums, shape (n,).
     """
     outside = table[table.shape[0] - 1]
     for index in range(poses.shape[0]):
@@ -130,7 +130,7 @@ def add_likelihoods(
 def count_agreement(
     poses: Array2[np.float64], points: Array2[np.float64], field: Field, nearest: int, counts: Array1[np.int64]
 ) -> None:
-    """Counts, for each beam, the particles that see an obstacle within ``nearest`` [cells²] of its end point."""
+    """Counts, for each beam, the particles that have an obstacle within ``nearest`` [cells²] of its end point."""
     for index in range(poses.shape[0]):
         x, y, cosine, sine = _in_grid(poses[index], field.placement)
         for beam in range(points.shape[0]):
@@ -154,16 +154,17 @@ def expected_ranges(
 ) -> None:
     """Writes the range [m] that each particle's laser would measure in the map, at most ``longest``.
 
-    A ray ends in the first cell that is not free (unknown ones stop it too) or at the grid's edge (``longest``).
+    A ray ends in the first cell that is not free (unknown cells stop it, too). A ray that leaves the grid gives
+    ``longest``.
 
     Args:
         poses: particles x, y [m], yaw [rad], shape (n, 3), map frame.
         laser: x, y [m], yaw [rad] of the laser in the robot frame.
         bearings: directions [rad] in the laser frame, shape (m,).
-        cells: occupancy.
-        placement: of the cells.
-        longest: [m].
-        out: shape (n, m).
+        cells: occupancy of the map.
+        placement: placement of the cells.
+        longest: maximum range [m].
+        out: ranges, shape (n, m).
     """
     limit = longest * placement[4]
     turn = math.cos(laser[2]), math.sin(laser[2])
@@ -180,7 +181,7 @@ def expected_ranges(
 
 @njit
 def _ray(x, y, dx, dy, cells, limit):
-    """Length [cells] of a ray from (x, y) along the unit vector (dx, dy): Amanatides and Woo's traversal."""
+    """Returns the length [cells] of a ray from (x, y) along unit vector (dx, dy), by Amanatides and Woo's traversal."""
     col, row = np.int64(math.floor(x)), np.int64(math.floor(y))
     step_col, step_row = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
     delta_col = abs(1.0 / dx) if dx != 0.0 else math.inf

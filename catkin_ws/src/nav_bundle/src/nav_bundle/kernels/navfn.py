@@ -1,12 +1,12 @@
-"""Navigation function: a potential that spreads from the robot over the costmap, and the way down it.
+"""Navigation function: a potential that propagates from the robot over the costmap, and the descent along it.
 
-The potential of a cell is the cost of the cheapest way from the source, each metre weighed by the
-cell's cost, from a planar wave through its neighbours (Brock and Khatib, 1999; the quadratic
-approximation is navfn's). The wave front lives in three buffers by urgency, not in a heap, and its
-whole state in arrays, so that one search can be spread over many calls.
+The potential of a cell is the cost of the cheapest path from the source, weighted by the cells' costs. It is computed
+as a planar wave from the cell's neighbours (Brock and Khatib, 1999; the quadratic approximation is navfn's). The
+wavefront is kept in three buffers by priority, not in a heap. Its whole state is in arrays, so that one search can be
+spread over many calls.
 
-A guide says what is still to come: the potential of another wave, which ran from the goal over a grid of
-blocks of ``BLOCK`` x ``BLOCK`` cells, inside a ring of blocks that nothing enters.
+A guide is a heuristic for the remaining cost: the potential of another wave, which ran from the goal over a grid of
+blocks of ``BLOCK`` x ``BLOCK`` cells, surrounded by a ring of blocked blocks.
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from pioneer_kernels.declaration import Array1, Array2, kernel, njit
 FAR = 1.0e10
 """The potential of a cell that was not reached."""
 
-# Positions in ``counts`` and ``limits``.
+# Indices into ``counts`` and ``limits``.
 NOW, NEXT, LATER, BEYOND = 0, 1, 2, 3
 LIMIT, STEP, BOUND, EXCESS = 0, 1, 2, 3
 RUNNING, DONE, FULL = 0, 1, 2
@@ -32,18 +32,18 @@ Cell = tuple[int, int]
 class Front(NamedTuple):
     """The state of a wave over a grid."""
 
-    potential: Array2[np.float32]  #: of the cells, shape (rows, cols)
-    waiting: Array2[np.uint8]  #: 1 where a cell waits in a buffer
-    costs: Array2[np.uint8]  #: of the cells
-    weights: Array1[np.float32]  #: what a cell of each cost adds, negative where nothing may pass, shape (256,)
-    queue: Array2[np.int32]  #: the buffers, shape (4, room)
-    counts: Array1[np.int64]  #: cells in each buffer
-    limits: Array1[np.float64]  #: potential that is final, its step, bound of a guided wave, and its step
+    potential: Array2[np.float32]  #: potentials of the cells, shape (rows, cols)
+    waiting: Array2[np.uint8]  #: 1 for cells that wait in a buffer
+    costs: Array2[np.uint8]  #: costs of the cells
+    weights: Array1[np.float32]  #: potential added by a cell of each cost, negative if blocked, shape (256,)
+    queue: Array2[np.int32]  #: the buffers, shape (4, capacity)
+    counts: Array1[np.int64]  #: number of cells in each buffer
+    limits: Array1[np.float64]  #: limit of final potentials, its step, bound of a guided wave, and its step
 
 
 @njit
 def _offer(queue, counts, which, waiting, weights, costs, cell, potential, value):
-    """Appends the cell, whose potential is given, to a buffer if it may be crossed, can gain, and waits in none."""
+    """Appends a cell to a buffer if it is traversable, its potential can improve, and it is not waiting already."""
     if waiting[cell] != 0:
         return
     weight = weights[costs[cell]]
@@ -55,9 +55,9 @@ def _offer(queue, counts, which, waiting, weights, costs, cell, potential, value
 
 @kernel
 def begin(front: Front, start: Cell) -> None:
-    """Clears the search and puts its source at ``start``.
+    """Resets the search, with its source at ``start``.
 
-    Cells at the edge of the grid wait for ever, so that no other cell need look whether it has neighbours.
+    Cells at the edge of the grid are marked as waiting permanently, so that other cells need no bounds checks.
     """
     potential, waiting, costs, weights, queue, counts, limits = front
     row, col = start
@@ -79,7 +79,7 @@ def begin(front: Front, start: Cell) -> None:
 
 @njit
 def _wave(across, along, weight):
-    """Returns a cell's potential from its neighbours': a plane wave where two axes carry, else a straight step."""
+    """Returns a cell's potential from its neighbours': a planar wave if both axes contribute, else a straight step."""
     low = min(across, along)
     gap = abs(across - along)
     if gap >= weight:
@@ -90,11 +90,11 @@ def _wave(across, along, weight):
 
 @kernel
 def spread(front: Front, goal: Cell, guide: Array2[np.float32], budget: int) -> int:
-    """Lets the wave run for about ``budget`` cells; returns 0 running, 1 done, 2 buffers too small.
+    """Propagates the wave over about ``budget`` cells; returns 0 running, 1 done, 2 buffers too small.
 
-    Done means that the goal's potential is final or that nothing is left to visit. With a guide that is not empty,
-    cells from which the whole way would, by the guide, be longer than a bound are left for later, and the bound is
-    raised by twice as much each time that the goal cannot be reached within it (A*, by iterations).
+    Done means that the goal's potential is final or that no cells are left. With a non-empty guide, cells are deferred
+    if the guide's estimate of the total path through them exceeds a bound. Whenever the goal is not reached within the
+    bound, it is raised, each time by twice as much (iterative A*).
     """
     potential, waiting, costs, weights, queue, counts, limits = front
     goal_row, goal_col = goal
@@ -134,7 +134,7 @@ def spread(front: Front, goal: Cell, guide: Array2[np.float32], budget: int) -> 
             if value >= field[cell]:
                 continue
             if guided:
-                row = np.int64((cell + 0.5) * per_col)  # a division of integers costs more than the rest of this
+                row = np.int64((cell + 0.5) * per_col)  # integer division would be slower than the rest of this block
                 col = cell - row * cols
                 if value + guide[(row >> BLOCK_BITS) + 1, (col >> BLOCK_BITS) + 1] > limits[BOUND]:
                     queue[BEYOND, counts[BEYOND]] = cell
@@ -158,14 +158,14 @@ _ONE, _NONE = np.uint32(1 << 16), np.uint32(0xFFFFFFFF)
 
 @njit
 def _block_weight(costs, table, first_row, first_col, rows, cols):
-    """Returns halfway between the least and the mean weight of the cells that may be crossed, 0 where there is none."""
+    """Returns the average of the lowest and the mean weight of the traversable cells; 0 if there are none."""
     total = np.uint32(0)
     least = _NONE
     for row in range(rows):
         for col in range(cols):
             entry = table[costs[first_row + row, first_col + col]]
             total += entry
-            least = min(least, np.uint32(entry - _ONE))  # what is barred wraps round, to more than any weight
+            least = min(least, np.uint32(entry - _ONE))  # blocked cells wrap around to more than any weight
     if total < _ONE:
         return np.uint8(0)
     mean = np.float32(total & np.uint32(0xFFFF)) / np.float32(total >> np.uint32(16))
@@ -174,14 +174,14 @@ def _block_weight(costs, table, first_row, first_col, rows, cols):
 
 @kernel
 def coarsen(costs: Array2[np.uint8], weights: Array1[np.float32], coarse: Array2[np.uint8]) -> None:
-    """Writes what a cell of each block adds into ``coarse``, shape (blocks + 2, blocks + 2) with its ring.
+    """Writes the weight per cell of each block into ``coarse``, shape (block rows + 2, block columns + 2) with ring.
 
-    That lies halfway between the least and the mean of its cells, as ways keep to cheap ones. Only cells that may be
-    crossed count; a block without any is left as it is. So no passage is lost, and a wall of less than twice ``BLOCK``
-    cells may have gaps.
+    The weight is the average of the lowest and the mean weight of the block's cells, since paths prefer cheap cells.
+    Only traversable cells count; a block without any is left unchanged. No passage is lost, but a wall thinner than
+    twice ``BLOCK`` cells may have gaps.
     """
     rows, cols = costs.shape
-    # By a cell's cost its weight, and one from bit 16 on if it may be crossed: one sum has both.
+    # The weight by cell cost, plus bit 16 if the cell is traversable, so that one sum yields total weight and count.
     table = np.zeros(256, np.uint32)
     for cost in range(256):
         if weights[cost] >= 0.0:
@@ -192,7 +192,7 @@ def coarsen(costs: Array2[np.uint8], weights: Array1[np.float32], coarse: Array2
         for block_col in range(coarse.shape[1] - 2):
             col = block_col << BLOCK_BITS
             if block_row < whole_rows and block_col < whole_cols:
-                weight = _block_weight(costs, table, row, col, BLOCK, BLOCK)  # of fixed size, so that it is unrolled
+                weight = _block_weight(costs, table, row, col, BLOCK, BLOCK)  # fixed size, so that loops are unrolled
             else:
                 weight = _block_weight(costs, table, row, col, min(BLOCK, rows - row), min(BLOCK, cols - col))
             if weight > 0:
@@ -201,7 +201,7 @@ def coarsen(costs: Array2[np.uint8], weights: Array1[np.float32], coarse: Array2
 
 @njit
 def _slope(potential, row, col, d_row, d_col):
-    """Returns how fast the potential falls in direction ``d_row, d_col``, from reached neighbours only."""
+    """Returns the slope of the potential, positive downhill, in direction ``d_row, d_col``, from reached neighbours."""
     here = potential[row, col]
     if here >= FAR:
         return 0.0
@@ -217,9 +217,10 @@ def _slope(potential, row, col, d_row, d_col):
 
 @njit
 def _downhill(potential, y, x):
-    """Returns the unit direction (row, col) of steepest descent at a point, zero where there is none.
+    """Returns the unit direction (row, col) of steepest descent at a point; zero if there is none.
 
-    Bilinear between the slopes of the four cells around; the point is in cells, centres at integers.
+    Interpolates bilinearly between the slopes of the four surrounding cells; the point is in cells, with cell centres
+    at integers.
     """
     rows, cols = potential.shape
     row = int(np.floor(y))
@@ -247,7 +248,7 @@ def _downhill(potential, y, x):
 
 @njit
 def _lowest_neighbour(potential, row, col):
-    """Returns the lowest of the eight neighbours, the cell itself where none is lower."""
+    """Returns the lowest of the eight neighbours, or the cell itself if none is lower."""
     rows, cols = potential.shape
     best_row, best_col, best = row, col, potential[row, col]
     for d_row in range(-1, 2):
@@ -273,11 +274,11 @@ def _all_reached(potential, row, col):
 
 @kernel
 def descend(potential: Array2[np.float32], path: Array2[np.float64], end: Cell, source: Cell) -> int:
-    """Walks from ``end`` down to ``source`` in steps of half a cell.
+    """Descends the gradient from ``end`` to ``source`` in steps of half a cell.
 
-    Beside cells that were not reached, and where the interpolated slope does not lead down, the
-    walk steps from cell to cell instead. Writes (row, col) [cells] into ``path``; returns the number
-    of points, 0 if the walk got stuck or ``path`` is too short.
+    Next to cells that were not reached, and where the interpolated slope does not lead down, it steps from cell to
+    cell instead. Writes (row, col) [cells] into ``path``; returns the number of points, 0 if it got stuck or ``path``
+    is too short.
     """
     row, col = end
     source_row, source_col = source
@@ -319,9 +320,9 @@ def descend(potential: Array2[np.float32], path: Array2[np.float64], end: Cell, 
 
 @kernel
 def descend_cells(potential: Array2[np.float32], path: Array2[np.float64], end: Cell, source: Cell) -> int:
-    """Walks from ``end`` to ``source``, each time to the lowest of the eight cells around.
+    """Descends from ``end`` to ``source``, always to the lowest of the eight neighbours.
 
-    Writes (row, col) [cells] into ``path``; returns the number of cells, 0 if the walk got stuck.
+    Writes (row, col) [cells] into ``path``; returns the number of cells, 0 if it got stuck.
     """
     row, col = end
     source_row, source_col = source
@@ -339,7 +340,7 @@ def descend_cells(potential: Array2[np.float32], path: Array2[np.float64], end: 
 
 @kernel
 def nearest_reached(potential: Array2[np.float32], goal: Cell, tolerance: float) -> int:
-    """Returns the flat index of the reached cell nearest to ``goal`` within ``tolerance`` [cells], else -1."""
+    """Returns the flat index of the reached cell nearest to ``goal`` within ``tolerance`` [cells]; -1 if none."""
     row, col = goal
     rows, cols = potential.shape
     reach = int(np.ceil(tolerance))

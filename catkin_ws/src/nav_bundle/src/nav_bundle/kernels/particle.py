@@ -1,7 +1,8 @@
-"""Resampling of particles whose number follows the spread of their histogram, its clusters, and draws of cells.
+"""Particle filter kernels: KLD resampling, clustering, and random draws of cells.
 
-The histogram has bins of ``BINS``; a bin's key packs its column, row and heading into one integer, kept in a hash
-table with open addressing whose length is a power of two at least twice the number of particles.
+The pose histogram has bins of ``BIN_LENGTH`` and 1 / ``HEADINGS`` of a turn. A bin's key packs its column, row and
+heading into one integer. Keys are kept in a hash table with open addressing; its length is a power of two, at least
+twice the number of particles.
 """
 
 import math
@@ -14,22 +15,22 @@ from pioneer_kernels.declaration import Array1, Array2, kernel, njit
 BIN_LENGTH = 0.5
 """Side of a bin [m]."""
 HEADINGS = 36
-"""Bins of heading in a turn."""
+"""Number of heading bins in a full turn."""
 EMPTY = -1
 OFFSET = 1 << 24
 
 
 class Draws(NamedTuple):
-    """The chances of one resampling; ``most`` is the largest number of particles."""
+    """Random draws for one resampling; ``most`` is the maximum number of particles."""
 
-    cumulative: Array1[np.float64]  #: running sum of the particles' weights, ending at 1, shape (n,)
-    uniforms: Array1[np.float64]  #: from [0, 1), shape (most,)
-    renew: Array1[np.uint8]  #: where not 0, the particle comes from ``fresh`` instead, shape (most,)
-    fresh: Array2[np.float64]  #: poses for those, shape (most, 3)
+    cumulative: Array1[np.float64]  #: cumulative sum of the particles' weights, ending at 1, shape (n,)
+    uniforms: Array1[np.float64]  #: numbers in [0, 1), shape (most,)
+    renew: Array1[np.uint8]  #: if not 0, the particle is taken from ``fresh`` instead, shape (most,)
+    fresh: Array2[np.float64]  #: random poses for those particles, shape (most, 3)
 
 
 class Limits(NamedTuple):
-    """Smallest number of particles, greatest error (kld_err), upper quantile of the standard normal (kld_z)."""
+    """Minimum number of particles, maximum error (kld_err), upper quantile of the standard normal (kld_z)."""
 
     least: int
     error: float
@@ -38,7 +39,7 @@ class Limits(NamedTuple):
 
 @njit
 def _key(x, y, yaw):
-    """Key of the bin that holds a pose; never negative."""
+    """Returns the key of the bin that contains a pose; never negative."""
     turn = yaw / math.tau
     heading = min(HEADINGS - 1, np.int64((turn - math.floor(turn)) * HEADINGS))
     col = np.int64(math.floor(x / BIN_LENGTH)) + OFFSET
@@ -48,7 +49,7 @@ def _key(x, y, yaw):
 
 @njit
 def _slot(key, table):
-    """Place of ``key`` in the hash table, or the empty place where it belongs."""
+    """Returns the slot of ``key`` in the hash table, or the empty slot where it belongs."""
     mask = table.shape[0] - 1
     place = np.int64((np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(40)) & mask
     while table[place] != EMPTY and table[place] != key:
@@ -58,7 +59,7 @@ def _slot(key, table):
 
 @njit
 def _enough(bins, error, quantile):
-    """Particles that keep the error of ``bins`` occupied bins below ``error`` (Fox 2003, equation 7)."""
+    """Returns the number of particles that keeps the error of ``bins`` bins below ``error`` (Fox 2003, equation 7)."""
     if bins <= 1:
         return 0.0
     spread = 2.0 / (9.0 * (bins - 1))
@@ -70,13 +71,13 @@ def _enough(bins, error, quantile):
 def resample(
     poses: Array2[np.float64], draws: Draws, limits: Limits, table: Array1[np.int64], out: Array2[np.float64]
 ) -> int:
-    """Draws particles by weight until their number suffices for the bins they fill; returns that number.
+    """Draws particles by weight until their number suffices for the occupied bins; returns that number.
 
     Args:
         poses: particles x, y [m], yaw [rad], shape (n, 3).
-        draws: which of them to take.
-        limits: of their number.
-        table: room for the hash table.
+        draws: the random draws.
+        limits: limits of the number of particles.
+        table: scratch space for the hash table.
         out: the particles drawn, shape (most, 3).
     """
     table[:] = EMPTY
@@ -104,9 +105,9 @@ def resample(
 def find_cells(
     cells: Array2[np.int8], value: int, until_row: Array1[np.int64], drawn: Array1[np.int64], out: Array2[np.int64]
 ) -> None:
-    """Writes (row, col), shape (n, 2), of the cells of ``value`` whose numbers, row by row from 0, are ``drawn``.
+    """Writes (row, col), shape (n, 2), of the cells with ``value`` whose indices, counted row by row, are ``drawn``.
 
-    ``until_row`` has for each row how many such cells there are up to its end.
+    ``until_row`` is the cumulative number of such cells up to the end of each row.
     """
     for index in range(drawn.shape[0]):
         row = np.searchsorted(until_row, drawn[index], side="right")
@@ -127,14 +128,14 @@ def cluster(
     labels: Array1[np.int64],
     sums: Array2[np.float64],
 ) -> int:
-    """Joins particles whose bins touch (also at edges and corners, and over the turn of heading) into clusters.
+    """Groups particles in adjacent bins (including diagonals and the wrap-around of the heading) into clusters.
 
     Args:
         poses: particles x, y [m], yaw [rad], shape (n, 3).
-        weights: of the particles, shape (n,).
-        table: room for the hash table, as long as ``labels``.
-        labels: room for the clusters of its places.
-        sums: one row a cluster, written: count, weight, and the weighted sums of x, y, cos yaw, sin yaw, x², xy, y².
+        weights: weights of the particles, shape (n,).
+        table: scratch space for the hash table, same length as ``labels``.
+        labels: scratch space for the cluster of each slot.
+        sums: output, one row per cluster: count, weight, and the weighted sums of x, y, cos yaw, sin yaw, x², xy, y².
             As many rows as particles suffice.
 
     Returns:
@@ -170,7 +171,7 @@ def cluster(
 
 @njit
 def _flood(place, label, table, labels, stack):
-    """Gives ``label`` to the bin at ``place`` and to all that hang together with it."""
+    """Assigns ``label`` to the bin at ``place`` and to all bins connected to it."""
     labels[place] = label
     stack[0] = place
     height = 1

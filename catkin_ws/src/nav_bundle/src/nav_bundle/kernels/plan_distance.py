@@ -1,4 +1,4 @@
-"""Distances over a local costmap, in steps from cell to cell: to the plan and to its end (base_local_planner's)."""
+"""Distance grids over a local costmap, in cell steps, to the plan and to its end, as in base_local_planner."""
 
 from typing import NamedTuple
 
@@ -8,13 +8,13 @@ from nav_bundle.kernels.costmap import INSCRIBED, UNKNOWN, Costs, Place, Points,
 from pioneer_kernels.declaration import Array1, Array2, kernel, njit
 
 Steps = Array2[np.int32]
-"""Distances of a grid's cells to something, in steps from cell to cell."""
+"""Distances of a grid's cells to a target, in cell steps."""
 Queue = Array1[np.int32]
-"""Room for one entry per cell."""
+"""Scratch space with one entry per cell."""
 
 
 class Floor(NamedTuple):
-    """The local costmap with what the robot covers of it: its footprint's vertices at its pose."""
+    """The local costmap, and the vertices of the robot's footprint at its pose."""
 
     costs: Costs
     place: Place
@@ -23,9 +23,9 @@ class Floor(NamedTuple):
 
 @njit
 def _plan_cells(floor, plan, cells):
-    """Writes the flat indices of the known cells that the plan crosses on its first way through the grid.
+    """Writes the flat indices of the known cells that the plan crosses, until it first leaves the known grid.
 
-    Returns their number; at most one entry per cell of ``cells``.
+    Returns their number, at most the length of ``cells``.
     """
     rows, cols = floor.costs.shape
     count = 0
@@ -49,9 +49,9 @@ def _plan_cells(floor, plan, cells):
 
 @njit
 def _flood(costs, inside, distance, queue, count):
-    """Fills ``distance`` by steps between edge neighbours from the ``count`` cells queued with distance 0.
+    """Fills ``distance`` by steps between edge neighbours, starting at the ``count`` queued cells with distance 0.
 
-    Obstacles, except under the robot, get the number of cells; what cannot be reached one more.
+    Obstacles outside the footprint get the number of cells; unreachable cells keep that number plus one.
     """
     rows, cols = costs.shape
     head = 0
@@ -84,7 +84,7 @@ def _flood_from(costs, inside, distance, queue, cell):
 
 @njit
 def _inside(floor):
-    """Returns a grid of 1 under the robot and 0 elsewhere."""
+    """Returns a grid that is 1 under the robot's footprint and 0 elsewhere."""
     inside = np.zeros(floor.costs.shape, np.uint8)
     fill_polygon(inside, floor.place, floor.outline, 1)
     return inside
@@ -92,14 +92,14 @@ def _inside(floor):
 
 @kernel
 def distance_grids(floor: Floor, plan: Points, to_plan: Steps, to_goal: Steps, queue: Queue) -> int:
-    """Fills the two grids that trajectories are scored on; returns how many cells the plan crosses, 0 if none.
+    """Fills the two grids that trajectories are scored on; returns the number of cells that the plan crosses.
 
     Args:
-        floor: costmap and robot.
+        floor: costmap and footprint.
         plan: points in the costmap's frame.
         to_plan: steps to the plan, for every cell.
         to_goal: steps to the plan's last cell inside the costmap.
-        queue: for the kernel's own use.
+        queue: scratch space.
     """
     rows, cols = floor.costs.shape
     inside = _inside(floor)
@@ -124,7 +124,7 @@ def distance_grids(floor: Floor, plan: Points, to_plan: Steps, to_goal: Steps, q
 
 @kernel
 def goal_grid(floor: Floor, plan: Points, to_goal: Steps, queue: Queue) -> int:
-    """Fills only ``to_goal`` of ``distance_grids``; returns how many cells the plan crosses, 0 if none."""
+    """Fills only ``to_goal`` of ``distance_grids``; returns the number of cells that the plan crosses."""
     rows, cols = floor.costs.shape
     to_goal[:, :] = rows * cols + 1
     crossed = np.empty(rows * cols, np.int32)

@@ -1,9 +1,9 @@
-"""Maps in shared tiles, as mapping needs them: matching scans to them, registering scans in them, drawing them.
+"""SLAM kernels for maps in shared tiles: scan matching, registering scans, drawing maps.
 
-A map is a ``directory``: tile numbers, shape (tile rows, tile columns), -1 where nothing has been seen. Tiles hold
-``TILE`` x ``TILE`` cells and lie in one ``pool``, uint16, shape (tiles, TILE * TILE, 4): visits, hits, and the mean
-place of the hits within the cell in 65536ths of its side, x and y. Several maps may name one tile: it is copied when
-one of them writes. ``placement`` is (x [m], y [m] of the corner of cell (0, 0); 1 / side of a cell [1/m]).
+A map is a ``directory``: tile numbers, shape (tile rows, tile columns), -1 for tiles without observations. Tiles hold
+``TILE`` x ``TILE`` cells and are in one ``pool``, uint16, shape (tiles, TILE * TILE, 4): visits, hits, and the mean
+position of the hits within the cell, x and y, in 65536ths of its side. Several maps may share a tile; it is copied
+when one of them writes. ``placement`` is (x [m], y [m] of the corner of cell (0, 0); 1 / cell size [1/m]).
 
 Beams are (cosine, sine of the bearing in the laser frame; length [cells]), shape (m, 3). Poses are the laser's.
 """
@@ -16,7 +16,7 @@ import numpy as np
 from pioneer_kernels.declaration import Array1, Array2, Array3, kernel, njit
 
 RELEASE_GIL = True
-"""A match takes 30 to 300 ms; the thread that publishes tf must run meanwhile."""
+"""A match takes 30 to 300 ms; the thread that publishes tf must keep running during this time."""
 
 BITS = 5
 TILE = 1 << BITS
@@ -24,9 +24,9 @@ MASK = TILE - 1
 VISITS, HITS, MEAN_X, MEAN_Y = 0, 1, 2, 3
 MOST = 65535
 FULL = 10
-"""A cell counts as an obstacle where more than one visit in ``FULL`` was a hit."""
+"""A cell counts as an obstacle if more than one in ``FULL`` visits was a hit."""
 MISS = -0.5
-"""What a beam adds to the likelihood that met no obstacle, over lsigma: far worse than any that did."""
+"""Log likelihood, times lsigma, of a beam without an obstacle nearby: far lower than that of any beam with one."""
 SHIFT = 1 << 30
 
 
@@ -39,34 +39,34 @@ class Maps(NamedTuple):
 
 
 class Matching(NamedTuple):
-    """How scans are matched."""
+    """Parameters of scan matching."""
 
-    sigma: float  #: [m]
-    lsigma: float  #: [m]
-    lstep: float  #: first step along x and y [m]
-    astep: float  #: first step of the heading [rad]
-    least: float  #: a particle whose best score is no better stays where it was (minimumScore)
-    iterations: int  #: halvings of the steps
-    reach: int  #: cells about a beam's end in which an obstacle is looked for, along x and y (kernelSize)
+    sigma: float  #: spread in the matching score [m]
+    lsigma: float  #: spread in the log likelihood [m]
+    lstep: float  #: initial step along x and y [m]
+    astep: float  #: initial step of the heading [rad]
+    least: float  #: a particle whose best score does not exceed this keeps its pose (minimumScore)
+    iterations: int  #: number of times the steps are halved
+    reach: int  #: search range [cells] for an obstacle around a beam's end, along x and y (kernelSize)
 
 
 class Tiles(NamedTuple):
     """The pool of tiles for writing."""
 
     pool: Array3[np.uint16]  #: the tiles
-    users: Array1[np.int32]  #: how many maps name each tile
-    spare: Array1[np.int32]  #: the number k of unused tiles, then their numbers, of which the k-th is taken first
+    users: Array1[np.int32]  #: number of maps that use each tile
+    spare: Array1[np.int32]  #: count k of unused tiles, then their numbers; the k-th is taken first
 
 
 @njit
 def _floor(value):
-    """Floor of a number above -2^30: a truncation, which needs no call."""
+    """Returns the floor of a number above -2^30 by truncation, which avoids a function call."""
     return np.int64(value + SHIFT) - SHIFT
 
 
 @njit
 def _is_full(directory, pool, row, col):
-    """Tells whether a cell is an obstacle; what was not seen is none."""
+    """Returns whether a cell is an obstacle; unseen cells are not."""
     tile_row, tile_col = row >> BITS, col >> BITS
     if tile_row < 0 or tile_col < 0 or tile_row >= directory.shape[0] or tile_col >= directory.shape[1]:
         return False
@@ -79,11 +79,11 @@ def _is_full(directory, pool, row, col):
 
 @njit
 def _nearest(directory, pool, x, y, behind_row, behind_col, reach):
-    """Squared distance [cells²] from (x, y) to the nearest obstacle's mean within ``reach`` cells; -1 without one.
+    """Returns the squared distance [cells²] from (x, y) to the nearest obstacle's mean within ``reach`` cells, else -1.
 
-    An obstacle counts only if one of its neighbours towards the laser, at ``behind_row`` or ``behind_col``, is none:
-    walls are hit on their near side. (Upstream asks for the one cell along the beam, which in a corridor lies in the
-    same wall: grazing beams then count for nothing, and the heading drifts.)
+    An obstacle counts only if a neighbour towards the laser, at ``behind_row`` or ``behind_col``, is not an obstacle,
+    since walls are hit on their near side. (gmapping checks only the one cell along the beam. In a corridor this cell
+    belongs to the same wall, so that grazing beams are ignored and the heading drifts.)
     """
     row, col = _floor(y), _floor(x)
     best = -1.0
@@ -105,7 +105,7 @@ def _nearest(directory, pool, x, y, behind_row, behind_col, reach):
 
 @njit
 def _judge(x, y, yaw, beams, directory, maps, matching, exponential):
-    """Sum over the beams of exp(-d² / sigma), which climbing needs, or of -d² / lsigma: the log likelihood."""
+    """Returns the sum over the beams of exp(-d² / sigma) (matching score) or of -d² / lsigma (log likelihood)."""
     cosine, sine = math.cos(yaw), math.sin(yaw)
     placement = maps.placement
     left, low = (x - placement[0]) * placement[2], (y - placement[1]) * placement[2]
@@ -127,9 +127,10 @@ def _judge(x, y, yaw, beams, directory, maps, matching, exponential):
 
 @njit
 def _climb(pose, beams, directory, maps, matching):
-    """Moves ``pose`` to where the beams score best nearby; returns that score.
+    """Hill climbing: moves ``pose`` to the best score nearby; returns that score.
 
-    Each round tries a step along x, y and yaw both ways and takes the best; where none is better, steps are halved.
+    Each round tries a step along x, y and yaw in both directions and takes the best; if none improves the score, the
+    steps are halved.
     """
     length, turn = matching.lstep, matching.astep
     score = _judge(pose[0], pose[1], pose[2], beams, directory, maps, matching, True)
@@ -157,12 +158,12 @@ def _climb(pose, beams, directory, maps, matching):
 def match(
     poses: Array2[np.float64], beams: Array2[np.float64], maps: Maps, matching: Matching, out: Array2[np.float64]
 ) -> None:
-    """Moves each particle to where the scan fits its map best, and weighs it there.
+    """Moves each particle to the pose where the scan fits its map best, and computes its likelihood there.
 
     Args:
-        poses: particles x, y [m], yaw [rad], shape (n, 3); changed.
-        beams: those that hit something.
-        maps: of the particles.
+        poses: particles x, y [m], yaw [rad], shape (n, 3); modified in place.
+        beams: beams with a return.
+        maps: the particles' maps.
         matching: parameters.
         out: score and log likelihood of each particle, shape (n, 2).
     """
@@ -179,7 +180,7 @@ def match(
 
 @njit
 def _own_tile(directory, tile_row, tile_col, tiles):
-    """Number of a tile that this map alone names: the one there, or a copy of it, or an empty one."""
+    """Returns the number of a tile that only this map uses: the current one, a copy of a shared one, or a new one."""
     pool, users, spare = tiles
     tile = directory[tile_row, tile_col]
     if tile >= 0 and users[tile] == 1:
@@ -198,7 +199,7 @@ def _own_tile(directory, tile_row, tile_col, tiles):
 
 @njit
 def _visit(pool, tile, place):
-    """Counts a beam through or into a cell; full counts are halved, which keeps their ratio."""
+    """Counts a beam through or into a cell; saturated counts are halved, which keeps their ratio."""
     if pool[tile, place, VISITS] == MOST:
         pool[tile, place, VISITS] >>= 1
         pool[tile, place, HITS] >>= 1
@@ -226,15 +227,15 @@ def register(
     directory: Array2[np.int32],
     tiles: Tiles,
 ) -> None:
-    """Enters a scan into one map: cells along each beam are visited (Bresenham's line), its end is hit.
+    """Adds a scan to one map: counts visits of the cells along each beam (Bresenham's line) and a hit at its end.
 
     Args:
-        pose: of the laser, shape (3,).
-        beams: those to enter; none may lead out of the directory.
-        hits: where 0, the beam ended in the air: its last cell is visited as the others, shape (m,).
-        placement: of the map.
-        directory: the map's, changed.
-        tiles: changed; there must be an unused one for each that the scan touches.
+        pose: pose of the laser, shape (3,).
+        beams: beams to add; none may leave the directory.
+        hits: 0 for beams that end in free space, whose last cell is only visited, shape (m,).
+        placement: placement of the map.
+        directory: the map's directory; modified.
+        tiles: the pool; modified. There must be one unused tile for each tile that the scan touches.
     """
     pool = tiles.pool
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
@@ -277,15 +278,15 @@ def draw(
     first_col: int,
     out: Array2[np.int8],
 ) -> None:
-    """Writes a map's cells: 100 where more than ``threshold`` of the visits were hits, 0 where not; unseen ones stay.
+    """Writes a map's visited cells: 100 if the share of hits among the visits exceeds ``threshold``, else 0.
 
     Args:
-        directory: the map's.
-        pool: of the tiles.
+        directory: the map's directory.
+        pool: the tiles.
         threshold: 0 … 1.
-        first_row: row in ``out`` of the directory's first cell, negative where ``out`` begins later.
-        first_col: its column.
-        out: cells; those beyond it are left out.
+        first_row: row in ``out`` of the directory's first cell; negative if that cell is outside ``out``.
+        first_col: its column in ``out``.
+        out: cells; unvisited ones are not written, and cells outside ``out`` are skipped.
     """
     for tile_row in range(directory.shape[0]):
         for tile_col in range(directory.shape[1]):

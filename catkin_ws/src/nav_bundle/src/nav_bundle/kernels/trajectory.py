@@ -1,10 +1,10 @@
-"""Local planning kernels: the footprint's cost, and the rollout of velocity samples.
+"""Local planning kernels: footprint cost and rollout of velocity samples.
 
-The scores are trajectory rollout's (Gerkey and Konolige, Planning and Control in Unstructured Terrain,
-2008) as base_local_planner computes them. A score's distance terms depend on a trajectory's end alone,
-so they bound it from below: samples are checked against the costmap in the order of that bound, and
-the search ends as soon as no bound is below the best score. A check ends where its own cost is above
-that. The winner is the same, most checks fall away.
+The scores are those of trajectory rollout (Gerkey and Konolige, Planning and Control in Unstructured Terrain, 2008)
+as in base_local_planner. A score's distance terms depend only on a trajectory's end, so they are a lower bound of the
+score. Samples are checked against the costmap in the order of this bound. The search ends as soon as no bound is below
+the best score, and a check ends as soon as its own cost exceeds the best score. The result is the same as that of a
+full search, with far fewer checks.
 """
 
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from nav_bundle.kernels.plan_distance import Steps
 from pioneer_kernels.declaration import Array1, Array2, kernel, njit
 
 Vector = Array1[np.float64]
-"""x, y and turn (yaw), shape (3,)."""
+"""x, y and yaw (or turning speed), shape (3,)."""
 
 HIT = -1.0
 UNREACHED = -2.0
@@ -24,18 +24,18 @@ UNCHECKED = -3.0
 DEAR = -4.0
 
 _STRAIGHT = 1.0e-9
-"""Half a turn between two looks, below which a way is straight [rad]."""
+"""Half the turn between two poses below which a trajectory counts as straight [rad]."""
 
 # Columns of ``results``.
 COST, X, Y, YAW, BOUND = 0, 1, 2, 3, 4
 
 
 class Ground(NamedTuple):
-    """What trajectories are scored on: the local costmap, steps to the plan and to the local goal, and the footprint.
+    """Input for scoring: the local costmap, steps to the plan and to the local goal, and the footprint.
 
-    The footprint's vertices are relative to the robot. ``prices`` of nearness to obstacles go by the cost of a cell,
-    shape (256,), the dearest of those at the robot's centre and at ``ends`` [m] before and behind it; ``allowed`` is
-    what of them is free, by distance from the robot in cells, all where that is empty.
+    The footprint's vertices are relative to the robot. ``prices`` is the clearance penalty by cell cost, shape (256,);
+    the highest of those at the ``ends`` [m] along the robot's x axis counts. ``allowed`` is the penalty that is free,
+    by distance from the robot in cells; if it is empty, clearance has no cost.
     """
 
     costs: Costs
@@ -49,7 +49,7 @@ class Ground(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Pose [m, rad] in the costmap's frame, velocity [m/s, rad/s], and the limits of its change [m/s², rad/s²]."""
+    """Pose [m, rad] in the costmap's frame, velocity [m/s, rad/s], and acceleration limits [m/s², rad/s²]."""
 
     pose: Vector
     velocity: Vector
@@ -57,9 +57,9 @@ class Motion(NamedTuple):
 
 
 class Horizon(NamedTuple):
-    """How far samples are followed: time [s], way [m] and turning speed [rad/s] between two looks.
+    """Simulation horizon [s] of samples, and their granularity: distance [m] and turning speed [rad/s] per pose.
 
-    ``heading`` [s] is when a sample is scored where headings count, which is at its end otherwise.
+    ``heading`` [s] is the time at which a sample is scored if headings count; otherwise it is scored at its end.
     """
 
     time: float
@@ -69,7 +69,7 @@ class Horizon(NamedTuple):
 
 
 class Scales(NamedTuple):
-    """Cost of a cell's step to the plan and to the local goal, of a unit of costmap cost, of a radian of heading."""
+    """Weights: per step to the plan and to the local goal, per unit of costmap cost, per radian of heading."""
 
     plan: float
     goal: float
@@ -79,7 +79,7 @@ class Scales(NamedTuple):
 
 @njit
 def _line_cost(costs, row_0, col_0, row_1, col_1):
-    """Returns the highest cost along Bresenham's line, -1 if it meets a lethal cell, -2 an unknown one."""
+    """Returns the highest cost along Bresenham's line; -1 if it crosses a lethal cell, -2 an unknown one."""
     line = line_between(row_0, col_0, row_1, col_1)
     row, col, error_row, error_col = row_0, col_0, line[0] // 2, line[0] // 2
     highest = 0
@@ -96,14 +96,14 @@ def _line_cost(costs, row_0, col_0, row_1, col_1):
 def footprint_cost(costs: Costs, place: Place, footprint: Points, x: float, y: float, yaw: float) -> int:
     """Returns the highest cost under the footprint's outline at a pose.
 
-    -1 where it meets a lethal cell, -2 an unknown one, -3 the grid's edge.
+    Returns -1 if it crosses a lethal cell, -2 an unknown one, -3 if it leaves the grid.
     """
     return _outline_cost(costs, place, footprint, x, y, np.cos(yaw), np.sin(yaw))
 
 
 @njit
 def _outline_cost(costs, place, footprint, x, y, cosine, sine):
-    """Returns the footprint's cost, see there, at a pose of that heading's cosine and sine."""
+    """Returns ``footprint_cost`` at a pose given by the cosine and sine of its heading."""
     rows, cols = costs.shape
     count = footprint.shape[0]
     last_row = last_col = 0
@@ -126,14 +126,14 @@ def _outline_cost(costs, place, footprint, x, y, cosine, sine):
 
 @njit
 def _steps(sample, horizon):
-    """Returns how many poses of a sample are looked at: one per granularity of way or of turning speed."""
+    """Returns the number of poses checked for a sample: one per granularity of distance or turning speed."""
     speed = np.sqrt(sample[0] * sample[0] + sample[1] * sample[1])
     return max(1, int(max(speed * horizon.time / horizon.way, abs(sample[2]) / horizon.turn) + 0.5))
 
 
 @njit
 def towards(value, wanted, change):
-    """Returns ``value`` moved to ``wanted`` by at most ``change``."""
+    """Returns ``value`` moved towards ``wanted`` by at most ``change``."""
     if value < wanted:
         return min(value + change, wanted)
     return max(value - change, wanted)
@@ -141,7 +141,7 @@ def towards(value, wanted, change):
 
 @njit
 def moved(x, y, yaw, vx, vy, turn, sample, acc, dt):
-    """Returns pose and velocity ``dt`` later: the velocity first comes nearer to the sample, then moves the pose."""
+    """Returns pose and velocity ``dt`` later: first accelerates towards the sample, then moves the pose."""
     vx = towards(vx, sample[0], acc[0] * dt)
     vy = towards(vy, sample[1], acc[1] * dt)
     turn = towards(turn, sample[2], acc[2] * dt)
@@ -152,7 +152,7 @@ def moved(x, y, yaw, vx, vy, turn, sample, acc, dt):
 
 @njit
 def is_reached(ground, row, col):
-    """Tells whether the distance grids have a way to the cell from the plan and from the local goal."""
+    """Returns whether the cell is connected to the plan and to the local goal in the distance grids."""
     cells = ground.costs.size
     return ground.to_plan[row, col] < cells and ground.to_goal[row, col] < cells
 
@@ -169,10 +169,10 @@ def plan_prices(
     y: float,
     found: Array1[np.float64],
 ) -> None:
-    """Writes the prices of nearness that a plan cannot avoid into ``found``, by distance from (x, y) in cells.
+    """Writes the clearance penalties that a plan cannot avoid into ``found``, by distance from (x, y) in cells.
 
-    At a point of the plan (n, 2 or more; every second one counts) that may be driven over, that is the least of the
-    prices at ``asides`` [m] across the plan. The dearest of the points counts ``blur`` cells around its distance.
+    At a traversable point of the plan (n, 2 or more; every second one is used), this is the lowest penalty at
+    ``asides`` [m] across the plan. The highest penalty of the points applies within ``blur`` cells of its distance.
     """
     rows, cols = costs.shape
     last = (plan.shape[0] - 1) // 2
@@ -198,7 +198,7 @@ def plan_prices(
 
 @njit
 def _price(ground, x, y, cosine, sine):
-    """Returns what nearness to obstacles costs a robot at a pose, at its dearest place."""
+    """Returns the highest clearance penalty of the robot's ``ends`` at a pose."""
     rows, cols = ground.costs.shape
     highest = 0.0
     for along in ground.ends:
@@ -210,9 +210,9 @@ def _price(ground, x, y, cosine, sine):
 
 @njit
 def _check(ground, motion, start, sample, time, steps, scales, reach, bound, limit):
-    """Follows one sample over the costmap: returns ``bound`` and what obstacles near its way cost, or why it is none.
+    """Simulates one sample on the costmap; returns ``bound`` plus its obstacle costs, or why it is invalid.
 
-    That is HIT, UNREACHED, or, as soon as the sum is above ``limit``, DEAR.
+    The reason is HIT, UNREACHED, or, as soon as the sum exceeds ``limit``, DEAR.
     """
     rows, cols = ground.costs.shape
     x, y, yaw = motion.pose[0], motion.pose[1], motion.pose[2]
@@ -265,14 +265,14 @@ def roll_out(motion: Motion, sample: Vector, horizon: Horizon, poses: Array2[np.
 
 @njit
 def _finish(motion, sample, time, steps, looks, scored):
-    """Writes the pose that is scored: the one after ``looks`` of the ``steps`` that a sample takes."""
+    """Writes the scored pose: the one after ``looks`` of the sample's ``steps``."""
     x, y, yaw = motion.pose[0], motion.pose[1], motion.pose[2]
     vx, vy, turn = motion.velocity[0], motion.velocity[1], motion.velocity[2]
     dt = time / steps
     while looks > 0 and not (vx == sample[0] and vy == sample[1] and turn == sample[2]):
         x, y, yaw, vx, vy, turn = moved(x, y, yaw, vx, vy, turn, sample, motion.acc, dt)
         looks -= 1
-    # What is left is a polygon of equal steps and equal turns: its chord, in the direction of its middle.
+    # The rest is a polygon of equal steps and turns: take its chord, in the direction of its middle.
     half = 0.5 * turn * dt
     chord = dt * (np.sin(looks * half) / np.sin(half) if abs(half) > _STRAIGHT else looks)
     cosine = np.cos(yaw + (looks - 1) * half)
@@ -284,9 +284,9 @@ def _finish(motion, sample, time, steps, looks, scored):
 
 @njit
 def _heading_difference(ground, plan, row, col, scored):
-    """Returns the angle [rad] between a pose and the way to the farthest point of the plan that is in sight.
+    """Returns the angle [rad] between a pose's heading and the farthest visible point of the plan; pi if none is.
 
-    A point is in sight if no cell on the line to it is inscribed, lethal or unknown; pi where none is.
+    A point is visible if no cell on the line to it is inscribed, lethal or unknown.
     """
     rows, cols = ground.costs.shape
     place = ground.place
@@ -308,7 +308,7 @@ def _heading_difference(ground, plan, row, col, scored):
 def cheapest(ground, motion, starts, samples, time, steps, scales, reach, every, limit, results):
     """Checks the samples marked UNCHECKED in the order of their bounds; returns the index of the cheapest, or -1.
 
-    ``starts`` (n, 3) are the velocities they begin with, ``steps`` (n,) the numbers of looks within ``time`` [s].
+    ``starts`` (n, 3) are their initial velocities, ``steps`` (n,) the numbers of poses checked within ``time`` [s].
     """
     best = -1
     while True:
@@ -346,19 +346,19 @@ def search(
     limit: float,
     results: Array2[np.float64],
 ) -> int:
-    """Scores velocity samples; returns the index of the cheapest one that may be driven, -1 if none may.
+    """Scores velocity samples; returns the index of the cheapest valid one, -1 if none is valid.
 
     Args:
-        ground: to drive on, with the steps that ``plan_distance.distance_grids`` wrote.
-        motion: at the start.
+        ground: costmap and the steps written by ``plan_distance.distance_grids``.
+        motion: the robot's motion at the start.
         samples: velocities (n, 3) to try.
-        horizon: how far they are followed.
+        horizon: simulation horizon.
         scales: weights of the costs.
-        plan: the part of it ahead, for scoring by heading; empty for scoring without.
-        reach: refuse what crosses cells from which plan or goal cannot be reached.
-        every: check every sample, also those that cannot win.
-        limit: what costs more may not be driven.
-        results: per sample cost (negative: why not), x, y, yaw of the scored end, and the bound.
+        plan: the part of the plan ahead, for heading scoring; empty to disable it.
+        reach: reject samples that cross cells not connected to plan and goal.
+        every: check every sample, even those that cannot be the cheapest.
+        limit: samples that cost more are invalid.
+        results: per sample: cost (negative: why invalid), x, y, yaw of the scored end, and the bound.
     """
     rows, cols = ground.costs.shape
     count = samples.shape[0]

@@ -1,1 +1,1 @@
-"""What needs rospy: the navigation nodes and what they share."""
+"""The navigation nodes and their shared rospy code."""

@@ -1,4 +1,4 @@
-"""The amcl node: adaptive Monte Carlo localisation under the names of ROS Noetic's amcl."""
+"""The amcl node: adaptive Monte Carlo localisation with the interface of ROS Noetic's amcl."""
 
 import functools
 import threading
@@ -47,43 +47,43 @@ from pioneer_node.nodes.reconfigure import ReconfigureServer
 from pioneer_node.nodes.standing_warning import StandingWarning
 
 TRANSFORM_TIMEOUT = 0.5
-"""Wall time [s] a scan waits for the odometry of its stamp."""
+"""Maximum time [s, wall time] a scan waits for the odometry at its stamp."""
 DIAGNOSIS_PERIOD = 1.0
 """Time [s] between two messages on /diagnostics."""
 REMEMBERED_COVARIANCE = np.diag([0.1**2, 0.1**2, 0.05**2])
-"""Of a remembered pose: x, y [m²] and heading [rad²]."""
+"""Covariance of a pose restored from ~correction_file: x, y [m²] and heading [rad²]."""
 
 
 def read_config() -> AmclConfig:
-    """Returns the node's parameters; one line names those of Noetic's amcl that have no effect here."""
+    """Returns the node's parameters; logs one line with those of Noetic's amcl that have no effect here."""
     values = entry.parameters()
     idle = sorted(UNSUPPORTED & values.keys())
     if idle:
-        rospy.logwarn("amcl: no effect here: ~%s", ", ~".join(idle))
+        rospy.logwarn("amcl: parameters without effect here: ~%s", ", ~".join(idle))
     return config_from_mapping(AmclConfig, values, "amcl", ignored=UNSUPPORTED)
 
 
 class AmclNode:
-    """Localises a robot in a map by its laser and odometry.
+    """Localises a robot in a map from laser scans and odometry.
 
     Subscribes: ``scan`` (sensor_msgs/LaserScan), ``initialpose`` (geometry_msgs/PoseWithCovarianceStamped), ``map``
     (nav_msgs/OccupancyGrid, with ~use_map_topic), /tf, /tf_static.
 
     Publishes: ``amcl_pose`` (geometry_msgs/PoseWithCovarianceStamped, latched), ``particlecloud``
-    (geometry_msgs/PoseArray, latched), /tf (map to odom), ``/diagnostics`` (diagnostic_msgs/DiagnosticArray, once a
-    second while scans come).
+    (geometry_msgs/PoseArray, latched), /tf (map to odom), ``/diagnostics`` (diagnostic_msgs/DiagnosticArray, once per
+    second while scans arrive).
 
     Services: ``global_localization``, ``request_nomotion_update`` (std_srvs/Empty), ``set_map`` (nav_msgs/SetMap).
     Calls ``static_map`` (nav_msgs/GetMap) without ~use_map_topic.
 
-    Parameters: ``AmclConfig``; what is ``Live`` in it may change later (``ReconfigureServer``). Frames of the robot go
-    under ``tf_prefix``, the map's does not.
+    Parameters: ``AmclConfig``; ``Live`` ones can be changed at run time (``ReconfigureServer``). ``tf_prefix`` applies
+    to the robot's frames, not to the map's.
 
     Threads: callbacks store the newest scan or queue a command; ``spin`` does all the work.
 
-    On error: scans without map or transforms are dropped with a warning that names what is missing; a bad parameter
-    ends the node, an unreadable ~correction_file does not. When time jumps back, localisation starts again at the
-    initial pose.
+    On error: scans without map or transforms are dropped with a warning that names what is missing. An invalid
+    parameter ends the node, an unreadable ~correction_file does not. When time jumps back, localisation restarts at
+    the initial pose.
     """
 
     def __init__(self) -> None:
@@ -116,7 +116,7 @@ class AmclNode:
         entry.on_shutdown(lambda: self._post(lambda: None))
 
     def _listen(self) -> tuple[str, str, str]:
-        """Listens to odometry's transforms; returns the names of the frames of map, odometry and base."""
+        """Starts listening to odometry transforms; returns the frame names of map, odometry and base."""
         config = self._config
         odom, base = robot_frame(config.odom_frame_id), robot_frame(config.base_frame_id)
         self._listener.listen(odom, base)
@@ -130,7 +130,7 @@ class AmclNode:
         rospy.Service("set_map", SetMapArray, self._on_set_map)
 
     def _ask_for_map(self) -> rospy.Subscriber | None:
-        """Returns the map's subscriber; without one asks the map server, in a thread."""
+        """Subscribes to the map and returns the subscriber, or requests the map from the map server in a thread."""
         if self._config.use_map_topic:
             return rospy.Subscriber("map", GridMessage, self._queued(self._set_map), queue_size=1)
         threading.Thread(target=self._fetch_map, name="static_map", daemon=True).start()
@@ -164,7 +164,7 @@ class AmclNode:
             self._arrived.notify()
 
     def _do(self, command: Callable[[], None], response: Any) -> Any:
-        """Has the loop run ``command``, and returns ``response`` when it has; an error becomes the service's."""
+        """Runs ``command`` in the loop and returns ``response``; a NavigationError becomes a ServiceException."""
         done = threading.Event()
         errors: list[NavigationError] = []
 
@@ -186,14 +186,14 @@ class AmclNode:
     # The loop.
 
     def spin(self) -> None:
-        """Works on scans and commands until shutdown."""
+        """Processes scans and commands until shutdown."""
         while not rospy.is_shutdown():
             with self._arrived:
                 self._arrived.wait_for(lambda: self._commands or self._scan or rospy.is_shutdown())
             self.step()
 
     def step(self) -> None:
-        """Does what has been commanded, and works on the newest scan."""
+        """Runs the queued commands and processes the newest scan."""
         with self._arrived:
             commands, scan = list(self._commands), self._scan
             self._commands.clear()
@@ -204,7 +204,7 @@ class AmclNode:
             self._guarded(functools.partial(self._use_scan, scan))
 
     def ready(self) -> bool:
-        """Returns whether the map and the robot's fixed transforms have come; called where ``step`` is."""
+        """Returns whether map and the robot's static transforms have arrived; call it from the thread of ``step``."""
         self.step()
         return self._localisation.has_map and self._listener.has_fixed(self._base_frame)
 
@@ -253,11 +253,13 @@ class AmclNode:
                 100.0 * self._localisation.agreement,
             )
         elif before and not lost:
-            rospy.loginfo("localisation has found itself again: %.0f %% fits", 100.0 * self._localisation.agreement)
+            rospy.loginfo(
+                "localisation recovered: %.0f %% of the scan fits the map", 100.0 * self._localisation.agreement
+            )
         self._lost = lost
 
     def _laser(self, frame: str) -> Transform:
-        """Returns base_from_laser; it is asked for once, lasers do not move."""
+        """Returns base_from_laser; looked up only once, since lasers do not move."""
         if frame not in self._lasers:
             self._lasers[frame] = self._listener.wait(self._base_frame, frame, None, TRANSFORM_TIMEOUT)
         return self._lasers[frame]
@@ -268,15 +270,15 @@ class AmclNode:
             rospy.logwarn("time jumped back: localisation starts again at the initial pose")
             self._remembered = None
             self._start_at_initial_pose()
-            self._correction.forget()  # it belongs to odometry that has started again
+            self._correction.forget()  # odometry has restarted, so the correction is invalid
             self._store.restart()
             self._next_cloud = self._next_diagnosis = 0.0
         self._now = now
 
-    # What commands do.
+    # Commands, run by the loop.
 
     def _configure(self, config: AmclConfig) -> None:
-        """Continues with other parameters, from where the particles are."""
+        """Applies new parameters; keeps the particles."""
         before, self._config = self._config, config
         self._localisation.configure(config)
         if config.save_pose_rate != before.save_pose_rate:
@@ -299,7 +301,7 @@ class AmclNode:
         self._estimate = self._map_from_odom = None
 
     def _read_correction(self) -> Pose | None:
-        """A file of something else is a warning: an amcl that ended would be started again, and end, for ever."""
+        """Reads the correction file; an invalid file is only a warning, since a respawned amcl would fail forever."""
         try:
             return self._correction.read(self._odom_frame)
         except CorrectionFileError as error:
@@ -307,10 +309,10 @@ class AmclNode:
             return None
 
     def _go_on(self, pose: Pose) -> None:
-        """Starts where odometry says the robot is by now, once: it was somewhere when another amcl ended."""
+        """Restarts once at the remembered pose, moved by the odometry since the previous amcl ended."""
         self._remembered = None
         self._localisation.set_pose(pose, REMEMBERED_COVARIANCE)
-        rospy.loginfo("resuming at %.3f %.3f m, heading %.3f rad, as remembered", pose.x, pose.y, pose.yaw)
+        rospy.loginfo("resuming at %.3f %.3f m, heading %.3f rad (from ~correction_file)", pose.x, pose.y, pose.yaw)
 
     def _scatter(self) -> None:
         self._localisation.scatter()
@@ -318,7 +320,7 @@ class AmclNode:
         rospy.loginfo("particles spread over the whole map")
 
     def _fetch_map(self) -> None:
-        """Waits for the map service, in a thread of its own, and has the loop use its map."""
+        """Waits for the map service in a separate thread, and queues its map for the loop."""
         name = rospy.resolve_name("static_map")
         rospy.loginfo("waiting for the map from service %s", name)
         try:
@@ -352,17 +354,17 @@ class AmclNode:
         rospy.loginfo("initial pose %.3f %.3f m, heading %.3f rad", pose.x, pose.y, pose.yaw)
 
     def _moved_since(self, stamp: rospy.Time) -> Pose:
-        """Returns how far the robot has driven since ``stamp``, which a pose given for then has to be moved by."""
+        """Returns the robot's motion since ``stamp``, by which a pose with that stamp has to be moved."""
         if stamp.is_zero():
             return Pose()
         try:
             then = self._listener.lookup(self._odom_frame, self._base_frame, stamp.to_sec())
             now = self._listener.lookup(self._odom_frame, self._base_frame)
         except TransformError:
-            return Pose()  # the stamp is newer than the odometry, or too old: the pose is taken as of now
+            return Pose()  # the stamp is newer than the odometry or too old: the pose counts as current
         return then.inverse().compose(now).planar()
 
-    # What goes out.
+    # Publishing.
 
     def _publish_estimate(self, estimate: Estimate, stamp: rospy.Time) -> None:
         body = PoseWithCovariance(message_from_pose(estimate.pose), covariance_message(estimate.covariance))
@@ -376,7 +378,7 @@ class AmclNode:
         self._cloud_publisher.publish(ParticlesMessage(self._localisation.particles.copy(), self._map_frame, stamp))
 
     def _diagnose(self) -> None:
-        """Publishes once a second how sure the newest estimate is."""
+        """Publishes the uncertainty of the newest estimate once per second."""
         if self._estimate is None or self._now < self._next_diagnosis:
             return
         self._next_diagnosis = self._now + DIAGNOSIS_PERIOD
@@ -386,7 +388,7 @@ class AmclNode:
         self._diagnostics.publish(DiagnosticArray(Header(0, rospy.Time.from_sec(self._now), ""), [status]))
 
     def _broadcast(self, stamp: rospy.Time) -> None:
-        """Sends the newest map_from_odom, stamped ahead so that others need not wait for the next one."""
+        """Sends the newest map_from_odom, stamped ahead so that listeners need not wait for the next one."""
         if self._map_from_odom is None or not self._config.tf_broadcast:
             return
         ahead = stamp + rospy.Duration.from_sec(self._config.transform_tolerance)

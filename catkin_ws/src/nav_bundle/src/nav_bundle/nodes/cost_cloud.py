@@ -1,4 +1,4 @@
-"""The cloud that shows what a local planner's choice depends on."""
+"""The point cloud that visualises the local planner's cell costs."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ _FIELDS = ("x", "y", "z", "path_cost", "goal_cost", "occ_cost", "total_cost")
 
 
 def cost_cloud(costs: NDArray[np.float64], header: Header) -> PointCloud2:
-    """Returns cells' costs (``Rollout.cell_costs``) as a cloud: one point each, as base_local_planner's fields."""
+    """Returns cell costs (``Rollout.cell_costs``) as a cloud with base_local_planner's fields, one point per cell."""
     points = np.insert(costs, 2, 0.0, axis=1).astype("<f4")
     fields = [PointField(name, 4 * number, PointField.FLOAT32, 1) for number, name in enumerate(_FIELDS)]
     step = 4 * len(_FIELDS)

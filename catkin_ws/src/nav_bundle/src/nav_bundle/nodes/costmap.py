@@ -1,4 +1,4 @@
-"""A costmap with its topics: what Costmap2DROS is in C++."""
+"""A costmap with its topics: the counterpart of Costmap2DROS."""
 
 from typing import TypeAlias
 
@@ -42,7 +42,7 @@ _WORLD_FRAME = "map"
 
 
 def costmap_frame(frame: str) -> str:
-    """Returns a costmap's global frame as tf calls it: the robots share ``map``, every other frame is the robot's."""
+    """Returns the tf name of a costmap's global frame: all robots share ``map``, other frames belong to the robot."""
     return _WORLD_FRAME if stripped(frame) == _WORLD_FRAME else robot_frame(frame)
 
 
@@ -54,15 +54,15 @@ class CostmapNode:
 
     Publishes: ``~<name>/costmap`` (nav_msgs/OccupancyGrid), ``~<name>/costmap_updates``
         (map_msgs/OccupancyGridUpdate), ``~<name>/footprint`` (geometry_msgs/PolygonStamped); each only
-        while somebody listens, the whole costmap to every new listener.
+        while it has subscribers. A new subscriber gets the whole costmap.
 
     Services: none.
 
     Parameters: those of ``core.costmap.config`` under ``~<name>``.
 
-    Threads: subscriber threads store; everything else happens in the owner's thread.
+    Threads: subscriber threads store messages; everything else runs in the owner's thread.
 
-    On error: a pose or a scan that cannot be placed leaves the costmap as it is and makes it not current.
+    On error: a pose or scan without a valid transform leaves the costmap unchanged and makes it not current.
     """
 
     def __init__(self, name: str, config: CostmapConfig, listener: TransformListener) -> None:
@@ -94,7 +94,7 @@ class CostmapNode:
         self._values = occupancy_by_cost()
 
     def configure(self, config: CostmapConfig) -> None:
-        """Continues with another configuration; its frames and topics are those of before."""
+        """Applies another configuration; frames and map topic stay unchanged."""
         if config == self._config:
             return
         self._config = config
@@ -102,7 +102,7 @@ class CostmapNode:
         self._listen_to(config)
 
     def _listen_to(self, config: CostmapConfig) -> None:
-        """Subscribes to the sources of enabled layers, and no longer to others; what was heard stays."""
+        """Subscribes to the sources of enabled layers and unsubscribes from others; keeps messages received so far."""
         enabled = [layer for layer in config.layers if layer.enabled]
         sources = [source for layer in enabled if isinstance(layer, ObstacleConfig) for source in layer.sources]
         self._others = tuple(layer for layer in enabled if isinstance(layer, FleetConfig))
@@ -140,11 +140,11 @@ class CostmapNode:
 
     @property
     def has_map(self) -> bool:
-        """Whether a map has come, if the costmap needs one."""
+        """Whether a map has arrived, if the costmap needs one."""
         return self.costmap.ready or self._new_map is not None
 
     def missing(self, now: float) -> list[str]:
-        """Returns what the costmap still waits for, in words."""
+        """Returns descriptions of the inputs that the costmap still waits for."""
         found = []
         if not self.has_map:
             found.append(f"the map on {rospy.resolve_name(self._map_topic)}")
@@ -153,7 +153,7 @@ class CostmapNode:
         return found
 
     def pose(self, now: float) -> Pose | None:
-        """Returns the robot's pose in the costmap's frame, None where it is unknown or too old."""
+        """Returns the robot's pose in the costmap's frame; None if it is unknown or too old."""
         try:
             newest = self._listener.latest(self.frame, self.base_frame)
             if now - newest > self._config.transform_tolerance:
@@ -170,11 +170,11 @@ class CostmapNode:
             return None
 
     def is_current(self, now: float) -> bool:
-        """Tells whether every source has spoken within its ``expected_update_rate``."""
+        """Returns whether every source has published within its ``expected_update_rate``."""
         return all(_is_current(source, scans, now) for source, scans, _ in self._sources)
 
     def update(self, now: float, forced: bool = False) -> bool:
-        """Brings the costmap up to date and publishes it, each if due; ``forced`` updates in any case.
+        """Updates and publishes the costmap, each if due; ``forced`` updates in any case.
 
         Returns whether it was updated.
         """
@@ -195,21 +195,21 @@ class CostmapNode:
         return True
 
     def picture(self) -> Picture | None:
-        """Returns what the first source saw last, None before the first scan."""
+        """Returns the newest observation of the first source that has one; None before the first scan."""
         newest = next((buffer.last for _, _, buffer in self._sources), None)
         if newest is None:
             return None
         return Picture(Pose(newest.sensor_x, newest.sensor_y, newest.sensor_yaw), newest.points)
 
     def forget(self) -> None:
-        """Drops what sensors saw, for a clock that jumped back."""
+        """Drops all sensor data after the clock jumped back."""
         for _, scans, buffer in self._sources:
             scans.forget()
             buffer.forget()
         self.costmap.reset()
 
     def _map_place(self) -> Pose | None:
-        """Returns the pose of the map's frame in the costmap's, None while a rolling window does not know it."""
+        """Returns the pose of the map's frame in the costmap's; None if a rolling window lacks the transform."""
         if not (self._config.rolling_window and self._map_topic):
             return Pose()
         try:
@@ -221,7 +221,7 @@ class CostmapNode:
         return place
 
     def _other_robots(self, now: float) -> list[Pose]:
-        """Returns where the other robots stand, as far as that is known and recent."""
+        """Returns the poses of the other robots that are known and recent."""
         found = []
         for layer in self._others:
             for frame in layer.frames():
@@ -235,7 +235,7 @@ class CostmapNode:
         return found
 
     def _observations(self, now: float) -> list[Observation]:
-        """Returns what the sources saw that still counts, as far as it can be placed in the costmap's frame."""
+        """Returns the valid observations of all sources that can be transformed into the costmap's frame."""
         for source, scans, buffer in self._sources:
             kept = scans.messages()
             if buffer.persistence <= 0.0:
@@ -247,7 +247,7 @@ class CostmapNode:
         return [seen for _, _, buffer in self._sources for seen in buffer.current(now)]
 
     def _place_newest(self, source: SourceConfig, scans: list[Seen], buffer: ObservationBuffer) -> None:
-        """Buffers the first of ``scans``, newest first, whose transform has come."""
+        """Buffers the newest of ``scans`` (newest first) whose transform is available."""
         unusable = self._scans[source.topic, source.data_type].unusable
         for scan in scans:
             try:
@@ -258,7 +258,7 @@ class CostmapNode:
                 if not error.future:
                     return
             except (TransformError, ObservationError) as error:
-                unusable.warn(f"{self.name}: cannot use what came on {source.topic}: {error}")
+                unusable.warn(f"{self.name}: cannot use messages on {source.topic}: {error}")
                 return
 
     def _placed(self, source: SourceConfig, scan: Seen) -> Observation:
@@ -296,7 +296,7 @@ class CostmapNode:
         return self.grid_of(self._values[self.costmap.cells], now)
 
     def grid_of(self, values: NDArray[np.int8], now: float) -> GridMessage:
-        """Returns values of this costmap's cells, shape (rows, cols), as a message."""
+        """Returns ``values`` of this costmap's cells, shape (rows, cols), as a message."""
         stamp, place = rospy.Time.from_sec(now), self.costmap.geometry
         origin = message_from_pose(Pose(place.origin_x, place.origin_y))
         info = MapMetaData(stamp, place.resolution, place.cols, place.rows, origin)
@@ -308,12 +308,12 @@ class CostmapNode:
 
 
 class _NewListener(rospy.SubscribeListener):  # type: ignore[misc]
-    """Notes that somebody new listens, who needs the whole costmap first."""
+    """Records that a new subscriber has connected, which needs the whole costmap first."""
 
     arrived = True
 
     def peer_subscribe(self, *_: object) -> None:
-        """Notes it; the owner's loop publishes."""
+        """Sets the flag; the owner's loop publishes."""
         self.arrived = True
 
 

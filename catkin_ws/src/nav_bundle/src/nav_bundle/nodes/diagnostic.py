@@ -1,4 +1,4 @@
-"""What amcl says on /diagnostics."""
+"""amcl's status on /diagnostics."""
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 def deviation_status(
     node: str, covariance: NDArray[np.float64], limits: tuple[float, float, float]
 ) -> DiagnosticStatus:
-    """Returns the status of an estimate: a warning where a standard deviation is above its limit.
+    """Returns the status of an estimate: a warning if a standard deviation exceeds its limit.
 
     Args:
-        node: amcl's name.
-        covariance: over x [m], y [m], yaw [rad], shape (3, 3).
-        limits: of the standard deviations of x [m], y [m], yaw [rad].
+        node: amcl's node name.
+        covariance: covariance over x [m], y [m], yaw [rad], shape (3, 3).
+        limits: limits of the standard deviations of x [m], y [m], yaw [rad].
     """
     names, deviations = ("x", "y", "yaw"), np.sqrt(np.maximum(np.diag(covariance), 0.0))
     is_unsure = bool((deviations > limits).any())

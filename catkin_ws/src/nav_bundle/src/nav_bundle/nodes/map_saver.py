@@ -13,11 +13,11 @@ from pioneer_node.nodes import entry
 
 
 class MapSaverNode:
-    """Writes the first map that arrives and ends.
+    """Writes the first map that arrives, then exits.
 
-    Subscribes: ``map`` (nav_msgs/OccupancyGrid); another topic by ``map:=TOPIC``.
+    Subscribes: ``map`` (nav_msgs/OccupancyGrid); remap with ``map:=TOPIC``.
 
-    On error: a map that cannot be written, or thresholds that contradict each other, end it with one line.
+    On error: a map that cannot be written or contradictory thresholds end the node with one line.
     """
 
     def __init__(self, name: Path, occupied: int, free: int) -> None:

@@ -1,4 +1,4 @@
-"""The map server: one map from disk, on a latched topic and by service."""
+"""The map server: serves a map from disk on a latched topic and by service."""
 
 from pathlib import Path
 
@@ -29,7 +29,7 @@ _RESULTS = {
 
 
 class UsageError(NavigationError):
-    """The command line is not as it should be."""
+    """Invalid command line arguments."""
 
 
 class MapServerNode:
@@ -37,11 +37,11 @@ class MapServerNode:
 
     Publishes: ``map`` (nav_msgs/OccupancyGrid, latched), ``map_metadata`` (nav_msgs/MapMetaData, latched).
 
-    Services: ``static_map`` (nav_msgs/GetMap); ``change_map`` (nav_msgs/LoadMap): serves another file from then on.
+    Services: ``static_map`` (nav_msgs/GetMap); ``change_map`` (nav_msgs/LoadMap): switches to another file.
 
     Parameters: ``~frame_id`` ("map").
 
-    On error: a file that is no map ends the node with one line; in ``change_map`` it is answered, the old map stays.
+    On error: an invalid map file ends the node with one line; ``change_map`` returns an error and keeps the old map.
     """
 
     def __init__(self) -> None:

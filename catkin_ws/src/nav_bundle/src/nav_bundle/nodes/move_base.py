@@ -1,4 +1,4 @@
-"""The move_base node: costmaps, planners and recovery behind one action."""
+"""The move_base node: costmaps, planners and recovery behaviours behind one action."""
 
 import threading
 from typing import NamedTuple
@@ -47,7 +47,7 @@ _NO_START = "move_base cannot make a plan for you because it could not get the s
 
 
 class _Shown(NamedTuple):
-    """Publishers of what is planned."""
+    """Publishers that visualise planning."""
 
     plan: rospy.Publisher
     followed: rospy.Publisher
@@ -57,7 +57,7 @@ class _Shown(NamedTuple):
 
     @classmethod
     def of(cls, setup: Setup) -> "_Shown":
-        """Returns the publishers under the planners' names."""
+        """Returns the publishers in the planners' namespaces."""
         far, near = f"~{setup.global_planner_name}", f"~{setup.local_planner_name}"
         return cls(
             rospy.Publisher(f"{far}/plan", PathType, queue_size=1),
@@ -71,22 +71,23 @@ class _Shown(NamedTuple):
 class MoveBaseNode:
     """Drives the robot to goals.
 
-    Subscribes: ``odom`` (nav_msgs/Odometry), tf, what the costmaps subscribe to (``nodes.costmap``), goals
+    Subscribes: ``odom`` (nav_msgs/Odometry), tf, the costmaps' topics (``nodes.costmap``), goals
         (``nodes.move_base_action``).
 
     Publishes: ``cmd_vel`` (geometry_msgs/Twist), ``~<global planner>/plan``, ``~<local planner>/global_plan``,
         ``~<local planner>/local_plan`` (nav_msgs/Path), ``~<local planner>/cost_cloud`` (sensor_msgs/PointCloud2, with
-        ``publish_cost_grid_pc``), ``~recovery_status`` (move_base_msgs/RecoveryStatus), and
-        what costmaps and action publish. The global planner is NavfnROS or
-        GlobalPlanner (which also shows its ``potential``), the local planner TrajectoryPlannerROS or DWAPlannerROS.
+        ``publish_cost_grid_pc``), ``~recovery_status`` (move_base_msgs/RecoveryStatus), and the topics of costmaps
+        and action. The global planner is NavfnROS or GlobalPlanner (which also publishes its ``potential``), the
+        local planner TrajectoryPlannerROS or DWAPlannerROS.
 
-    Services: ``~make_plan`` (nav_msgs/GetPlan), ``~<global planner>/make_plan``, which answers while the robot drives,
-        too, ``~clear_costmaps`` (std_srvs/Empty).
+    Services: ``~make_plan`` (nav_msgs/GetPlan), ``~<global planner>/make_plan`` (also while the robot drives),
+        ``~clear_costmaps`` (std_srvs/Empty).
 
-    Parameters: ``core.move_base_config``, read at start; many may change later (``nodes.move_base_reconfigure``).
+    Parameters: ``core.move_base_config``, read at start; many can be changed at run time
+        (``nodes.move_base_reconfigure``).
 
-    Threads: rospy's threads store messages; one loop at ``controller_frequency`` of ROS time does all the
-        work on them; services take turns with it.
+    Threads: rospy's threads store messages; one loop at ``controller_frequency`` (ROS time) processes them. A lock
+        serialises services with the loop.
 
     On error: without recent scans, odometry or transforms a zero velocity is published in every cycle,
         and the node logs what is missing.
@@ -109,7 +110,7 @@ class MoveBaseNode:
         self._shown = _Shown.of(self._setup)
         self._recovery_status = rospy.Publisher("~recovery_status", RecoveryStatus, queue_size=1)
         self._last, self._heard, self._complete = -np.inf, False, False
-        # From ``_offer`` on: they are offered once navigation has what it needs.
+        # Set by ``_offer``, once navigation has its inputs.
         self._goals: GoalServer
         self._odometry: Newest[Odometry]
         self._planner_service: rospy.Service
@@ -119,7 +120,7 @@ class MoveBaseNode:
         return rospy.Service(f"~{self._setup.global_planner_name}/make_plan", GetPlanArray, self._make_plan)
 
     def _adopt(self, setup: Setup) -> None:
-        """Takes other parameters: costmaps keep what they know, the plan being followed stays."""
+        """Applies new parameters; keeps the costmaps' data and the current plan."""
         with self._turn:
             before, self._setup = self._setup, setup
             self._global.configure(setup.global_costmap)
@@ -138,7 +139,7 @@ class MoveBaseNode:
                 self._planner_service = self._serve_planner()
 
     def spin(self) -> None:
-        """Waits for what navigation needs, then runs the loop until shutdown."""
+        """Waits for the inputs of navigation, then runs the loop until shutdown."""
         while not rospy.is_shutdown() and not self._has_all(rospy.get_time()):
             self._rate.sleep()
         if rospy.is_shutdown():
@@ -150,7 +151,7 @@ class MoveBaseNode:
         self._velocity.publish(Twist())
 
     def step(self) -> None:
-        """Does one period's work in lockstep: a cycle where ``controller_frequency`` has it due."""
+        """Runs one step in lockstep mode: a cycle, if it is due by ``controller_frequency``."""
         now = rospy.get_time()
         if 0.0 <= now - self._last < 1.0 / self._setup.base.controller_frequency - 1.0e-6:
             return
@@ -159,7 +160,7 @@ class MoveBaseNode:
             self._turn_at(now)
 
     def ready(self) -> bool:
-        """Returns whether the maps and the robot's fixed transforms have come; goals are taken from then on."""
+        """Returns whether maps and the robot's static transforms have arrived; goals are accepted from then on."""
         maps = self._global.has_map and self._local.has_map
         if not (maps and self._listener.has_fixed(self._global.base_frame)):
             return False
@@ -187,7 +188,7 @@ class MoveBaseNode:
         self._last = now
 
     def _has_all(self, now: float) -> bool:
-        """Updates the costmaps; returns whether both are complete, and logs what they wait for."""
+        """Updates the costmaps; returns whether both are complete, and logs missing inputs."""
         missing = self._global.missing(now) + self._local.missing(now)
         self._global.update(now)
         self._local.update(now)
@@ -197,7 +198,7 @@ class MoveBaseNode:
         return not missing and self._global.costmap.ready and self._local.costmap.ready
 
     def _forget(self, now: float) -> None:
-        """Starts over after a clock that jumped back; the goal under way stays."""
+        """Restarts after the clock jumped back; keeps the active goal."""
         rospy.logwarn("time jumped back: obstacles forgotten, the goal is planned again")
         for costmap in (self._global, self._local):
             costmap.forget()
@@ -227,7 +228,7 @@ class MoveBaseNode:
         return "" if self._setup.global_planner.default_tolerance else self._global.costmap.goal_fault(goal)
 
     def _sight(self, now: float) -> Sight:
-        """Returns what is known about the robot."""
+        """Returns the robot's current state, as far as it is known."""
         pose, local_pose = self._global.pose(now), self._local.pose(now)
         odometry = self._odometry.messages()
         if pose is None or local_pose is None or not odometry or not self._is_current(now):
@@ -250,13 +251,13 @@ class MoveBaseNode:
         return self._global.is_current(now) and self._local.is_current(now)
 
     def _refresh(self) -> None:
-        """Shows what a recovery behaviour changed before anything is planned on it."""
+        """Updates the costmaps after a recovery behaviour has changed them, before the next planning."""
         now = rospy.get_time()
         self._global.update(now, forced=True)
         self._local.update(now, forced=True)
 
     def _carry_out(self, cycle: Cycle, now: float) -> None:
-        """Publishes what came of a cycle."""
+        """Publishes the results of a cycle."""
         if cycle.command is not None:
             self._drive(cycle.command)
         if cycle.found is not None:
@@ -281,7 +282,7 @@ class MoveBaseNode:
             self._goals.finish(cycle.finish.outcome, cycle.finish.text)
 
     def _warn(self, text: str, now: float) -> None:
-        """Logs a line, each at most every few seconds."""
+        """Logs a warning; throttles each text separately."""
         if not 0.0 <= now - self._warned.get(text, -_COMPLAIN_EVERY) < _COMPLAIN_EVERY:
             self._warned = {old: time for old, time in self._warned.items() if 0.0 <= now - time < _COMPLAIN_EVERY}
             self._warned[text] = now
@@ -329,7 +330,7 @@ class MoveBaseNode:
             return self._make_plan(request)
 
     def _make_plan(self, request: GetPlanRequest) -> GetPlanArrayResponse:
-        """Plans for somebody else; where nothing leads to the goal, the plan is empty."""
+        """Plans for a service client; the plan is empty if the goal cannot be reached."""
         with self._turn:
             try:
                 path = self._plan_for(request)

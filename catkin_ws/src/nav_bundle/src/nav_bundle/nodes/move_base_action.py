@@ -1,4 +1,4 @@
-"""Goals of move_base: its action, and the topic for those who have no action client."""
+"""Goals of move_base: its action server, and the simple goal topic for clients without actionlib."""
 
 from collections.abc import Callable
 from typing import Any
@@ -24,13 +24,13 @@ _WARNING_PERIOD = 5.0
 
 
 class _ActionServer(actionlib.SimpleActionServer):
-    """actionlib's, which a clock that jumps back leaves without a status and refusing every goal for the time it left.
+    """An actionlib server that survives a clock that jumps back.
 
-    Its timer ends at the jump; and it takes a goal whose stamp is before that of the last goal for an old one.
+    actionlib's own server stops publishing its status, because its timer ends at the jump. It also rejects new goals
+    as outdated until the clock passes the stamp of the last goal.
 
-    Invalid messages cost only themselves: a goal with a ``fault`` is aborted without preempting the one
-    under way, and a cancel that is stamped more than ``future_limit`` [s] ahead, which would bar all goals until then,
-    is dropped.
+    Invalid messages have no side effects. A goal with a ``fault`` is aborted without preempting the active goal. A
+    cancel stamped more than ``future_limit`` [s] ahead, which would block all goals until then, is dropped.
     """
 
     def __init__(self, name: str, fault: Callable[[PoseStamped], str], future_limit: float) -> None:
@@ -58,7 +58,7 @@ class _ActionServer(actionlib.SimpleActionServer):
             )
 
     def start(self) -> None:
-        """Starts, with a timer that outlives the jump."""
+        """Starts the server with a status timer that survives a clock jump."""
         super().start()
         server = self.action_server
         if server.status_frequency > 0.0:
@@ -67,7 +67,7 @@ class _ActionServer(actionlib.SimpleActionServer):
             self._status_timer = rospy.Timer(period, server.publish_status_async, reset=True)
 
     def internal_goal_callback(self, goal: Any) -> None:
-        """Takes a goal; earlier goals with a stamp that is still to come are of a time that the clock has left."""
+        """Accepts a goal; clears the stamps of earlier goals that are in the future, which precede a clock jump."""
         with self.lock:
             for earlier in (self.current_goal, self.next_goal):
                 if earlier.get_goal() and earlier.get_goal_id().stamp > rospy.Time.now():
@@ -75,15 +75,15 @@ class _ActionServer(actionlib.SimpleActionServer):
         super().internal_goal_callback(goal)
 
     def forget(self) -> None:
-        """Forgets until when goals were cancelled, for a clock that jumped back."""
+        """Resets the stamp of the last cancel after the clock jumped back."""
         with self.action_server.lock:
             self.action_server.last_cancel = rospy.Time()
 
 
 class GoalServer:
-    """The action server ``move_base`` and the goals that come to it.
+    """The action server ``move_base``.
 
-    Goals in any frame are turned into the global frame when they are accepted.
+    Goals in any frame are transformed into the global frame when they are accepted.
 
     Subscribes: ``move_base_simple/goal`` (geometry_msgs/PoseStamped), the action's ``goal`` and ``cancel``.
 
@@ -93,10 +93,11 @@ class GoalServer:
 
     Parameters: none.
 
-    Threads: actionlib's callbacks store; ``take`` and the rest are called by the owner's loop. No execute thread.
+    Threads: actionlib's callbacks store goals; the owner's loop calls ``take`` and the other methods. There is no
+        execute thread.
 
-    On error: a goal that is no pose or that no transform leads to is aborted with the reason, and the goal under way
-        stays; so is one that the map rules out, in the place of the goal under way.
+    On error: a goal with an invalid pose or without a transform is aborted with the reason, and the active goal
+        continues. A goal that the map rules out preempts the active goal and is then aborted.
     """
 
     def __init__(
@@ -106,11 +107,11 @@ class GoalServer:
         """Starts the server.
 
         Args:
-            name: of the action.
-            global_frame: what goals are turned into.
-            listener: for that.
+            name: name of the action.
+            global_frame: frame that goals are transformed into.
+            listener: provides the transforms.
             future_limit: how far ahead of the clock a cancel may be stamped [s].
-            fault: returns why a goal in the global frame can never be reached; empty where it may be.
+            fault: returns why a goal in the global frame can never be reached; empty if it may be reachable.
         """
         self._frame, self._listener, self._fault = global_frame, listener, fault
         self._goal_publisher = rospy.Publisher("~current_goal", PoseStamped, queue_size=1)
@@ -126,22 +127,22 @@ class GoalServer:
         self._action_goal_publisher.publish(action_goal)
 
     def forget(self) -> None:
-        """Forgets what was of the time before a clock jumped back; the goal under way stays."""
+        """Resets state from before a clock jump; keeps the active goal."""
         self._server.forget()
 
     @property
     def active(self) -> bool:
-        """True while a goal is under way."""
+        """True while a goal is active."""
         return bool(self._server.is_active())
 
     def take(self) -> Pose | None:
-        """Returns a newly arrived goal in the global frame, None if there is none or it had to be refused."""
+        """Accepts a new goal and returns it in the global frame; None if there is none or it was aborted."""
         if not self._server.is_new_goal_available():
             return None
         target = self._server.accept_new_goal().target_pose
         try:
             goal = self.in_global_frame(target)
-        except TransformError as error:  # it led there when the goal came
+        except TransformError as error:  # the transform was available when the goal arrived
             rospy.logerr("%s", error)
             self._server.set_aborted(MoveBaseResult(), str(error))
             return None
@@ -153,7 +154,7 @@ class GoalServer:
         return goal
 
     def _message_fault(self, target: PoseStamped) -> str:
-        """Returns why a goal is invalid, empty where it is not; logs the reason."""
+        """Returns why a goal is invalid, and logs the reason; empty if it is valid."""
         position, rotation = target.pose.position, target.pose.orientation
         try:
             check_goal((position.x, position.y, position.z), _components(rotation))
@@ -164,10 +165,10 @@ class GoalServer:
         return ""
 
     def in_global_frame(self, pose: PoseStamped) -> Pose:
-        """Returns a pose in the global frame, by the newest transform; an empty frame means the global one.
+        """Returns a pose in the global frame, using the newest transform; an empty frame means the global frame.
 
         Raises:
-            TransformError: no transform leads there.
+            TransformError: there is no transform into the global frame.
         """
         frame = stripped(pose.header.frame_id) or self._frame
         if frame == self._frame:
@@ -182,16 +183,16 @@ class GoalServer:
         raise TransformError(f"Failed to transform the goal pose from {frame} into the {self._frame} frame: {fault}")
 
     def cancelled(self) -> bool:
-        """True if the goal under way was cancelled and no other has come."""
+        """Returns whether the active goal was cancelled and no new goal has arrived."""
         return bool(self._server.is_preempt_requested() and not self._server.is_new_goal_available())
 
     def report(self, pose: Pose, now: float) -> None:
-        """Publishes where the robot is as the goal's feedback."""
+        """Publishes the robot's pose as the goal's feedback."""
         stamped = stamped_from_pose(pose, self._frame, rospy.Time.from_sec(now))
         self._server.publish_feedback(MoveBaseFeedback(stamped))
 
     def finish(self, outcome: Outcome, text: str) -> None:
-        """Ends the goal under way."""
+        """Ends the active goal with ``outcome``."""
         if not self._server.is_active():
             return
         ends = {
@@ -203,7 +204,7 @@ class GoalServer:
 
 
 def _candidates(frame: str) -> list[str]:
-    """Returns what a goal's frame may be called in tf: a bare name is the robot's own first, under its tf_prefix."""
+    """Returns the possible tf names of a goal's frame: a bare name is first tried under the robot's tf_prefix."""
     return [stripped(frame)] if "/" in frame else list(dict.fromkeys((costmap_frame(frame), frame)))
 
 

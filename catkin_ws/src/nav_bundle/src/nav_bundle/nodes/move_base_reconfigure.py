@@ -1,4 +1,4 @@
-"""move_base's parameters while it runs: dynamic_reconfigure in each of its namespaces."""
+"""Run-time changes of move_base's parameters: dynamic_reconfigure in each of its namespaces."""
 
 import threading
 from collections.abc import Callable, Mapping
@@ -17,19 +17,19 @@ from pioneer_node.nodes.reconfigure import ReconfigureServer
 class Reconfiguration:
     """Serves ``set_parameters`` for the node, its planners, costmaps and layers.
 
-    A change sets everything up again from all parameters, by the same checks as at the start.
+    A change rebuilds the setup from all parameters, with the same checks as at start.
 
-    Publishes, Services: those of ``ReconfigureServer`` under ``~``, ``~<local planner>``, ``~GlobalPlanner`` where that
-        plans, ``~<costmap>`` and ``~<costmap>/<layer>``.
+    Publishes, Services: those of ``ReconfigureServer`` under ``~``, ``~<local planner>``, ``~GlobalPlanner`` if that
+        planner is used, ``~<costmap>`` and ``~<costmap>/<layer>``.
 
-    Threads: ``adopt`` is called in a service's thread, one at a time.
+    Threads: ``adopt`` is called in a service thread, one call at a time.
 
-    On error: what cannot hold is refused with one line, and nothing changes.
+    On error: an invalid change is rejected with one line, and nothing changes.
 
     Args:
-        parameters: the node's private ones, that led to ``setup``.
-        setup: what holds now.
-        adopt: makes another set-up hold.
+        parameters: the node's private parameters, from which ``setup`` was built.
+        setup: the current setup.
+        adopt: applies a new setup.
     """
 
     def __init__(self, parameters: Mapping[str, Any], setup: Setup, adopt: Callable[[Setup], None]) -> None:

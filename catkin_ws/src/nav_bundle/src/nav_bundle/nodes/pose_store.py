@@ -8,7 +8,7 @@ class PoseStore:
     """Writes an estimate into the node's ``~initial_pose_*`` and ``~initial_cov_*``.
 
     Args:
-        rate: greatest rate [Hz] of writing; nothing is written at 0 or below.
+        rate: maximum write rate [Hz]; nothing is written at 0 or below.
     """
 
     def __init__(self, rate: float) -> None:
@@ -17,7 +17,7 @@ class PoseStore:
         self._saved: Estimate | None = None
 
     def save(self, estimate: Estimate, now: float) -> bool:
-        """Writes ``estimate`` if it is new and the last one is old enough at ROS time ``now`` [s]; tells whether."""
+        """Writes ``estimate`` if it is new and a write is due at ROS time ``now`` [s]; returns whether it did."""
         if self._period == 0.0 or now < self._next or estimate is self._saved:
             return False
         self._next, self._saved = now + self._period, estimate
@@ -28,5 +28,5 @@ class PoseStore:
         return True
 
     def restart(self) -> None:
-        """Forgets when it last wrote: time jumped back."""
+        """Resets the write timer after time jumped back."""
         self._next = 0.0

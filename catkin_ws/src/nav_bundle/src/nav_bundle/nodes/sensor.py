@@ -1,4 +1,4 @@
-"""What subscriptions leave behind: the newest messages, unpacked when somebody looks."""
+"""Subscriptions that keep the newest messages and unpack them only on access."""
 
 from collections import deque
 from typing import Any, Generic, Self, TypeVar
@@ -17,7 +17,7 @@ Message = TypeVar("Message")
 
 
 def _packed(kind: type[Any]) -> type[Any]:
-    """Returns a message class that keeps its bytes until ``Newest.messages``: most that arrive are never looked at."""
+    """Returns a message class that stays serialised until ``Newest.messages``, since most messages are never read."""
 
     class Packed(kind):  # type: ignore[misc]
         packed: bytes | None = None
@@ -32,9 +32,9 @@ def _packed(kind: type[Any]) -> type[Any]:
 
 
 class Newest(Generic[Message]):
-    """The newest few messages of a topic and when the last one came.
+    """The newest few messages of a topic, and the arrival time of the last one.
 
-    Threads: rospy's subscriber thread appends; anyone may read.
+    Threads: rospy's subscriber thread appends; any thread may read.
 
     On error: a message that does not parse is dropped with a warning.
     """
@@ -42,11 +42,11 @@ class Newest(Generic[Message]):
     def __init__(self, topic: str, kind: type[Message], depth: int) -> None:
         self.topic = topic
         self.overdue = StandingWarning(f"messages come on {topic} again")
-        self.unusable = StandingWarning(f"what comes on {topic} is used again")
+        self.unusable = StandingWarning(f"messages on {topic} are usable again")
         self._kind = kind
         self._kept: deque[Any] = deque(maxlen=depth)
         self.received: float | None = None
-        """ROS time [s] of the last arrival, None before the first."""
+        """ROS time [s] of the last arrival; None before the first."""
         self._subscriber = rospy.Subscriber(topic, _packed(kind), self._store, queue_size=1, tcp_nodelay=True)
 
     def _store(self, message: Any) -> None:
@@ -54,11 +54,11 @@ class Newest(Generic[Message]):
         self.received = rospy.get_time()
 
     def age(self, now: float) -> float | None:
-        """Returns the time [s] since the last arrival, None before the first."""
+        """Returns the time [s] since the last arrival; None before the first."""
         return None if self.received is None else now - self.received
 
     def forget(self) -> None:
-        """Drops what was kept, for a clock that jumped back."""
+        """Drops all messages after the clock jumped back."""
         self._kept.clear()
         self.received = None
 
@@ -67,7 +67,7 @@ class Newest(Generic[Message]):
         self._subscriber.unregister()
 
     def messages(self) -> list[Message]:
-        """Returns the kept messages, the newest first."""
+        """Returns the kept messages, newest first."""
         kept = (each for each in reversed(self._kept.copy()) if not each.broken)
         return [each for each in kept if each.packed is None or self._unpack(each)]
 
@@ -95,5 +95,5 @@ def newest_scans(topic: str) -> Newest[ScanMessage]:
 
 
 def newest_clouds(topic: str) -> Newest[PointCloud2]:
-    """Subscribes to a sensor of points in space; keeps a few clouds."""
+    """Subscribes to point clouds; keeps a few, because the newest may be ahead of its transform."""
     return Newest(topic, PointCloud2, 4)

@@ -1,4 +1,4 @@
-"""The slam_gmapping node: a map drawn while driving, under the names of ROS Noetic's gmapping."""
+"""The slam_gmapping node: SLAM with the interface of ROS Noetic's gmapping."""
 
 import threading
 
@@ -29,13 +29,13 @@ from pioneer_node.nodes import entry
 from pioneer_node.nodes.standing_warning import StandingWarning
 
 TRANSFORM_TIMEOUT = 0.5
-"""Wall time [s] a scan waits for the odometry of its stamp."""
+"""Maximum time [s, wall time] a scan waits for the odometry at its stamp."""
 WARNING_PERIOD = 5.0
-"""Least time [s] between two equal warnings."""
+"""Minimum time [s] between two equal warnings."""
 
 
 class SlamGmappingNode:
-    """Draws a map by a robot's laser and odometry, and says where in it the robot is.
+    """Builds a map from laser scans and odometry, and localises the robot in it.
 
     Subscribes: ``scan`` (sensor_msgs/LaserScan), /tf, /tf_static.
 
@@ -44,13 +44,13 @@ class SlamGmappingNode:
 
     Services: ``dynamic_map`` (nav_msgs/GetMap): the last map published.
 
-    Parameters: ``GmappingConfig``. Frames of the robot go under ``tf_prefix``, the map's does not.
+    Parameters: ``GmappingConfig``. ``tf_prefix`` applies to the robot's frames, not to the map's.
 
-    Threads: the callback stores the newest scan; ``spin`` does all the work; one more thread publishes tf, also while
-    a scan is matched (the kernels release Python's lock). Scans that arrive meanwhile are dropped, transforms never.
+    Threads: the callback stores the newest scan; ``spin`` does all the work. A separate thread publishes tf, even while
+    a scan is matched (the kernels release the GIL). During a match only the newest scan is kept; no transform is lost.
 
-    On error: scans without transforms are dropped with a warning that names what is missing; a bad parameter ends the
-    node. When time jumps back, mapping restarts with an empty map.
+    On error: scans without transforms are dropped with a warning that names what is missing; an invalid parameter ends
+    the node. When time jumps back, mapping restarts with an empty map.
     """
 
     def __init__(self) -> None:
@@ -98,7 +98,7 @@ class SlamGmappingNode:
             self._arrived.notify()
 
     def spin(self) -> None:
-        """Works on scans until shutdown."""
+        """Processes scans until shutdown."""
         while not rospy.is_shutdown():
             with self._arrived:
                 self._arrived.wait_for(lambda: self._scan or rospy.is_shutdown())
@@ -129,7 +129,7 @@ class SlamGmappingNode:
             self._publish_map(stamp)
 
     def _laser(self, frame: str) -> Transform:
-        """Returns base_from_laser; it is asked for once, lasers do not move."""
+        """Returns base_from_laser; looked up only once, since lasers do not move."""
         if frame not in self._lasers:
             self._lasers[frame] = self._listener.wait(self._base_frame, frame, None, TRANSFORM_TIMEOUT)
         return self._lasers[frame]
@@ -149,7 +149,7 @@ class SlamGmappingNode:
         self._entropy_publisher.publish(Float64(self._slam.entropy()))
 
     def _broadcast(self, _: rospy.timer.TimerEvent) -> None:
-        """Sends the newest map_from_odom, stamped a little ahead: identity until the first scan, as upstream."""
+        """Sends the newest map_from_odom, stamped slightly ahead; the identity until the first scan, as in gmapping."""
         config = self._config
         delay = config.tf_delay if config.tf_delay >= 0.0 else config.transform_publish_period
         pose = self._map_from_odom or Pose()

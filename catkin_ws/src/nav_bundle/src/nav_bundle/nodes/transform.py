@@ -1,4 +1,4 @@
-"""A tf listener that keeps only the transforms its node asks for, and the names of a robot's frames."""
+"""A tf listener that keeps only the transforms its node uses, a broadcaster, and the names of a robot's frames."""
 
 import time
 
@@ -24,21 +24,21 @@ def _warn(text: str) -> None:
 
 
 def robot_frame(frame: str) -> str:
-    """Returns a robot's frame ("odom", "base_link") as it is called in tf.
+    """Returns the tf name of a robot's frame ("odom", "base_link").
 
-    It goes under the node's ``tf_prefix`` (found upwards in the parameter tree) unless it already carries it or has a
-    leading slash, which is dropped. Do not use it for ``map``: all robots share one.
+    Adds the node's ``tf_prefix`` (searched upwards in the parameter tree) unless the name already has it or starts
+    with a slash, which is dropped. Do not use it for ``map``, which all robots share.
     """
     key = rospy.search_param("tf_prefix")
     return prefixed(str(rospy.get_param(key)) if key else "", frame)
 
 
 class TransformListener(TransformStore):
-    """Transforms between the frames asked for, from /tf and /tf_static; thread-safe.
+    """Transforms between the requested frames, from /tf and /tf_static; thread-safe.
 
     Subscribes: /tf, /tf_static (tf2_msgs/TFMessage).
 
-    Threads: rospy's subscriber threads insert; ``wait`` is woken by them, without polling.
+    Threads: rospy's subscriber threads insert transforms and wake ``wait``, which does not poll.
 
     Args:
         keep: history of each edge [s].
@@ -47,7 +47,7 @@ class TransformListener(TransformStore):
 
     def __init__(self, keep: float = HISTORY, future_limit: float = FUTURE_LIMIT) -> None:
         super().__init__(rospy.get_time, _warn, keep, future_limit)
-        # A robot's edges may be published one a message by several nodes: a short queue would lose some.
+        # Several nodes may publish a robot's edges, one per message; a short queue would lose some.
         self._subscribers = [
             rospy.Subscriber("/tf", RawTFMessage, lambda one: self.take(one.buffer), queue_size=100, tcp_nodelay=True),
             rospy.Subscriber("/tf_static", RawTFMessage, lambda one: self.take_static(one.buffer), queue_size=100),
@@ -55,16 +55,16 @@ class TransformListener(TransformStore):
         entry.on_shutdown(self.wake)
 
     def wait(self, target: str, source: str, stamp: float | None, timeout: float) -> Transform:
-        """Does what ``lookup`` does, and waits for the transform if it has yet to come.
+        """Returns the transform like ``lookup``, but waits for it if it is not available yet.
 
         Args:
-            target: frame the result leads to.
-            source: frame the result comes from.
+            target: target frame.
+            source: source frame.
             stamp: ROS time [s], or None for the newest.
-            timeout: longest wait [s of wall time: the simulation may be paused].
+            timeout: maximum wait [s, wall time, since the simulation may be paused].
 
         Raises:
-            TransformError: at the timeout, at shutdown, or at once when ``stamp`` is already forgotten.
+            TransformError: after the timeout, at shutdown, or immediately if ``stamp`` is older than the history.
         """
         deadline = time.monotonic() + timeout
         with self.arrived:
@@ -75,7 +75,7 @@ class TransformListener(TransformStore):
                     late = isinstance(error, ExtrapolationError) and not error.future
                     left = deadline - time.monotonic()
                     if late or left <= 0.0 or rospy.is_shutdown():
-                        self.watch()  # a frame may have moved to another parent
+                        self.watch()  # a frame may have a new parent
                         raise
                     self.arrived.wait(left)
 

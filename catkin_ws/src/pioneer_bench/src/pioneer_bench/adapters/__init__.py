@@ -1,1 +1,1 @@
-"""Processes and services of what is measured."""
+"""The measured processes, their services, and simulated worlds."""

@@ -1,4 +1,4 @@
-"""What lasers should see, by trimesh: rays against triangles in space, and files of meshes that it reads itself."""
+"""Reference laser ranges by trimesh: rays cast against triangles; trimesh loads the mesh files itself."""
 
 import functools
 import math
@@ -14,13 +14,13 @@ from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.world import Box, Cylinder, Mesh, Plane, Shape, Sphere
 
 SIDES = 96
-"""Of the prisms that stand for cylinders."""
+"""Number of sides of the prisms that approximate cylinders."""
 
 
 def mesh_at(height: float, placed: Iterable[tuple[Shape, Pose]]) -> trimesh.Trimesh:
-    """Returns the triangles of shapes that reach across ``height`` [m]; each shape comes with its pose in the world.
+    """Returns the triangles that reach across ``height`` [m]; each shape comes with its pose in the world.
 
-    No others can meet a level beam there.
+    A horizontal beam at that height can hit no others.
     """
     parts = []
     for shape, pose in placed:
@@ -36,11 +36,11 @@ def mesh_at(height: float, placed: Iterable[tuple[Shape, Pose]]) -> trimesh.Trim
 
 
 def distances(mesh: trimesh.Trimesh, origin: NDArray[np.float64], beams: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns how far each beam goes [m] until it meets the mesh; +inf where it does not.
+    """Returns the range [m] of each beam to the mesh; +inf if it hits nothing.
 
     Args:
         mesh: the world.
-        origin: shape (3,) [m].
+        origin: of all beams, shape (3,) [m].
         beams: unit vectors, shape (m, 3).
     """
     found = np.full(len(beams), math.inf)

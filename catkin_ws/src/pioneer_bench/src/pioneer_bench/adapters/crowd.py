@@ -1,7 +1,7 @@
-"""Many simulated gateways in one process, speaking the protocol of `docs/gateway.md` with a real hub.
+"""Many simulated gateways in one process that speak the protocol of `docs/gateway.md` with a real hub.
 
-Each has two connections of its own and does what a gateway does on the hub: it joins, gives signs of life, offers
-topics to the next one in a ring, and answers the one before. They have no relays: nothing is carried.
+Each has two connections of its own and does what a gateway does on the hub: it joins, sends heartbeats, offers topics
+to its successor in a ring, and answers its predecessor. There are no relays, so no messages are carried.
 """
 
 import selectors
@@ -34,11 +34,11 @@ from rocon_hub_protocol.core.record import (
 from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule
 
 HEARTBEAT, ALIVE = 0.5, 2000
-"""Between signs of life [s]; for how long one counts [ms]."""
+"""Heartbeat period [s]; time to live of a heartbeat on the hub [ms]."""
 
 
 class Connection:
-    """A connection to Redis that is spoken to in batches; small, because there are thousands."""
+    """A connection to Redis with pipelined commands; kept small, because there are thousands."""
 
     def __init__(self, port: int) -> None:
         self.socket = socket.create_connection(("127.0.0.1", port), 10)
@@ -48,7 +48,7 @@ class Connection:
         self._data, self._at = b"", 0
 
     def send(self, *commands: tuple[object, ...]) -> None:
-        """Sends commands, whose replies are read later."""
+        """Sends commands; their replies are read later, with ``reply``."""
         self.socket.sendall(b"".join(map(_encoded, commands)))
 
     def ask(self, *commands: tuple[object, ...]) -> list[object]:
@@ -57,7 +57,7 @@ class Connection:
         return [self.reply() for _ in commands]
 
     def reply(self) -> object:
-        """Returns the next reply. Raises OSError for an error of Redis."""
+        """Returns the next reply; raises OSError if Redis reports an error."""
         line = self._line()
         kind, rest = line[:1], line[1:]
         if kind == b"-":
@@ -93,7 +93,7 @@ def _encoded(command: tuple[object, ...]) -> bytes:
 
 
 def _messages(data: bytes) -> tuple[list[tuple[bytes, bytes]], bytes]:
-    """Returns channel and text of each message that is whole, and the rest; confirmations are left out."""
+    """Returns channel and text of each complete message, and the bytes left over; skips subscription confirmations."""
     found, begin = [], 0
     try:
         while begin < len(data):
@@ -105,12 +105,12 @@ def _messages(data: bytes) -> tuple[list[tuple[bytes, bytes]], bytes]:
             said, begin = _bulk(data, at)
             found.append((channel, said))
     except ValueError:
-        pass  # the rest has not come yet
+        pass  # the rest has not arrived yet
     return found, data[begin:]
 
 
 def _bulk(data: bytes, at: int) -> tuple[bytes, int]:
-    """Returns the text that begins at `at` with its length, and where the next thing begins. Raises ValueError."""
+    """Returns the bulk string at `at`, and the offset behind it. Raises ValueError if it is incomplete."""
     begin = data.index(b"\r\n", at) + 2
     end = begin + int(data[at + 1 : begin - 2])
     if end + 2 > len(data):
@@ -133,12 +133,12 @@ class Member:
 
 
 class Crowd:
-    """All of them.
+    """A ring of simulated gateways.
 
     Args:
-        port: the hub's.
-        size: how many.
-        rules: how many each has: flips of publishers to the next one.
+        port: of the hub.
+        size: number of gateways.
+        rules: number of rules of each gateway: flips of publishers to the next one.
     """
 
     def __init__(self, port: int, size: int, rules: int) -> None:
@@ -152,10 +152,10 @@ class Crowd:
         self._beats: deque[tuple[float, Member]] = deque()
 
     def converge(self, patience: float) -> float:
-        """Has all join, and returns after how long the last rule of the last one was answered [s].
+        """Joins all gateways; returns the time until every rule of every gateway is answered [s].
 
         Raises:
-            OSError: not within `patience` [s].
+            OSError: that took longer than `patience` [s].
         """
         began = time.monotonic()
         for member in self._members.values():
@@ -169,7 +169,7 @@ class Crowd:
         return time.monotonic() - began
 
     def change(self, number: int) -> float:
-        """Changes what one gateway offers; returns after how long it has the other's answer [s]."""
+        """Changes the offers of one gateway; returns the time until the next gateway's answer arrives [s]."""
         member = self._members[f"crowd{number % len(self._members):05d}"]
         member.changes += 1
         before, asked = member.answered, time.monotonic()
@@ -181,7 +181,7 @@ class Crowd:
         return member.answered_at - asked
 
     def turn(self, wait: float) -> None:
-        """Takes what has come, waiting for it at most so long [s], and gives the signs of life that are due."""
+        """Handles incoming events, waiting at most `wait` [s] for them, and sends the heartbeats that are due."""
         for key, _ in self._selector.select(wait):
             self._take(key.data)
         now = time.monotonic()
@@ -189,7 +189,7 @@ class Crowd:
         while self._beats and self._beats[0][0] <= now:
             due.append(self._beats.popleft()[1])
             self._beats.append((now + HEARTBEAT, due[-1]))
-        # All are asked before the first is waited for, as gateways on machines of their own would be.
+        # Send all heartbeats before waiting for a reply: gateways on separate machines would not wait for one another.
         for member in due:
             alive = alive_key(member.name)
             life = ("GET", alive), ("SISMEMBER", GATEWAYS_KEY, member.name), ("PEXPIRE", alive, ALIVE)
@@ -224,7 +224,7 @@ class Crowd:
             self._meet(member)
 
     def _meet(self, member: Member) -> None:
-        """The next one is registered: follow its record, and send it what we offer."""
+        """Handles the next gateway's registration: subscribes to its record and sends it our offers."""
         member.events.send(("SUBSCRIBE", record_key(member.onward)))
         member.speech.ask(("MGET", record_key(member.onward)))
         self._offer(member)

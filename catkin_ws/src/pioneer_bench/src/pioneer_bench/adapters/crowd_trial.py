@@ -1,4 +1,4 @@
-"""A hub with a thousand gateways on it."""
+"""Measures a hub with a thousand gateways."""
 
 import contextlib
 import time
@@ -12,21 +12,21 @@ from pioneer_harness.wait import wait_until
 SIZE, RULES, CHANGES = 1000, 20, 20
 
 CROWD_PATIENCE = 180.0
-"""For the crowd to find one another [s], and some more."""
+"""Time-out for the whole run of the crowd until it is ready [s]; longer than the crowd's own time-out."""
 
 SETTLING = 20.0
-"""Redis gives up the buffer of a connection that says nothing for 3 s, its allocator gives it back 10 s later [s]."""
+"""Redis frees the buffer of an idle connection after 3 s; its allocator returns the memory 10 s later [s]."""
 
 
 def password_rows(folder: Path) -> list[Row]:
-    """The same with a hub that wants a proof of its password on every connection."""
+    """Returns the same rows for a hub that requires proof of its password on every connection."""
     with contextlib.closing(Fleet(folder, ROCON_HUB_PASSWORD="bench")) as fleet:
         fleet.start()
         return crowd_rows(fleet, " with a password")
 
 
 def crowd_rows(fleet: Fleet, how: str = "") -> list[Row]:
-    """A thousand simulated gateways on the real hub, beside the two real ones."""
+    """Returns the rows of a thousand simulated gateways on a real hub, beside the two real ones."""
     name = f"hub with {SIZE:,} gateways × {RULES} rules{how}"
     crowd, before = fleet.base.module("crowd", fleet.port, SIZE, RULES, CHANGES), _cpu(fleet)
     try:
@@ -35,7 +35,7 @@ def crowd_rows(fleet: Fleet, how: str = "") -> list[Row]:
         spent = _cpu(fleet) - before
         joining = resident(fleet.hub.pid) / 1e6
         called = [_flip(fleet, number) for number in range(3)] if "ready" in crowd.lines() else []
-        # What is measured is time in which nobody joins.
+        # Not a wait for a condition: memory is measured after a period in which no gateway joins.
         time.sleep(SETTLING)
         settled = resident(fleet.hub.pid) / 1e6
         held = crowd.lives

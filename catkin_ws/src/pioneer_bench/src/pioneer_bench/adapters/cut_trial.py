@@ -15,7 +15,7 @@ GOAL = 10.0
 
 
 def cut_rows(fleet: Fleet, folder: Path, repetitions: int) -> list[Row]:
-    """From the pull of the cable until the base's master no longer names the robot's publisher."""
+    """Returns the times from pulling the cable until the base's master no longer lists the robot's publisher."""
     try:
         machine = FarMachine()
     except MachineError as error:

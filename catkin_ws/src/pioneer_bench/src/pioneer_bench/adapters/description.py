@@ -1,4 +1,4 @@
-"""The Pioneer as the workspace describes it, and as the original did."""
+"""The Pioneer's description, as shipped and with meshes as in the original."""
 
 import math
 import subprocess
@@ -14,7 +14,7 @@ from pioneer_gazebo.core.world import Collision, Mesh
 
 
 def pioneer_urdf(**arguments: object) -> str:
-    """Returns the Pioneer's URDF, by xacro with ``arguments``."""
+    """Returns the Pioneer's URDF, expanded by xacro with ``arguments``."""
     xacro = Path(rospkg.RosPack().get_path("pioneer_description")) / "urdf" / "pioneer3dx.xacro"
     command = ["xacro", str(xacro), *(f"{name}:={value}" for name, value in arguments.items())]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
@@ -26,13 +26,13 @@ DRUMS = {
     "center_wheel": (0.0375, 0.025),
     "center_hubcap": (0.018, 0.028),
 }
-"""Radius and width [m] of what is a mesh in the original's description."""
+"""Radius and width [m] of the parts that are meshes in the original's description."""
 
 SIDES = 24
 
 
 def meshed_pioneer(folder: Path) -> Robot:
-    """Returns the Pioneer with a camera, and with meshes on wheels and hubcaps, which are written to ``folder``."""
+    """Returns the Pioneer with a camera and with mesh wheels and hubcaps; writes the meshes to ``folder``."""
     robot = robot_from_urdf(pioneer_urdf(camera=True))
     links = []
     for link in robot.links:
@@ -46,7 +46,7 @@ def meshed_pioneer(folder: Path) -> Robot:
 
 
 def _drum(radius: float, width: float) -> str:
-    """Returns a prism about y as OBJ."""
+    """Returns a prism along the y axis, in OBJ format."""
     rim = [(radius * math.cos(a), radius * math.sin(a)) for a in (k * math.tau / SIDES for k in range(SIDES))]
     lines = [f"v {x:.5f} {y:.5f} {z:.5f}" for y in (-width / 2, width / 2) for x, z in rim]
     quads = [(k + 1, (k + 1) % SIDES + 1) for k in range(SIDES)]

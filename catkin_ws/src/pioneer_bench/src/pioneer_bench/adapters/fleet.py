@@ -1,4 +1,4 @@
-"""A hub and two gateways, each on a master of its own, and nodes that talk and hear."""
+"""A hub and two gateways, each on its own master, with publishers, subscribers and servers."""
 
 import os
 import signal
@@ -21,13 +21,13 @@ from pioneer_harness.wait import wait_until
 from tcpros.adapters.client import Client, ClientError, Connection
 
 PATIENCE = 20.0
-"""For whatever is to start or to come [s]."""
+"""Time-out for anything to start or arrive [s]."""
 
 PREFERRED_PORT = 16380
 
 
 class Process:
-    """Something that was started, with its output."""
+    """A started process and its output."""
 
     def __init__(self, pid: int, log: Path) -> None:
         self.pid = pid
@@ -35,25 +35,25 @@ class Process:
 
     @property
     def lives(self) -> bool:
-        """Whether it has not ended."""
+        """Whether the process is still running."""
         return _lives(self.pid)
 
     def lines(self) -> list[str]:
-        """Returns the whole lines that it has printed."""
+        """Returns the complete lines that it has printed."""
         return self.log.read_text().split("\n")[:-1]
 
     def times(self) -> list[float]:
-        """Returns the moments that it has printed, monotonic [s]."""
+        """Returns the monotonic time stamps that it has printed [s]."""
         return [float(line) for line in self.lines() if line[:1].isdigit()]
 
     def first_after(self, moment: float) -> float:
-        """Waits until it prints a later moment; returns how much later [s]."""
+        """Waits until it prints a time stamp after `moment`; returns the difference [s]."""
         wait_until(lambda: self.times()[-1:] > [moment], f"a message in {self.log.name}", PATIENCE)
         return next(time for time in self.times() if time > moment) - moment
 
 
 class Site:
-    """A master with its gateway."""
+    """A master and its gateway."""
 
     def __init__(self, name: str, fleet: "Fleet") -> None:
         self.name = name
@@ -63,11 +63,11 @@ class Site:
         self._client = Client(self.master.uri, "/bench")
 
     def start(self) -> None:
-        """Starts the gateway and waits until it is on the hub."""
+        """Starts the gateway and waits until it is connected to the hub."""
         config = {"name": self.name, "disable_uuids": True, "firewall": False, "hub_uri": self._fleet.hub_uri}
         self.master.set_param("/gateway", config)
         self.gateway = self.run("gateway", [_program("rocon_gateway", "gateway")])
-        # The one that the gateway offers last.
+        # Waits for the service that the gateway advertises last.
         wait_until(self._has_services, f"{self.name}'s services", PATIENCE)
         wait_until(self.is_connected, f"{self.name} on the hub", PATIENCE)
 
@@ -81,7 +81,7 @@ class Site:
 
     @contextmanager
     def running(self, name: str, *arguments: object) -> Iterator[Process]:
-        """Starts one of this package's nodes, and ends it."""
+        """Starts one of this package's nodes; ends it on exit of the context."""
         process = self.module(name, *arguments)
         try:
             yield process
@@ -89,37 +89,37 @@ class Site:
             end(process.pid)
 
     def publishers(self, topic: str) -> list[str]:
-        """Returns the nodes that publish, as the master says."""
+        """Returns the publishers of a topic, according to the master."""
         return self.master.system_state()[0].get(topic, [])
 
     def serves(self, service: str) -> bool:
-        """Tells whether the master knows a service."""
+        """Returns whether the master knows a service."""
         return service in self.master.system_state()[2]
 
     def is_connected(self) -> bool:
-        """Tells whether the gateway is on a hub; one that does not answer is not."""
+        """Returns whether the gateway is connected to a hub; False if it does not answer."""
         try:
             info = self._client.latched("/gateway", "/gateway/gateway_info", msg.GatewayInfo)
-        except (ClientError, OSError):  # a killed gateway stays on the master
+        except (ClientError, OSError):  # a killed gateway stays registered at the master
             return False
         return bool(info.connected)
 
     def states(self) -> list[str]:
-        """Returns state and reason of each rule."""
+        """Returns the state and reason of each rule."""
         found = self._client.latched("/gateway", "/gateway/rules", DiagnosticArray)
         return [status.message for status in found.status]
 
     def advertise(self, topic: str) -> None:
-        """Lets other gateways pull a topic."""
+        """Advertises a topic, so that other gateways can pull it."""
         rules = [msg.Rule("publisher", topic, "")]
         _check(self._client.call("/gateway/advertise", srv.Advertise, rules=rules))
 
     def service(self, name: str, kind: Any, persistent: bool) -> Connection:
-        """Returns a connection to a service that this master knows."""
+        """Returns a connection to a service of this master."""
         return self._client.service(name, kind._md5sum, **({"persistent": "1"} if persistent else {}))
 
     def ask(self, action: str, gateway: str, kind: str, topic: str, cancel: bool = False) -> None:
-        """Calls `flip` or `pull`."""
+        """Calls the gateway's `flip` or `pull`."""
         remotes = [msg.RemoteRule(gateway, msg.Rule(kind, topic, ""))]
         _check(self._client.call(f"/gateway/{action}", srv.Remote, remotes=remotes, cancel=cancel))
 
@@ -128,11 +128,11 @@ class Site:
 
 
 class Fleet:
-    """The hub, `base` and `robot`.
+    """The hub and two sites, `base` and `robot`.
 
     Args:
-        folder: for logs.
-        variables: environment of all its processes, beside that of this one.
+        folder: for the logs.
+        variables: environment variables that all its processes get in addition to this one's.
     """
 
     def __init__(self, folder: Path, **variables: str) -> None:
@@ -148,19 +148,19 @@ class Fleet:
         self.base, self.robot = Site("base", self), Site("robot", self)
 
     def start(self) -> None:
-        """Starts everything."""
+        """Starts the hub and both sites."""
         self.start_hub()
         for site in (self.base, self.robot):
             site.start()
 
     @property
     def port(self) -> int:
-        """The hub's."""
+        """The hub's port."""
         return self._port
 
     @contextmanager
     def open_hub(self) -> Iterator[None]:
-        """Has other machines reach the hub for a while."""
+        """Restarts the hub so that other machines can reach it; restarts it closed on exit of the context."""
         for insecure in (True, False):
             end(self.hub.pid)
             self.start_hub(insecure)
@@ -177,13 +177,13 @@ class Fleet:
         wait_until(lambda: not is_free(self._port), "the hub's port", PATIENCE)
 
     def run(self, name: str, argv: list[str], master: Master) -> Process:
-        """Starts a process with a log of its own."""
+        """Starts a process with its own log."""
         log = self._folder / f"{next(self._number)}-{name}.log"
         environment = {**master.environment, **self._variables}
         return Process(self._group.start(name, argv, environment, log, may_end=True), log)
 
     def close(self) -> None:
-        """Ends everything."""
+        """Ends all processes and masters."""
         self._group.stop()
         for master in (self.base.master, self.robot.master, self._hub_master):
             master.stop()
@@ -191,19 +191,19 @@ class Fleet:
 
 
 def _program(package: str, name: str) -> str:
-    """Returns a program's path, as roslaunch starts it: rosrun takes ten processes and 0.1 s to find it."""
+    """Returns a program's path, found as roslaunch does: rosrun needs ten processes and 0.1 s for it."""
     (path,) = find_node(package, name)
     return str(path)
 
 
 def kill(process: Process) -> None:
-    """Kills a process and waits until it is gone."""
+    """Kills a process and waits until it has ended."""
     os.kill(process.pid, signal.SIGKILL)
     wait_until(lambda: not _lives(process.pid), "the end of what was killed", PATIENCE)
 
 
 def end(pid: int) -> None:
-    """Asks a process to end, and waits until it has."""
+    """Sends a process SIGINT and waits until it has ended."""
     if _lives(pid):
         os.kill(pid, signal.SIGINT)
         wait_until(lambda: not _lives(pid), f"the end of process {pid}", PATIENCE)
@@ -221,7 +221,7 @@ def resident(pid: int) -> float:
 
 
 def cpu(pids: list[int]) -> float:
-    """Returns the CPU time that the living threads of processes have used [s], to the nanosecond."""
+    """Returns the CPU time of the processes' live threads [s], with nanosecond resolution."""
     tasks = (task for pid in pids for task in Path(f"/proc/{pid}/task").iterdir())
     return sum(int((task / "schedstat").read_text().split()[0]) for task in tasks) * 1e-9
 

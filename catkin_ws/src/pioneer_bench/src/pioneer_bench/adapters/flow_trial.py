@@ -1,4 +1,4 @@
-"""What carrying messages costs: directly, through topic_tools' relay, through two gateways; and what idling costs."""
+"""The cost of carrying messages directly, through topic_tools' relay and through two gateways; the cost of idling."""
 
 import contextlib
 import json
@@ -25,11 +25,11 @@ TOPIC_TOOLS_RELAY = "/usr/lib/topic_tools/relay"
 
 
 def flow_rows(fleet: Fleet, repetitions: int, seconds: float) -> list[Row]:
-    """Messages of 100 bytes and 1 MB, as fast as they go and paced."""
-    # With a queue rospy joins short messages; without one it waits for the socket, so no long ones are lost at once.
+    """Returns the rows of messages of 100 bytes and 1 MB, sent at full speed and at fixed rates."""
+    # With a queue rospy batches short messages. Without one it blocks on the socket, which avoids dropping long ones.
     every = ("direct", "topic_tools", "gateway")
     kinds = (
-        # Of so many, topic_tools' subscriber drops nearly all, so it is compared at a rate that it follows.
+        # At full speed topic_tools' subscriber drops nearly everything: compare it at a rate that it can follow.
         ("/small", 100, 0, 1000, small_rows, ("direct", "gateway")),
         ("/brisk", 100, 10_000, 1000, brisk_rows, ("topic_tools", "gateway")),
         ("/large", 1_000_000, 0, 0, large_rows, every),
@@ -48,7 +48,7 @@ def flow_rows(fleet: Fleet, repetitions: int, seconds: float) -> list[Row]:
 
 
 def tls_rows(folder: Path, repetitions: int, seconds: float) -> list[Row]:
-    """Messages of 1 MB as fast as they go, through a fleet of its own whose hub and links speak TLS."""
+    """Returns the rows of messages of 1 MB at full speed, through a separate fleet whose hub and links use TLS."""
     certificates = Authority(folder / "authority").certify("bench")
     with contextlib.closing(Fleet(folder, ROCON_TLS_DIRECTORY=str(certificates))) as fleet:
         fleet.start()
@@ -57,13 +57,13 @@ def tls_rows(folder: Path, repetitions: int, seconds: float) -> list[Row]:
 
 
 def idle_rows(fleet: Fleet, seconds: float) -> list[Row]:
-    """A gateway on a hub with one active rule and no subscribers."""
+    """Returns the rows of an idle gateway: on a hub, with one active rule and no subscribers."""
     fleet.base.ask("flip", "robot", "subscriber", "/idle")
     with fleet.robot.running("talk", "idle", "/idle", 100, 100, 10):
         wait_until(lambda: fleet.base.publishers("/idle"), "the proxy", PATIENCE)
         pids = [site.gateway.pid for site in (fleet.base, fleet.robot)]
         before, begin = [cpu([pid]) for pid in pids], time.monotonic()
-        # What is measured is time in which nothing happens.
+        # Not a wait for a condition: this is the measured idle period.
         time.sleep(seconds)
         spent = [cpu([pid]) - early for pid, early in zip(pids, before, strict=True)]
         share = tuple(100 * one / (time.monotonic() - begin) for one in spent)
@@ -80,7 +80,7 @@ def idle_rows(fleet: Fleet, seconds: float) -> list[Row]:
 def _carriers(
     fleet: Fleet, topic: str, load: tuple[int, int, int]
 ) -> Iterator[dict[str, tuple[str, str, list[Process]]]]:
-    """Yields each way's site of the subscriber, topic there, and processes between."""
+    """Yields, by way, the subscriber's site, the topic there, and the processes in between."""
     fleet.base.ask("flip", "robot", "subscriber", topic)
     with fleet.robot.running("talk", "source", topic, *load):
         copy = f"{topic}_copy"

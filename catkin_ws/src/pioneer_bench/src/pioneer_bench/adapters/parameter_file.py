@@ -8,7 +8,7 @@ import yaml
 
 
 def shipped_parameters() -> dict[str, Any]:
-    """Returns the parameters of ``pioneer_2dnav``, as the node finds them under its name."""
+    """Returns the parameters of ``pioneer_2dnav`` as move_base finds them in its private namespace."""
     folder = Path(rospkg.RosPack().get_path("pioneer_2dnav")) / "config"
 
     def load(name: str) -> dict[str, Any]:

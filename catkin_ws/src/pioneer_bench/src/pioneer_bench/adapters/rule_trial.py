@@ -1,4 +1,4 @@
-"""How fast rules act: from a call, a new publisher, a killed gateway or a hub that comes back."""
+"""How fast rules take effect: after a call, a new publisher, a killed gateway or a restarted hub."""
 
 import itertools
 import time
@@ -9,7 +9,7 @@ from pioneer_harness.wait import wait_until
 
 
 def call_rows(fleet: Fleet, repetitions: int) -> list[Row]:
-    """From the call of flip or pull to the first message on the far master."""
+    """Returns the times from a call of flip or pull to the first message on the remote master."""
     fleet.robot.advertise("/called")
     samples: dict[str, list[float]] = {"flip": [], "pull": []}
     with fleet.robot.running("talk", "called", "/called", 100, 100, 10), fleet.base.running("hear", "/called") as ear:
@@ -26,7 +26,7 @@ def call_rows(fleet: Fleet, repetitions: int) -> list[Row]:
 
 
 def publisher_rows(fleet: Fleet, repetitions: int) -> list[Row]:
-    """From the registration of a publisher that a rule matches to its first message on the far master."""
+    """Returns the times from the registration of a publisher that matches a rule to its first message far away."""
     rows = []
     for what, topic, rule in (("exact name", "/exact", "/exact"), ("pattern", "/pattern1", "/patt.*")):
         fleet.base.ask("flip", "robot", "subscriber", rule)
@@ -44,7 +44,7 @@ def publisher_rows(fleet: Fleet, repetitions: int) -> list[Row]:
 
 
 def fault_rows(fleet: Fleet, repetitions: int) -> list[Row]:
-    """A gateway that is killed; a hub that is killed and comes back."""
+    """Returns the rows of a killed gateway, and of a hub that is killed and restarted."""
     fleet.base.ask("flip", "robot", "subscriber", "/kept")
     with fleet.robot.running("talk", "kept", "/kept", 100, 100, 10), fleet.base.running("hear", "/kept") as ear:
         ear.first_after(0.0)

@@ -1,4 +1,4 @@
-"""What a call of a service takes: directly, and through two gateways."""
+"""The duration of a service call: directly, and through two gateways."""
 
 import statistics
 import time
@@ -12,11 +12,11 @@ from pioneer_harness.wait import wait_until
 
 SERVICE = "/echo"
 CALLS = 100
-"""In one sample."""
+"""Calls in one sample."""
 
 
 def service_rows(fleet: Fleet, repetitions: int) -> list[Row]:
-    """Calls of 100 bytes, one after the other: each on a connection of its own, or all on one."""
+    """Returns the rows of successive calls of 100 bytes, each on its own connection or all on one."""
     ways = {"direct": fleet.robot, "gateway": fleet.base}
     fleet.robot.ask("flip", "base", "service", SERVICE)
     rows = []
@@ -45,7 +45,7 @@ def _spent(fleet: Fleet, persistent: bool) -> float:
 
 
 def _times(site: Site, persistent: bool) -> Iterator[float]:
-    """Yields how long each call took [ms]."""
+    """Yields the duration of each call [ms]."""
     if persistent:
         with site.service(SERVICE, ConnectHub, True) as connection:
             for _ in range(CALLS):

@@ -1,4 +1,4 @@
-"""A shop full of meshes, as public worlds of shops are: 97 models with 254 collisions of 20,480 triangles each."""
+"""A shop full of meshes, like public shop worlds: 97 models with 254 collisions of 20,480 triangles each."""
 
 import random
 from pathlib import Path
@@ -12,14 +12,14 @@ from pioneer_gazebo.core.world import Collision, Inertia, Link, Mesh, Model, Wor
 
 MODELS, COLLISIONS, FILES = 97, 254, 12
 PITCH, COLUMNS = 2.2, 10
-"""[m]; a third of the models is not static: crates, which stand upright."""
+"""Distance between models [m], and models a row. A third of the models are movable: crates, which stand upright."""
 
 FOOT = 0.3
-"""How far [m] below its middle a mesh is cut flat."""
+"""Depth below its centre at which a mesh is cut flat [m]."""
 
 
 def shop(folder: Path) -> World:
-    """Returns the shop, always the same; its meshes are written to ``folder``."""
+    """Returns the shop, always the same one; writes its meshes to ``folder``."""
     chance = random.Random(1)
     lumps = [_lump(folder / f"{number}.stl", number) for number in range(FILES)]
     crate = trimesh.creation.box((0.8, 0.8, 2 * FOOT))
@@ -41,7 +41,7 @@ def shop(folder: Path) -> World:
 
 
 def _lump(path: Path, seed: int) -> str:
-    """Writes a lumpy ball of 1 m in diameter with a flat foot, and returns its file's name."""
+    """Writes a lumpy ball 1 m in diameter with a flat foot; returns the file's path."""
     ball = trimesh.creation.icosphere(subdivisions=5, radius=0.5)
     waves = np.random.default_rng(seed).uniform(2.0, 6.0, 3)
     points = ball.vertices * (0.8 + 0.2 * np.sin(ball.vertices @ np.diag(waves) * 3.0).mean(axis=1, keepdims=True))

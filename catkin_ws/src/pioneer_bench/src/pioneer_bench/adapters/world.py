@@ -9,13 +9,13 @@ from pioneer_gazebo.core.world import Model, World
 
 
 class Worlds:
-    """Makes simulations, with the settings of the node; as a context it closes their engines."""
+    """Creates simulations with the node's settings; as a context manager it closes their engines on exit."""
 
     def __init__(self) -> None:
         self._engines: list[BulletEngine] = []
 
     def make(self, models: list[Model]) -> Simulation:
-        """Returns a world of the ground and ``models``."""
+        """Returns a simulation of the ground and ``models``."""
         engine = BulletEngine()
         self._engines.append(engine)
         simulation = Simulation(engine, triangles_of_mesh, Physics())

@@ -1,6 +1,6 @@
-"""How true the simulated robot is: trials on a simulation without ROS, and rows of their errors beside the bounds.
+"""Accuracy of the simulated robot: trials without ROS, and rows of their errors beside the bounds.
 
-The bench prints the rows and a test holds them.
+The bench prints these rows; a test checks them.
 """
 
 import math
@@ -19,24 +19,24 @@ from pioneer_gazebo.core.simulation import Simulation
 from pioneer_gazebo.core.world import Box, Collision, Cylinder, Link, Model, Plane
 
 MakeSimulation = Callable[[list[Model]], Simulation]
-"""Makes a world of these models."""
+"""Creates a simulation of these models."""
 
 FULL_SPEED = 1.2
-"""The Pioneer's greatest [m/s]."""
+"""The Pioneer's maximum speed [m/s]."""
 
 HEADINGS = (0.0, 0.4, math.pi / 4, 2.5)
-"""Every motion is run from each of these [rad]; the worst counts."""
+"""Start headings of every motion [rad]; the worst result counts."""
 
 PLACE_BOUND, PLACE_BOUND_PER_WAY = 0.005, 0.003
-"""A run may end this far [m], and this part of its way, from where it should."""
+"""Largest position error at the end of a run: a constant [m], plus this fraction of the path length."""
 
 HEADING_BOUND = 0.015
-"""And be turned by so much [rad]."""
+"""Largest heading error at the end of a run [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """A command that is held: for so long [s], a speed [m/s], a turn rate [rad/s]."""
+    """A constant command: duration [s], speed [m/s] and turn rate [rad/s]."""
 
     seconds: float
     speed: float
@@ -44,7 +44,7 @@ class Leg:
 
     @property
     def motion(self) -> Pose:
-        """Where it leads; a ramp at its begin is made up for at its end."""
+        """The resulting motion; the ramp at the start is made up for by the one at the end."""
         angle = self.turn * self.seconds
         if self.turn == 0.0:
             return Pose((self.speed * self.seconds, 0.0, 0.0))
@@ -71,7 +71,7 @@ def floor() -> Model:
 
 
 def standing(name: str, pose: Pose, shape: Box | Cylinder) -> Model:
-    """Returns a shape that stands."""
+    """Returns a static model of one shape."""
     return Model(name, pose, True, (Link("link", collisions=(Collision("collision", Pose(), shape),)),))
 
 
@@ -105,12 +105,12 @@ def _believed(simulation: Simulation, entity: Entity) -> Pose:
 
 
 def _gap(a: Pose, b: Pose) -> tuple[float, float]:
-    """Returns how far apart two poses are [m] and how far turned [rad], in the plane."""
+    """Returns distance [m] and heading difference [rad] of two poses in the plane."""
     return math.dist(a.position[:2], b.position[:2]), abs(math.remainder(a.yaw - b.yaw, math.tau))
 
 
 def motion_rows(make: MakeSimulation, robot: Robot, name: str, legs: tuple[Leg, ...]) -> Iterator[Row]:
-    """Yields how far the true motion is from the commanded one, and the odometry from the true one."""
+    """Yields the errors of the true motion against the command, and of the odometry against the truth."""
     trues, believeds = [], []
     for yaw in HEADINGS:
         simulation = make([])
@@ -133,9 +133,9 @@ def _worst(what: str, unit: str, samples: list[float], bound: float) -> Row:
 
 
 def wall_rows(make: MakeSimulation, robot: Robot) -> Iterator[Row]:
-    """Yields what driving into a wall 10 cm thick at full speed, and on against it, does.
+    """Yields what happens when the robot drives into a wall 10 cm thick at full speed and keeps pushing.
 
-    A contact begins with the way of one step of the engine, which bounds the depth.
+    The depth is bounded by the distance that the robot drives in one step of the engine.
     """
     for name, yaw in (("ahead", 0.0), ("at 30°", math.pi / 6), ("at 60°", math.pi / 3), ("backwards", math.pi)):
         simulation = make([standing("wall", Pose((2.0, 0.0, 0.5)), Box((0.1, 20.0, 1.0)))])
@@ -159,7 +159,7 @@ def wall_rows(make: MakeSimulation, robot: Robot) -> Iterator[Row]:
 
 
 def standstill_rows(make: MakeSimulation, robot: Robot) -> Iterator[Row]:
-    """Yields how far a robot creeps in thirty seconds, from two seconds after its stop command."""
+    """Yields the drift of a robot in thirty seconds, beginning two seconds after its stop command."""
     simulation = make([])
     entity = _placed(simulation, robot, Pose())
     _drive(simulation, entity, Leg(5.0, 0.5, 0.5))
@@ -175,7 +175,7 @@ ROOM = (5.0, 4.0)
 """Half of the room's length and width [m]."""
 
 PILLAR = (2.5, 1.0, 0.4)
-"""Its x, y and radius [m]."""
+"""x, y and radius of the pillar [m]."""
 
 
 def _room() -> list[Model]:
@@ -187,7 +187,7 @@ def _room() -> list[Model]:
 
 
 def expected_ranges(x: float, y: float, angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the distances [m] from a point in the room along ``angles`` [rad], by geometry."""
+    """Returns the exact distances [m] from a point in the room along ``angles`` [rad]."""
     dx, dy = np.cos(angles), np.sin(angles)
     with np.errstate(divide="ignore", invalid="ignore"):
         to_walls = np.minimum((np.copysign(ROOM[0], dx) - x) / dx, (np.copysign(ROOM[1], dy) - y) / dy)
@@ -198,7 +198,7 @@ def expected_ranges(x: float, y: float, angles: NDArray[np.float64]) -> NDArray[
 
 
 def laser_rows(make: MakeSimulation, robot: Robot) -> Iterator[Row]:
-    """Yields how far scans are from geometry without noise, and the noise from what was asked."""
+    """Yields the errors of noise-free scans against geometry, and of the noise against its parameters."""
     laser = replace(robot.lasers[0], samples=720, min_angle=-3.1, max_angle=3.1, max_range=12.0, resolution=0.0)
     silent, noisy = (
         replace(robot, devices=(*robot.drives, replace(laser, noise_stddev=noise))) for noise in (0.0, 0.02)
@@ -221,7 +221,7 @@ def laser_rows(make: MakeSimulation, robot: Robot) -> Iterator[Row]:
 
 
 def _scan(simulation: Simulation, entity: Entity) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns a scan's ranges and those that geometry gives for where its laser is [m]."""
+    """Returns the ranges of a scan [m], and the exact ones from its laser's position [m]."""
     mounted = entity.lasers[0]
     sensor = simulation.pose(entity).compose(mounted.pose)
     config = mounted.laser.config

@@ -1,4 +1,4 @@
-"""Courses for one robot: what stands in them, what of it the map shows, and where the robot goes."""
+"""Courses for one robot: obstacles, which of them the map shows, and the goals."""
 
 import math
 from collections.abc import Iterable
@@ -15,28 +15,28 @@ from pioneer_gazebo.core.section import EMPTY, Section
 Array = NDArray[np.float64]
 _RESOLUTION = 0.05
 _THICKNESS = 0.1
-"""Of walls [m]."""
+"""Thickness of walls [m]."""
 _MARGIN = 0.5
 _ROOM_FOR_ROBOT = 0.75
-"""Least distance [m] of a start or goal from an obstacle."""
+"""Minimum distance of a start or goal from obstacles [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Course:
     """One course."""
 
-    name: str  #: for rows
-    walls: tuple[Section, ...]  #: outlines of what the map shows, each that of one solid
+    name: str  #: as shown in the rows
+    walls: tuple[Section, ...]  #: outlines of the solids that the map shows
     start: Pose  #: of the robot
-    goals: tuple[Pose, ...]  #: driven to one after the other
-    hidden: Section = EMPTY  #: what stands there and is not in the map
-    low: Section = EMPTY  #: what stands there and lies below the laser
+    goals: tuple[Pose, ...]  #: visited in this order
+    hidden: Section = EMPTY  #: obstacles that the map does not show
+    low: Section = EMPTY  #: obstacles below the laser
     limit: float = 120.0  #: time for all goals [s]
     reachable: bool = True  #: whether the goals can be reached
 
     @property
     def standing(self) -> Section:
-        """Everything that the laser sees."""
+        """All obstacles that the laser sees."""
         return Section.joined([*self.walls, self.hidden])
 
     def grid(self) -> Grid:
@@ -94,7 +94,7 @@ def clutter(seed: int, count: int = 30, side: float = 12.0, goals: int = 8) -> C
 
 
 def doors(width: float = 0.7) -> Course:
-    """Returns five rooms in a row with four doors, driven there and back."""
+    """Returns five rooms in a row, joined by four doors; the robot drives there and back."""
     side, count = 4.0, 5
     walls = room(side * count, side)
     for index in range(1, count):
@@ -109,7 +109,7 @@ def doors(width: float = 0.7) -> Course:
 
 
 def slalom(gap: float = 1.5) -> Course:
-    """Returns a corridor with walls from either side in turn, ``gap`` [m] of it left open."""
+    """Returns a corridor with walls from alternate sides, each leaving a gap of ``gap`` [m]."""
     length, height = 16.0, 4.0
     walls = room(length, height)
     for index, x in enumerate(np.arange(2.5, length - 1.0, 2.5)):
@@ -119,20 +119,20 @@ def slalom(gap: float = 1.5) -> Course:
 
 
 def corridor(width: float = 1.0, length: float = 20.0) -> Course:
-    """Returns a straight corridor, driven there and back."""
+    """Returns a straight corridor; the robot drives there and back."""
     ends = Pose(1.0, width / 2.0), Pose(length - 1.0, width / 2.0)
     return Course(f"corridor of {width:g} m", tuple(room(length, width)), ends[0], (ends[1], ends[0]))
 
 
 def unreachable() -> Course:
-    """Returns a room with a closed chamber, which the goal is in."""
+    """Returns a room with a closed chamber that contains the goal."""
     walls = [*room(8.0, 6.0), wall(5.0, 2.0, 7.0, 2.0), wall(5.0, 4.0, 7.0, 4.0)]
     walls += [wall(5.0, 2.0, 5.0, 4.0), wall(7.0, 2.0, 7.0, 4.0)]
     return Course("unreachable goal", tuple(walls), Pose(1.5, 3.0), (Pose(6.0, 3.0),), reachable=False)
 
 
 def doorstep() -> Course:
-    """Returns a room with a box across it that the laser does not see: the goal cannot be reached."""
+    """Returns a room divided by a box below the laser: the goal cannot be reached."""
     return Course(
         "doorstep",
         tuple(room(8.0, 5.0)),
@@ -144,7 +144,7 @@ def doorstep() -> Course:
 
 
 def maze(seed: int, legs: int = 4, cells: int = 6) -> Course:
-    """Returns a maze of square cells with some loops, its passages 1.1 to 1.9 m wide."""
+    """Returns a maze of square cells with some loops and passages 1.1 to 1.9 m wide."""
     generator = np.random.default_rng(seed)
     pitch = float(generator.uniform(1.2, 2.0))
     closed = _maze_walls(generator, cells)
@@ -165,7 +165,7 @@ Cell = tuple[int, int]
 
 
 def _maze_walls(generator: np.random.Generator, cells: int) -> set[tuple[Cell, Cell]]:
-    """Returns the pairs of neighbouring cells that a wall parts: a random spanning tree's, less some."""
+    """Returns the pairs of neighbouring cells with a wall between them: those of a random spanning tree, less some."""
     across = {((r, c), (r, c + 1)) for r in range(cells) for c in range(cells - 1)}
     up = {((r, c), (r + 1, c)) for r in range(cells - 1) for c in range(cells)}
     closed, seen, stack = across | up, {(0, 0)}, [(0, 0)]

@@ -1,4 +1,4 @@
-"""The gateway's figures: rows of samples beside their goals."""
+"""The gateway's results: rows of samples beside their goals."""
 
 import statistics
 from collections.abc import Sequence
@@ -9,21 +9,21 @@ from pioneer_bench.core.row import Row
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """What one subscriber got in one window, and what carrying it cost."""
+    """What one subscriber received in one window, and the cost of carrying it."""
 
-    messages: float  #: a second
-    bytes: float  #: of the messages, a second
-    cpu: float  #: of whatever carries them, CPU-s a second; 0 for a direct connection
-    p50: float  #: half of the messages were quicker [s]
-    p99: float  #: 99 of 100 were quicker [s]
+    messages: float  #: received a second
+    bytes: float  #: received a second
+    cpu: float  #: of the carrying processes, CPU-s a second; 0 for a direct connection
+    p50: float  #: median latency [s]
+    p99: float  #: 99th percentile of the latency [s]
 
 
 Flows = dict[str, list[Flow]]
-"""Windows by way: `direct`, `topic_tools`, `gateway`."""
+"""Measured windows by way: `direct`, `topic_tools`, `gateway`."""
 
 
 def small_rows(flows: Flows) -> list[Row]:
-    """Returns the rows of short messages sent as fast as they go."""
+    """Returns the rows of short messages at full speed."""
     what = "100 B flat out"
     arrived = [Row(f"{what}, {way}: arrived", "msg/s", _samples(flows[way], "messages")) for way in flows]
     own = _samples(flows["gateway"], "messages", "cpu")
@@ -31,14 +31,14 @@ def small_rows(flows: Flows) -> list[Row]:
 
 
 def brisk_rows(flows: Flows) -> list[Row]:
-    """Returns the rows of short messages at the highest rate that everybody follows."""
+    """Returns the rows of short messages at the highest rate that every way can follow."""
     what = "100 B at 10 kHz"
     arrived = [Row(f"{what}, {way}: arrived", "msg/s", _samples(flows[way], "messages")) for way in flows]
     return [*arrived, *_per_cpu(what, "msg", flows, "messages", 1.0, "more than topic_tools")]
 
 
 def large_rows(flows: Flows) -> list[Row]:
-    """Returns the rows of long messages sent as fast as they go."""
+    """Returns the rows of long messages at full speed."""
     what = "1 MB flat out"
     rates = {way: _samples(flows[way], "bytes", scale=1e-6) for way in flows}
     direct = _median(rates["direct"])
@@ -53,7 +53,7 @@ def large_rows(flows: Flows) -> list[Row]:
 
 
 def encrypted_rows(flows: Sequence[Flow]) -> list[Row]:
-    """Returns the rows of long messages sent as fast as they go through gateways with TLS; there is no goal."""
+    """Returns the rows of long messages at full speed through gateways with TLS; they have no goal."""
     return [
         Row("1 MB flat out, gateways with TLS", "MB/s", _samples(flows, "bytes", scale=1e-6)),
         Row("1 MB flat out, gateways with TLS (both)", "MB/CPU-s", _samples(flows, "bytes", "cpu", 1e-6)),
@@ -61,7 +61,7 @@ def encrypted_rows(flows: Sequence[Flow]) -> list[Row]:
 
 
 def paced_rows(flows: Flows) -> list[Row]:
-    """Returns the rows of long messages at a rate that everybody follows."""
+    """Returns the rows of long messages at a rate that every way can follow."""
     what = "1 MB at 50 Hz"
     rows = [Row(f"{what}, {way}: arrived", "MB/s", _samples(flows[way], "bytes", scale=1e-6)) for way in flows]
     rows += [Row(f"{what}, {way}: p50", "ms", _samples(flows[way], "p50", scale=1e3)) for way in flows]
@@ -81,7 +81,7 @@ def steady_rows(flows: Flows) -> list[Row]:
 def _per_cpu(
     what: str, unit: str, flows: Flows, name: str, scale: float, remark: str = "topic_tools"
 ) -> tuple[Row, Row]:
-    """Returns what a CPU-second carries: the gateways are to carry at least what topic_tools does."""
+    """Returns the rows of throughput per CPU-second; the goal is that the gateways match topic_tools."""
     peer, own = (_samples(flows[way], name, "cpu", scale) for way in ("topic_tools", "gateway"))
     return (
         Row(f"{what}, topic_tools (one hop)", f"{unit}/CPU-s", peer),

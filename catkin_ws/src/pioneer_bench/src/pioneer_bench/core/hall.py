@@ -1,4 +1,4 @@
-"""The hall that robots drive in while the simulator is measured: 20 × 20 m with walls of boxes."""
+"""The hall in which the simulator is measured: 20 × 20 m with box walls."""
 
 import math
 import random
@@ -11,21 +11,21 @@ SIDE = 20.0
 """Inner side of the hall [m]."""
 
 WALLS = 53
-"""Boxes in all, the four outer walls among them."""
+"""Number of boxes, including the four outer walls."""
 
 SPACING = 2.5
-"""Between the places where robots start [m]."""
+"""Distance between start positions [m]."""
 
 
 def starts() -> list[tuple[float, float]]:
-    """Returns the places [m] where robots may start: the middles of squares that no inner wall enters."""
+    """Returns the possible start positions [m]: the centres of squares that no inner wall enters."""
     count = int(SIDE / SPACING)
     first = -SIDE / 2 + SPACING / 2
     return [(first + column * SPACING, first + row * SPACING) for row in range(count) for column in range(count)]
 
 
 def world(seed: int) -> World:
-    """Returns the hall: inner walls on the lines between the starts, drawn from ``seed``."""
+    """Returns the hall; its inner walls lie on the lines between the starts, chosen by ``seed``."""
     half, long = SIDE / 2 + 0.05, SIDE + 0.2
     walls = [(half, 0.0, math.pi / 2, long), (-half, 0.0, math.pi / 2, long), (0.0, half, 0.0, long)]
     walls.append((0.0, -half, 0.0, long))

@@ -1,4 +1,4 @@
-"""A maze of loose boxes, as worlds bring it that forget ``<static>``."""
+"""A maze of loose boxes, as in worlds whose author forgot ``<static>``."""
 
 import random
 
@@ -9,11 +9,11 @@ from pioneer_gazebo.core.world import Box, Collision, Inertia, Link, Model, Worl
 BOXES, COLUMNS = 285, 19
 PITCH = 1.4
 LENGTH, WIDTH, HEIGHT = 1.0, 0.15, 1.0
-"""[m]."""
+"""Size of a box [m]."""
 
 
 def loose_maze() -> World:
-    """Returns the maze, always the same."""
+    """Returns the maze, always the same one."""
     chance = random.Random(1)
     boxes = []
     for number in range(BOXES):

@@ -1,30 +1,30 @@
-"""What the simulator's bench runs: rates and beams by name, and the figures of peers at the same rates."""
+"""Settings of the simulator's bench: rates and beams by name, and the peers' figures at the same rates."""
 
 from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """How much is sensed and published."""
+    """Sensor and publishing rates of one setting."""
 
-    title: str  #: over the table
+    title: str  #: heading of the table
     robots: tuple[int, ...]  #: numbers of robots to run
-    beams: int = 180  #: of a scan
+    beams: int = 180  #: per scan
     scan_rate: float = 10.0  #: [Hz]
     odometry_rate: float = 50.0  #: of odom and tf [Hz]
-    other_rate: float = 0.0  #: of joint states and ground truth [Hz]; 0: nobody subscribes to them
+    other_rate: float = 0.0  #: of joint states and ground truth [Hz]; 0: without subscribers
     clock_rate: float = 100.0  #: of ``/clock`` [Hz]
-    real_time_factor: float = 1.0  #: to keep to; 0: as fast as possible
-    goals: dict[int, float] = field(default_factory=dict)  #: CPU-s a simulated second to reach, by number of robots
-    least_factor: float | None = None  #: real-time factor to reach
+    real_time_factor: float = 1.0  #: to hold; 0: as fast as possible
+    goals: dict[int, float] = field(default_factory=dict)  #: greatest CPU-s a simulated second, by number of robots
+    least_factor: float | None = None  #: least real-time factor
     #: cost of the peer, CPU-s a simulated second, by number of robots
     peers: dict[int, float] = field(default_factory=dict)
-    peer: str = ""  #: who that is, and how it was run
+    peer: str = ""  #: its name, and how it was run
 
 
 @dataclass(frozen=True, slots=True)
 class LoadConfig:
-    """One run: what `nodes/load.py` is asked for, in the units of `Rates`; `seconds` are simulated."""
+    """Arguments of one run of `nodes/load.py`, in the units of `Rates`; `seconds` are simulated."""
 
     robots: int
     seconds: float
@@ -68,4 +68,4 @@ SETTINGS = {
         goals={50: 0.972}, peers={50: 0.648}, peer=_STAGE,
     ),
 }  # fmt: skip
-"""Peers' figures were measured on another day; ratios hold from day to day better than the figures do."""
+"""The settings by name. Peers were measured on another day, so ratios of their figures hold better than the figures."""

@@ -1,7 +1,7 @@
-"""A robot that drives a course by this workspace's navigation, without ROS, many times faster than real time.
+"""Drives a robot over a course with this workspace's navigation, without ROS, many times faster than real time.
 
-Navigation is ``nav_bundle.core.navigator`` on its costmaps, with the parameters of a move_base; the laser is the
-simulator's. The body is kinematic, with the simulator's drive: what it touches stops it, while the wheels turn on.
+Navigation is ``nav_bundle.core.navigator`` on its costmaps, with move_base's parameters; the laser is the
+simulator's. The body is kinematic, with the simulator's drive: on contact it stops, while the wheels keep turning.
 """
 
 import math
@@ -31,35 +31,35 @@ _BEAMS, _REACH, _NOISE, _LASER_X = 180, 30.0, 0.01, 0.08
 _STEP = 0.01
 _SCAN_PERIOD = 0.1
 _ACCELERATION = 4.0
-"""How fast a wheel's rim changes its speed [m/s²], as in the simulator."""
+"""Acceleration of a wheel's rim [m/s²], as in the simulator."""
 _HALF_TRACK = 0.165
 _TOUCH = 0.004
-"""Nearer than this [m] the body touches."""
+"""Gap [m] below which the body counts as touching."""
 _CAREFUL = 0.1
-"""Nearer than this [m] every step of the body is checked."""
+"""Gap [m] below which every step of the body is checked for contact."""
 BODY = np.array([[0.20, 0.20], [0.20, -0.20], [-0.30, -0.20], [-0.30, 0.20]])
-"""Corners (x, y) [m] of the footprint that the parameters give, without padding."""
+"""Corners (x, y) of the parameters' footprint without padding [m]."""
 
 
 @dataclass
 class Ride:
-    """What one course showed."""
+    """Results of one course."""
 
-    course: str  #: its name
-    goals: int  #: how many it has
-    reached: int = 0  #: how many of them were reached
+    course: str  #: name of the course
+    goals: int  #: number of goals
+    reached: int = 0  #: goals reached
     seconds: float = 0.0  #: simulated [s]
-    way: float = 0.0  #: driven [m]
-    contacts: int = 0  #: how often the body touched something
-    clearance: float = math.inf  #: least gap [m] between the body and what stands
-    recoveries: int = 0  #: how many behaviours began
-    given_up: tuple[float, ...] = ()  #: time [s] after which each aborted goal was given up
-    stuck: bool = False  #: whether the time ran out
-    slow: float = 0.0  #: share of the time in which the robot did not move at 5 cm/s or turn at 0.1 rad/s
+    way: float = 0.0  #: path length driven [m]
+    contacts: int = 0  #: number of contacts of the body
+    clearance: float = math.inf  #: least gap between body and obstacles [m]
+    recoveries: int = 0  #: recovery behaviours started
+    given_up: tuple[float, ...] = ()  #: time until each aborted goal was given up [s]
+    stuck: bool = False  #: whether the time limit was exceeded
+    slow: float = 0.0  #: share of the time spent slower than 5 cm/s and 0.1 rad/s
     last: str = ""  #: the last warning
 
     def summary(self) -> str:
-        """Returns the ride in one line."""
+        """Returns a summary in one line."""
         line = (
             f"{self.reached} of {self.goals} in {self.seconds:.0f} s, {self.way:.0f} m, {self.contacts} contacts, "
             f"least gap {self.clearance:.2f} m, {self.recoveries} recoveries"
@@ -68,7 +68,7 @@ class Ride:
 
 
 class Body:
-    """Where the robot is, and by its wheels, how fast, and how near to what stands."""
+    """The robot's true pose, wheel odometry, velocity and gap to obstacles."""
 
     def __init__(self, course: Course) -> None:
         standing = Section.joined([course.standing, course.low])
@@ -79,7 +79,7 @@ class Body:
         self.gap = self._gap(self.pose)
 
     def _gap(self, pose: Pose) -> float:
-        """Returns the distance [m] from the footprint to the nearest thing, infinite beyond 2 m."""
+        """Returns the distance from the footprint to the nearest obstacle [m]; infinite beyond 2 m."""
         cosine, sine = math.cos(pose.yaw), math.sin(pose.yaw)
         turn = np.array([[cosine, -sine], [sine, cosine]])
         starts = (self._segments[:, :2] - (pose.x, pose.y)) @ turn
@@ -96,7 +96,7 @@ class Body:
         return min(found)
 
     def drive(self, command: Velocity, time: float) -> float:
-        """Follows ``command`` for ``time`` [s]; returns the way driven [m]."""
+        """Follows ``command`` for ``time`` [s]; returns the distance driven [m]."""
         way = 0.0
         for _ in range(round(time / _STEP)):
             self.velocity = _ramped(self.velocity, command)
@@ -120,7 +120,7 @@ _EDGES = np.roll(BODY, -1, axis=0) - BODY
 
 
 def _distances(points: NDArray[np.float64], starts: NDArray[np.float64], along: NDArray[np.float64]) -> Any:
-    """Returns the distance [m] of each of (n, 2) points from each of m segments, shape (n, m)."""
+    """Returns the distances [m] of (n, 2) points from m segments, shape (n, m)."""
     offset = points[:, None, :] - starts[None]
     length = np.maximum((along**2).sum(axis=1), 1e-12)
     part = np.clip((offset * along[None]).sum(axis=2) / length, 0.0, 1.0)
@@ -129,7 +129,7 @@ def _distances(points: NDArray[np.float64], starts: NDArray[np.float64], along: 
 
 
 def _ramped(velocity: Velocity, command: Velocity) -> Velocity:
-    """Returns the velocity one step later: both wheels ramp in proportion."""
+    """Returns the velocity after one step; both wheels ramp in proportion."""
     x, turn = command.x - velocity.x, command.turn - velocity.turn
     gap = max(abs(x - turn * _HALF_TRACK), abs(x + turn * _HALF_TRACK))
     part = min(1.0, _ACCELERATION * _STEP / gap) if gap > 0.0 else 1.0
@@ -140,9 +140,9 @@ class Rider:
     """One robot on one course.
 
     Args:
-        course: where it drives.
-        parameters: move_base's, as ``rospy.get_param("~")`` gives them; frames may be any.
-        seed: of the laser's noise.
+        course: the course.
+        parameters: of move_base, as ``rospy.get_param("~")`` returns them; any frame names are accepted.
+        seed: of the laser noise.
     """
 
     def __init__(self, course: Course, parameters: Mapping[str, Any], seed: int = 0) -> None:
@@ -166,7 +166,7 @@ class Rider:
         self._command = STANDSTILL
 
     def run(self) -> Ride:
-        """Drives to all goals, or until the time is over."""
+        """Drives to all goals until the course's time limit; returns the results."""
         for goal in self._course.goals:
             if not self._drive_to(goal):
                 break
@@ -176,7 +176,7 @@ class Rider:
         return ride
 
     def _drive_to(self, goal: Pose) -> bool:
-        """Drives to one goal; False when the time is over."""
+        """Drives to one goal; returns False if the time limit is exceeded."""
         begun = self.now
         self._look()
         self._take(self.navigator.begin(goal, self.body.pose, self.now))
@@ -197,7 +197,7 @@ class Rider:
         return False
 
     def _take(self, result: Cycle) -> None:
-        """Drives for one period."""
+        """Executes the navigator's command for one period."""
         self._command = self._command if result.command is None else result.command
         before = self.body.pose
         self.ride.way += self.body.drive(self._command, self._period)
@@ -216,7 +216,7 @@ class Rider:
         return due
 
     def _look(self) -> None:
-        """Scans, and updates the costmaps, each if due."""
+        """Takes a scan and updates the costmaps, each if it is due."""
         if self._is_due("scan", _SCAN_PERIOD):
             self._scan()
         if self._is_due("global", 1.0 / self._setup.global_costmap.update_frequency):
@@ -231,7 +231,7 @@ class Rider:
         self._update(self._local, self.body.odom)
 
     def _seen(self, pose: Pose) -> tuple[Pose, NDArray[np.float64]]:
-        """Returns where the laser was when the last scan was taken, and its points, with the robot at ``pose``."""
+        """Returns the laser's pose at the last scan and the scan's points, for a robot at ``pose``."""
         cosine, sine = math.cos(pose.yaw), math.sin(pose.yaw)
         x, y = pose.apply(_LASER_X, 0.0)
         points = np.ascontiguousarray(self._points @ np.array([[cosine, sine], [-sine, cosine]]) + (x, y))
@@ -255,12 +255,12 @@ class Rider:
 
 
 def ride(course: Course, parameters: Mapping[str, Any], seed: int = 0) -> Ride:
-    """Returns what driving ``course`` showed."""
+    """Drives ``course`` and returns the results."""
     return Rider(course, parameters, seed).run()
 
 
 def with_changes(parameters: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the tree ``parameters`` with ``changes``, whose names may be paths: ``local_costmap/width``."""
+    """Returns the parameter tree with ``changes`` applied; their keys may be paths: ``local_costmap/width``."""
     tree = dict(parameters)
     for name, value in changes.items():
         first, _, rest = name.partition("/")

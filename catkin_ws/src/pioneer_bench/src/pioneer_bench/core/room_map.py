@@ -1,4 +1,4 @@
-"""A map to plan in: square rooms with doors, drawn the same for the same seed."""
+"""A map to plan in: square rooms with doors, the same for the same seed."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ _OCCUPIED = 100
 
 
 def room_cells(side: int, seed: int = 1) -> NDArray[np.int8]:
-    """Returns the occupancy, int8 (side, side), of rooms of 5 m with a door of 1.5 m in each wall between two."""
+    """Returns occupancy, int8 (side, side), of rooms of 5 m; each wall between two rooms has a door of 1.5 m."""
     generator = np.random.default_rng(seed)
     cells = np.zeros((side, side), np.int8)
     cells[:: side - 1, :] = cells[:, :: side - 1] = _OCCUPIED

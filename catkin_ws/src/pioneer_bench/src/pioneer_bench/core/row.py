@@ -1,4 +1,4 @@
-"""Figures of a bench: rows of samples beside their goals, and the table of them."""
+"""Results of a bench: rows of samples beside their goals, and their table."""
 
 import statistics
 from collections.abc import Sequence
@@ -8,24 +8,24 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One figure."""
+    """One measured quantity with its samples and goal."""
 
-    what: str  #: what was measured
+    what: str  #: name of the quantity
     unit: str  #: of samples and goal
-    samples: tuple[float, ...]  #: one for each repetition; none where it could not be measured
-    goal: float | None = None  #: what the median is to reach; None where the row is for comparison
-    at_least: bool = False  #: whether more is better
-    remark: str = ""  #: where the goal comes from, or what went wrong
-    every: bool = False  #: whether each sample is to reach the goal, not only the median
+    samples: tuple[float, ...]  #: one per repetition; none if it could not be measured
+    goal: float | None = None  #: bound for the median; None for a row that is only for comparison
+    at_least: bool = False  #: whether the goal is a lower bound
+    remark: str = ""  #: source of the goal, or what went wrong
+    every: bool = False  #: whether every sample must meet the goal, not only the median
 
     @property
     def median(self) -> float | None:
-        """The middle sample."""
+        """The median of the samples."""
         return statistics.median(self.samples) if self.samples else None
 
     @property
     def holds(self) -> bool | None:
-        """Whether the goal is reached; None where there is none."""
+        """Whether the goal is met; None without a goal."""
         if self.goal is None:
             return None
         if self.median is None:
@@ -44,7 +44,7 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def markdown(lines: Sequence[Sequence[str]], right: bool = False) -> str:
-    """Returns lines of cells, the headings first, as a Markdown table, whose cells may be ``right``-aligned."""
+    """Returns rows of cells, headings first, as a Markdown table; ``right`` aligns the cells to the right."""
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     head, *rest = (
         " | ".join(f"{text:{'>' if right else '<'}{width}}" for text, width in zip(line, widths, strict=True))

@@ -1,4 +1,4 @@
-"""The simulator's figures: what one run measured, what it is to reach, and the table of both."""
+"""The simulator's results: what one run measured, its goals, and the table of both."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -7,35 +7,35 @@ from typing import Any
 from pioneer_bench.core.row import markdown
 
 FIRST_STEP_GOAL = 1.0
-"""CPU-s from exec to the first step."""
+"""CPU time from exec to the first step [CPU-s]."""
 
 RSS_GOAL, RSS_GOAL_PER_ROBOT = 150.0, 1.0
-"""MB of the process, and more for each robot."""
+"""Resident memory of the process, and the extra for each robot [MB]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What one run measured."""
+    """Results of one run."""
 
-    robots: int  #: how many drove
-    beams: int  #: of a scan
+    robots: int  #: number of robots
+    beams: int  #: per scan
     scan_rate: float  #: [Hz]
     simulated: float  #: length of the window [simulated s]
-    wall: float  #: the same [s]
-    cpu: float  #: all threads of the simulator's process in the window [CPU-s]
+    wall: float  #: length of the window [wall s]
+    cpu: float  #: used by the simulator's process in the window [CPU-s]
     first_step: float  #: from exec to the first tick, without robots [CPU-s]
     rss: float  #: of the process at the end [MB]
-    scans: int  #: how many arrived
-    scans_due: int  #: how many should have
-    messages: float  #: of all topics that arrived, a simulated second
-    #: real-time factor that was asked for; 0: as fast as possible, where subscribers may lose messages
+    scans: int  #: scans that arrived
+    scans_due: int  #: scans that should have arrived
+    messages: float  #: received on all topics, per simulated second
+    #: requested real-time factor; 0: as fast as possible, in which case subscribers may lose messages
     asked_factor: float = 1.0
-    cost_goal: float | None = None  #: CPU-s a simulated second to reach; None where there is none
-    factor_goal: float | None = None  #: real-time factor to reach; None where there is none
+    cost_goal: float | None = None  #: greatest CPU-s a simulated second; None for no goal
+    factor_goal: float | None = None  #: least real-time factor; None for no goal
 
     @property
     def factor(self) -> float:
-        """The real-time factor."""
+        """The achieved real-time factor."""
         return self.simulated / self.wall
 
     @property
@@ -44,7 +44,7 @@ class Run:
         return self.cpu / self.simulated
 
     def goals(self) -> dict[str, tuple[float, bool]]:
-        """Returns each goal that applies, with whether it holds: cost, factor, first_step, rss, scans."""
+        """Returns the goals that apply (of cost, factor, first_step, rss, scans), each with whether it is met."""
         goals = {"first_step": (FIRST_STEP_GOAL, self.first_step <= FIRST_STEP_GOAL)}
         most = RSS_GOAL + RSS_GOAL_PER_ROBOT * self.robots
         goals["rss"] = (most, self.rss <= most)
@@ -57,7 +57,7 @@ class Run:
         return goals
 
     def as_dict(self) -> dict[str, Any]:
-        """Returns the run with its goals, for JSON."""
+        """Returns the run and its goals for JSON."""
         goals = {name: {"goal": goal, "holds": holds} for name, (goal, holds) in self.goals().items()}
         return {**asdict(self), "cost": self.cost, "factor": self.factor, "goals": goals}
 

@@ -1,4 +1,4 @@
-"""What a robot's tour of waypoints measured, and the rows of a navigation bench made of tours."""
+"""Results of a robot's tour of waypoints, and the navigation bench's rows made from tours."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -8,15 +8,15 @@ from pioneer_bench.core.row import Row
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Condition:
-    """What the robot drives with, and what is to be reached with it."""
+    """How the robot localises during a tour, and the goals for that."""
 
-    title: str  #: over its rows
-    odometry_scale: float = 1.0  #: what the encoders believe of every wheel's diameter, as a part of the true one
-    #: whether slam_gmapping draws the map that the robot drives in, instead of amcl in a given one
+    title: str  #: prefix of its rows
+    odometry_scale: float = 1.0  #: wheel diameter assumed by the encoders, relative to the true one
+    #: whether the robot maps with slam_gmapping instead of localising with amcl in a given map
     mapping: bool = False
-    mean: float | None = None  #: localisation error of a tour, at most [m]; None for no goal
-    p95: float | None = None  #: the same of its 95th percentile [m]
-    #: what the C++ stack reached, mean and 95th percentile [m]; None where nobody measured
+    mean: float | None = None  #: greatest mean localisation error of a tour [m]; None for no goal
+    p95: float | None = None  #: greatest 95th percentile of that error [m]; None for no goal
+    #: the C++ stack's mean and 95th percentile [m]; None if not measured
     peer: tuple[float, float] | None = None
 
 
@@ -27,36 +27,36 @@ CONDITIONS = {
 }
 
 PEER_SECONDS = 260.0
-"""Twelve waypoints by the C++ stack in Stage, another maze, 160 m [s]."""
+"""Time of the C++ stack for twelve waypoints, 160 m, in Stage and in another maze [s]."""
 COST_GOAL, RSS_GOAL = 0.24, 160.0
-"""amcl and move_base together: CPU-s a simulated second, MB."""
+"""Limits for amcl and move_base together: CPU-s a simulated second, MB."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Tour:
     """One robot's tour."""
 
-    condition: str  #: name of what it drove with
+    condition: str  #: name of the condition
     seed: int  #: of waypoints and noise
-    waypoints: int  #: how many it was sent
-    reached: int  #: how many of them it reached
-    seconds: float  #: simulated, from sending to the last one dealt with [s]
-    wall: float  #: the same [s]
-    way: float  #: driven [m]
-    shortest: float  #: the ways between the waypoints by the map [m]
-    collisions: int  #: with anything
+    waypoints: int  #: waypoints sent
+    reached: int  #: waypoints reached
+    seconds: float  #: simulated time from sending the waypoints until the last one was reached or given up [s]
+    wall: float  #: the same in wall time [s]
+    way: float  #: path length driven [m]
+    shortest: float  #: shortest path length between the waypoints in the map [m]
+    collisions: int  #: number of collisions, with anything
     clearance: float  #: least distance of base_link from a wall [m]
-    #: error_mean, error_p95, error_max: distance of the believed from the true position [m]
+    #: error_mean, error_p95, error_max: distance between estimated and true position [m]
     error_mean: float
     error_p95: float
     error_max: float
     cpu: dict[str, float]  #: CPU-s a simulated second by kind of process
     rss: dict[str, float]  #: largest resident memory by kind of process [MB]
-    map_iou: float | None = None  #: agreement of the drawn map with the true one, 0 … 1; None without mapping
-    fault: str = ""  #: what went wrong, in words; empty where nothing did
+    map_iou: float | None = None  #: IoU of the drawn and the true map, 0 … 1; None without mapping
+    fault: str = ""  #: what went wrong; empty if nothing did
 
     def summary(self) -> str:
-        """Returns the tour in one line."""
+        """Returns a summary in one line."""
         line = (
             f"{self.reached} of {self.waypoints} in {self.seconds:.0f} s, {self.way:.0f} m, "
             f"{self.collisions} collisions, error mean {self.error_mean:.3f} m, p95 {self.error_p95:.3f} m, "
@@ -66,7 +66,7 @@ class Tour:
 
 
 def tour_rows(condition: Condition, tours: Sequence[Tour]) -> list[Row]:
-    """Returns the rows of one condition; a sample is a tour."""
+    """Returns the rows of one condition, with one sample per tour."""
     title = condition.title
     mean_peer, p95_peer = condition.peer or (None, None)
 

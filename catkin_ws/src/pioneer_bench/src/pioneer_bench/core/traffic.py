@@ -1,4 +1,4 @@
-"""Trials of right of way: narrow floors, uniformly random tours, and how long each robot needs alone."""
+"""Right-of-way trials: narrow floors, uniformly random tours, and the time that each robot needs alone."""
 
 import heapq
 import math
@@ -12,14 +12,14 @@ from pioneer_traffic.core.roadmap import FreeSpace, Roadmap
 from pioneer_traffic.core.simulation import STEP, Body
 
 RESOLUTION = 0.05
-"""Of the narrow floors [m]."""
+"""Cell size of the narrow floors [m]."""
 _ROOM = 0.45
-"""Room about a start or waypoint [m]."""
+"""Free radius around a start or waypoint [m]."""
 _APART = 1.2
-"""Between starts, at least [m]."""
+"""Minimum distance between starts [m]."""
 _ARRIVED = 0.3
 _ALONE_ROOM = 0.35
-"""Room that a robot alone keeps about its way [m]."""
+"""Clearance that a robot alone keeps along its path [m]."""
 
 Box = tuple[float, float, float, float]
 _CORRIDOR: list[Box] = [(0.0, 0.0, 29.9, 0.9)]
@@ -35,7 +35,7 @@ NARROW: dict[str, list[Box]] = {
     "bays": [*_CORRIDOR, *_BAYS, *_ENDS],
     "cells": [*_ROOMS, *_PASSAGES],
 }
-"""Floors made of boxes (left, low, right, top) [m]; all passages are 0.9 m wide."""
+"""Floors as unions of free boxes (left, low, right, top) [m]; all passages are 0.9 m wide."""
 
 
 def narrow_space(name: str) -> FreeSpace:
@@ -53,7 +53,7 @@ def narrow_space(name: str) -> FreeSpace:
 def random_tours(
     space: FreeSpace, roadmap: Roadmap, robots: int, waypoints: int, seed: int
 ) -> tuple[list[Point], list[list[Point]]]:
-    """Returns starts and waypoints, uniformly random over the floor that the roadmap reaches."""
+    """Returns starts and waypoints, uniformly random over the floor that the roadmap covers."""
     generator, middles = np.random.default_rng(seed), space.middles(_ROOM)
 
     def point() -> Point:
@@ -71,7 +71,7 @@ def random_tours(
 
 
 def seconds_alone(space: FreeSpace, roadmap: Roadmap, start: Point, tour: Sequence[Point]) -> float:
-    """Returns how long a robot needs for a tour with nobody else there, straight wherever it can see ahead."""
+    """Returns how long a robot alone on the floor takes for a tour [s]; it drives straight wherever that is free."""
     body, steps = Body(*start), 0
     for waypoint in tour:
         route = _shortened(space, [body.position, *_way(roadmap, body.position, waypoint), waypoint])[1:]
@@ -84,7 +84,7 @@ def seconds_alone(space: FreeSpace, roadmap: Roadmap, start: Point, tour: Sequen
 
 
 def _way(roadmap: Roadmap, start: Point, goal: Point) -> list[Point]:
-    """Returns the shortest way on the roadmap, by Dijkstra."""
+    """Returns the shortest path on the roadmap (Dijkstra)."""
     source, target = next(roadmap.entries(start)), next(roadmap.entries(goal))
     before, heap, known = dict[int, int](), [(0.0, source, source)], set[int]()
     while heap:
@@ -102,7 +102,7 @@ def _way(roadmap: Roadmap, start: Point, goal: Point) -> list[Point]:
 
 
 def _shortened(space: FreeSpace, points: list[Point]) -> list[Point]:
-    """Leaves out what a robot can pass straight."""
+    """Returns the path without the points that a straight line can bypass."""
     kept, index = [points[0]], 0
     while index < len(points) - 1:
         seen = (last for last in range(len(points) - 1, index + 1, -1) if _sees(space, points[index], points[last]))

@@ -1,1 +1,1 @@
-"""What drives and counts on a ROS master."""
+"""Nodes and processes that generate load and measure it."""

@@ -1,4 +1,4 @@
-"""``python3 -m pioneer_bench.nodes.crowd PORT SIZE RULES CHANGES``: many gateways on a hub, until interrupted.
+"""``python3 -m pioneer_bench.nodes.crowd PORT SIZE RULES CHANGES``: simulates many gateways on a hub until interrupted.
 
 Prints ``converged SECONDS``, ``change SECONDS`` for each change, then ``ready``.
 """
@@ -9,7 +9,7 @@ from pioneer_bench.adapters.crowd import Crowd
 from tcpros.adapters.descriptor import raise_limit
 
 PATIENCE = 120.0
-"""For all to find one another [s]."""
+"""Time-out for all gateways to converge [s]."""
 
 
 def main() -> int:

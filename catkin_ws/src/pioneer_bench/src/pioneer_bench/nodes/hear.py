@@ -1,7 +1,7 @@
-"""A subscriber for the gateway's bench: `hear TOPIC` prints when each message comes; `hear TOPIC SECONDS` measures.
+"""Subscriber for the gateway's bench: `hear TOPIC` prints each message's arrival time; `hear TOPIC SECONDS` measures.
 
-Measuring begins half a second after the first message and prints `begin`, then one line of JSON. Messages are not
-deserialised.
+The measurement begins half a second after the first message and prints `begin`, then one line of JSON. Messages are
+not deserialised.
 """
 
 import json
@@ -16,13 +16,13 @@ from pioneer_bench.nodes.talk import STAMP
 from pioneer_node.nodes import entry
 
 WARM_UP = 0.5
-"""Left out at the beginning [s]."""
+"""Time ignored at the beginning [s]."""
 
-_BEFORE_STAMP = 12  # of a std_msgs/UInt8MultiArray: no dimensions, offset 0, length of the data
+_BEFORE_STAMP = 12  # bytes of a std_msgs/UInt8MultiArray: no dimensions, offset 0, data length
 
 
 class Window:
-    """Counts what comes in a window of time; `finished` is set at its end."""
+    """Counts the messages in a time window; sets `finished` at its end."""
 
     def __init__(self, seconds: float, finished: threading.Event) -> None:
         self.finished = finished
@@ -32,7 +32,7 @@ class Window:
         self._delays: list[float] = []
 
     def take(self, message: rospy.AnyMsg) -> None:
-        """Takes one message."""
+        """Handles one message."""
         now = time.monotonic()
         self._first = self._first or now
         if now < self._first + WARM_UP or self.finished.is_set():
@@ -58,7 +58,7 @@ class Window:
 
 
 class Hearer:
-    """Prints when each message comes, or measures until its window is over."""
+    """Prints each message's arrival time, or measures until its window is over."""
 
     def __init__(self, topic: str, seconds: float | None) -> None:
         self._finished = threading.Event()
@@ -80,7 +80,7 @@ class Hearer:
 def main() -> int:
     """Entry point."""
     topic, *seconds = rospy.myargv(sys.argv)[1:]
-    # Several may listen at one master.
+    # Several instances may run on one master.
     return entry.run(f"hear_{os.getpid()}", lambda: Hearer(topic, float(seconds[0]) if seconds else None))
 
 

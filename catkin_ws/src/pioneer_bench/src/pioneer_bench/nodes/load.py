@@ -1,6 +1,6 @@
-"""One run: a master, the simulator, robots that drive by their lasers, and one subscriber a topic.
+"""One run: a master, the simulator, robots that drive by their lasers, and one subscriber per topic.
 
-Master, drivers and subscribers live in this process; the simulator is a process of its own, and the only one that is
+Master, drivers and subscribers live in this process. The simulator is a separate process, and the only one that is
 measured.
 """
 
@@ -32,24 +32,24 @@ from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 
 PATIENCE = 60.0
-"""Wall seconds that anything may take to start."""
+"""Time-out for anything to start [wall s]."""
 
 WARM_UP = 2.0
-"""Simulated seconds before the window."""
+"""Simulated time before the window [s]."""
 
 OTHER_TOPICS = ("joint_states", "base_pose_ground_truth")
 
 
 @dataclass(slots=True)
 class Tally:
-    """What has arrived; each counter is written by one topic's thread only."""
+    """Counts of received messages; only one topic's thread writes each counter."""
 
     counts: dict[str, int] = field(default_factory=dict)
     time: float = 0.0
     arrived: threading.Condition = field(default_factory=threading.Condition)
 
     def counter(self, topic: str) -> Any:
-        """Returns a callback that counts the messages of a topic."""
+        """Returns a callback that counts a topic's messages."""
         self.counts[topic] = 0
 
         def count(message: Any) -> None:
@@ -59,7 +59,7 @@ class Tally:
         return count
 
     def note_clock(self, message: Clock) -> None:
-        """Takes the simulated time."""
+        """Stores the simulated time."""
         with self.arrived:
             self.time = message.clock.to_sec()
             self.arrived.notify_all()
@@ -73,7 +73,7 @@ class Tally:
 
 
 class Driver:
-    """Drives one robot by its scans: ahead where there is room, else it turns to the freer side."""
+    """Drives one robot by its scans: ahead if there is room, else it turns to the freer side."""
 
     def __init__(self, name: str, tally: Tally) -> None:
         self._command = rospy.Publisher(f"/{name}/pioneer/cmd_vel", Twist, queue_size=1)
@@ -93,12 +93,12 @@ class Driver:
         command.linear.x = 0.5 if ahead > 0.9 else 0.0
         if ahead <= 0.9:
             command.angular.z = 1.0 if left > right else -1.0
-        with contextlib.suppress(rospy.ROSException):  # scans still come in while the node shuts down
+        with contextlib.suppress(rospy.ROSException):  # scans still arrive while the node shuts down
             self._command.publish(command)
 
 
 def robot_description(config: LoadConfig) -> str:
-    """Returns the Pioneer's URDF with the setting's sensors."""
+    """Returns the Pioneer's URDF with the sensors of the setting."""
     others = {"joint_rate": config.other_rate, "ground_truth_rate": config.other_rate} if config.other_rate else {}
     return pioneer_urdf(
         laser_samples=config.beams,
@@ -128,7 +128,7 @@ class Bench:
         rospy.Subscriber("/clock", Clock, self._tally.note_clock, queue_size=5, tcp_nodelay=True)
 
     def run(self) -> Run:
-        """Spawns, drives, and measures one window."""
+        """Spawns and drives the robots, and measures one window."""
         if not self._ready.wait(PATIENCE):
             raise TimeoutError("the simulator did not become ready")
         self._tally.wait_for(0.01)
@@ -169,7 +169,7 @@ class Bench:
         arrived = {topic: end_counts[topic] - counts[topic] for topic in counts}
         simulated = end_time - start
         scans = sum(count for topic, count in arrived.items() if topic.endswith("/base_scan"))
-        # The window's ends fall between scans: one scan a robot may lie on either side.
+        # The window begins and ends between scans: one scan per robot may fall on either side.
         due = config.robots * int(simulated * config.scan_rate - 1)
         return Run(
             robots=config.robots,
@@ -187,7 +187,7 @@ class Bench:
 
 
 def main(argv: list[str]) -> int:
-    """Runs the setting given as JSON and prints what it measured as JSON."""
+    """Runs the setting given as JSON and prints the results as JSON."""
     config = LoadConfig(**json.loads(argv[0]))
     with Master() as master, ProcessGroup() as group:
         os.environ.update(master.environment)

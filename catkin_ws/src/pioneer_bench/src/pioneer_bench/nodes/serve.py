@@ -1,4 +1,4 @@
-"""A node that answers with what it is asked: ``serve SERVICE``."""
+"""An echo server: ``serve SERVICE``."""
 
 import sys
 

@@ -1,7 +1,7 @@
-"""A publisher for the gateway's bench: `talk NAME TOPIC SIZE RATE QUEUE`; a rate of 0 is as fast as it goes.
+"""Publisher for the gateway's bench: `talk NAME TOPIC SIZE RATE QUEUE`; a rate of 0 is as fast as possible.
 
-Each message begins with the moment it was sent: monotonic seconds, a little-endian double. It prints that moment too
-once its publisher is registered. It sends only while somebody subscribes.
+Each message begins with the time it was sent: monotonic seconds, a little-endian double. The node also prints the
+time at which its publisher was registered. It publishes only while there are subscribers.
 """
 
 import struct
@@ -19,7 +19,7 @@ STAMP = struct.Struct("<d")
 
 
 class Raw(rospy.AnyMsg):
-    """A std_msgs/UInt8MultiArray that is serialised already, so that rospy is not what limits the rate."""
+    """A std_msgs/UInt8MultiArray that is already serialised, so that rospy does not limit the rate."""
 
     _type = UInt8MultiArray._type
     _md5sum = UInt8MultiArray._md5sum
@@ -27,7 +27,7 @@ class Raw(rospy.AnyMsg):
 
 
 class Demand(rospy.SubscribeListener):
-    """Whether somebody subscribes, until the end."""
+    """Tracks whether there are subscribers, until the end."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -36,24 +36,24 @@ class Demand(rospy.SubscribeListener):
         self._over = False
 
     def end(self) -> None:
-        """Releases all waiting threads for good: subscribers leave during the shutdown."""
+        """Releases all waiting threads permanently: subscribers leave during shutdown."""
         with self._lock:
             self._over = True
             self.is_there.set()
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
-        """Notes a subscriber."""
+        """Records that there is a subscriber."""
         self.is_there.set()
 
     def peer_unsubscribe(self, topic_name: str, num_peers: int) -> None:
-        """Notes that there are no subscribers any more."""
+        """Records that there are no more subscribers."""
         with self._lock:
             if not num_peers and not self._over:
                 self.is_there.clear()
 
 
 class Talker:
-    """Sends, as fast as asked and no faster than it goes, while somebody subscribes."""
+    """Publishes at the given rate, or as fast as possible, while there are subscribers."""
 
     def __init__(self, topic: str, size: int, rate: float, queue: int) -> None:
         self._demand = Demand()

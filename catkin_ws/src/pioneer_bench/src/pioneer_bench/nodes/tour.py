@@ -1,6 +1,6 @@
-"""One tour: a master, the simulator, one robot with its navigation, and the demo's observer that sends it waypoints.
+"""One tour: a master, the simulator, one robot with its navigation, and the demo's observer, which sends the waypoints.
 
-Master and observer live in this process; simulator and nodes are roslaunch's.
+Master and observer live in this process; roslaunch starts the simulator and the nodes.
 """
 
 import dataclasses
@@ -38,18 +38,18 @@ from pioneer_harness.wait import wait_until
 
 ROBOT = "pioneer1"
 PATIENCE = 90.0
-"""Wall seconds that start-up may take."""
+"""Time-out for start-up [wall s]."""
 SAMPLE = 0.5
-"""Wall seconds between two looks at the processes."""
+"""Period of sampling the processes [wall s]."""
 STANDSTILL = 30.0
-"""Wall seconds without simulated time after which the simulator counts as dead."""
+"""Wall time without progress of simulated time after which the simulator counts as dead [s]."""
 SHORTEST, LONGEST = 8.0, 18.0
-"""Way from one waypoint to the next [m]: thirteen metres on average, as in the C++ stack's tours."""
+"""Path length between waypoints [m]: thirteen metres on average, as in the C++ stack's tours."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class TourConfig:
-    """What is run; the same names as the command's options."""
+    """Arguments of one tour, under the names of the command's options."""
 
     condition: str
     seed: int
@@ -59,23 +59,23 @@ class TourConfig:
 
 
 class MappedTrack(RobotTrack):
-    """The track of a robot that draws its map itself: the map's frame is where the robot started."""
+    """Track of a robot that maps: the origin of its map is the robot's start pose."""
 
     def __init__(self, name: str, start: Pose) -> None:
         super().__init__(name)
         self._start_pose = start
 
     def add_correction(self, pose: Pose) -> None:
-        """Takes in a transform map → odom, of the map that begins at the start."""
+        """Adds a transform map → odom, whose map has its origin at the start pose."""
         super().add_correction(self._start_pose.compose(pose))
 
 
 class TourNode:
-    """Sends one robot its waypoints and notes what it does.
+    """Sends one robot its waypoints and records what it does.
 
-    Subscribes: what ``ObserverNode`` does; with mapping, the robot's ``map``.
+    Subscribes: as ``ObserverNode``; with mapping, also the robot's ``map``.
     Threads: rospy's callbacks write into the fleet; ``run`` reads it.
-    On error: start-up that takes too long raises; a robot that gets stuck is a fault of the tour.
+    On error: raises if start-up takes too long; reports a robot that gets stuck as the tour's fault.
     """
 
     def __init__(self, config: TourConfig, start: Pose, group: ProcessGroup) -> None:
@@ -93,10 +93,10 @@ class TourNode:
         self._map = message
 
     def run(self, map_file: Path) -> Tour:
-        """Waits for the robot, sends it round, and returns what was measured.
+        """Waits for the robot, sends it round, and returns the results.
 
         Raises:
-            HarnessError: a process has died, or the robot did not come up.
+            HarnessError: a process has died, or the robot did not start in time.
         """
         wait_until(self._ready, "the robot, localised, and its waypoint client", PATIENCE)
         grid = read_map(map_file)
@@ -116,7 +116,7 @@ class TourNode:
             return self._tour(floor, map_file, time.monotonic() - wall, cpu, fault)
 
     def _in_its_map(self, goal: Pose) -> Pose:
-        """Returns a goal in the map that the robot has: one that it draws itself begins where it started."""
+        """Returns a goal in the robot's map frame: with mapping, its origin is the start pose."""
         if not self._condition.mapping:
             return goal
         own = _planar(self._start).inverse().compose(_planar(goal))
@@ -129,7 +129,7 @@ class TourNode:
         return known and self._observer.can_be_sent(robot)
 
     def _follow(self, limit: float) -> str:
-        """Watches until all waypoints are dealt with; returns what went wrong, empty if nothing."""
+        """Waits until all waypoints are reached or given up; returns what went wrong, or an empty string."""
         told, last, since = 0, -1.0, time.monotonic()
         while not self._fleet.finished:
             self._group.check()
@@ -187,13 +187,13 @@ def _planar(pose: Pose) -> navigation.Pose:
 
 
 def _clearance(floor: Floor, driven: list[tuple[float, float]]) -> float:
-    """Returns the least distance [m] of the way to what is not free."""
+    """Returns the least distance [m] of the driven path from cells that are not free."""
     clearance = floor.clearance()
     return min((float(clearance[floor.cell(x, y)]) for x, y in driven), default=math.nan)
 
 
 def start_pose(world: str) -> Pose:
-    """Returns where pioneer1 starts in that world."""
+    """Returns pioneer1's start pose in that world."""
     folder = Path(rospkg.RosPack().get_path("pioneer_description")) / "config"
     own = folder / f"pioneer_poses_{world}.yaml"
     pose = yaml.safe_load((own if own.is_file() else folder / "pioneer_poses.yaml").read_text())[ROBOT]
@@ -201,7 +201,7 @@ def start_pose(world: str) -> Pose:
 
 
 def main(argv: list[str]) -> int:
-    """Runs the setting given as JSON; prints a line a waypoint, and at the end what was measured as JSON."""
+    """Runs the setting given as JSON; prints a line per waypoint and at the end the results as JSON."""
     config = TourConfig(**json.loads(argv[0]))
     start, condition = start_pose(config.world), CONDITIONS[config.condition]
     map_file = Path(rospkg.RosPack().get_path("pioneer_gazebo")) / "map" / f"{config.world}.yaml"

@@ -1,4 +1,4 @@
-"""One world of ``bench worlds`` in a process of its own: prints its figures as JSON."""
+"""Runs one world of ``bench worlds`` in a separate process; prints its figures as JSON."""
 
 import json
 import math
@@ -35,18 +35,18 @@ SECONDS = 5
 SCANS = 10
 LONGEST_LOAD = 10.0
 CLOSE = 0.02
-"""A beam is true if it is so close [m] to trimesh's; sections are cut in layers of 2 cm, and balls have facets."""
+"""A beam counts as true if it is this close to trimesh's [m]; sections have layers of 2 cm, and spheres have facets."""
 
 MOST_WRONG = 0.01
-"""Of the beams: those that pass close to an edge."""
+"""Greatest share of beams that may be wrong: those that graze an edge."""
 
 
 def main() -> int:
-    """Loads, runs and checks the world in the setting, JSON, on the command line."""
+    """Loads, runs and checks the world of the setting given as JSON on the command line."""
     config = json.loads(sys.argv[1])
     robot = robot_from_urdf(pioneer_urdf(laser_noise=0))
     with tempfile.TemporaryDirectory() as folder:
-        os.environ["XDG_CACHE_HOME"] = folder  # meshes are reduced again in every run
+        os.environ["XDG_CACHE_HOME"] = folder  # an empty cache, so that every run reduces the meshes
         print(json.dumps(_figures(config["world"], config["robots"], robot, Path(folder))))
     return 0
 
@@ -81,7 +81,7 @@ def _figures(name: str, robots: int, robot: Robot, folder: Path) -> dict[str, ob
 
 
 def _spawned(simulation: Simulation, robot: Robot, robots: int) -> list[Entity]:
-    """Spawns robots at free places of a grid, from the middle outwards."""
+    """Spawns robots at free places of a grid, from the centre outwards."""
     places = sorted(((x * 1.5, y * 1.5) for x in range(-8, 9) for y in range(-8, 9)), key=lambda p: math.hypot(*p))
     simulation.spawn_search = 0.0
     entities: list[Entity] = []
@@ -91,12 +91,12 @@ def _spawned(simulation: Simulation, robot: Robot, robots: int) -> list[Entity]:
         try:
             entities.append(simulation.add_robot(f"r{len(entities)}", f"r{len(entities)}", robot, Pose((x, y, 0.0))))
         except ModelError:
-            continue  # something stands there: the next place is tried
+            continue  # occupied: try the next place
     return entities
 
 
 def _errors(simulation: Simulation, robots: list[Entity], world: World) -> NDArray[np.float64]:
-    """Returns by how much [m] the beams of all robots' scans that met something differ from trimesh's."""
+    """Returns the range differences to trimesh [m] of all robots' beams that hit something."""
     standing = [(one.collision.shape, one.pose) for one in world.collisions(static_only=True)]
     loose = [shape for one in simulation.entities() if one not in robots for shape in _shapes(simulation, one)]
     scenery: dict[float, trimesh.Trimesh] = {}
@@ -119,7 +119,7 @@ def _errors(simulation: Simulation, robots: list[Entity], world: World) -> NDArr
 
 
 def _shapes(simulation: Simulation, entity: Entity) -> list[tuple[Shape, Pose]]:
-    """Returns all shapes of what moves that lasers see, where they are."""
+    """Returns the shapes of a moving model that lasers see, each with its current pose."""
     return [
         (touch.collision.shape, pose.compose(touch.collision.pose))
         for part, pose in zip(entity.body.parts, simulation.part_poses(entity), strict=True)
@@ -129,7 +129,7 @@ def _shapes(simulation: Simulation, entity: Entity) -> list[tuple[Shape, Pose]]:
 
 
 def _factor(simulation: Simulation, entities: list[Entity]) -> float:
-    """Returns simulated seconds per second of the processor, while all robots drive and scan."""
+    """Returns simulated seconds per CPU-second while all robots drive and scan."""
     for number, entity in enumerate(entities):
         entity.drives[0].command(simulation.tick, 0.3, 0.4 if number % 2 else -0.4)
     began = time.process_time()

@@ -1,1 +1,1 @@
-"""One foreign thing each: map files, folders of worlds, the terminal, the picture, a fleet's processes, the gateway."""
+"""Adapters to the outside: map files, world folders, terminal, pictures, fleet processes, networks."""

@@ -1,4 +1,4 @@
-"""Runs of a study on dask.distributed: workers of this machine, or a scheduler's that exists."""
+"""Executes a study's runs on dask.distributed: local workers, or those of an existing scheduler."""
 
 import queue
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,23 +16,23 @@ _CLOSING = 15.0
 
 
 class ClusterError(DemoError):
-    """A scheduler that cannot be reached, or a run that its workers do not finish."""
+    """The scheduler cannot be reached, or its workers do not finish a run."""
 
 
 class Cluster:
-    """Hands runs to workers; a run whose worker dies is given to another one. A context manager."""
+    """Distributes runs to workers; a run whose worker dies is reassigned. A context manager."""
 
     def __init__(self, scheduler: str, jobs: int) -> None:
-        """Connects to ``scheduler``, or starts ``jobs`` workers here where it is empty.
+        """Connects to ``scheduler``; if it is empty, starts ``jobs`` local workers.
 
         Raises:
             ClusterError: there is no such scheduler.
         """
-        # A worker that is busy with a fleet may be slow to answer; that is no reason to give it up.
+        # A worker busy with a fleet may answer slowly; do not give it up for that.
         dask.config.set({"distributed.scheduler.allowed-failures": 5, "distributed.comm.timeouts.connect": "60s"})
         self._local: distributed.LocalCluster | None = None
         if not scheduler:
-            # A thread a worker: a fleet has a session of its own, but its parent's death is the thread's.
+            # One thread per worker: the fleet's parent-death signal fires when the thread that started it ends.
             self._local = distributed.LocalCluster(
                 n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
             )
@@ -46,11 +46,11 @@ class Cluster:
 
     @property
     def workers(self) -> list[int]:
-        """The process numbers of the workers."""
+        """PIDs of the workers."""
         return list(self._client.run(_pid).values())
 
     def submit(self, program: Sequence[str], scenarios: Mapping[Run, str], keep: Mapping[Run, str]) -> None:
-        """Gives all runs to the workers, in order."""
+        """Submits all runs to the workers, in order."""
         for number, (run, scenario) in enumerate(scenarios.items()):
             future = self._client.submit(
                 run_scenario, list(program), scenario, run, keep[run], key=run.name, pure=False, priority=-number,
@@ -61,7 +61,7 @@ class Cluster:
             future.add_done_callback(self._done.put)
 
     def results(self, poll: float) -> Iterator[tuple[Run, dict[str, Any] | str] | None]:
-        """Yields each run with its row, or with the reason why it has none; None every ``poll`` [s] meanwhile."""
+        """Yields each run with its row, or an error text if it failed; yields None every ``poll`` [s] while waiting."""
         left = len(self._futures)
         while left:
             try:

@@ -1,4 +1,4 @@
-"""Colours of robots, the same in picture and film."""
+"""Robot colours, the same in pictures and videos."""
 
 ROBOTS = (
     "#1f6feb", "#e4572e", "#2a9d5c", "#9b4dca", "#d99a00", "#0fa3b1", "#c2255c", "#6b705c",
@@ -9,5 +9,5 @@ UNKNOWN, FREE, WALL = "#e7e9ec", "#ffffff", "#2f3640"
 
 
 def of_robot(index: int) -> str:
-    """Returns the colour of the robot with this number, from 0."""
+    """Returns the colour of a robot; ``index`` counts from 0."""
     return ROBOTS[index % len(ROBOTS)]

@@ -1,4 +1,4 @@
-"""Signals that end the command, polled between two steps instead of raised in the middle of one."""
+"""Termination signals, polled between two steps instead of raised in the middle of one."""
 
 import os
 import signal
@@ -10,18 +10,18 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 
 class Interrupted(DemoError):  # noqa: N818 - no error: a request
-    """The user, or the system, asked the command to end."""
+    """The user or the system requested that the command end."""
 
     def __init__(self, number: int) -> None:
         super().__init__("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
-        self.status = 128 + number  #: the exit status for it: 128 and the signal's number
+        self.status = 128 + number  #: exit status: 128 + signal number
 
 
 class Interrupt:
-    """Records SIGINT, SIGTERM, SIGHUP and SIGQUIT, even where the shell ignores them.
+    """Records SIGINT, SIGTERM, SIGHUP and SIGQUIT, even if the shell has set them to ignored.
 
-    ``./pioneer`` starts Python with these signals blocked, so that one that arrives before the first line of Python
-    waits until here.
+    ``./pioneer`` starts Python with these signals blocked, so that a signal that arrives during interpreter startup
+    stays pending until they are unblocked here.
     """
 
     def __init__(self) -> None:
@@ -46,7 +46,7 @@ class Interrupt:
 
 
 def mute() -> None:
-    """Sends the process's further output to /dev/null: what it was connected to no longer exists."""
+    """Redirects the process's further output to /dev/null, because its receiver no longer exists."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for output in (1, 2):
         os.dup2(nowhere, output)

@@ -1,7 +1,7 @@
-"""A network of its own for each robot whose link has faults: real packets, which are delayed and lost on the way.
+"""Emulates faulty links: a separate network for each affected robot, with real packets that are delayed and lost.
 
-The run has a network namespace of its own, with one more for each such robot. A program,
-``python3 -m pioneer_demo.adapters.network ROBOT…``, carries packets between them by two TUN devices a robot.
+The run has its own network namespace, plus one for each such robot. A program,
+``python3 -m pioneer_demo.adapters.network ROBOT…``, forwards packets between them through two TUN devices per robot.
 """
 
 import ctypes
@@ -31,14 +31,14 @@ _LARGEST = 65536
 
 
 class NetworkError(DemoError):
-    """This machine or this user cannot have network namespaces or TUN devices."""
+    """Network namespaces or TUN devices are not available on this machine or to this user."""
 
 
 def enter(words: Sequence[str]) -> None:
-    """Has this process run in a network namespace of its own: it begins again there, with these arguments.
+    """Moves this process into its own network namespace: it executes itself again there with these arguments.
 
     Raises:
-        NetworkError: it may not have one.
+        NetworkError: namespaces are not available.
     """
     if _OWN in os.environ:
         _ip("link", "set", "lo", "up")
@@ -51,10 +51,10 @@ def enter(words: Sequence[str]) -> None:
 
 
 class Networks:
-    """The networks of some robots of a run; without any it does nothing. Used by one thread."""
+    """The networks of a run's robots with faulty links; does nothing without robots. Not thread-safe."""
 
     def __init__(self, robots: Sequence[str], hub_port: int) -> None:
-        """Sets them up.
+        """Sets up the networks.
 
         Raises:
             NetworkError: the system refuses.
@@ -76,22 +76,22 @@ class Networks:
         self._holders = json.loads(line)
 
     def placed(self, robot: str, argv: Sequence[str]) -> list[str]:
-        """Returns the command line that runs another one on a robot's computer; an empty name is the base station."""
+        """Returns a command line that runs ``argv`` on a robot's computer; an empty name means the base station."""
         if robot not in self._holders:
             return list(argv)
         return ["nsenter", f"--net=/proc/{self._holders[robot]}/ns/net", "--", *argv]
 
     def environment(self, robot: str) -> dict[str, str]:
-        """Returns what the environment of a process on a robot's computer has more."""
+        """Returns additional environment variables for processes on a robot's computer."""
         if not self._holders:
             return {}
         return {**self._shared, **({"ROS_IP": _address(self._robots.index(robot))} if robot in self._holders else {})}
 
     def set(self, robot: str, condition: Condition) -> None:
-        """Changes a robot's link.
+        """Sets the condition of a robot's link.
 
         Raises:
-            NetworkError: the program that carries packets has ended.
+            NetworkError: the forwarding program has ended.
         """
         assert self._program.stdin, "it is a pipe"
         try:
@@ -101,7 +101,7 @@ class Networks:
             raise NetworkError(f"the robots' networks have ended: {error}") from None
 
     def close(self) -> None:
-        """Ends the networks."""
+        """Removes the networks."""
         if self._holders:
             self._holders = {}
             self._program.communicate()
@@ -118,7 +118,7 @@ def _ip(*words: str) -> None:
 
 
 def _device(name: str) -> int:
-    """Returns the file of a new TUN device in this process's network."""
+    """Returns the file descriptor of a new TUN device in this process's network."""
     device = os.open("/dev/net/tun", os.O_RDWR)
     fcntl.ioctl(device, _SET_NAME, struct.pack("16sH22x", name.encode(), _TUN_WITHOUT_HEADER))
     _ip("link", "set", name, "up")
@@ -126,7 +126,7 @@ def _device(name: str) -> int:
 
 
 def _hold(address: str, channel: socket.socket) -> None:
-    """Has this process hold a new network, whose device it sends on ``channel``, until its parent ends."""
+    """Holds a new network namespace until the parent ends; sends its TUN device on ``channel``."""
     libc = ctypes.CDLL(None, use_errno=True)
     libc.prctl(_DEATH_SIGNAL, signal.SIGKILL)
     if libc.unshare(_NEW_NETWORK):
@@ -140,7 +140,7 @@ def _hold(address: str, channel: socket.socket) -> None:
 
 
 def _connected(index: int) -> tuple[int, int, int]:
-    """Returns the process that holds a robot's network, its device, and the base station's device towards it."""
+    """Sets up a robot's network; returns its holder's PID, its TUN device and the base station's device towards it."""
     own, other = socket.socketpair()
     if not (holder := os.fork()):
         try:
@@ -157,7 +157,7 @@ def _connected(index: int) -> tuple[int, int, int]:
 
 
 def _carry(robots: Sequence[str]) -> None:
-    """Carries packets until the standard input ends; its lines change links."""
+    """Forwards packets until standard input is closed; lines on standard input set link conditions."""
     _ip("address", "add", f"{_BASE}/32", "dev", "lo")
     Path("/proc/sys/net/ipv4/ip_forward").write_text("1")
     holders, ways = dict[str, int](), dict[int, tuple[int, Direction]]()

@@ -1,4 +1,4 @@
-"""The files that a command writes, checked before anything is started."""
+"""Checks and prepares a command's output files before anything is started."""
 
 import os
 from pathlib import Path
@@ -11,11 +11,11 @@ from pioneer_demo.core.option import DemoConfig, FleetConfig
 
 
 def make_outputs(config: FleetConfig) -> None:
-    """Creates the folders that are written, after a check of where a film goes, and the files that commands read.
+    """Checks the output paths; creates the output folders and the files that the fleet's commands read.
 
     Raises:
-        OptionError: one of them cannot be written.
-        VideoError: no film can be made.
+        OptionError: an output cannot be written.
+        VideoError: no video can be made.
     """
     if isinstance(config, DemoConfig) and config.video is not None:
         _check_folder("--video", config.video.parent)

@@ -1,4 +1,4 @@
-"""The fleet's ways drawn over its map."""
+"""Draws the fleet's paths on its map."""
 
 from pathlib import Path
 from typing import Any
@@ -21,12 +21,12 @@ _MARGIN = 0.8
 
 
 def draw_fleet(floor: Floor, fleet: Fleet, title: str, path: Path) -> None:
-    """Writes a PNG: map, planned ways dashed, driven ways solid, numbered waypoints, starts; one colour a robot."""
+    """Writes a PNG: map, planned paths dashed, driven paths solid, numbered waypoints, starts; one colour per robot."""
     floor = floor.cropped()
     rows, cols = floor.free.shape
     width, height = cols * floor.resolution, rows * floor.resolution
     figure, axes = pyplot.subplots(figsize=_size(width, height), dpi=120)
-    # Walls of one or two cells would be drawn as hairlines.
+    # Thicken walls: one or two cells would appear as hairlines.
     walls = ndimage.binary_dilation(floor.occupied)
     shade = np.where(walls, 2, np.where(floor.free, 1, 0))
     extent = (floor.x, floor.x + width, floor.y, floor.y + height)
@@ -80,7 +80,7 @@ def _dress(axes: Any, extent: tuple[float, float, float, float], title: str) -> 
         pyplot.Line2D([], [], color="#57606a", linewidth=1.1, linestyle=(0, (4, 3)), label="planned"),
         pyplot.Line2D([], [], color="#57606a", marker="s", linestyle="", markersize=7, label="start"),
     ]
-    # Below, where it takes a line or two; beside the map it would leave a third of the picture empty.
+    # Below the map, where it takes a line or two; beside it, a third of the picture would stay empty.
     axes.legend(
         handles=[*handles, *key], loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=3, frameon=False, fontsize=9
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The processes of a fleet: started on free ports, watched, accounted for, ended."""
+"""Manages a fleet's processes: starts them on free ports, monitors, accounts for and ends them."""
 
 import glob
 import os
@@ -32,17 +32,17 @@ from pioneer_harness.port import PortReservation
 from pioneer_harness.proc import arguments, descendants
 from pioneer_harness.process import ProcessGroup, last_lines
 
-# A Python process of a fleet does one thing at a time; threads of its matrix library would only get in others' way.
+# Python nodes work sequentially; BLAS threads would only compete with other processes.
 _SINGLE = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 _LAST_GRACE = 3.0
 _RESTART = 10.0
-"""Within which roslaunch starts a node again [s]: launch files have it wait 2 s."""
+"""Time-out for roslaunch to respawn a node [s]: launch files set a respawn delay of 2 s."""
 _ERROR = re.compile(r"\b(FATAL|CRITICAL|ERROR|\w*Error)\b")
-"""What marks a line of a node that says why it ends."""
+"""Matches log lines that report why a node ends."""
 
 
 class FleetProcesses:
-    """All processes of one fleet. To be used from the main thread only, as a context manager."""
+    """All processes of one fleet; a context manager. Use it from the main thread only."""
 
     def __init__(self, config: FleetConfig) -> None:
         self._config, self._log = config, config.log
@@ -57,13 +57,13 @@ class FleetProcesses:
         self._relapses = Relapses()
 
     def start(self) -> None:
-        """Starts everything at once; the parts wait for each other.
+        """Starts all processes at once; they wait for each other.
 
         Raises:
             ProcessStartError: a command cannot be found.
         """
         self._log.mkdir(exist_ok=True)
-        shutil.rmtree(self._log / "ros", ignore_errors=True)  # the last run's
+        shutil.rmtree(self._log / "ros", ignore_errors=True)  # left by the previous run
         # Absolute: some nodes run in another directory.
         for command in commands(self._config, self.ports):
             log = self._log_of(command)
@@ -72,24 +72,24 @@ class FleetProcesses:
             self._start(command)
 
     def kill(self, names: Sequence[str]) -> None:
-        """Ends these commands by SIGKILL, with all that they started."""
+        """Kills these commands and all their descendants with SIGKILL."""
         for name in names:
             self.group.kill(name)
 
     def restart(self, names: Sequence[str]) -> None:
-        """Starts commands again that were killed."""
+        """Starts killed commands again."""
         for command in commands(self._config, self.ports):
             if command.name in names:
                 self._start(command)
 
     def freeze(self, name: str, frozen: bool) -> None:
-        """Stops the gateway that a command has started, or lets it continue."""
+        """Suspends (SIGSTOP) or resumes (SIGCONT) the gateway that a command has started."""
         for pid in descendants(self.group.states(), {self._pids[name]}):
             if "__name:=gateway" in arguments(pid):
                 os.kill(pid, signal.SIGSTOP if frozen else signal.SIGCONT)
 
     def run(self, name: str, argv: Sequence[str], environment: Mapping[str, str]) -> None:
-        """Starts a command that ends by itself."""
+        """Starts a command that exits by itself."""
         self._start(Command(name, tuple(argv), environment), may_end=True)
 
     def _start(self, command: Command, may_end: bool = False) -> None:
@@ -104,15 +104,16 @@ class FleetProcesses:
         return self._log / f"{re.sub(r'[^A-Za-z0-9_]+', '-', command.name)}.log"
 
     def check(self, starting: bool = False) -> list[str]:
-        """Returns a line for each node that has died and is started again, where nodes may.
+        """Checks the processes; returns a line for each node that died and is respawned, if respawns are allowed.
 
-        A node that keeps dying is named once, with its last lines, and once more when it lives: the others continue.
+        A node that keeps dying is reported once, with its last lines of output, and again when it has recovered. The
+        other nodes keep running.
 
         Args:
-            starting: the fleet is not up yet, and never will be with a node that keeps dying.
+            starting: the fleet is still starting, so a node that keeps dying is an error.
 
         Raises:
-            ProcessDiedError: another process has ended that was to live, a node under roslaunch included.
+            ProcessDiedError: a process, or a node under roslaunch, has ended unexpectedly.
         """
         self.group.check()
         lines = self._relapses.recovered(time.monotonic())
@@ -141,26 +142,26 @@ class FleetProcesses:
         return self._relapses.faults()
 
     def sample(self) -> None:
-        """Takes in what the processes have used so far."""
+        """Samples the resource usage of the processes."""
         self.group.sample(self._account)
 
     def costs(self) -> dict[str, Cost]:
-        """Returns what each kind of process has cost up to the last sample, this process included."""
+        """Returns the cost by kind of process up to the last sample, including this process."""
         user, system, *_ = os.times()
         rss = int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
         usage = {name: Cost(used.cpu, used.rss, used.processes) for name, used in self._account.usage().items()}
         return {**usage, "this command": Cost(user + system, rss, 1)}
 
     def cpu(self) -> float:
-        """Returns the CPU time of everything so far [s], this process included."""
+        """Returns the total CPU time so far [s], including this process."""
         self.sample()
         return sum(cost.cpu for cost in self.costs().values())
 
     def stop(self, grace: float, urgent: Callable[[], bool]) -> tuple[str, ...]:
-        """Ends everything within ``grace`` [s] and a moment; at once when ``urgent`` becomes true.
+        """Ends everything within about ``grace`` [s], or at once when ``urgent`` returns true.
 
         Returns:
-            The command lines of what had to be killed.
+            The command lines of the processes that had to be killed.
         """
         killed = self.group.stop(grace, urgent)
         self.networks.close()
@@ -176,7 +177,7 @@ class FleetProcesses:
         self.stop(_LAST_GRACE, lambda: False)
 
     def _news(self, log: Path) -> str:
-        """Returns what was appended to ``log`` since the last call, whole lines only."""
+        """Returns the complete lines appended to ``log`` since the last call."""
         with log.open("rb") as file:
             file.seek(self._read[log])
             text, newline, _ = file.read().rpartition(b"\n")
@@ -185,7 +186,7 @@ class FleetProcesses:
 
 
 def _found(argv: Sequence[str]) -> Sequence[str]:
-    """Returns a command line that starts a workspace's program directly: rosrun takes ten processes to find it."""
+    """Returns ``argv`` with ``rosrun`` replaced by the program's path: rosrun would spawn ten processes to find it."""
     if argv[0] == "rosrun":
         for prefix in os.environ.get("CMAKE_PREFIX_PATH", "").split(os.pathsep):
             if (path := Path(prefix, "lib", *argv[1:3])).is_file():
@@ -208,7 +209,7 @@ def _logs(death: NodeDeath) -> list[Path]:
 
 
 def _reason(death: NodeDeath, launch_log: Path) -> str:
-    """Returns how a node died and the last error that it logged, in a line."""
+    """Returns one line with a node's exit code and the last error it logged."""
     how = "no exit code" if death.status is None else f"exit code {death.status}"
     lines = "\n".join(map(last_lines, [*_logs(death), launch_log])).splitlines()
     errors = [plain(line).strip() for line in lines if _ERROR.search(line)]
@@ -218,7 +219,7 @@ def _reason(death: NodeDeath, launch_log: Path) -> str:
 def _told(death: NodeDeath, launch_log: Path) -> str:
     how = "" if death.status is None else f", exit code {death.status}"
     logs = _logs(death)
-    # What goes to the screen, a traceback say, is in roslaunch's own output; the rest in the node's file.
+    # Screen output, such as a traceback, is in roslaunch's own log; the rest is in the node's log file.
     ends = ((path, last_lines(path)) for path in [*logs, launch_log])
     text = "\n".join(f"  the last lines of {path}:\n{lines}" for path, lines in ends if lines)
     return f"{death.name} (pid {death.pid}) has died{how}\n{text}"

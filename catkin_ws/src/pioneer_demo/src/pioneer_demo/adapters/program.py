@@ -12,7 +12,7 @@ _START = 300.0
 
 
 def _is_set_up(uri: str) -> bool:
-    """Returns whether the robot's ROS master runs and says that time is simulated, which a node reads once."""
+    """Returns whether the robot's ROS master runs and has ``/use_sim_time``, which nodes read only once."""
     return is_running(uri) and rosgraph.Master("/program").hasParam("/use_sim_time")
 
 

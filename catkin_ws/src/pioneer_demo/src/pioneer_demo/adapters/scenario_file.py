@@ -1,4 +1,4 @@
-"""Reads scenarios: YAML files, or those that this package ships, by name."""
+"""Reads scenarios from YAML files, or by name from those shipped with this package."""
 
 import dataclasses
 from pathlib import Path
@@ -20,10 +20,10 @@ def scenario_folder() -> Path:
 
 
 def scenario_path(name: Path) -> Path:
-    """Returns the file of a scenario, a path or the name of a shipped one.
+    """Returns the file of a scenario, given as a path or the name of a shipped scenario.
 
     Raises:
-        OptionError: there is none; the message has the nearest name.
+        OptionError: it does not exist; the message suggests the closest name.
     """
     if name.is_file():
         return name
@@ -36,10 +36,10 @@ def scenario_path(name: Path) -> Path:
 
 
 def read_scenario(name: Path) -> Scenario:
-    """Returns a scenario with the whole paths of the files that it names, relative to it or ``package://…``.
+    """Returns a scenario. File names in it, relative or ``package://…``, become absolute paths.
 
     Raises:
-        OptionError: it cannot be read or is wrong; the message has file and line.
+        OptionError: it cannot be read or is invalid; the message has file and line.
     """
     path = scenario_path(name)
     try:
@@ -50,10 +50,10 @@ def read_scenario(name: Path) -> Scenario:
 
 
 def scenario_of(content: Any, path: Path, lines: dict[Place, int]) -> Scenario:
-    """Returns what the content of the file ``path`` says.
+    """Returns the scenario described by the content of the file ``path``.
 
     Raises:
-        DocumentError: it is wrong; the message has file and line.
+        DocumentError: it is invalid; the message has file and line.
     """
     try:
         said = built(Scenario, content, "a scenario")

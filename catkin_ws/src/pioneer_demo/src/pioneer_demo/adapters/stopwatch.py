@@ -1,4 +1,4 @@
-"""Wall time since the command was typed."""
+"""Measures wall time since the command was entered."""
 
 import os
 import time
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 class Stopwatch:
-    """Counts from the start of this process, which ``exec`` does not change: set-up before it is counted in."""
+    """Measures time since this process started. ``exec`` keeps the start time, so set-up before it is included."""
 
     def __init__(self) -> None:
         ticks = int(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[19])
@@ -19,5 +19,5 @@ class Stopwatch:
         return (time.monotonic() if moment is None else moment) - self._zero
 
     def note(self, name: str, moment: float | None = None) -> None:
-        """Keeps the time of a milestone: the first one wins."""
+        """Records the time of a milestone, unless it is already recorded."""
         self.milestones.setdefault(name, round(self.seconds(moment), 3))

@@ -1,4 +1,4 @@
-"""A study's table, summary and page."""
+"""Writes a study's report: table, summary and HTML page."""
 
 import base64
 import html
@@ -84,7 +84,7 @@ def _table(head: list[str], rows: list[list[str]]) -> str:
 
 
 def _figure(table: pandas.DataFrame, variants: dict[str, Any]) -> str:
-    """Returns a PNG in base64: the success rates, and each metric's distribution by variant."""
+    """Returns a base64-encoded PNG with the success rates and each metric's distribution by variant."""
     mpl.use("Agg")
     from matplotlib import pyplot
 

@@ -1,4 +1,4 @@
-"""One run of a study, as a worker does it: a process of its own, in a folder of its own."""
+"""Executes one run of a study on a worker, in its own process and folder."""
 
 import json
 import os
@@ -14,26 +14,26 @@ from pioneer_demo.core.error import DemoError
 from pioneer_demo.core.study import Run, row_of
 from pioneer_harness.process import last_lines
 
-# A worker that is killed must not leave a fleet behind.
+# A killed worker must not leave a fleet running.
 _PREFIX = ("/usr/bin/setpriv", "--pdeathsig", "TERM", "--")
 OWN_PROGRAM = (sys.executable, "-m", "pioneer_demo", "run-scenario")
 
 
 class RunError(DemoError):
-    """A run that was interrupted, or ended without a report: it counts as not done."""
+    """A run was interrupted or wrote no report; it counts as not done."""
 
 
 def run_scenario(program: Sequence[str], scenario: str, run: Run, keep: str) -> dict[str, Any]:
-    """Runs a program on a scenario and returns the row of its figures.
+    """Runs a program on a scenario; returns the row of its metrics.
 
     Args:
-        program: command line; it gets ``FILE --seed S --report DIR``.
-        scenario: the file's content.
-        run: which run of the study it is.
-        keep: folder for what it writes; empty for one that is deleted.
+        program: command line, to which ``FILE --seed S --report DIR`` is appended.
+        scenario: the scenario file's content.
+        run: the run of the study.
+        keep: folder for its output; empty for a temporary one.
 
     Raises:
-        RunError: it was ended by a signal, or wrote no report.
+        RunError: the program was ended by a signal or wrote no report.
     """
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="pioneer-study-") as temporary:
@@ -54,6 +54,6 @@ def run_scenario(program: Sequence[str], scenario: str, run: Run, keep: str) -> 
         if not report.is_file():
             raise RunError(f"no report, exit status {status}:\n{last_lines(log)}")
         content = json.loads(report.read_text())
-        if machine.is_file():  # in lockstep what a run has cost stands by itself
+        if machine.is_file():  # in lockstep the run's cost is in a separate file
             content["drive"] = json.loads(machine.read_text())["drive"] | content["drive"]
     return row_of(run, content, time.monotonic() - began)

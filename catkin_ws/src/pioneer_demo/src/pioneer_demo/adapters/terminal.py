@@ -1,4 +1,4 @@
-"""Progress on a terminal, redrawn in place, or as lines now and then where there is none."""
+"""Shows progress: redrawn in place on a terminal, as periodic lines elsewhere."""
 
 import os
 import shutil
@@ -12,23 +12,23 @@ _REPEAT = 5.0
 
 
 class Display:
-    """Shows a block of lines that changes. Not thread-safe.
+    """Shows a changing block of lines. Not thread-safe.
 
-    On a terminal the block is drawn over itself, at most four times a second; elsewhere it is printed every five
-    seconds. A new phase shows at once on both.
+    On a terminal the block is redrawn in place, at most four times a second; elsewhere it is printed every 5 s. A new
+    phase is shown at once on both.
     """
 
     def __init__(self, output: TextIO = sys.stdout, columns: Callable[[], int] | None = None) -> None:
-        """``columns`` returns the terminal's width; by default the system's answer."""
+        """``columns`` returns the terminal's width; by default it is queried from the system."""
         self._output = output
-        self.in_place = output.isatty()  #: whether this is a terminal
+        self.in_place = output.isatty()  #: whether the output is a terminal
         self._columns = columns or (lambda: shutil.get_terminal_size().columns)
         self._drawn = 0
         self._next = 0.0
         self._phase = ""
 
     def show(self, lines: Callable[[], Sequence[str]], phase: str = "") -> None:
-        """Asks for the block and shows it if it is time to; a new ``phase`` is always shown."""
+        """Shows the block that ``lines`` returns, if it is due; always if ``phase`` is new."""
         now = time.monotonic()
         if now < self._next and phase == self._phase:
             return
@@ -39,7 +39,7 @@ class Display:
             print(*lines(), sep="\n", file=self._output, flush=True)
 
     def say(self, line: str) -> None:
-        """Prints a line that stays, above the block."""
+        """Prints a permanent line above the block."""
         self.clear()
         print(line, file=self._output, flush=True)
 
@@ -48,7 +48,7 @@ class Display:
         self._draw([])
 
     def painted(self, text: str, good: bool) -> str:
-        """Returns ``text`` in green or red, as it is where there is no terminal or NO_COLOR is set."""
+        """Returns ``text`` in green or red; unchanged if there is no terminal or NO_COLOR is set."""
         if not self.in_place or os.environ.get("NO_COLOR"):
             return text
         return f"\x1b[{32 if good else 31}m{text}\x1b[0m"

@@ -1,4 +1,4 @@
-"""A film of a run from above: each frame is drawn after the run and handed to ffmpeg at once."""
+"""Makes a top-view video of a run: draws the frames after the run and pipes each to ffmpeg."""
 
 import itertools
 import math
@@ -19,26 +19,26 @@ from pioneer_demo.core.track import RobotTrack, Visit
 from pioneer_fleet.core.geometry import Points, Pose
 
 RATE = 10
-"""Frames a simulated second, and a second of film."""
+"""Frames per simulated second, and per second of video."""
 
 LONGER_SIDE = 960
-"""[pixel]."""
+"""Longer side of the map in the video [px]."""
 
 _INK = "#2f3640"
 _FONT, _LINE, _MARGIN = 14, 24, 10
 _GOAL = 9
 _DASH, _GAP = 7.0, 5.0
-"""All in pixels."""
+"""Sizes [px]."""
 
 _NOSE, _TAIL, _HALF_WIDTH = 0.20, -0.30, 0.20
-"""The robot's outline ahead, behind and to each side of base_link [m]."""
+"""Extent of the robot ahead of, behind and to each side of base_link [m]."""
 
 
 def encoder() -> str:
     """Returns the path of ffmpeg.
 
     Raises:
-        VideoError: it is not installed.
+        VideoError: ffmpeg is not installed.
     """
     found = shutil.which("ffmpeg")
     if found is None:
@@ -47,7 +47,7 @@ def encoder() -> str:
 
 
 def write_video(floor: Floor, recording: Recording, robots: Sequence[RobotTrack], path: Path) -> int:
-    """Writes a film of all that was recorded and returns its number of frames.
+    """Writes a video of a recording; returns its number of frames.
 
     Raises:
         VideoError: ffmpeg is not installed or fails, or nothing was recorded.
@@ -69,7 +69,7 @@ def write_video(floor: Floor, recording: Recording, robots: Sequence[RobotTrack]
                 process.stdin.write(stage.frame(float(time)))
             process.stdin.close()
         except BrokenPipeError:
-            pass  # its own words say why
+            pass  # ffmpeg's error output gives the reason
         said = process.stderr.read().decode(errors="replace").strip()
     if process.returncode:
         raise VideoError(f"{path}: ffmpeg failed: {said.splitlines()[-1] if said else process.returncode}")
@@ -77,7 +77,7 @@ def write_video(floor: Floor, recording: Recording, robots: Sequence[RobotTrack]
 
 
 class _Stage:
-    """Draws frames in the order of time: trails grow on the floor's picture, above a legend."""
+    """Draws frames in time order: the map with growing trails, above a legend."""
 
     def __init__(self, floor: Floor, recording: Recording, robots: Sequence[RobotTrack]) -> None:
         rows, cols = floor.free.shape
@@ -86,7 +86,7 @@ class _Stage:
         self._recording, self._robots = recording, robots
         self._paint = {robot.name: colour.of_robot(index) for index, robot in enumerate(robots)}
         self._font = ImageFont.truetype(str(Path(mpl.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), _FONT)
-        # Encoders want even sides.
+        # Encoders require even dimensions.
         self.width, floor_height = (2 * round(n * floor.resolution * self._scale / 2) for n in (cols, rows))
         self._legend = _Legend(self._font, self._paint, self.width)
         self.height: int = floor_height + self._legend.height
@@ -96,7 +96,7 @@ class _Stage:
         self._last: dict[str, tuple[float, float]] = {}
 
     def frame(self, time: float) -> bytes:
-        """Returns the picture at ``time`` as rows of red, green, blue."""
+        """Returns the frame at ``time`` as raw RGB rows."""
         poses = {name: pose for name in self._paint if (pose := self._recording.pose(name, time)) is not None}
         self._extend_trails(poses)
         image = self._trails.copy()
@@ -122,7 +122,7 @@ class _Stage:
             self._last[name] = here
 
     def _draw_scan(self, pen: ImageDraw.ImageDraw, name: str, time: float) -> None:
-        """Draws the newest scan from where the robot was when it was taken."""
+        """Draws the newest scan from the robot's pose at the scan's stamp."""
         stamp, hits = self._recording.scan(name, time)
         pose = self._recording.pose(name, stamp)
         if pose is None:
@@ -136,7 +136,7 @@ class _Stage:
             pen.rectangle([u - 1, v - 1, u + 1, v + 1], fill=light)
 
     def _draw_errand(self, pen: ImageDraw.ImageDraw, robot: RobotTrack, time: float) -> None:
-        """Draws a robot's plan, while it has a goal left, and its goals, those it has reached filled."""
+        """Draws a robot's plan while it has goals left, and its goals; reached goals are filled."""
         paint, over = self._paint[robot.name], [_is_over(visit, time) for visit in robot.visits]
         if not all(over):
             _draw_dashes(pen, [self._pixel(*point) for point in self._recording.plan(robot.name, time)], paint)
@@ -154,7 +154,7 @@ class _Stage:
 
 
 class _Legend:
-    """What the colours and signs mean, in as many lines as it takes below the floor; the last begins with the time."""
+    """Legend of colours and symbols, in as many lines as needed below the map. A last line is left for the time."""
 
     def __init__(self, font: ImageFont.FreeTypeFont, paint: Mapping[str, str], width: int) -> None:
         self._font = font
@@ -170,7 +170,7 @@ class _Legend:
         self.height = _LINE * (line + 2)
 
     def draw(self, pen: ImageDraw.ImageDraw, top: int) -> None:
-        """Draws it from row ``top`` on."""
+        """Draws the legend below row ``top``."""
         for left, line, text, paint in self._entries:
             x, y = left + _GOAL, top + _LINE * (line + 0.5)
             self._draw_sign(pen, x, y, text, paint)
@@ -211,7 +211,7 @@ def _draw_dashes(pen: ImageDraw.ImageDraw, points: Points, paint: str) -> None:
 
 
 def _picture_of(floor: Floor) -> Image.Image:
-    """Returns the map in colours, one pixel a cell, north up."""
+    """Returns the map as a colour image, one pixel per cell, +y up."""
     shades = np.array([ImageColor.getrgb(one) for one in (colour.UNKNOWN, colour.FREE, colour.WALL)], np.uint8)
     cells = np.where(floor.occupied, 2, np.where(floor.free, 1, 0))
     return Image.fromarray(shades[cells[::-1]])

@@ -1,1 +1,1 @@
-"""What needs no ROS and no process: waypoints, tracks, the verdict, the texts people read."""
+"""Code that needs neither ROS nor processes: waypoints, tracks, evaluation, texts for users."""

@@ -1,4 +1,4 @@
-"""The tutorial's commands, as one machine runs them side by side."""
+"""The tutorial's commands, adapted to run in parallel on one machine."""
 
 import dataclasses
 import shlex
@@ -17,7 +17,7 @@ FLEET, ROBOT_PARAMETERS, SIMULATOR_PARAMETERS = "fleet.yaml", "robot_parameters.
 
 @dataclasses.dataclass(frozen=True)
 class Ports:
-    """Where everything listens: the hub's redis and master, the hub gateway's master, one master a robot, the page."""
+    """TCP ports of a fleet: the hub's Redis and master, the hub gateway's master, one master per robot, the page."""
 
     hub: int
     hub_master: int
@@ -27,7 +27,7 @@ class Ports:
 
     @property
     def are_the_tutorials(self) -> bool:
-        """Whether all are those of the tutorial."""
+        """Whether all ports are those of the tutorial."""
         robots = range(FIRST_ROBOT_MASTER, FIRST_ROBOT_MASTER + len(self.robot_masters))
         wanted = Ports(HUB, HUB_MASTER, HUB_GATEWAY_MASTER, tuple(robots))
         return dataclasses.replace(self, robot_masters=tuple(self.robot_masters), page=PAGE) == wanted
@@ -39,7 +39,7 @@ class Ports:
 
 @dataclasses.dataclass(frozen=True)
 class Command:
-    """A process to start: its name in messages, its command line, and what its environment has more than ours."""
+    """A process to start: its name in messages, its command line, and its additional environment variables."""
 
     name: str
     argv: tuple[str, ...]
@@ -47,7 +47,7 @@ class Command:
 
 
 def commands(config: FleetConfig, ports: Ports) -> list[Command]:
-    """Returns what runs on the hub computer, in the hub gateway's terminal, and on each robot computer."""
+    """Returns all commands of a fleet: of the hub, the hub gateway, and each robot's computer."""
     shared = {
         "ROS_IP": _LOOPBACK,
         "ROBOTS": str(config.robots),
@@ -85,7 +85,7 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
         own = {**shared, "ROS_MASTER_URI": master_uri(ports.hub_gateway_master), "PIONEER_WEB_TOKEN": config.token}
         found.append(Command("fleet page", page, own))
     for number, (name, port) in enumerate(zip(config.names, ports.robot_masters, strict=True), 1):
-        # amcl finds itself again by this file after its computer was killed.
+        # With this file amcl recovers its pose after its computer was killed.
         correction = str(config.log.absolute() / "ros" / f"{name}-correction.json")
         own = {**shared, "HOSTNAME": f"aadi{number}", "ROBOT_NAME": name, "AMCL_CORRECTION_FILE": correction}
         gateway = ("pioneer_gateway.launch", "gateway_disable_zeroconf:=true")
@@ -112,14 +112,14 @@ def _recorder(config: FleetConfig, ports: Ports) -> list[Command]:
 
 
 def _named_masters(ports: Ports) -> list[str]:
-    """Returns what recordings are of: NAME=URI of each master."""
+    """Returns NAME=URI of each master, for the recorder."""
     named = [("hub", ports.hub_master), ("base", ports.hub_gateway_master)]
     named += [(f"aadi{number}", port) for number, port in enumerate(ports.robot_masters, 1)]
     return [f"{name}={master_uri(port)}" for name, port in named]
 
 
 def written_files(config: FleetConfig) -> dict[str, Any]:
-    """Returns the content of the files in the log folder that the commands read, by name."""
+    """Returns the contents, by name, of the files in the log folder that the commands read."""
     files = dict[str, Any]()
     if config.entries:
         fields = [field.name for field in dataclasses.fields(RobotEntry)]
@@ -130,7 +130,7 @@ def written_files(config: FleetConfig) -> dict[str, Any]:
 
 
 def on_computer(config: FleetConfig, robot: str) -> list[str]:
-    """Returns the names of the commands of a robot's computer."""
+    """Returns the names of the commands that run on a robot's computer."""
     number = config.names.index(robot) + 1
     programs = [f"program {index} of {robot}" for index in range(1, len(config.programs) + 1)]
     return [gateway_name(number), f"navigation of {robot}", *programs]
@@ -141,12 +141,12 @@ def _parameters(config: FleetConfig, name: str) -> tuple[str, ...]:
 
 
 def gateway_name(number: int) -> str:
-    """Returns the name of a robot's gateway, counted from 1."""
+    """Returns the name of a robot's gateway; ``number`` counts from 1."""
     return f"aadi{number}_gateway"
 
 
 def master_uri(port: int) -> str:
-    """Returns the address of a ROS master of this machine."""
+    """Returns the URI of a ROS master on this machine."""
     return f"http://{_LOOPBACK}:{port}"
 
 

@@ -1,4 +1,4 @@
-"""What a study's rows say: success rates with Wilson's intervals, and differences of variants by seed."""
+"""Statistics of a study: success rates with Wilson intervals, and paired differences of variants by seed."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ _RESAMPLES = 2000
 
 
 def frame_of(rows: list[dict[str, Any]], variants: list[str]) -> pandas.DataFrame:
-    """Returns the rows as a table, in the order of variants and seeds; rows of older releases lack some metrics."""
+    """Returns the rows as a table, sorted by variant and seed; metrics missing in rows of older releases are empty."""
     table = pandas.DataFrame([{**dict.fromkeys(METRICS), **row} for row in rows])
     table["variant"] = pandas.Categorical(table["variant"], categories=variants, ordered=True)
     for metric in METRICS:
@@ -23,10 +23,10 @@ def frame_of(rows: list[dict[str, Any]], variants: list[str]) -> pandas.DataFram
 
 
 def summary_of(table: pandas.DataFrame) -> dict[str, Any]:
-    """Returns by variant its runs, its success rate, each metric, and the differences to the first variant.
+    """Returns, for each variant, number of runs, success rate, metrics, and differences to the first variant.
 
-    All intervals are of 95 %: Wilson's for a rate, else bootstrap of the mean (percentiles, 2000 resamples). A
-    difference is paired: that of the runs of one seed, where both have the figure.
+    All intervals are 95 %: Wilson for rates, else percentile bootstrap of the mean (2000 resamples). Differences are
+    paired by seed, over the seeds for which both variants have the value.
     """
     first = table["variant"].cat.categories[0]
     base = table[table["variant"] == first].set_index("seed")
@@ -53,12 +53,12 @@ def _rate(successes: int, runs: int) -> dict[str, float | int]:
 
 
 def _mean(values: NDArray[np.float64]) -> dict[str, float | int]:
-    """Returns number, mean and the mean's interval; the latter from two values on."""
+    """Returns count, mean and the mean's interval; the interval needs at least two values."""
     if not values.size:
         return {"count": 0}
     found: dict[str, float | int] = {"count": int(values.size), "mean": float(values.mean())}
     if values.size > 1:
-        # A generator of its own, so that the same rows give the same interval.
+        # Fixed seed, so that the same rows give the same interval.
         bounds = stats.bootstrap(
             (values,), np.mean, confidence_level=_CONFIDENCE, n_resamples=_RESAMPLES, method="percentile",
             random_state=np.random.default_rng(1),

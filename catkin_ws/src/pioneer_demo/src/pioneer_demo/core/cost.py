@@ -1,4 +1,4 @@
-"""What processes cost."""
+"""Resource usage of processes."""
 
 import dataclasses
 

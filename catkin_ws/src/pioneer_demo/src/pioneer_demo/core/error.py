@@ -1,24 +1,24 @@
-"""The errors of this package, one tree; each message is one line for the user."""
+"""Exception hierarchy of this package; each message is one line for the user."""
 
 
 class DemoError(Exception):
-    """Root of every error that ends a demo."""
+    """Base class of all errors that end a demo."""
 
 
 class OptionError(DemoError):
-    """A command line argument that cannot be used."""
+    """A command line argument is invalid."""
 
 
 class VideoError(DemoError):
-    """A film that cannot be made."""
+    """The video cannot be made."""
 
 
 class NoWaypointError(DemoError):
-    """The map has no room for the waypoints that were asked for."""
+    """The map has no room for the requested waypoints."""
 
 
 class StartError(DemoError):
-    """A part did not come up in time; the message names what was awaited."""
+    """Start-up timed out; the message names the missing part."""
 
 
 class FlipError(DemoError):
@@ -26,8 +26,8 @@ class FlipError(DemoError):
 
 
 class StuckError(DemoError):
-    """The fleet did not finish in time; the message says which robots, and what is known of the reason."""
+    """The fleet did not finish in time; the message names the robots and the likely reason."""
 
 
 class FaultError(DemoError):
-    """A fault of a scenario that could not be brought about."""
+    """A fault of a scenario could not be injected."""

@@ -1,4 +1,4 @@
-"""The whole fleet as the demo sees it, and the verdict on it."""
+"""State of the whole fleet as seen by the demo, and its evaluation."""
 
 import dataclasses
 import math
@@ -10,7 +10,7 @@ from pioneer_demo.core.traffic import Traffic
 
 @dataclasses.dataclass
 class Simulator:
-    """The simulator's newest figures: simulated time [s] and real-time factor, and all factors seen since the start."""
+    """The simulator's newest state: readiness, simulated time [s], real-time factor."""
 
     ready: bool = False
     time: float = 0.0
@@ -21,16 +21,16 @@ class Simulator:
 class Fleet:
     """All robots and their simulator."""
 
-    robots: list[RobotTrack]  #: one track each, robot 1 first
-    simulator: Simulator = dataclasses.field(default_factory=Simulator)  #: its newest figures
+    robots: list[RobotTrack]  #: one track per robot, robot 1 first
+    simulator: Simulator = dataclasses.field(default_factory=Simulator)  #: its newest state
     began: float = math.nan  #: simulated time when the waypoints were sent [s]; nan before
-    #: simulated time when the last of them was dealt with, or the demo ended otherwise [s]; nan before
+    #: simulated time when the last waypoint was reached or given up, or the demo was aborted [s]; nan before
     ended: float = math.nan
-    closest: float = math.inf  #: smallest distance between the middles of two robots so far [m]; infinite with one
-    traffic: Traffic = dataclasses.field(default_factory=Traffic)  #: what crosses between base station and robots
+    closest: float = math.inf  #: smallest centre distance of two robots so far [m]; infinite with one robot
+    traffic: Traffic = dataclasses.field(default_factory=Traffic)  #: network traffic between base station and robots
 
     def note_distance(self, robot: RobotTrack) -> None:
-        """Takes in how far a robot, which has just moved, is from the others."""
+        """Updates the closest approach after ``robot`` has moved."""
         others = [other.pose for other in self.robots if other is not robot and other.pose]
         if robot.pose and others:
             self.closest = min(self.closest, *(robot.pose.distance(other) for other in others))
@@ -42,7 +42,7 @@ class Fleet:
 
 
 def faults(fleet: Fleet, success: Success) -> list[str]:
-    """Returns what keeps a demo from being a success, a line each; none when it is one."""
+    """Returns one line per unmet success criterion; empty on success."""
     lines = []
     for robot in fleet.robots:
         if robot.reached < success.reached * len(robot.visits):
@@ -60,9 +60,9 @@ def faults(fleet: Fleet, success: Success) -> list[str]:
 
 
 def time_limit(fleet: Fleet) -> float:
-    """Returns the simulated time [s] that the longest of the fleet's ways may take at most.
+    """Returns the simulated time [s] after which the fleet counts as stuck, based on its longest route.
 
-    A Pioneer in corridors manages 0.4 m/s or more on the whole; half a minute a waypoint is left for meetings.
+    Assumes 0.25 m/s, while a Pioneer in corridors averages 0.4 m/s or more, and adds 30 s per waypoint for encounters.
     """
     return max(
         (60.0 + sum(visit.leg.length / 0.25 + 30.0 for visit in robot.visits) for robot in fleet.robots), default=0.0
@@ -70,7 +70,7 @@ def time_limit(fleet: Fleet) -> float:
 
 
 def stuck_report(fleet: Fleet, limit: float) -> str:
-    """Returns one line a robot that is still under way: where it is and what it says."""
+    """Returns a report with one line per unfinished robot: its position and status."""
     lines = [f"not finished after {limit:.0f} simulated seconds:"]
     for robot in fleet.robots:
         if not robot.finished:
@@ -82,5 +82,5 @@ def stuck_report(fleet: Fleet, limit: float) -> str:
 
 
 def times(count: int) -> str:
-    """Returns ``count`` in words for a sentence: once, twice, 3 times."""
+    """Returns ``count`` as an adverb: once, twice, 3 times."""
     return {1: "once", 2: "twice"}.get(count, f"{count} times")

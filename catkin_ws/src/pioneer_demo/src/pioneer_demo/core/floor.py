@@ -1,4 +1,4 @@
-"""The floor a robot can drive on, as cells, and how far it is from one to another."""
+"""Grid of the drivable floor, and driving distances on it."""
 
 import dataclasses
 
@@ -9,19 +9,19 @@ from scipy import ndimage
 _CROSS = ndimage.generate_binary_structure(2, 1)
 _SQUARE = ndimage.generate_binary_structure(2, 2)
 _OCCUPIED = 50
-"""Per cent."""
+"""Occupancy from which a cell counts as occupied [%]."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Floor:
-    """A map reduced to what is free."""
+    """A map reduced to free and occupied cells."""
 
     resolution: float  #: edge of a cell [m]
     #: x, y: position of the outer corner of cell (0, 0) in the frame ``map`` [m]
     x: float
     y: float
     free: NDArray[np.bool_]  #: bool [row, col], row 0 at the smallest y
-    occupied: NDArray[np.bool_]  #: bool [row, col]; what is neither is unknown
+    occupied: NDArray[np.bool_]  #: bool [row, col]; cells that are neither free nor occupied are unknown
 
     def cell(self, x: float, y: float) -> tuple[int, int]:
         """Returns (row, col) of a position, which may lie outside the map."""
@@ -32,7 +32,7 @@ class Floor:
         return self.x + (col + 0.5) * self.resolution, self.y + (row + 0.5) * self.resolution
 
     def contains(self, row: int, col: int) -> bool:
-        """Returns whether the map has that cell."""
+        """Returns whether the cell is inside the map."""
         return 0 <= row < self.free.shape[0] and 0 <= col < self.free.shape[1]
 
     def clearance(self) -> NDArray[np.float64]:
@@ -41,7 +41,7 @@ class Floor:
         return distance[1:-1, 1:-1]
 
     def cropped(self) -> "Floor":
-        """Returns the part of the map that is known, with its walls."""
+        """Returns the map cropped to its known cells."""
         known = self.free | self.occupied
         rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
         if not rows.size:
@@ -52,7 +52,7 @@ class Floor:
 
 
 def floor_from_cells(cells: NDArray[np.int8], resolution: float, x: float, y: float) -> Floor:
-    """Returns the floor of a map that is not turned; its cells as ``nav_msgs/OccupancyGrid`` has them, [row, col]."""
+    """Returns the floor of an unrotated map with cells [row, col] as in ``nav_msgs/OccupancyGrid``."""
     occupied = cells >= _OCCUPIED
     return Floor(resolution, x, y, (cells >= 0) & ~occupied, occupied)
 
@@ -60,7 +60,7 @@ def floor_from_cells(cells: NDArray[np.int8], resolution: float, x: float, y: fl
 def drivable(floor: Floor, clearance: float, cell: float) -> Floor:
     """Returns the floor in cells of about ``cell`` [m], free where a robot's centre keeps ``clearance`` [m].
 
-    A coarse cell is free when its middle is, so that narrow passages are kept as they are.
+    A coarse cell is free if its centre is, so that narrow passages are preserved.
     """
     factor = max(1, round(cell / floor.resolution))
     middle = floor.clearance()[factor // 2 :: factor, factor // 2 :: factor]
@@ -69,9 +69,10 @@ def drivable(floor: Floor, clearance: float, cell: float) -> Floor:
 
 
 def distances(floor: Floor, row: int, col: int) -> NDArray[np.float64]:
-    """Returns how far each free cell is to drive from (row, col) [m], infinity where there is no way.
+    """Returns the driving distance from (row, col) to each free cell [m]; infinity if unreachable.
 
-    A wave front that grows by crosses and squares in turn: octagons, within 11 % of the true length in open space.
+    Wavefront expansion with alternating 4- and 8-neighbourhoods: octagonal distance, within 11 % of the true length in
+    open space.
     """
     steps = np.full(floor.free.shape, np.inf)
     front = np.zeros(floor.free.shape, bool)
@@ -79,7 +80,7 @@ def distances(floor: Floor, row: int, col: int) -> NDArray[np.float64]:
     reached, travelled = front.copy(), 0.0
     while front.any():
         steps[front] = travelled
-        # Two steps, one of each kind, reach 2 cells straight and 1.5 √2 cells along a diagonal.
+        # Two steps, one of each kind, reach 2 cells straight or 1.5 √2 cells diagonally.
         structure = _SQUARE if round(travelled / floor.resolution) % 2 else _CROSS
         grown = ndimage.binary_dilation(reached, structure) & floor.free
         front, reached, travelled = grown & ~reached, reached | grown, travelled + floor.resolution
@@ -87,11 +88,11 @@ def distances(floor: Floor, row: int, col: int) -> NDArray[np.float64]:
 
 
 def route(steps: NDArray[np.float64], row: int, col: int) -> list[tuple[int, int]]:
-    """Returns the cells of a shortest way from the source of ``steps`` to (row, col), both included.
+    """Returns the cells of a shortest path from the source of ``steps`` to (row, col), both included.
 
     Args:
-        steps: what ``distances`` returned.
-        row: row of a cell that can be reached.
+        steps: result of ``distances``.
+        row: row of a reachable cell.
         col: its column.
     """
     cells = [(row, col)]

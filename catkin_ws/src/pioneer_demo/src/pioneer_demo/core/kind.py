@@ -1,11 +1,11 @@
-"""Which part of the system a process belongs to, by its command line."""
+"""Classifies processes by their command line."""
 
 import os
 from collections.abc import Sequence
 
 OTHER = "other"
 COMMAND = "start-up commands"
-"""What runs for a moment only: flips, xacro, rosrun and what they call."""
+"""Short-lived processes: flips, xacro, rosrun and their children."""
 
 _BY_NAME = {
     "gazebo": "simulator",
@@ -37,7 +37,7 @@ _BY_NAME = {
 
 
 def kind(argv: Sequence[str]) -> str:
-    """Returns the part of the system that a command line belongs to; ``other`` where nothing is known of it."""
+    """Returns the part of the system that a command line belongs to; ``other`` if unknown."""
     for name in _names(argv):
         if name in _BY_NAME:
             return _BY_NAME[name]
@@ -45,7 +45,7 @@ def kind(argv: Sequence[str]) -> str:
 
 
 def _names(argv: Sequence[str]) -> list[str]:
-    """Returns the names a process goes by: as a ROS node, as a script, as a program (redis rewrites its first word)."""
+    """Returns a process's names as ROS node, script and program (Redis rewrites its first argument)."""
     node = [word.removeprefix("__name:=") for word in argv if word.startswith("__name:=")]
     scripts = [os.path.basename(word) for word in argv[1:2] if not word.startswith("-")]
     scripts += argv[2:3] if list(argv[1:2]) == ["-m"] else []

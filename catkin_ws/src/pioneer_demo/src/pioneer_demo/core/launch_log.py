@@ -1,4 +1,4 @@
-"""What roslaunch logs about its nodes."""
+"""Parses roslaunch's log output about its nodes."""
 
 import dataclasses
 import re
@@ -18,18 +18,18 @@ class NodeDeath:
     """A node that died."""
 
     name: str  #: its full name without the leading slash
-    pid: int  #: its process number
-    status: int | None  #: exit status, minus the signal's number where one ended it; None where roslaunch knows none
-    log: str  #: pattern of its log files, empty where roslaunch names none
+    pid: int  #: its process id
+    status: int | None  #: exit status, negative signal number if a signal ended it; None if roslaunch reports none
+    log: str  #: glob pattern of its log files; empty if roslaunch names none
 
 
 def plain(text: str) -> str:
-    """Returns roslaunch's output without colours and window titles."""
+    """Returns roslaunch's output without escape codes for colours and window titles."""
     return _COLOUR.sub("", text)
 
 
 def node_deaths(text: str) -> list[NodeDeath]:
-    """Returns the deaths that a piece of roslaunch's output reports, in order."""
+    """Returns the node deaths reported in a piece of roslaunch's output, in order."""
     text = plain(text)
     deaths = []
     for match in _DIED.finditer(text):
@@ -40,5 +40,5 @@ def node_deaths(text: str) -> list[NodeDeath]:
 
 
 def restarted_nodes(text: str) -> list[str]:
-    """Returns the names of the nodes that a piece of roslaunch's output reports as being started again."""
+    """Returns the names of the nodes reported as respawned in a piece of roslaunch's output."""
     return [match["name"] for match in _RESTART.finditer(plain(text))]

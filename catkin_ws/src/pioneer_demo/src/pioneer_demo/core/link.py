@@ -1,20 +1,20 @@
-"""The way of packets over a link that is slow, late or lossy."""
+"""Models a network link with limited rate, delay and packet loss."""
 
 import collections
 import dataclasses
 import random
 
 _LONGEST_QUEUE = 1.0
-"""A packet that would wait longer for those before it [s] is dropped."""
+"""Maximum queueing delay [s]; packets that would wait longer are dropped."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Condition:
-    """What a link does to each packet, in each direction."""
+    """Condition of a link, applied in each direction."""
 
-    loss: float = 0.0  #: share of packets that are lost
+    loss: float = 0.0  #: fraction of packets lost
     delay: float = 0.0  #: of each packet [s]
-    rate: float = 0.0  #: of all packets [bit/s]; 0 for any
+    rate: float = 0.0  #: maximum total rate [bit/s]; 0 for no limit
 
     def __str__(self) -> str:
         parts = [(self.loss, f"{100 * self.loss:g} % loss"), (self.delay, f"{self.delay:g} s delay")]
@@ -22,7 +22,7 @@ class Condition:
 
 
 class Direction:
-    """Packets that are on their way in one direction."""
+    """One direction of a link, with the packets in transit."""
 
     def __init__(self, seed: int) -> None:
         self.condition = Condition()
@@ -32,11 +32,11 @@ class Direction:
 
     @property
     def due(self) -> float | None:
-        """When the next packet arrives [s]; None for none."""
+        """Arrival time of the next packet [s]; None if there is none."""
         return self._under_way[0][0] if self._under_way else None
 
     def send(self, now: float, packet: bytes) -> None:
-        """Takes a packet in at a time [s]; packets keep their order."""
+        """Sends a packet at time ``now`` [s]; packets keep their order."""
         condition = self.condition
         if self._random.random() < condition.loss or self._free - now > _LONGEST_QUEUE:
             return
@@ -45,7 +45,7 @@ class Direction:
         self._under_way.append((max(due, self._under_way[-1][0]) if self._under_way else due, packet))
 
     def arrived(self, now: float) -> list[bytes]:
-        """Returns the packets that have arrived by a time [s], and forgets them."""
+        """Removes and returns the packets that have arrived by time ``now`` [s]."""
         packets = []
         while self._under_way and self._under_way[0][0] <= now:
             packets.append(self._under_way.popleft()[1])

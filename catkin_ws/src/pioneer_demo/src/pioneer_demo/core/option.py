@@ -1,4 +1,4 @@
-"""The command lines of ``./pioneer fleet`` and ``./pioneer demo``."""
+"""Command lines of ``./pioneer fleet``, ``./pioneer demo`` and ``./pioneer run-scenario``."""
 
 import argparse
 import dataclasses
@@ -12,50 +12,50 @@ from pioneer_demo.core.scenario import Fault, Goal, Scenario, Success
 from pioneer_node.core.fleet_file import RobotEntry
 
 OBSERVER = "fleet_observer"
-"""The node that watches the fleet, and its ring in lockstep."""
+"""Name of the node that observes the fleet, and of its ring in lockstep."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FleetConfig:
-    """What a fleet is to be."""
+    """Configuration of a fleet."""
 
-    robots: int = 2  #: how many
-    #: name of a world of pioneer_gazebo, or path of a .world file whose map has been drawn beside it
+    robots: int = 2  #: number of robots
+    #: name of a world of pioneer_gazebo, or path of a .world file with its map beside it
     world: str = "closed_maze"
-    seed: int = 1  #: of the simulator's sensor noise and the filters, and of a demo's waypoints
-    real_time_factor: float = 1.0  #: wanted; 0 is as fast as the machine can
-    processors: float = 0.0  #: how many the factor was chosen for; 0 where it was given
-    log: Path = Path("fleet-log")  #: directory for what every process logs
-    fleet: Path | None = None  #: file that describes the robots; None for Pioneers
+    seed: int = 1  #: seed of the simulator's sensor noise, the particle filters and a demo's waypoints
+    real_time_factor: float = 1.0  #: target factor; 0 means as fast as possible
+    processors: float = 0.0  #: number of processors the factor was chosen for; 0 if it was given
+    log: Path = Path("fleet-log")  #: directory for the logs of all processes
+    fleet: Path | None = None  #: fleet file that describes the robots; None for Pioneers
     names: tuple[str, ...] = ("pioneer1", "pioneer2")  #: the robots' names, in order
-    traffic: bool = False  #: whether the robots keep the right of way with one another
-    record: Path | None = None  #: file that the topics of all masters are recorded in; None for none
-    web: bool = False  #: whether the fleet page is served
-    token: str = ""  #: the secret by which a browser gets in there
+    traffic: bool = False  #: whether the robots coordinate right of way
+    record: Path | None = None  #: file for a recording of all masters' topics; None for none
+    web: bool = False  #: whether to serve the web dashboard
+    token: str = ""  #: login token of the dashboard
     entries: tuple[RobotEntry, ...] = ()  #: the robots of a scenario; written as the fleet file
-    #: of nodes, by names in a robot's namespace, or ``/gazebo/NAME``
+    #: node parameters, by name in each robot's namespace or as ``/gazebo/NAME``
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    programs: tuple[str, ...] = ()  #: command lines that also run on each robot's computer; ``{robot}`` is its name
-    lockstep: bool = False  #: whether simulated time waits for the robots' nodes in each period; the factor is 0 then
+    programs: tuple[str, ...] = ()  #: extra command lines to run on each robot's computer; ``{robot}`` is its name
+    lockstep: bool = False  #: whether simulated time waits for the robots' nodes in each period; implies factor 0
 
     @property
     def choice(self) -> str:
-        """One line on a factor that was chosen and is not that of real time; empty otherwise."""
+        """One line about an automatically chosen factor below 1; empty otherwise."""
         if not self.processors or self.real_time_factor >= 1.0:
             return ""
         return (
-            f"Real-time factor {self.real_time_factor:g}: {self.processors:g} processors carry no more with "
+            f"Real-time factor {self.real_time_factor:g}: {self.processors:g} processors sustain no more with "
             f"{self.robots} robots (--rtf R sets another)"
         )
 
     @property
     def restarts_nodes(self) -> bool:
-        """Whether a node may die that its launch file starts again; a demo reports that as a fault."""
+        """Whether launch files may respawn dead nodes; a demo reports a node's death as a fault."""
         return True
 
     @property
     def rings(self) -> tuple[str, ...]:
-        """The rings that lockstep waits for, where they are not the robots' alone."""
+        """The rings that lockstep waits for; empty for the robots' rings only."""
         return ()
 
     @property
@@ -65,7 +65,7 @@ class FleetConfig:
 
     @property
     def is_own_world(self) -> bool:
-        """Whether the world is given by the path of a file."""
+        """Whether the world is given as a file path."""
         return _is_path(self.world)
 
     @property
@@ -75,27 +75,27 @@ class FleetConfig:
 
     @property
     def outputs(self) -> tuple[tuple[str, Path], ...]:
-        """The folders that are written, by their options."""
+        """The output folders, with their options."""
         return (("--log", self.log),)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DemoConfig(FleetConfig):
-    """What a demo is to do."""
+    """Configuration of a demo."""
 
-    waypoints: int = 3  #: a robot
-    report: Path = Path("demo-report")  #: directory for report.json and fleet.png; the logs are in it
+    waypoints: int = 3  #: waypoints per robot
+    report: Path = Path("demo-report")  #: directory for report.json, fleet.png and the logs
     log: Path = Path("demo-report/log")
-    limit: float = 0.0  #: simulated time after which the fleet counts as stuck [s]; 0 is in proportion to the way
-    video: Path | None = None  #: where a film of the run goes; None for none
-    goals: tuple[tuple[Goal, ...], ...] = ()  #: of each robot; empty for random waypoints
-    faults: tuple[Fault, ...] = ()  #: what goes wrong on purpose
-    success: Success = dataclasses.field(default_factory=Success)  #: what the run must reach
-    scenario: Path | None = None  #: file that all this is from; None for the command line
+    limit: float = 0.0  #: simulated time after which the fleet counts as stuck [s]; 0: proportional to the route length
+    video: Path | None = None  #: video file; None for none
+    goals: tuple[tuple[Goal, ...], ...] = ()  #: goals of each robot; empty for random waypoints
+    faults: tuple[Fault, ...] = ()  #: faults to inject
+    success: Success = dataclasses.field(default_factory=Success)  #: success criteria
+    scenario: Path | None = None  #: scenario file; None if configured on the command line
 
     @property
     def rings(self) -> tuple[str, ...]:
-        """The rings that lockstep waits for, where they are not the robots' alone."""
+        """The rings that lockstep waits for; empty for the robots' rings only."""
         return (OBSERVER, *self.names) if self.lockstep else ()
 
     @property
@@ -105,12 +105,12 @@ class DemoConfig(FleetConfig):
 
     @property
     def restarts_nodes(self) -> bool:
-        """Whether a node may die that its launch file starts again."""
+        """Whether launch files may respawn dead nodes."""
         return False
 
     @property
     def outputs(self) -> tuple[tuple[str, Path], ...]:
-        """The folders that are written, by their options."""
+        """The output folders, with their options."""
         return (("--report", self.report),)
 
 
@@ -123,7 +123,7 @@ def _map_name(world: str) -> str:
 
 
 class Parser(argparse.ArgumentParser):
-    """Raises what is wrong as `OptionError`."""
+    """Argument parser that raises errors as `OptionError`."""
 
     def error(self, message: str) -> NoReturn:
         """Raises `OptionError`."""
@@ -132,14 +132,14 @@ class Parser(argparse.ArgumentParser):
 
 @dataclasses.dataclass(frozen=True)
 class Machine:
-    """What the options depend on."""
+    """Facts about this machine and workspace that the options depend on."""
 
-    #: for each world of pioneer_gazebo that has a map, how many robots have an initial pose in it
+    #: number of initial poses in each world of pioneer_gazebo that has a map
     places: Mapping[str, int]
-    places_elsewhere: int  #: how many have one in any other world
-    processors: float  #: how many there are, by which the real-time factor is chosen unless the options do
+    places_elsewhere: int  #: number of initial poses in any other world
+    processors: float  #: number of processors, which determines the default real-time factor
     names_of: Callable[[Path], Sequence[str]] = lambda _: ()  #: returns the names of the robots in a fleet file
-    #: returns what a scenario's file says; raises OptionError where it is wrong
+    #: reads a scenario's file; raises OptionError if it is invalid
     scenario_of: Callable[[Path], Scenario] = lambda _: Scenario()
 
 
@@ -156,12 +156,12 @@ def demo_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
 
 
 def fleet_config(arguments: Sequence[str], machine: Machine) -> FleetConfig:
-    """The same for ``./pioneer fleet``."""
+    """Returns the configuration of ``./pioneer fleet``; see `demo_config`."""
     return FleetConfig(**_chosen(vars(_fleet_parser(list(machine.places)).parse_args(arguments)), machine))
 
 
 def scenario_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
-    """The same for ``./pioneer run-scenario``: what its file says, but for what the options say otherwise."""
+    """Returns the configuration of ``./pioneer run-scenario``: options override the scenario file."""
     given = vars(_scenario_parser().parse_args(arguments))
     file, log = given.pop("scenario"), given["report"] / "log"
     said = machine.scenario_of(file)
@@ -189,11 +189,11 @@ _OVERRIDDEN = ("seed", "real_time_factor")
 
 
 CONFIGS = {"demo": demo_config, "fleet": fleet_config, "run-scenario": scenario_config}
-"""Each command's configuration, from its arguments."""
+"""Configuration function of each command."""
 
 
 def _chosen(values: dict[str, Any], machine: Machine) -> dict[str, Any]:
-    """Returns checked values with a real-time factor: the one given, else what the processors carry."""
+    """Returns the checked values; a missing real-time factor is chosen by the number of processors."""
     _check(values)
     count, file = values["robots"], values["fleet"]
     if file is None:
@@ -218,13 +218,13 @@ def check_fleet(robots: int, world: str, places: Mapping[str, int], places_elsew
     """Checks that a world is known and has a place for each robot.
 
     Args:
-        robots: how many.
+        robots: number of robots.
         world: its name, or the path of its file.
-        places: for each world that has a name, how many robots have an initial pose in it.
-        places_elsewhere: how many have one in a world that is given by its file; None where no file is accepted.
+        places: number of initial poses in each named world.
+        places_elsewhere: number of initial poses in a world given by its file; None if files are not accepted.
 
     Raises:
-        OptionError: it is unknown, or has too few.
+        OptionError: the world is unknown or has too few initial poses.
     """
     if world not in places and (places_elsewhere is None or not _is_path(world)):
         file = "" if places_elsewhere is None else ", or a .world file"
@@ -264,7 +264,7 @@ def _check_demo(config: DemoConfig) -> None:
 
 
 def _parser(prog: str, description: str, epilog: str, worlds: Sequence[str]) -> Parser:
-    """Returns a parser of the options that every fleet has."""
+    """Returns a parser with the options common to all fleets."""
     default = FleetConfig()
     parser = Parser(
         prog=prog,
@@ -282,7 +282,7 @@ def _parser(prog: str, description: str, epilog: str, worlds: Sequence[str]) -> 
         help="of sensor noise, filters and a demo's waypoints (default %(default)s)")  # fmt: skip
     add("--rtf", dest="real_time_factor", type=float, metavar="R",
         help="real-time factor to hold, 0 = as fast as possible (default: 1, or less where that is more than the "
-        "processors carry)")  # fmt: skip
+        "processors sustain)")  # fmt: skip
     add("--lockstep", action="store_true",
         help="time waits for every robot's nodes: as fast as the machine can, and the same run for the same seed "
         "(docs/lockstep.md)")  # fmt: skip
@@ -335,7 +335,7 @@ def _scenario_parser() -> Parser:
 
 
 def _add_outputs(parser: Parser) -> None:
-    """Adds what a run leaves."""
+    """Adds the options for a run's outputs."""
     add = parser.add_argument
     add("--report", type=Path, default=DemoConfig().report, metavar="DIR",
         help="numbers, picture, logs (default %(default)s)")  # fmt: skip

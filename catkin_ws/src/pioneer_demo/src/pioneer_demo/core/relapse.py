@@ -1,4 +1,4 @@
-"""Nodes that die again as often as they are started."""
+"""Detects nodes that keep dying after each respawn."""
 
 import dataclasses
 from collections import deque
@@ -18,19 +18,19 @@ class _History:
 
 
 class Relapses:
-    """Tells a node that died once from one that keeps dying: three deaths in a minute. Times are monotonic [s]."""
+    """Distinguishes single deaths of nodes from repeated ones: three deaths in a minute. Times are monotonic [s]."""
 
     def __init__(self) -> None:
         self._nodes: dict[Hashable, _History] = {}
 
     def died(self, key: Hashable, name: str, reason: str, now: float) -> bool:
-        """Notes a death; returns whether the node keeps dying as of this one.
+        """Records a death; returns whether the node counts as dying repeatedly from this death on.
 
         Args:
-            key: what tells the node from those of its name on other masters.
-            name: for people.
-            reason: how and why it died, a line.
-            now: the time.
+            key: identifies the node among nodes of the same name on other masters.
+            name: name for messages.
+            reason: one line about how and why it died.
+            now: the current time.
         """
         node = self._nodes.setdefault(key, _History(name))
         node.times.append(now)
@@ -43,7 +43,7 @@ class Relapses:
         return key in self._nodes and self._nodes[key].fails
 
     def recovered(self, now: float) -> list[str]:
-        """Forgets nodes that have lived for a minute; returns a line for each of them that kept dying."""
+        """Forgets nodes that have run for a minute; returns a line for each of them that had kept dying."""
         well = {key: node for key, node in self._nodes.items() if now - node.times[-1] > _WINDOW}
         for key in well:
             del self._nodes[key]

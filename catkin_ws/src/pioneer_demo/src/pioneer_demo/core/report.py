@@ -1,4 +1,4 @@
-"""What a demo leaves: the numbers, and the table of them."""
+"""A demo's report: its numbers and their table."""
 
 import dataclasses
 import math
@@ -18,17 +18,17 @@ FORMAT = 1
 class Outcome:
     """How the demo ended."""
 
-    success: bool  #: every waypoint reached, no collision, every process ended when asked to
-    faults: list[str]  #: what was not so, a line each
-    milestones: Mapping[str, float]  #: seconds of wall time since the command was typed, in the order they came
-    seconds_to_moving: float  #: the same for the moment when the last robot had begun to move; nan if one never did
-    drive_wall: float  #: wall time [s] between sending the waypoints and the end
+    success: bool  #: whether all criteria were met and every process ended when asked to
+    faults: list[str]  #: failed criteria, one line each
+    milestones: Mapping[str, float]  #: wall time since the command was entered [s], in chronological order
+    seconds_to_moving: float  #: the same for the moment when the last robot started to move; nan if one never moved
+    drive_wall: float  #: wall time from sending the waypoints to the end [s]
     drive_cpu: float  #: CPU time [s] of all processes in that time
-    costs: Mapping[str, Cost]  #: by kind of process, start-up included
+    costs: Mapping[str, Cost]  #: by kind of process, including start-up
 
 
 def report(fleet: Fleet, outcome: Outcome, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the numbers as they stand in ``report.json``; what is unknown is None. Units: SI."""
+    """Returns the content of ``report.json``; unknown values are None. SI units."""
     drive = fleet.ended - fleet.began
     return _without_nan(
         {
@@ -57,7 +57,7 @@ def report(fleet: Fleet, outcome: Outcome, settings: Mapping[str, Any]) -> dict[
 
 
 def reproducible(numbers: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Returns what of a ``report`` a run in lockstep decides, and what the machine does: time, processes, ports."""
+    """Splits a lockstep run's ``report`` into reproducible and machine-dependent values (time, processes, ports)."""
     machine: dict[str, Any] = {name: numbers[name] for name in ("seconds_to_moving", "start_up", "processes")}
     rest = {name: value for name, value in numbers.items() if name not in machine}
     rest["settings"] = {name: value for name, value in numbers["settings"].items() if name != "ports"}
@@ -66,7 +66,7 @@ def reproducible(numbers: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, 
 
 
 def table(numbers: Mapping[str, Any]) -> str:
-    """Returns the closing table of what ``report`` returned."""
+    """Returns the closing table for a ``report``."""
     return "\n".join([_robot_table(numbers["robots"]), "", _drive_line(numbers), "", _cost_table(numbers["processes"])])
 
 
@@ -136,7 +136,7 @@ def _cost_table(processes: Mapping[str, Any]) -> str:
 
 
 def columns(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
-    """Returns a table: the first column to the left, the others to the right."""
+    """Returns a table as text: first column left-aligned, the others right-aligned."""
     widths = [max(len(row[index]) for row in [head, *rows]) for index in range(len(head))]
     return "\n".join(
         "  ".join(f"{cell:<{width}}" if not index else f"{cell:>{width}}" for index, (cell, width) in cells).rstrip()
@@ -145,7 +145,7 @@ def columns(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
 
 
 def verdict_line(numbers: Mapping[str, Any]) -> str:
-    """Returns the one sentence that the demo ends with."""
+    """Returns the final sentence of the demo."""
     if not numbers["success"]:
         return "Failed: " + "; ".join(numbers["faults"])
     robots = numbers["robots"].values()
@@ -160,7 +160,7 @@ def _number(value: float | None, digits: int) -> str:
 
 
 def _without_nan(value: Any) -> Any:
-    """Returns ``value`` with every nan replaced by None: JSON has no nan."""
+    """Returns ``value`` with every nan replaced by None, because JSON has no nan."""
     if isinstance(value, dict):
         return {key: _without_nan(entry) for key, entry in value.items()}
     if isinstance(value, list):

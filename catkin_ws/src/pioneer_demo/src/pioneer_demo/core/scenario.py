@@ -1,4 +1,4 @@
-"""A scenario: what one file says of a run. Its README section lists the fields."""
+"""A scenario: the description of a run in one file. The package's README lists the fields."""
 
 import dataclasses
 import math
@@ -10,43 +10,43 @@ from pioneer_node.core.document import DocumentError, nearest
 from pioneer_node.core.fleet_file import RobotEntry, check_robots
 
 HUB, BASE = "hub", "base station"
-"""What faults call the hub's computer, and the gateway of the base station, beside the robots' names."""
+"""Names in faults for the hub's computer and the base station's gateway, in addition to robot names."""
 
 Goal = tuple[float, ...]
-"""x, y [m] in ``map`` and a heading [degrees]; without one the robot arrives as it comes."""
+"""x, y [m] in ``map`` and an optional heading [degrees]; without it the heading is that of the approach."""
 
 
 @dataclasses.dataclass(frozen=True)
 class ScenarioRobot(RobotEntry):
-    """One robot: as in a fleet file, and where it is sent; without goals, to random waypoints."""
+    """One robot, as in a fleet file, plus its goals; without goals it gets random waypoints."""
 
     goals: tuple[Goal, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Fault:
-    """One disturbance; exactly one of the first six fields after ``at`` is given."""
+    """One injected fault; exactly one of kill, freeze, blind, move, door and link is given."""
 
     at: float = 0.0  #: simulated time since the waypoints were sent [s]
-    kill: str = ""  #: a robot, or ``hub``: all processes of its computer are killed, and started again after ``lasts``
-    #: a robot, or ``base station``: its gateway gets no processor, so that nothing crosses, for ``lasts``
+    kill: str = ""  #: a robot, or ``hub``: kills all processes of its computer, restarts them after ``lasts``
+    #: a robot, or ``base station``: suspends its gateway for ``lasts``, so that it forwards nothing
     freeze: str = ""
-    blind: str = ""  #: a robot whose scans do not reach its computer for ``lasts``
-    move: str = ""  #: a robot that is put ``to`` another place
-    #: a wall that stands for ``lasts``: middle x, y [m], direction [degrees] and length [m]
+    blind: str = ""  #: a robot: its scans do not reach its computer for ``lasts``
+    move: str = ""  #: a robot: moves it ``to`` another pose
+    #: a wall that exists for ``lasts``: centre x, y [m], direction [degrees] and length [m]
     door: tuple[float, ...] = ()
-    #: a robot whose computer's packets have ``loss``, ``delay`` and ``rate`` for ``lasts``, in each direction
+    #: a robot: applies ``loss``, ``delay`` and ``rate`` to its computer's link for ``lasts``, in each direction
     link: str = ""
     to: tuple[float, ...] = ()  #: x, y [m], heading [degrees]
-    loss: float = 0.0  #: share of packets that are lost; 1 cuts the link
+    loss: float = 0.0  #: fraction of packets lost; 1 cuts the link
     delay: float = 0.0  #: of each packet, in wall time [s]
-    rate: float = 0.0  #: of all packets, in wall time [bit/s]; 0 for any
-    lasts: float = 0.0  #: simulated time [s]
-    every: float = 0.0  #: the fault is repeated after this simulated time [s] …
-    times: int = 1  #: … so often in all
+    rate: float = 0.0  #: maximum total rate, in wall time [bit/s]; 0 for no limit
+    lasts: float = 0.0  #: duration [s of simulated time]
+    every: float = 0.0  #: repetition period [s of simulated time]
+    times: int = 1  #: total number of occurrences
 
     def __post_init__(self) -> None:
-        """Refuses what cannot be done."""
+        """Validates the fields."""
         kinds = [name for name in ("kill", "freeze", "blind", "move", "door", "link") if getattr(self, name)]
         if len(kinds) != 1:
             raise DocumentError(
@@ -56,7 +56,7 @@ class Fault:
         if len(self.door) not in (0, 4):
             raise DocumentError(f"a door is [x, y, degrees, length], not {list(self.door)}", "door")
         if len(self.to) != (3 if self.move else 0):
-            raise DocumentError("'move' needs 'to: [x, y, degrees]', and nothing else has it", "to")
+            raise DocumentError("'move' needs 'to: [x, y, degrees]'; no other fault takes 'to'", "to")
         if not self.move and self.lasts <= 0.0:
             raise DocumentError(f"lasts must be above 0 s, not {self.lasts:g}", "lasts")
         if self.at < 0.0:
@@ -74,12 +74,12 @@ class Fault:
 
     @property
     def condition(self) -> Condition:
-        """What the fault does to the link's packets."""
+        """The condition that the fault imposes on the link."""
         return Condition(self.loss, self.delay, self.rate)
 
     @property
     def whom(self) -> str:
-        """The robot, or what else it strikes; empty for a door."""
+        """The affected robot, ``hub`` or ``base station``; empty for a door."""
         return self.kill or self.freeze or self.blind or self.move or self.link
 
     def __str__(self) -> str:
@@ -96,44 +96,44 @@ class Fault:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Success:
-    """What a run must reach."""
+    """Success criteria of a run."""
 
-    reached: float = 1.0  #: share of each robot's waypoints
-    collisions: int = 0  #: of each robot, at most
-    seconds: float | None = None  #: simulated time until all are done, at most; None for any
-    localisation_error: float | None = None  #: 95th percentile of each robot's [m], at most; None for any
-    closest_approach: float = 0.0  #: distance between the middles of any two robots [m], at least
+    reached: float = 1.0  #: minimum fraction of waypoints reached by each robot
+    collisions: int = 0  #: maximum per robot
+    seconds: float | None = None  #: maximum simulated time until all robots are done; None for no limit
+    localisation_error: float | None = None  #: maximum 95th percentile for each robot [m]; None for no limit
+    closest_approach: float = 0.0  #: minimum centre distance of any two robots [m]
 
     def __post_init__(self) -> None:
-        """Refuses what cannot be reached."""
+        """Validates the fields."""
         if not 0.0 <= self.reached <= 1.0:
             raise DocumentError(f"reached is a share of the waypoints, 0 to 1, not {self.reached:g}", "reached")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """One run."""
+    """Description of one run."""
 
-    about: str = ""  #: what it shows, in a sentence
+    about: str = ""  #: its purpose, in a sentence
     world: str = "closed_maze"  #: name of a world, or a ``.world`` file with its map beside it
-    robots: int | tuple[ScenarioRobot, ...] = 2  #: how many Pioneers, at the world's initial poses; or a list of robots
-    waypoints: int = 3  #: random ones of each robot that has no goals of its own
-    rounds: int = 1  #: how often a robot with goals drives them
-    seed: int = 1  #: of waypoints, sensors' noise and filters
-    #: simulated seconds a second; 0 is as fast as possible; None what the processors carry
+    robots: int | tuple[ScenarioRobot, ...] = 2  #: number of Pioneers at the world's initial poses, or a list of robots
+    waypoints: int = 3  #: random waypoints of each robot without goals
+    rounds: int = 1  #: how many times a robot visits its goals
+    seed: int = 1  #: seed of waypoints, sensor noise and particle filters
+    #: real-time factor; 0 means as fast as possible; None chooses it by the number of processors
     real_time_factor: float | None = None
-    traffic: bool = False  #: whether robots keep the right of way with one another
+    traffic: bool = False  #: whether the robots coordinate right of way
     lockstep: bool = False  #: whether simulated time waits for the robots' nodes in each period
-    navigation: str = ""  #: YAML file of move_base parameters, for robots that have none of their own; empty for none
-    #: of nodes, by names in each robot's namespace (``amcl/min_particles``), or ``/gazebo/NAME``
+    navigation: str = ""  #: YAML file of move_base parameters for robots without their own; empty for none
+    #: node parameters, by name in each robot's namespace (``amcl/min_particles``) or as ``/gazebo/NAME``
     parameters: dict[str, Any] = dataclasses.field(default_factory=dict)
-    programs: tuple[str, ...] = ()  #: command lines that also run on each robot's computer; ``{robot}`` is its name
-    faults: tuple[Fault, ...] = ()  #: what goes wrong
-    success: Success = dataclasses.field(default_factory=Success)  #: what the run must reach
-    limit: float = 0.0  #: simulated time after which it counts as stuck [s]; 0 is in proportion to the way
+    programs: tuple[str, ...] = ()  #: extra command lines to run on each robot's computer; ``{robot}`` is its name
+    faults: tuple[Fault, ...] = ()  #: faults to inject
+    success: Success = dataclasses.field(default_factory=Success)  #: success criteria
+    limit: float = 0.0  #: simulated time after which it counts as stuck [s]; 0: proportional to the route length
 
     def __post_init__(self) -> None:
-        """Checks what depends on more than one field; names robots that have no name."""
+        """Validates fields that depend on each other; assigns default names to unnamed robots."""
         if not isinstance(self.robots, int):
             object.__setattr__(self, "robots", _named(self.robots))
         if not 1 <= self.rounds <= 1000:
@@ -145,7 +145,7 @@ class Scenario:
                 raise DocumentError(f"unknown robot '{fault.whom}'; {nearest(fault.whom, known)}", "faults", number)
         for name in self.parameters:
             if name.startswith("/") and not name.startswith("/gazebo/"):
-                raise DocumentError(f"{name} is no parameter of a robot's node, nor of /gazebo", "parameters", name)
+                raise DocumentError(f"{name} is not a parameter of a robot's node or of /gazebo", "parameters", name)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -156,14 +156,14 @@ class Scenario:
 
     @property
     def entries(self) -> tuple[RobotEntry, ...]:
-        """The robots as a fleet file has them; none where they are the world's Pioneers."""
+        """The robots as fleet file entries; empty for plain Pioneers at the world's initial poses."""
         if isinstance(self.robots, int):
             return tuple(RobotEntry(name, navigation=self.navigation) for name in self.names if self.navigation)
         return tuple(dataclasses.replace(one, navigation=one.navigation or self.navigation) for one in self.robots)
 
     @property
     def goals(self) -> tuple[tuple[Goal, ...], ...]:
-        """Each robot's goals, all rounds; empty for random waypoints."""
+        """Each robot's goals for all rounds; empty for random waypoints."""
         robots: Sequence[Any] = [()] * self.robots if isinstance(self.robots, int) else self.robots
         return tuple(robot.goals * self.rounds if robot else () for robot in robots)
 

@@ -1,4 +1,4 @@
-"""What ``./pioneer status`` shows of a fleet that runs as processes of this machine."""
+"""Status of a fleet on this machine, for ``./pioneer status``."""
 
 import math
 from pathlib import Path
@@ -14,14 +14,14 @@ from pioneer_demo.core.view import state_word
 def fleet_status(
     fleet: Fleet, config: FleetConfig, ports: Ports, phase: str, faults: list[str], now: float
 ) -> dict[str, Any]:
-    """Returns the state of a fleet for ``json.dumps``. SI units; null for unknown.
+    """Returns a fleet's status for ``json.dumps``. SI units; null for unknown.
 
     Args:
-        fleet: what is known of it.
-        config: what it was asked to be.
-        ports: where it listens.
-        phase: what it does, in words.
-        faults: what is wrong with it, a line each.
+        fleet: its state.
+        config: its configuration.
+        ports: its TCP ports.
+        phase: description of its current phase.
+        faults: its faults, one line each.
         now: monotonic time [s].
     """
     masters = zip((robot.name for robot in fleet.robots), ports.robot_masters, strict=True)

@@ -1,4 +1,4 @@
-"""A study: variants of a scenario, each run with the same seeds, and one row of figures a run."""
+"""A study: variants of a scenario, each run with the same seeds, and one row of metrics per run."""
 
 import dataclasses
 import statistics
@@ -18,25 +18,25 @@ METRICS = {
     "messages": "messages between base station and robots",
     "bytes": "bytes of these messages",
 }
-"""What is compared beside success, with what it is."""
+"""Metrics compared in addition to success, with their descriptions."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Study:
-    """A study's file."""
+    """Content of a study's file."""
 
     scenario: str  #: name of a shipped scenario, or a file
-    about: str = ""  #: what it is to find out
-    #: by name, what each changes in the scenario; the first is what the others are compared with
+    about: str = ""  #: the question it answers
+    #: changes to the scenario by variant name; the first variant is the baseline
     variants: dict[str, dict[str, Any]] = dataclasses.field(default_factory=lambda: {"as it is": {}})
-    runs: int = 10  #: of each variant, with seeds from ``first_seed`` on
-    first_seed: int = 1  #: of the first run of each variant
-    #: command line in place of ``run-scenario``; it gets ``FILE --seed S --report DIR`` and writes DIR/report.json as
-    #: the demo does
+    runs: int = 10  #: runs per variant, with seeds from ``first_seed`` on
+    first_seed: int = 1  #: seed of each variant's first run
+    #: command line that replaces ``run-scenario``; it gets ``FILE --seed S --report DIR`` and writes DIR/report.json
+    #: in the demo's format
     program: str = ""
 
     def __post_init__(self) -> None:
-        """Refuses what cannot be run."""
+        """Validates the fields."""
         if not 1 <= self.runs <= 100_000:
             raise DocumentError(f"runs must be 1 to 100000, not {self.runs}", "runs")
         if not self.variants:
@@ -46,7 +46,7 @@ class Study:
                 raise DocumentError(f"a variant's name has letters, digits, blanks, - and _, not {name!r}", "variants")
 
     def all_runs(self) -> list["Run"]:
-        """Returns all runs, seed by seed, so that a study that ends early still compares what it has."""
+        """Returns all runs, seed by seed, so that an unfinished study can still compare variants."""
         seeds = range(self.first_seed, self.first_seed + self.runs)
         return [Run(variant, seed) for seed in seeds for variant in self.variants]
 
@@ -60,12 +60,12 @@ class Run:
 
     @property
     def name(self) -> str:
-        """Of its file, without suffix."""
+        """Name of its file, without suffix."""
         return f"{self.variant.replace(' ', '_')}-{self.seed}"
 
 
 def merged(content: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the content with a variant's changes: mappings are merged, everything else is replaced."""
+    """Returns the content with a variant's changes applied: mappings are merged, other values replaced."""
     inner = {
         name: merged(content[name], value)
         for name, value in change.items()
@@ -75,12 +75,12 @@ def merged(content: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, A
 
 
 def row_of(run: Run, report: Mapping[str, Any], wall: float) -> dict[str, Any]:
-    """Returns a run's figures, from what the demo reports; what is unknown is None.
+    """Returns a run's row of metrics from the demo's report; unknown values are None.
 
     Args:
-        run: which.
+        run: the run.
         report: the content of ``report.json``.
-        wall: how long it took [s].
+        wall: its wall time [s].
     """
     robots, drive = list(report.get("robots", {}).values()), report.get("drive", {})
     seconds = _known(robot.get("seconds") for robot in robots)

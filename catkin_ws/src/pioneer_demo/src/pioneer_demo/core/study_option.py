@@ -1,4 +1,4 @@
-"""The command line of ``./pioneer experiment``."""
+"""Command line of ``./pioneer experiment``."""
 
 import argparse
 import dataclasses
@@ -9,19 +9,19 @@ from pioneer_demo.core.error import OptionError
 from pioneer_demo.core.option import Machine, Parser
 
 MOST_JOBS = 1000
-"""Workers of one machine: each holds a fleet."""
+"""Maximum number of workers on one machine; each runs a fleet."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ExperimentConfig:
-    """What an experiment is to do."""
+    """Configuration of an experiment."""
 
-    study: Path  #: its file
-    runs: int = 0  #: of each variant; 0 for what the file says
+    study: Path  #: the study's file
+    runs: int = 0  #: runs per variant; 0 for the file's value
     jobs: int = 1  #: workers on this machine
-    scheduler: str = ""  #: address of a dask scheduler to use in their place; empty for none
+    scheduler: str = ""  #: address of a dask scheduler to use instead; empty for none
     output: Path  #: the study's folder
-    keep: bool = False  #: whether each run's own report and logs stay
+    keep: bool = False  #: whether to keep each run's report and logs
 
 
 def experiment_config(arguments: Sequence[str], machine: Machine) -> ExperimentConfig:

@@ -1,4 +1,4 @@
-"""What one robot did: its path, its waypoints, and its localisation error."""
+"""Record of one robot's run: path, waypoints and localisation error."""
 
 import bisect
 import collections
@@ -19,20 +19,20 @@ _ODOMETRY_KEPT = 400
 
 @dataclasses.dataclass
 class Visit:
-    """One waypoint as it went."""
+    """Progress of one waypoint."""
 
-    leg: Leg  #: where it is and the way the demo saw to it
-    planned: Points = dataclasses.field(default_factory=list)  #: the first plan of move_base towards it, in ``map``
-    reached: bool | None = None  #: None while under way, then whether it was reached
-    time: float = math.nan  #: simulated time of that [s]
-    distance: float = math.nan  #: true distance to the waypoint at that moment [m]
+    leg: Leg  #: its goal and the demo's route to it
+    planned: Points = dataclasses.field(default_factory=list)  #: move_base's first plan towards it, in ``map``
+    reached: bool | None = None  #: whether it was reached; None while pending
+    time: float = math.nan  #: simulated time when it was reached or given up [s]
+    distance: float = math.nan  #: true distance to the waypoint at that time [m]
 
 
 class RobotTrack:
     """Collects one robot's messages. Times are simulated seconds, positions in ``map``.
 
-    The localisation error is the distance between the true position and ``map → odom → base_link``, made of the
-    newest correction and the odometry at the very stamp of the true position, ten times a second.
+    The localisation error is the distance between the true position and ``map → odom → base_link``, composed of the
+    newest correction and the odometry interpolated at the stamp of the true position; evaluated ten times a second.
     """
 
     def __init__(self, name: str) -> None:
@@ -59,12 +59,12 @@ class RobotTrack:
 
     @property
     def start(self) -> tuple[float, float] | None:
-        """Where the robot was first seen."""
+        """The robot's first known position."""
         return self.driven[0] if self.driven else None
 
     @property
     def localised(self) -> bool:
-        """Whether a correction has arrived, so that the robot knows where it is in the map."""
+        """Whether a map → odom correction has arrived."""
         return self._correction is not None
 
     @property
@@ -74,12 +74,12 @@ class RobotTrack:
 
     @property
     def reached(self) -> int:
-        """How many waypoints were reached."""
+        """Number of waypoints reached."""
         return sum(visit.reached is True for visit in self.visits)
 
     @property
     def current(self) -> int:
-        """Index of the waypoint under way; the number of waypoints when there is none left."""
+        """Index of the current waypoint; the number of waypoints if none is left."""
         return sum(visit.reached is not None for visit in self.visits)
 
     @property
@@ -89,7 +89,7 @@ class RobotTrack:
 
     @property
     def distance_to_go(self) -> float:
-        """Way left to the current waypoint [m], along the plan where there is one; nan where unknown."""
+        """Remaining distance to the current waypoint [m], along the plan if there is one; nan if unknown."""
         if self.pose is None or self.current >= len(self.visits):
             return math.nan
         goal = self.visits[self.current].leg.goal
@@ -104,11 +104,11 @@ class RobotTrack:
         return float(np.mean(self.errors)), float(np.percentile(self.errors, 95)), max(self.errors)
 
     def assign(self, legs: list[Leg]) -> None:
-        """Notes the waypoints that the robot is sent, in order."""
+        """Sets the waypoints sent to the robot, in order."""
         self.visits = [Visit(leg) for leg in legs]
 
     def add_truth(self, stamp: float, pose: Pose) -> None:
-        """Takes in a true pose of ``base_link``; one that is older than the last is left out."""
+        """Adds a true pose of ``base_link``; ignores one older than the last."""
         if stamp < self._stamp:
             return
         self._stamp, self.pose = stamp, pose
@@ -120,17 +120,17 @@ class RobotTrack:
         self._judge()
 
     def add_odometry(self, stamp: float, pose: Pose) -> None:
-        """Takes in a transform odom → base_link."""
+        """Adds a transform odom → base_link."""
         if not self._odometry or stamp > self._odometry[-1][0]:
             self._odometry.append((stamp, pose))
             self._judge()
 
     def add_correction(self, pose: Pose) -> None:
-        """Takes in a transform map → odom."""
+        """Sets the newest transform map → odom."""
         self._correction = pose
 
     def add_plan(self, points: Points) -> None:
-        """Takes in a global plan; an empty one is left out."""
+        """Adds a global plan; ignores an empty one."""
         if points:
             self.plan = points
             if self.current < len(self.visits) and not self.visits[self.current].planned:
@@ -139,7 +139,7 @@ class RobotTrack:
                     self.visits[self.current].planned = points
 
     def add_queue(self, queue: Queue) -> None:
-        """Takes in the waypoint client's report and ends the visits that it reports as over."""
+        """Processes the waypoint client's report and closes the visits that it reports as reached or aborted."""
         before = self.queue or Queue(ClientState.IDLE, 0, 0, 0, "")
         self.monitor.queue = queue
         for _ in range(queue.aborted - before.aborted):
@@ -166,7 +166,7 @@ class RobotTrack:
             self.path_length += step
 
     def _judge(self) -> None:
-        """Turns true poses into errors once the odometry on both sides of their stamps is there."""
+        """Computes errors for true poses once odometry before and after their stamps is available."""
         while self._unjudged and self._odometry and self._unjudged[0][0] <= self._odometry[-1][0]:
             stamp, truth = self._unjudged.popleft()
             odometry = self._odometry_at(stamp)

@@ -1,18 +1,18 @@
-"""What crosses between the base station and the robots."""
+"""Counts network traffic between the base station and the robots."""
 
 import dataclasses
 
 
 @dataclasses.dataclass
 class Traffic:
-    """Messages and their bytes on the connections of the base station's gateway, since the last `restart`."""
+    """Message and byte counts on the base station's gateway connections since the last `restart`."""
 
-    messages: int = 0  #: in both directions; of a service, calls
-    bytes: int = 0  #: of the messages, before compression
+    messages: int = 0  #: in both directions; calls for services
+    bytes: int = 0  #: size of the messages before compression
     _seen: dict[str, tuple[int, int]] = dataclasses.field(default_factory=dict)
 
     def add(self, connection: str, messages: int, size: int) -> None:
-        """Takes in a connection's counters, which begin again when it is made again."""
+        """Adds a connection's counters, which restart from 0 when it reconnects."""
         before = self._seen.get(connection, (0, 0))
         if messages < before[0]:
             before = (0, 0)
@@ -21,5 +21,5 @@ class Traffic:
         self.bytes += size - before[1]
 
     def restart(self) -> None:
-        """Counts from now on."""
+        """Resets the counts to 0."""
         self.messages = self.bytes = 0

@@ -1,4 +1,4 @@
-"""The texts people read while a fleet runs."""
+"""Texts shown to users while a fleet runs."""
 
 import math
 
@@ -33,7 +33,7 @@ For other ROS commands, in ./pioneer shell:
 
 
 def guide(config: FleetConfig, ports: Ports, seconds: float) -> str:
-    """Returns how to use a fleet that is up, ``seconds`` after its start."""
+    """Returns usage instructions for a running fleet; start-up took ``seconds``."""
     names = ["base station", *config.names]
     uris = map(master_uri, (ports.hub_gateway_master, *ports.robot_masters))
     masters = "\n".join(f"  export ROS_MASTER_URI={uri}   # {name}" for name, uri in zip(names, uris, strict=True))
@@ -42,24 +42,24 @@ def guide(config: FleetConfig, ports: Ports, seconds: float) -> str:
 
 
 def live_lines(fleet: Fleet) -> list[str]:
-    """Returns the lines of a demo: waypoints so far, the simulator, and each robot."""
+    """Returns a demo's status lines: waypoint progress, the simulator, and each robot."""
     return [progress_line(fleet), simulator_line(fleet.simulator), *(robot_line(robot) for robot in fleet.robots)]
 
 
 def fleet_lines(fleet: Fleet) -> list[str]:
-    """Returns the lines of a fleet without a demo: the simulator, and each robot."""
+    """Returns the status lines of a fleet without a demo: the simulator and each robot."""
     return [simulator_line(fleet.simulator), *(idle_line(robot) for robot in fleet.robots)]
 
 
 def progress_line(fleet: Fleet) -> str:
-    """Returns a bar over all waypoints of all robots."""
+    """Returns a progress bar over all waypoints of all robots."""
     done, count = sum(robot.current for robot in fleet.robots), sum(len(robot.visits) for robot in fleet.robots)
     full = _BAR * done // max(1, count)
     return f"waypoints  [{'#' * full}{'-' * (_BAR - full)}]  {done} of {count}"
 
 
 def idle_line(robot: RobotTrack) -> str:
-    """Returns state, place, waypoints, localisation error and collisions of one robot."""
+    """Returns one robot's state, position, waypoints, localisation error and collisions."""
     place = f"({robot.pose.x:6.2f}, {robot.pose.y:6.2f})" if robot.pose else "(     –,      –)"
     counts = f"{robot.queue.reached} of {robot.queue.received}" if robot.queue else "–"
     collisions = f"  collisions {robot.collisions}" if robot.collisions else ""
@@ -73,7 +73,7 @@ def simulator_line(simulator: Simulator) -> str:
 
 
 def robot_line(robot: RobotTrack) -> str:
-    """Returns state, waypoint, distance to go, localisation error and collisions of one robot."""
+    """Returns one robot's state, waypoint, distance to go, localisation error and collisions."""
     count = len(robot.visits)
     parts = [
         f"{robot.name:<10} {state_word(robot):<21}",
@@ -87,7 +87,7 @@ def robot_line(robot: RobotTrack) -> str:
 
 
 def state_word(robot: RobotTrack) -> str:
-    """Returns what a robot is doing, in a word or three."""
+    """Returns a robot's state in one to three words."""
     if robot.finished:
         return "done" if robot.reached == len(robot.visits) else f"gave up {len(robot.visits) - robot.reached}"
     if robot.pose is None:
@@ -98,5 +98,5 @@ def state_word(robot: RobotTrack) -> str:
 
 
 def number(value: float, digits: int, width: int = 0) -> str:
-    """Returns a number with so many decimals, a dash where there is none."""
+    """Returns a number with ``digits`` decimals; a dash for nan."""
     return f"{'–' if math.isnan(value) else format(value, f'.{digits}f'):>{width}}"

@@ -1,4 +1,4 @@
-"""Waypoints for a fleet: a seeded choice of places that every robot can reach and park at."""
+"""Chooses waypoints for a fleet: seeded random places that each robot can reach and park at."""
 
 import dataclasses
 import math
@@ -11,7 +11,7 @@ from pioneer_demo.core.error import NoWaypointError
 from pioneer_demo.core.floor import Floor, distances, drivable, route
 from pioneer_fleet.core.geometry import Pose
 
-# A Pioneer turns in a circle of 0.36 m radius.
+# A Pioneer turning in place sweeps a circle of 0.36 m radius.
 _PASSABLE = 0.42
 _CELL = 0.2
 _TRIALS = 40
@@ -19,42 +19,42 @@ _TRIALS = 40
 
 @dataclasses.dataclass(frozen=True)
 class WaypointConfig:
-    """What makes a good waypoint."""
+    """Criteria for waypoints."""
 
-    count: int = 3  #: waypoints a robot
+    count: int = 3  #: waypoints per robot
     clearance: float = 0.6  #: distance to the nearest wall [m]
     separation: float = 1.5  #: distance to other robots' waypoints and starts [m]
-    #: shortest, longest: way to drive from the waypoint before [m]
+    #: shortest, longest: driving distance from the previous waypoint [m]
     shortest: float = 6.0
     longest: float = 14.0
 
 
 @dataclasses.dataclass(frozen=True)
 class Leg:
-    """The way to one waypoint."""
+    """The route to one waypoint."""
 
-    goal: Pose  #: in the frame ``map``; the heading is whole degrees, in the direction of arrival
-    way: NDArray[np.float64]  #: cells of a shortest way as positions [m], array [n, 2]
-    length: float  #: of that way [m]
+    goal: Pose  #: in the frame ``map``; the heading is the direction of arrival in whole degrees
+    way: NDArray[np.float64]  #: cells of a shortest path as positions [m], array [n, 2]
+    length: float  #: length of that path [m]
 
 
 def fleet_waypoints(
     floor: Floor, starts: Sequence[Pose], config: WaypointConfig, rng: np.random.Generator,
     goals: Sequence[Sequence[Sequence[float]]] = (),
 ) -> list[list[Leg]]:  # fmt: skip
-    """Returns ``config.count`` legs for each robot, or those to its ``goals``: x, y [m], and maybe a heading [degrees].
+    """Returns ``config.count`` legs per robot, or those to its ``goals``: x, y [m] and an optional heading [degrees].
 
-    Of several random candidates the one is taken whose way comes least near to other robots' ways and parking places,
-    so that robots meet seldom; where they do, they have to manage.
+    Among several random candidates it takes the one whose path is least close to other robots' paths and parking
+    places, so that robots rarely meet.
 
     Raises:
-        NoWaypointError: a robot starts where it cannot move, or there is no room left.
+        NoWaypointError: a robot cannot move at its start, a goal is unreachable, or there is no room left.
     """
     chooser = _Chooser(floor.cropped(), starts, config, rng)
     for robot, own in enumerate(goals):
         for goal in own:
             chooser.append(robot, goal)
-    # Round by round, so that the first robot does not take all the room.
+    # Round by round, so that the first robot does not take all the space.
     for _ in range(config.count):
         for robot in range(len(starts)):
             if not (goals and goals[robot]):
@@ -70,7 +70,7 @@ class _Chooser:
         self.legs: list[list[Leg]] = [[] for _ in starts]
 
     def append(self, robot: int, goal: Sequence[float]) -> None:
-        """Adds the leg to a given place to a robot's list."""
+        """Appends the leg to a given goal to a robot's list."""
         steps = self._steps(robot)
         x, y = float(goal[0]), float(goal[1])
         row, col = self._cell_near(Pose(x, y), f"a goal of robot {robot + 1} is")
@@ -85,7 +85,7 @@ class _Chooser:
         return distances(self._passable, *self._cell_near(last, f"robot {robot + 1} stands"))
 
     def extend(self, robot: int) -> None:
-        """Adds one leg to a robot's list."""
+        """Appends a random leg to a robot's list."""
         steps = self._steps(robot)
         candidates = self._candidates(robot, steps)
         if not len(candidates):
@@ -94,7 +94,7 @@ class _Chooser:
                 "fewer waypoints or another world"
             )
         picked = self._rng.choice(candidates, min(_TRIALS, len(candidates)), replace=False)
-        # The leg of the middle of the wanted lengths would be chosen each time if ties were not left to chance.
+        # Candidates are in random order, so ties in crowding are broken at random.
         trials = [self._leg(steps, int(row), int(col)) for row, col in picked]
         self.legs[robot].append(min(trials, key=lambda leg: self._crowding(robot, leg)))
 
@@ -102,7 +102,7 @@ class _Chooser:
         fits = self._roomy & np.isfinite(steps)
         if not fits.any():
             return np.argwhere(fits)
-        # A world too small for the wanted length gets the longest ways it has.
+        # A world too small for the configured length gets the longest paths available.
         shortest = min(self._config.shortest, 0.5 * float(steps[fits].max()))
         fits &= (steps >= shortest) & (steps <= max(self._config.longest, shortest + _CELL))
         cells = np.argwhere(fits)
@@ -117,7 +117,7 @@ class _Chooser:
         return [self._starts[index] for index in others] + [leg.goal for i in others for leg in self.legs[i]]
 
     def _crowding(self, robot: int, leg: Leg) -> float:
-        """Returns how much of the way [m] lies within the separation of other robots' ways and places."""
+        """Returns the length of the path [m] that lies within the separation of other robots' paths and places."""
         places = np.array([(place.x, place.y) for place in self._places_of_others(robot)]).reshape(-1, 2)
         ways = [other.way for index, legs in enumerate(self.legs) if index != robot for other in legs]
         busy = np.concatenate([places, *ways])

@@ -1,1 +1,1 @@
-"""The observer, which is the demo's eye and mouth in ROS, and the demo's course of events."""
+"""The demo's ROS side: the observer node, fleet control, and the commands."""

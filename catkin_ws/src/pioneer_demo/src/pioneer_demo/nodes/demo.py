@@ -1,4 +1,4 @@
-"""A demo: a fleet that is sent to waypoints, watched, and reported on."""
+"""Runs a demo: sends a fleet to waypoints, monitors it and writes a report."""
 
 import json
 import math
@@ -28,10 +28,10 @@ _CLOCK_STANDS_STILL = 30.0
 
 
 class Demo:
-    """One demo, from its started processes to its report."""
+    """One demo, from the started processes to the report."""
 
     def __init__(self, config: DemoConfig, watch: Stopwatch, interrupt: Interrupt, processes: FleetProcesses) -> None:
-        """``processes`` have been started; they are ended by ``run``."""
+        """Takes ``processes`` that are already started; ``run`` ends them."""
         self._config = config
         self._run = FleetRun(config, watch, interrupt, processes)
         self._fleet = self._run.fleet
@@ -41,10 +41,10 @@ class Demo:
         self._cpu_at_start = self._cpu_at_end = math.nan
 
     def run(self) -> int:
-        """Runs the demo to its end and returns the exit status.
+        """Runs the demo to its end; returns the exit status.
 
         Raises:
-            Interrupted: after everything has been ended.
+            Interrupted: after all processes have been ended.
             OSError: the report cannot be written.
         """
         failure: Exception | None = None
@@ -59,7 +59,7 @@ class Demo:
         return self._tell(failure, killed)
 
     def _end(self, in_order: bool) -> tuple[str, ...]:
-        """Takes the last figures and ends everything; returns the command lines of what had to be killed."""
+        """Takes the final measurements and ends everything; returns the command lines of killed processes."""
         self._fleet.ended, self._ended_at = self._fleet.simulator.time, time.monotonic()
         self._cpu_at_end = self._run.processes.cpu()
         if self._disturbances is not None:
@@ -67,10 +67,10 @@ class Demo:
         return self._run.stop(in_order)
 
     def _drive(self) -> None:
-        """Sends the waypoints and watches until all are dealt with.
+        """Sends the waypoints and monitors the fleet until all are reached or given up.
 
         Raises:
-            StuckError: the fleet is too slow, or simulated time stands still.
+            StuckError: the fleet is too slow, or simulated time has stopped.
             FaultError: the simulator refuses a fault of the scenario.
         """
         disturbances = self._disturbances = FaultRunner(self._config, self._run)
@@ -107,7 +107,7 @@ class Demo:
             for visit in robot.visits:
                 self._run.seen.send(robot, visit.leg.goal)
         self._run.watch.note("waypoints sent")
-        if self._run.course is not None:  # tokens carry them
+        if self._run.course is not None:  # tokens carry the waypoints
             assert self._disturbances is not None, "made before"
             self._run.course.release(self._fleet.began + self._limit, self._fleet.began + self._disturbances.next)
             return
@@ -130,7 +130,7 @@ class Demo:
                 robot.assign(own)
 
     def _tell(self, failure: Exception | None, killed: tuple[str, ...]) -> int:
-        """Prints table and verdict, writes the report, and returns the exit status."""
+        """Prints verdict and table, writes the report; returns the exit status."""
         numbers = report(self._fleet, self._outcome(failure, killed), self._settings())
         folder = self._config.report
         written = [folder / "report.json"]
@@ -148,7 +148,7 @@ class Demo:
         return 0 if numbers["success"] else 1
 
     def _draw(self) -> list[Path]:
-        """Draws picture and film; returns their paths."""
+        """Draws picture and video; returns their paths."""
         floor = self._run.observer.floor if self._run.observer else None
         if floor is None:
             return []

@@ -1,4 +1,4 @@
-"""``./pioneer experiment``: a study's runs, those that are missing, and the report of all."""
+"""``./pioneer experiment``: executes a study's missing runs and writes the report of all runs."""
 
 import dataclasses
 import json
@@ -47,10 +47,10 @@ def main(arguments: Sequence[str], interrupt: Interrupt) -> int:
 
 
 def prepared(config: ExperimentConfig) -> tuple[Study, dict[str, str]]:
-    """Returns the study, and each variant's scenario as text with whole paths.
+    """Returns the study, and each variant's scenario as text with absolute paths.
 
     Raises:
-        OptionError: the study, its scenario or a variant is wrong.
+        OptionError: the study, its scenario or a variant is invalid.
     """
     try:
         study = read_document(Study, config.study)
@@ -74,7 +74,7 @@ def prepared(config: ExperimentConfig) -> tuple[Study, dict[str, str]]:
 
 
 def _with_paths(said: Scenario, content: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the fields that name files, with whole paths: a run has its scenario in another folder."""
+    """Returns the fields that name files, with absolute paths: a run has its scenario in another folder."""
     fields: dict[str, Any] = {"world": said.world, "navigation": said.navigation}
     if not isinstance(said.robots, int):
         files = [{name: getattr(one, name) for name in ("description", "navigation")} for one in said.robots]
@@ -103,7 +103,7 @@ def _do(
     config: ExperimentConfig, study: Study, scenarios: Mapping[str, str], missing: Sequence[Run],
     rows: dict[Run, dict[str, Any]], interrupt: Interrupt,
 ) -> list[str]:  # fmt: skip
-    """Does the missing runs, adds their rows to ``rows`` and to the folder; returns why some are still missing."""
+    """Executes the missing runs, adds their rows to ``rows`` and the folder; returns the reasons of failed runs."""
     folder, began, shown = config.output, time.monotonic(), 0.0
     failures, done = list[str](), 0
     with Cluster(config.scheduler, config.jobs) as cluster:
@@ -138,7 +138,7 @@ def _row_in(folder: Path, run: Run) -> dict[str, Any] | None:
 
 
 def _check_same(path: Path, content: Mapping[str, Any]) -> None:
-    """Notes what is run, and refuses a folder whose runs are of something else."""
+    """Records the study's content in the folder; raises `OptionError` if the folder holds runs of another study."""
     if not path.is_file():
         _write(path, content)
     elif json.loads(path.read_text()) != content:
@@ -146,7 +146,7 @@ def _check_same(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def _write(path: Path, content: Mapping[str, Any]) -> None:
-    """Writes a JSON file whole or not at all."""
+    """Writes a JSON file atomically."""
     part = path.with_suffix(".part")
     part.write_text(json.dumps(content, indent=2) + "\n")
     os.replace(part, path)

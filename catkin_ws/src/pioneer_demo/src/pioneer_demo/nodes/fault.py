@@ -1,4 +1,4 @@
-"""Faults at their simulated times: computers that die, links, gateways that hang, scans that stop, doors, moves."""
+"""Injects faults at simulated times: killed computers, bad links, frozen gateways, missing scans, doors, moves."""
 
 import dataclasses
 import heapq
@@ -21,9 +21,9 @@ from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.nodes.fleet import FleetRun
 
 _RESEND = 5.0
-"""A robot that has started again gets its waypoints again when it has none after this simulated time [s]."""
+"""Interval at which a restarted robot without waypoints is sent its waypoints again [s of simulated time]."""
 _EXACT = 1.0e-6
-"""What a sum of times may be off [s]."""
+"""Tolerance for sums of times [s]."""
 _DOOR = """<sdf version="1.6"><model name="{name}"><static>true</static><link name="link">
 <collision name="collision"><geometry><box><size>{length} 0.1 1.0</size></box></geometry></collision>
 <visual name="visual"><geometry><box><size>{length} 0.1 1.0</size></box></geometry></visual>
@@ -32,7 +32,7 @@ _DOOR = """<sdf version="1.6"><model name="{name}"><static>true</static><link na
 
 @dataclasses.dataclass(order=True)
 class _Step:
-    """What is done at a simulated time since the start [s]."""
+    """An action due at a simulated time since the start [s]."""
 
     time: float
     number: int
@@ -41,9 +41,9 @@ class _Step:
 
 
 class FaultRunner:
-    """Brings about the faults of a scenario, and takes them back. Used from the command's main thread.
+    """Injects and ends the faults of a scenario. Use it from the command's main thread.
 
-    In lockstep simulated time stands meanwhile, and the simulator withholds what a network would lose.
+    In lockstep, simulated time is stopped meanwhile, and the simulator withholds messages that a network would lose.
 
     Services called: ``/gazebo/spawn_sdf_model``, ``/gazebo/delete_model``, ``/gazebo/set_model_state``.
     """
@@ -61,16 +61,16 @@ class FaultRunner:
 
     @property
     def next(self) -> float:
-        """When something is to be done next [s of simulated time since the start]."""
+        """Time of the next action [s of simulated time since the start]."""
         if self._restarted:
             return -math.inf
         return self._steps[0].time if self._steps else math.inf
 
     def advance(self, time: float) -> None:
-        """Does what is due at a simulated time since the start [s].
+        """Executes all actions due at a simulated time since the start [s].
 
         Raises:
-            FaultError: the simulator refuses it.
+            FaultError: the simulator refuses an action.
         """
         self._now = time
         while self._steps and self._steps[0].time <= time + _EXACT:
@@ -82,7 +82,7 @@ class FaultRunner:
             self._resend(name, asked, time)
 
     def close(self) -> None:
-        """Lets frozen gateways continue, so that they can end."""
+        """Resumes frozen gateways so that they can exit."""
         for name in self._frozen:
             self._run.processes.freeze(name, False)
 
@@ -94,7 +94,7 @@ class FaultRunner:
             heapq.heappush(self._steps, _Step(time + fault.lasts, next(self._numbers), text, end))
 
     def _actions(self, fault: Fault) -> tuple[Callable[[], None], Callable[[], None] | None]:
-        """Returns what begins a fault and what ends it."""
+        """Returns the actions that begin and end a fault."""
         if fault.kill:
             names = [HUB_COMMAND] if fault.kill == HUB else on_computer(self._config, fault.kill)
             return lambda: self._kill(fault.kill, names), lambda: self._restart(fault.kill, names)
@@ -132,7 +132,7 @@ class FaultRunner:
 
     def _restart(self, whom: str, names: Sequence[str]) -> None:
         if self._run.course is not None and not (self._hub_runs or whom == HUB):
-            self._in_next_period(partial(self._restart, whom, names))  # time stands until it has found the hub
+            self._in_next_period(partial(self._restart, whom, names))  # time stays stopped until it finds the hub
             return
         self._run.processes.restart(names)
         self._hub_runs |= whom == HUB
@@ -147,7 +147,7 @@ class FaultRunner:
         heapq.heappush(self._steps, _Step(self._now + 2 * _EXACT, next(self._numbers), "", action))
 
     def _resend(self, name: str, asked: float, time: float) -> None:
-        """Sends a robot that has started again the waypoints that it has not reached, until it says it has them."""
+        """Sends a restarted robot its remaining waypoints until it reports that it has received them."""
         with self._run.lock:
             robot = self._track(name)
             received = robot.queue.received if robot.queue else -1
@@ -167,7 +167,7 @@ class FaultRunner:
         self._run.processes.freeze(gateway, frozen)
 
     def _flip_scans(self, robot: str, cancel: bool) -> None:
-        """Takes the rule back by which a robot's computer gets its scans, or asks for it again."""
+        """Cancels the flip of a robot's scans to its computer, or requests it again."""
         laser = next((one.laser for one in self._config.entries if one.name == robot), "base_scan")
         if self._run.course is not None:
             self._withhold([f"/{robot}/{laser}"], cancel)
@@ -196,7 +196,7 @@ def _ask(service: str, kind: type, *request: object) -> None:
     """Calls a service of the simulator.
 
     Raises:
-        FaultError: it refuses, or does not answer.
+        FaultError: the simulator refuses or does not answer.
     """
     try:
         answer = rospy.ServiceProxy(f"/gazebo/{service}", kind)(*request)

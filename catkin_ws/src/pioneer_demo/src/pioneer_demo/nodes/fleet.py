@@ -1,4 +1,4 @@
-"""A fleet from its first process to its last: started, watched, published for ``./pioneer status``, ended."""
+"""Runs a fleet: waits for start-up, monitors it, publishes its state for ``./pioneer status``, and ends it."""
 
 import functools
 import os
@@ -27,14 +27,14 @@ from pioneer_fleet.adapters.registry import Entry
 from pioneer_harness.masters import is_running
 from pioneer_node.nodes.patch import keep_publisher_updates
 
-if TYPE_CHECKING:  # only a demo in lockstep loads it
+if TYPE_CHECKING:  # imported at run time by a lockstep demo only
     from pioneer_demo.nodes.course import Course
 
 _LOOK = 0.05
 _SAMPLE = 1.0
 _START_UP, _START_UP_PER_ROBOT = 90.0, 20.0
 _STEPS = 7
-# roslaunch itself gives a node 15 s before it sends the next signal.
+# roslaunch waits up to 15 s for a node before it escalates to the next signal.
 _GRACE, _GRACE_IN_A_HURRY = 30.0, 3.0
 
 
@@ -42,14 +42,14 @@ class FleetRun:
     """One fleet on this machine."""
 
     def __init__(self, config: FleetConfig, watch: Stopwatch, interrupt: Interrupt, processes: FleetProcesses) -> None:
-        """``processes`` have been started; ``stop`` ends them."""
-        #: processes: its processes
+        """Takes ``processes`` that are already started; ``stop`` ends them."""
+        #: processes: the fleet's processes
         self.processes, self.watch = processes, watch
-        self.fleet = Fleet(list(map(RobotTrack, config.names)))  #: what is known of it; guarded by ``lock``
+        self.fleet = Fleet(list(map(RobotTrack, config.names)))  #: its state; guarded by ``lock``
         self.lock = threading.Lock()
         self.display = Display()
         self.observer: ObserverNode | None = None  #: its node on the hub gateway's master; None until that master runs
-        #: what holds simulated time, for a demo in lockstep; None until the observer runs
+        #: controls simulated time of a demo in lockstep; None until the observer runs, and without lockstep
         self.course: Course | None = None
         self._flips: FlipRequest | None = None
         self._config, self._interrupt = config, interrupt
@@ -63,15 +63,15 @@ class FleetRun:
         recording: Recording | None = None,
         meanwhile: Callable[[], None] = lambda: None,
     ) -> None:
-        """Waits until every robot takes waypoints.
+        """Waits until every robot accepts waypoints.
 
         Args:
-            topics: what the observer flips of each robot, beside /tf.
-            recording: gets scans and poses.
-            meanwhile: called once every robot stands in the world, while their navigation still starts.
+            topics: topics of each robot that the observer flips, in addition to /tf.
+            recording: receives scans and poses.
+            meanwhile: called once all robots are spawned, while navigation is still starting.
 
         Raises:
-            StartError: not in time.
+            StartError: start-up timed out.
         """
         uri = master_uri(self.processes.ports.hub_gateway_master)
         self._starting(lambda: is_running(uri, _LOOK), "Hub_Gateway's ROS master", "hub gateway's master up")
@@ -90,22 +90,22 @@ class FleetRun:
         )
 
     def stay_up(self) -> NoReturn:
-        """Shows the fleet until the end is asked for; on a terminal only, since nothing may ever happen."""
+        """Keeps the fleet running until shutdown is requested; shows its status only on a terminal."""
         terminal = self.display.in_place
         while True:
             self.look(fleet_lines if terminal else None, "up")
 
     @property
     def seen(self) -> ObserverNode:
-        """The observer, which runs."""
+        """The running observer."""
         assert self.observer is not None, "only after start"
         return self.observer
 
     def wait_for(self, condition: Callable[[], object], what: str, milestone: str, timeout: float) -> None:
-        """Waits for a condition, showing ``what`` is awaited; a process's death or Ctrl-C end the wait.
+        """Waits for a condition and shows ``what`` is awaited; a process's death or Ctrl-C aborts the wait.
 
         Raises:
-            StartError: not within ``timeout`` [s].
+            StartError: timed out after ``timeout`` [s].
         """
         began, phase = time.monotonic(), f"waiting for {what}"
         step = f"starting, {self._step} of {_STEPS}: " if self._step else ""
@@ -118,7 +118,7 @@ class FleetRun:
         self.watch.note(milestone)
 
     def look(self, lines: Callable[[Fleet], list[str]] | None, phase: str) -> None:
-        """One turn of every loop: check whether to end, show and publish the state, account, then rest a moment."""
+        """One iteration of every main loop: checks for shutdown, shows and publishes the state, then waits briefly."""
         self._interrupt.check()
         for line in self.processes.check(starting=bool(self._step)):
             self.display.say(line)
@@ -132,7 +132,7 @@ class FleetRun:
             changed.wait(_LOOK)
 
     def stop(self, in_order: bool) -> tuple[str, ...]:
-        """Ends everything, in a hurry unless ``in_order``; returns the command lines of what had to be killed."""
+        """Ends everything, with a short grace period unless ``in_order``; returns command lines of killed processes."""
         if self._flips is not None:
             self._flips.cancel()
         if self.observer is not None:
@@ -146,7 +146,7 @@ class FleetRun:
             self._entry.close()
 
     def guide(self) -> str:
-        """Returns what a user needs to know of a fleet that is up."""
+        """Returns usage instructions for the running fleet."""
         return guide(self._config, self.processes.ports, self.watch.seconds())
 
     def _starting(self, condition: Callable[[], object], what: str, milestone: str) -> None:
@@ -157,11 +157,11 @@ class FleetRun:
 
     @property
     def patience(self) -> float:
-        """How long each step of the start may take [s]."""
+        """Time-out for each start-up step [s]."""
         return _START_UP + _START_UP_PER_ROBOT * self._config.robots
 
     def _join_ros(self, uri: str, topics: Sequence[str], recording: Recording | None) -> Callable[[], bool]:
-        """Starts the observer; returns whether what it sees of the robots' masters can reach it."""
+        """Starts the observer; returns a function that tells whether its flips are accepted."""
         os.environ.update(ROS_MASTER_URI=uri, ROS_IP="127.0.0.1", ROS_LOG_DIR=str(self._config.log.resolve() / "ros"))
         keep_publisher_updates()
         rospy.init_node(OBSERVER, disable_signals=True)
@@ -171,7 +171,7 @@ class FleetRun:
             self.course = Course(OBSERVER, self.fleet, self.lock)
         self.observer = ObserverNode(self.fleet, self.lock, recording)
         if self.course is not None:
-            self.course.start()  # tokens carry what flips would
+            self.course.start()  # tokens replace the flips
             return lambda: True
         self._flips = FlipRequest(OBSERVER, self._config.names, topics)
         self._flips.start()

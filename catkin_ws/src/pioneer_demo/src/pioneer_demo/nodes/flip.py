@@ -1,4 +1,4 @@
-"""The rules by which the base station sees into the robots' masters."""
+"""Requests the flip rules through which the base station observes the robots' masters."""
 
 import threading
 from collections.abc import Sequence
@@ -13,21 +13,21 @@ from pioneer_demo.core.error import DemoError, FlipError
 _SERVICE = "/gateway/flip"
 _RETRY = 0.2
 STATE = ("map_goal_client/queue",)
-"""What every fleet flips of a robot, beside /tf."""
+"""Topics of each robot that every fleet flips, in addition to /tf."""
 COURSE = (*STATE, "move_base/NavfnROS/plan", "move_base/status")
-"""What a demo flips, for its picture and for what it says of a robot that is stuck."""
+"""Topics that a demo flips, for its picture and for reports about stuck robots."""
 _NOT_YET = (ErrorCodes.NO_HUB_CONNECTION, ErrorCodes.HUB_CONNECTION_LOST, ErrorCodes.REMOTE_GATEWAY_NOT_VISIBLE)
 
 
 class FlipRequest(threading.Thread):
-    """Asks the hub gateway for the observer's flips, in a thread of its own: a service call cannot be interrupted.
+    """Requests the observer's flips from the hub gateway, in its own thread: a service call cannot be interrupted.
 
-    Subscribers (the robots' publishers become visible here, to ``node`` alone): ``topics`` of each robot, and the
-    corrections on /tf. One publisher: the waypoints.
+    Subscriber flips, which bring the robots' publishers here, visible to ``node`` only: ``topics`` of each robot and
+    the corrections on /tf. Publisher flip: the waypoints.
     """
 
     def __init__(self, node: str, robots: Sequence[str], topics: Sequence[str]) -> None:
-        """Prepares the request of ``node`` (a name without slash) for these robots, by name."""
+        """Prepares the request of ``node`` (name without slash) for these robots."""
         super().__init__(name="flip request", daemon=True)
         self._rules = _rules(node, robots, topics)
         self._cancelled = threading.Event()
@@ -35,21 +35,21 @@ class FlipRequest(threading.Thread):
         self._error: DemoError | None = None
 
     def cancel(self) -> None:
-        """Makes the thread end soon."""
+        """Asks the thread to end soon."""
         self._cancelled.set()
 
     def accepted(self) -> bool:
         """Returns whether the gateway has accepted the rules.
 
         Raises:
-            FlipError: it has refused them.
+            FlipError: the gateway has refused them.
         """
         if self._error is not None:
             raise self._error
         return self._accepted
 
     def run(self) -> None:
-        """Calls the service until it accepts, refuses, or ``cancel`` was called."""
+        """Calls the service until it accepts or refuses, or ``cancel`` is called."""
         try:
             self._accepted = self._request()
         except FlipError as error:

@@ -1,4 +1,4 @@
-"""The commands ``fleet``, ``demo`` and ``run-scenario``: arguments in, exit status out."""
+"""Entry point of the commands ``fleet``, ``demo`` and ``run-scenario``."""
 
 import dataclasses
 import os
@@ -29,7 +29,7 @@ _FOREIGN = (
     "ROS_HOSTNAME", "ROS_IPV6", "ROS_NAMESPACE", "ROBOT_NAMESPACES", "REAL_TIME_FACTOR", "GATEWAY_NETWORK_INTERFACE",
     "GATEWAY_RELAY_PORT",
 )  # fmt: skip
-"""Variables that mean another fleet, or another machine than this one."""
+"""Environment variables to unset, because they refer to another fleet or machine."""
 
 
 def main(words: Sequence[str], interrupt: Interrupt) -> int:
@@ -79,7 +79,7 @@ def _run(config: FleetConfig, watch: Stopwatch, interrupt: Interrupt) -> int:
             print(config.choice, flush=True)
         processes.start()
         watch.note("processes started")
-        # Imported while the processes start, because numpy and the like take their time.
+        # Imported while the processes start, because imports such as numpy are slow.
         if isinstance(config, DemoConfig):
             from pioneer_demo.nodes.demo import Demo
 
@@ -96,7 +96,7 @@ def _run(config: FleetConfig, watch: Stopwatch, interrupt: Interrupt) -> int:
 
 
 def _configured(command: str, arguments: Sequence[str]) -> FleetConfig:
-    """Returns the configuration, checked against this machine."""
+    """Returns the configuration, validated against this machine."""
     packages = rospkg.RosPack()
     try:
         simulator = Path(packages.get_path("pioneer_gazebo"))
@@ -123,11 +123,11 @@ def _names_of(fleet: Path) -> list[str]:
 
 
 def _check_map(world: Path, simulator: Path) -> None:
-    """Checks that a world's file has its map where ``run-multi-pioneer-gazebo-master`` finds it.
+    """Checks that a world file's map is where ``run-multi-pioneer-gazebo-master`` expects it.
 
     Args:
-        world: the file, resolved.
-        simulator: the folder of pioneer_gazebo, whose own worlds have their maps beside theirs.
+        world: the resolved path of the file.
+        simulator: the folder of pioneer_gazebo, whose own worlds have their maps in ``map``.
     """
     if not world.is_file():
         raise OptionError(f"--world: there is no file {world}")

@@ -1,4 +1,4 @@
-"""What the base station sees of the fleet, and the waypoints it sends, on the hub gateway's master."""
+"""Observes the fleet and sends waypoints, as a node on the hub gateway's master."""
 
 import functools
 import threading
@@ -38,23 +38,23 @@ _MAP, _ODOM, _BASE = "map", "odom", "base_link"
 
 
 class ObserverNode:
-    """Stores the newest of what the fleet publishes in a ``Fleet``, and sends waypoints.
+    """Stores the newest messages of the fleet in a ``Fleet``, and sends waypoints.
 
     Subscribes:
-        /clock, /gazebo/ready, /gazebo/real_time_factor, /tf, /gateway/gateway_info, /diagnostics, once /map,
-        and under each robot's name base_pose_ground_truth, collisions, map_goal_client/queue, move_base/status,
-        move_base/NavfnROS/plan (the last three come through the gateway), and for a film base_scan.
+        /clock, /gazebo/ready, /gazebo/real_time_factor, /tf, /gateway/gateway_info, /diagnostics, once /map;
+        in each robot's namespace base_pose_ground_truth, collisions, map_goal_client/queue, move_base/status,
+        move_base/NavfnROS/plan (the last three through the gateway), and for a video base_scan.
 
     Publishes:
-        <robot>/map_goal (geometry_msgs/Twist) for each robot; it crosses to the robot's master through the gateway.
+        <robot>/map_goal (geometry_msgs/Twist) for each robot, forwarded to the robot's master by the gateway.
 
     Threads: rospy's callbacks write under ``lock``; readers hold it too.
 
-    On error: none of its own; what is missing stays unknown in the fleet.
+    On error: no errors of its own; missing data stays unknown in the fleet.
     """
 
     def __init__(self, fleet: Fleet, lock: threading.Lock, recording: Recording | None = None) -> None:
-        """Connects all topics, scans only for a ``recording``; the node is initialised by the caller."""
+        """Subscribes to all topics, to scans only for a ``recording``; the caller initialises the node."""
         self._fleet, self._lock, self._recording = fleet, lock, recording
         self._mounts: dict[str, Pose] = {}
         self.moving_since: dict[str, float] = {}
@@ -75,15 +75,15 @@ class ObserverNode:
             self._subscribe_robot(robot)
 
     def read_map(self) -> None:
-        """Reads the map once; ``floor`` is it then."""
+        """Requests the map once; ``floor`` is set when it arrives."""
         self._map = rospy.Subscriber("/map", numpy_msg(OccupancyGrid), self._on_map, queue_size=1)
 
     def can_be_sent(self, robot: RobotTrack) -> bool:
-        """Returns whether the robot's waypoint client is connected, through the gateways."""
+        """Returns whether the robot's waypoint client is connected through the gateways."""
         return bool(self._goals[robot.name].get_num_connections() > 0)
 
     def send(self, robot: RobotTrack, goal: Pose) -> None:
-        """Sends one waypoint."""
+        """Sends one waypoint to a robot."""
         self._goals[robot.name].publish(conversions.twist_from_goal(goal))
 
     def waiting_flips(self) -> list[str]:

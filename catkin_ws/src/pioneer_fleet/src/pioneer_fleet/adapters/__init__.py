@@ -1,1 +1,1 @@
-"""One foreign thing each: the files by which running fleets are found."""
+"""Adapters to the outside: the registry of running fleets, recordings, the recorder."""

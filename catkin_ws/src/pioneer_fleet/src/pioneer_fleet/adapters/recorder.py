@@ -1,7 +1,7 @@
-"""``python3 -m pioneer_fleet.adapters.recorder FILE NAME=URI …``: what nodes publish on several masters, in one file.
+"""``python3 -m pioneer_fleet.adapters.recorder FILE NAME=URI …``: records the topics of several masters in one file.
 
-Each message is recorded once: where its node is, and not where gateways carry it to. Its topic stands under the name of
-its master: ``/aadi1/pioneer1/amcl_pose``. What arrives is written as it is.
+Each message is recorded once, on the master of the node that publishes it, not where gateways forward it. Topics are
+prefixed with the name of their master: ``/aadi1/pioneer1/amcl_pose``. Messages are written in serialised form.
 """
 
 import queue
@@ -20,21 +20,21 @@ from tcpros.core.error import TcprosError
 
 NAME = "/fleet_recorder"
 _LOOK = 1.0
-"""How often new publishers are looked for [s]."""
+"""Poll interval for new publishers [s]."""
 _LEFT_OUT = "/rosout_agg"
-"""The ends of topics that repeat what others have."""
+"""Suffix of topics to skip because they only repeat other topics."""
 _WAITING = 20_000
-"""Messages that may wait to be written; when there are more, the newest are dropped, and counted."""
+"""Write queue size [messages]; when it is full, new messages are dropped and counted."""
 
 
 class Recorder:
-    """Records all publishers of several masters until it is closed.
+    """Records all publishers of several masters until `end` is called.
 
-    Threads: one that looks for publishers and one that writes; one a publisher, which waits for its messages.
+    Threads: one polls for publishers, one writes; one per publisher receives its messages.
     """
 
     def __init__(self, path: Path, masters: Mapping[str, str]) -> None:
-        """``masters`` are addresses by name."""
+        """``masters`` maps names to master URIs."""
         self._masters = {name: Client(uri, NAME) for name, uri in masters.items()}
         self._writer = created(path)
         self._connected: dict[tuple[str, str, str], Connection] = {}
@@ -45,7 +45,7 @@ class Recorder:
         self.written = self.dropped = 0
 
     def run(self) -> None:
-        """Records until `end` is called, and completes the file."""
+        """Records until `end` is called, then finishes the file."""
         looking = threading.Thread(target=self._look, name="publishers", daemon=True)
         looking.start()
         while (message := self._waiting.get()) is not None:
@@ -54,7 +54,7 @@ class Recorder:
         self._writer.close()
 
     def end(self) -> None:
-        """Ends `run` after what has arrived."""
+        """Makes `run` return after writing the messages received so far."""
         self._end.set()
         self._waiting.put(None)
 
@@ -64,7 +64,7 @@ class Recorder:
                 try:
                     publishers, _, _ = client.ask_master("getSystemState")
                 except (OSError, TcprosError):
-                    continue  # not up yet, or no longer
+                    continue  # not running yet, or no longer
                 for topic, nodes in publishers:
                     for node in nodes:
                         if not topic.endswith(_LEFT_OUT):
@@ -82,7 +82,7 @@ class Recorder:
                 return
             connection = client.subscribe(node, topic)
         except (OSError, TcprosError):
-            return  # it has just ended; the next look knows
+            return  # the publisher has just ended; the next poll will notice
         with self._lock:
             self._connected[key] = connection
         threading.Thread(target=self._receive, args=(key, connection), name=topic, daemon=True).start()

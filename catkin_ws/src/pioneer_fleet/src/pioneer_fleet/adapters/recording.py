@@ -1,4 +1,4 @@
-"""Recordings: bytes of messages as they came, in MCAP files (``.mcap``) or ROS 1 bags (``.bag``)."""
+"""Reads and writes recordings: serialised messages in MCAP files (``.mcap``) or ROS 1 bags (``.bag``)."""
 
 import contextlib
 import struct
@@ -10,7 +10,7 @@ _ENCODING = "ros1msg"
 
 
 class Kind(NamedTuple):
-    """A topic's type as a publisher's connection header has it."""
+    """A topic's type, from a publisher's connection header."""
 
     type: str
     md5sum: str
@@ -19,7 +19,7 @@ class Kind(NamedTuple):
 
 
 class Message(NamedTuple):
-    """A recorded message; the topic begins with its master's name, and the time is the wall clock's [ns]."""
+    """A recorded message; the topic begins with its master's name, and the time is wall time [ns]."""
 
     topic: str
     kind: Kind
@@ -28,11 +28,11 @@ class Message(NamedTuple):
 
 
 class RecordingError(Exception):
-    """A file that is no recording; the message is one line."""
+    """The file is not a valid recording; the message is one line."""
 
 
 class Writer(Protocol):
-    """Writes messages to a file, which ``close`` completes."""
+    """Writes messages to a file; ``close`` finishes it."""
 
     def add(self, message: Message) -> None:
         """Writes one message."""
@@ -42,7 +42,7 @@ class Writer(Protocol):
 
 
 class McapFile:
-    """Writes MCAP."""
+    """Writes an MCAP file."""
 
     def __init__(self, path: Path) -> None:
         from mcap.writer import Writer as Mcap
@@ -71,7 +71,7 @@ class McapFile:
 
 
 class BagFile:
-    """Writes a ROS 1 bag; it takes one type a topic."""
+    """Writes a ROS 1 bag, which supports one type per topic."""
 
     def __init__(self, path: Path) -> None:
         import genpy
@@ -96,24 +96,24 @@ class BagFile:
 
 
 def created(path: Path) -> Writer:
-    """Returns a new recording, of the form that the path's suffix names."""
+    """Creates a recording in the format given by the path's suffix; returns its writer."""
     if path.suffix == ".bag":
         return BagFile(path)
     return McapFile(path)
 
 
 def messages_of(path: Path) -> Iterator[Message]:
-    """Yields a recording's messages in the order of time.
+    """Yields a recording's messages in chronological order.
 
     Raises:
-        RecordingError: it is no recording.
+        RecordingError: the file is not a recording.
         OSError: it cannot be read.
     """
     return _of_bag(path) if path.suffix == ".bag" else _of_mcap(path)
 
 
 class Contents(NamedTuple):
-    """What an MCAP file has: times of its first and last message [ns], and topics."""
+    """Contents of an MCAP file: times of its first and last message [ns], and its topics."""
 
     begin: int
     end: int
@@ -121,10 +121,10 @@ class Contents(NamedTuple):
 
 
 def contents(path: Path) -> Contents:
-    """Returns what an MCAP file has, from its index.
+    """Returns the contents of an MCAP file from its index.
 
     Raises:
-        RecordingError: it is no complete MCAP file.
+        RecordingError: it is not a complete MCAP file.
         OSError: it cannot be read.
     """
     with _mcap(path) as reader:
@@ -136,10 +136,10 @@ def contents(path: Path) -> Contents:
 
 
 def messages_since(path: Path, since: int) -> Iterator[Message]:
-    """Yields an MCAP file's messages from a time on [ns], before them the latched ones that are in force then.
+    """Yields an MCAP file's messages from time ``since`` [ns] on, preceded by the latched messages valid at that time.
 
     Raises:
-        RecordingError: it is no complete MCAP file.
+        RecordingError: it is not a complete MCAP file.
         OSError: it cannot be read.
     """
     with _mcap(path) as reader:
@@ -168,7 +168,7 @@ def _mcap(path: Path) -> Iterator[Any]:
         with path.open("rb") as file:
             yield make_reader(file)
     except (McapError, struct.error) as error:
-        raise RecordingError(f"{path} is no complete MCAP file: {error}") from None
+        raise RecordingError(f"{path} is not a complete MCAP file: {error}") from None
 
 
 def _message(schema: Any, channel: Any, message: Any) -> Iterator[Message]:
@@ -188,7 +188,7 @@ def _of_bag(path: Path) -> Iterator[Message]:
                 kind = Kind(raw[0], raw[2], text["message_definition"], text.get("latching") == "1")
                 yield Message(topic, kind, time.to_nsec(), raw[1])
     except rosbag.ROSBagException as error:
-        raise RecordingError(f"{path} is no complete bag: {error}") from None
+        raise RecordingError(f"{path} is not a complete bag: {error}") from None
 
 
 def _text(value: str | bytes) -> str:

@@ -1,7 +1,7 @@
-"""The fleets that run on this machine as processes, each a file that its command keeps up to date.
+"""Registry of the fleets running on this machine; each is a file that its command keeps up to date.
 
-``./pioneer status`` and the like find a fleet here without ROS, in a few milliseconds. The command holds a lock on its
-file, so that the file of one that was killed is recognised, whatever process has its number by then.
+``./pioneer status`` and other commands find a fleet here in a few milliseconds, without ROS. The command holds a lock
+on its file, so that a killed command's stale file is recognised even if its PID has been reused.
 """
 
 import contextlib
@@ -16,7 +16,7 @@ from typing import Any
 
 
 class Entry:
-    """This process's fleet among those that run, until it is closed; a context manager."""
+    """Registers this process's fleet until closed; a context manager."""
 
     def __init__(self) -> None:
         folder = _folder()
@@ -27,13 +27,13 @@ class Entry:
         Path(self._lock.name).rename(self._path.with_suffix(".lock"))
 
     def write(self, status: dict[str, Any]) -> None:
-        """Publishes the fleet's status, what ``json.dumps`` takes, in one piece."""
+        """Publishes the fleet's status, a value for ``json.dumps``, atomically."""
         new = self._path.with_suffix(".new")
         new.write_text(json.dumps({**status, "pid": os.getpid()}))
         new.replace(self._path)
 
     def close(self) -> None:
-        """Removes the fleet."""
+        """Removes the fleet from the registry."""
         self._path.unlink(missing_ok=True)
         self._path.with_suffix(".lock").unlink(missing_ok=True)
         self._lock.close()
@@ -48,14 +48,14 @@ class Entry:
 
 
 def running_fleets() -> list[dict[str, Any]]:
-    """Returns the status of each fleet of this user that runs on this machine, the oldest first."""
+    """Returns the status of each of this user's fleets running on this machine, oldest first."""
     return sorted(_living(), key=lambda status: float(status["started"]))
 
 
 def _living() -> Iterator[dict[str, Any]]:
     for lock in _folder().glob("*.lock"):
         path = lock.with_suffix(".json")
-        # A fleet that ends meanwhile takes its files away.
+        # A fleet that ends meanwhile removes its files.
         with contextlib.suppress(FileNotFoundError), lock.open() as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)

@@ -1,1 +1,1 @@
-"""What is known, and what it means: no ROS."""
+"""Fleet state and its interpretation; does not need ROS."""

@@ -1,11 +1,11 @@
-"""Poses in the plane."""
+"""2D poses and lines."""
 
 import dataclasses
 import itertools
 import math
 
 Points = list[tuple[float, float]]
-"""Positions along a line [m]."""
+"""Positions along a polyline [m]."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -26,11 +26,11 @@ class Pose:
         )
 
     def distance(self, other: "Pose") -> float:
-        """Returns the straight distance [m] between the two positions."""
+        """Returns the Euclidean distance between the two positions [m]."""
         return math.hypot(self.x - other.x, self.y - other.y)
 
     def between(self, other: "Pose", part: float) -> "Pose":
-        """Returns the pose ``part`` (0 … 1) of the way to ``other``, turning the short way round."""
+        """Returns the interpolated pose at fraction ``part`` (0 … 1) towards ``other``, turning the shorter way."""
         turn = normalised(other.yaw - self.yaw)
         return Pose(
             self.x + part * (other.x - self.x), self.y + part * (other.y - self.y), normalised(self.yaw + part * turn)
@@ -38,22 +38,22 @@ class Pose:
 
 
 def normalised(angle: float) -> float:
-    """Returns ``angle`` [rad] in [-pi, pi]."""
+    """Returns ``angle`` [rad] normalised to [-pi, pi]."""
     return math.remainder(angle, math.tau)
 
 
 def yaw_from_quaternion(x: float, y: float, z: float, w: float) -> float:
-    """Returns the heading [rad] of a rotation given as a unit quaternion."""
+    """Returns the yaw angle [rad] of a unit quaternion."""
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def length(points: Points) -> float:
-    """Returns the length [m] of a line through ``points``."""
+    """Returns the length of the polyline through ``points`` [m]."""
     return sum(math.dist(start, end) for start, end in itertools.pairwise(points))
 
 
 def remaining_length(points: Points, position: tuple[float, float]) -> float:
-    """Returns the length [m] of the line through ``points`` from the point nearest to ``position`` to its end."""
+    """Returns the remaining length of a polyline [m]: from ``position`` to the nearest point, then to the end."""
     if not points:
         return 0.0
     nearest = min(range(len(points)), key=lambda index: math.dist(points[index], position))

@@ -1,4 +1,4 @@
-"""The state of one robot, as seen on its own computer or, through the gateways, on the base station."""
+"""State of one robot, as seen on its own computer or, through the gateways, on the base station."""
 
 import dataclasses
 import enum
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 MOVING_SPEED = 0.02
-"""A robot slower than this [m/s], and turning slower than this [rad/s] times five, stands still."""
+"""A robot stands still if it drives slower than this [m/s] and turns slower than five times this [rad/s]."""
 
 
 class ClientState(enum.IntEnum):
@@ -22,27 +22,27 @@ class ClientState(enum.IntEnum):
 class Queue:
     """A report of the waypoint client."""
 
-    state: ClientState  #: what it does
+    state: ClientState  #: its current state
     #: received, reached, aborted: waypoints so far
     received: int
     reached: int
     aborted: int
-    text: str  #: its last words
-    waiting: int = 0  #: waypoints not reached yet, the one under way included
+    text: str  #: its last status text
+    waiting: int = 0  #: waypoints not reached yet, including the current one
 
 
 @dataclasses.dataclass(kw_only=True)
 class RobotMonitor:
-    """The newest of everything; what was never received is None."""
+    """The newest data of a robot; None if never received."""
 
-    #: odom_at, scan_at: when the last one arrived, monotonic [s]
+    #: odom_at, scan_at: arrival time of the last message, monotonic [s]
     odom_at: float | None = None
     scan_at: float | None = None
     #: odom_stamp, scan_stamp: their stamps [s of simulated time]
     odom_stamp: float | None = None
     scan_stamp: float | None = None
-    #: odom_gap, scan_gap: the longest time between two stamps so far [s of simulated time]: a simulator that pauses
-    #: leaves no gap, a link that loses messages does
+    #: odom_gap, scan_gap: longest interval between two stamps so far [s of simulated time]; a paused simulator causes
+    #: no gap, a link that loses messages does
     odom_gap: float = 0.0
     scan_gap: float = 0.0
     #: linear, angular: the robot's speed [m/s, rad/s]
@@ -63,12 +63,12 @@ class RobotMonitor:
         self.odom_at, self.odom_stamp = now, stamp
 
     def add_scan(self, now: float, stamp: float) -> None:
-        """Records a scan in the same way."""
+        """Records a scan that arrived ``now`` (monotonic [s]) with ``stamp`` [s]."""
         self.scan_gap = _longer_gap(self.scan_gap, self.scan_stamp, stamp)
         self.scan_at, self.scan_stamp = now, stamp
 
     def robot_json(self, now: float) -> dict[str, Any]:
-        """Returns the robot's part of a report for ``json.dumps``; ages [s] in place of times; ``now`` is monotonic."""
+        """Returns the robot's part of a report for ``json.dumps``, with ages [s] for times; ``now`` is monotonic."""
         queue = self.queue or Queue(ClientState.IDLE, 0, 0, 0, "")
         return {
             "odom_age": _age(self.odom_at, now),
@@ -88,7 +88,7 @@ class RobotMonitor:
 
 
 def deviation_from_covariance(covariance: Sequence[float]) -> float:
-    """Returns the larger standard deviation of x and y [m] from a 6 × 6 covariance, row by row."""
+    """Returns the larger standard deviation of x and y [m] from a row-major 6 × 6 covariance."""
     return math.sqrt(max(covariance[0], covariance[7], 0.0))
 
 

@@ -1,15 +1,15 @@
-"""The command line of ``./pioneer replay``."""
+"""Command line of ``./pioneer replay``."""
 
 import argparse
 from pathlib import Path
 
 
 def parser() -> argparse.ArgumentParser:
-    """Returns the command line's parser."""
+    """Returns the argument parser."""
     made = argparse.ArgumentParser(
         "./pioneer replay",
-        description="Publishes a recording's messages again, on one ROS master of its own, whose address it prints.\n"
-        "Topics have their names of the fleet: those of all masters together.",
+        description="Publishes a recording's messages on a ROS master of its own, and prints its address.\n"
+        "Topic names are those of the fleet; the topics of all recorded masters are on this one.",
         epilog="Example: ./pioneer replay run.mcap, and with the ROS_MASTER_URI that it prints:\n"
         "  ./pioneer run rviz -d $(rospack find pioneer_description)/rviz/multi_pioneer.rviz",
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -1,4 +1,4 @@
-"""The state of one computer of the fleet, and the one word that sums it up."""
+"""State of one computer of the fleet, and its stage of start-up."""
 
 import dataclasses
 import enum
@@ -8,11 +8,11 @@ from typing import Any
 from pioneer_fleet.core.monitor import RobotMonitor
 
 CARRYING = ("active", "rate-limited")
-"""States of a rule in force (docs/gateway.md): an option that thins messages out is no fault."""
+"""States of a working rule (docs/gateway.md); rate limiting is not a fault."""
 
 
 class Stage(enum.IntEnum):
-    """How far a computer has come; each stage includes the ones before."""
+    """Start-up stage of a computer; each stage includes the previous ones."""
 
     STARTING = 0
     CONNECTED = 1
@@ -24,30 +24,30 @@ class Stage(enum.IntEnum):
 
 @dataclasses.dataclass
 class Report(RobotMonitor):
-    """The newest of everything; what was never received is None or empty."""
+    """The newest data of a computer; None or empty if never received."""
 
-    computer: str  #: name of the host
+    computer: str  #: host name
     robot: str = ""  #: the robot driven from here; empty on the base station
     gateway: str = ""  #: the gateway's name
-    hub: str = ""  #: the hub it is connected to; empty for none
-    rules: dict[str, str] = dataclasses.field(default_factory=dict)  #: state of each rule, by what it is about
+    hub: str = ""  #: the hub that the gateway is connected to; empty for none
+    rules: dict[str, str] = dataclasses.field(default_factory=dict)  #: state of each rule, by its description
     #: real_time_factor, models: the simulator's, on the base station
     real_time_factor: float | None = None
     models: tuple[str, ...] = ()
 
     @property
     def simulating(self) -> bool:
-        """Whether the simulator runs, with robots in it."""
+        """Whether the simulator runs and has robots."""
         return self.real_time_factor is not None and bool(self.models)
 
     @property
     def active(self) -> int:
-        """How many rules carry, or could."""
+        """Number of working rules."""
         return sum(state in CARRYING for state in self.rules.values())
 
     @property
     def stage(self) -> Stage:
-        """How far this computer has come."""
+        """The stage this computer has reached."""
         if not self.hub:
             return Stage.STARTING
         if not self.rules or self.active < len(self.rules):
@@ -62,7 +62,7 @@ class Report(RobotMonitor):
 
     @property
     def lacks(self) -> str:
-        """What is missing for the next stage, in words; empty when nothing is."""
+        """Description of what is missing for the next stage; empty if nothing is."""
         if not self.gateway:
             return "no gateway on this computer yet"
         if not self.hub:
@@ -75,24 +75,24 @@ class Report(RobotMonitor):
         if not self.robot:
             return "" if self.simulating else "the simulator does not run yet"
         if self.odom_at is None or self.scan_at is None:
-            return f"no {'odometry' if self.odom_at is None else 'scan'} has come"
+            return f"no {'odometry' if self.odom_at is None else 'scan'} received"
         if self.pose is None:
             return "amcl has not localised the robot"
         return "" if self.queue is not None else "no waypoint client yet"
 
     def has_come(self, until: Stage) -> bool:
-        """Returns whether it has come so far; a robot that has reached its waypoints and stands there has moved."""
+        """Returns whether stage ``until`` is reached; a robot that stands at its last waypoint counts as moving."""
         queue = self.queue
         has_driven = self.stage is Stage.READY and queue is not None and queue.reached > 0 and not queue.waiting
         return self.stage >= until or (until is Stage.MOVING and has_driven)
 
     def has_arrived(self, count: int) -> bool:
-        """Returns whether ``count`` waypoints came and none of them waits; with 0, always."""
+        """Returns whether at least ``count`` waypoints were received and none is waiting; always true for 0."""
         queue = self.queue
         return not count or (queue is not None and queue.received >= count and not queue.waiting)
 
     def as_json(self, now: float) -> dict[str, Any]:
-        """Returns the report for ``json.dumps``; ages [s] in place of times. ``now`` is monotonic [s]."""
+        """Returns the report for ``json.dumps``, with ages [s] instead of times. ``now`` is monotonic [s]."""
         return {
             "computer": self.computer,
             "robot": self.robot,
@@ -109,9 +109,9 @@ class Report(RobotMonitor):
 
 
 def states_of(rules: Iterable[Mapping[str, str]]) -> dict[str, str]:
-    """Returns the state of each rule that counts, by what the rule is about.
+    """Returns the state of each relevant rule, by its description.
 
-    A rule for one node belongs to a tool, such as RViz, which comes and goes: it counts while it carries only.
+    A rule for a specific node belongs to a tool such as RViz, which comes and goes: it counts only while it works.
 
     Args:
         rules: the values of each rule's status on ``/gateway/rules``.

@@ -1,1 +1,1 @@
-"""The report as a node."""
+"""Nodes and commands: report, replay, teleop."""

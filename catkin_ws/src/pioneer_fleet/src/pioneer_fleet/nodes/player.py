@@ -1,4 +1,4 @@
-"""Plays recorded messages at the pace they came."""
+"""Plays recorded messages at their recorded pace."""
 
 import time
 from collections.abc import Iterable
@@ -9,26 +9,26 @@ from pioneer_fleet.adapters.recording import Kind, Message
 from pioneer_node.adapters.end_request import EndRequest
 
 _SLICE = 0.1
-"""Longest until a jump or a pause takes effect [s]."""
+"""Maximum delay until a jump or a pause takes effect [s]."""
 
 
 class Pace:
-    """When recorded messages are due."""
+    """Determines when recorded messages are due."""
 
     def __init__(self, rate: float, end: EndRequest) -> None:
-        """``rate`` is how many recorded seconds pass in one; ``end`` ends it early."""
+        """``rate`` is the number of recorded seconds per second; ``end`` stops the replay early."""
         self._rate, self._end, self._looked = rate, end, 0.0
-        self.jump: int | None = None  #: where to continue [ns of the recording]; None to stay in order
-        self.paused = False  #: whether none is due
+        self.jump: int | None = None  #: time to jump to [ns of the recording]; None for no jump
+        self.paused = False  #: whether the replay is paused
         self.at = 0
-        """The recorded time [ns]."""
+        """Current recorded time [ns]."""
 
     def begin(self, at: int) -> None:
-        """Continues at a recorded time [ns]."""
+        """Starts, or continues, at a recorded time [ns]."""
         self.at, self.jump, self._looked = at, None, time.monotonic()
 
     def waits_for(self, due: int) -> bool:
-        """Waits until a message of that time is due; returns False where a jump or the end comes first."""
+        """Waits until a message of time ``due`` [ns] is due; returns False if a jump or the end comes first."""
         while not self._end.is_set() and self.jump is None:
             now = time.monotonic()
             if not self.paused:
@@ -41,14 +41,14 @@ class Pace:
 
 
 class Replay:
-    """Publishes recorded messages on this node's master, at the pace they came; topics lose their masters' names."""
+    """Publishes recorded messages on this node's master at their recorded pace, without the masters' topic prefixes."""
 
     def __init__(self, pace: Pace) -> None:
         self._pace = pace
         self._publishers: dict[tuple[str, Kind], tuple[rospy.Publisher, type]] = {}
 
     def play(self, messages: Iterable[Message], at: int = 0) -> int:
-        """Publishes all from a time on [ns], by default that of the first; returns how many were published."""
+        """Publishes all messages from time ``at`` [ns] on, by default from the first; returns their number."""
         count = 0
         if at:
             self._pace.begin(at)

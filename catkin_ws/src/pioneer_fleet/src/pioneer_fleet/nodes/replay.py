@@ -1,4 +1,4 @@
-"""``./pioneer replay FILE``: a recording's messages again, on one ROS master of its own, for RViz and others."""
+"""``./pioneer replay FILE``: publishes a recording again on its own ROS master, for RViz and other tools."""
 # ruff: noqa: T201 - a command talks to people on standard output
 
 import os

@@ -1,4 +1,4 @@
-"""A replay in the browser: the fleet page on the replay's master, with a slider."""
+"""Shows a replay in the browser: the dashboard on the replay's master, with a slider."""
 # ruff: noqa: T201 - a command talks to people on standard output
 
 import os
@@ -21,20 +21,20 @@ from pioneer_node.adapters.end_request import EndRequest
 
 _PORT = 8090
 _TELL = 0.5
-"""Between two messages on /replay/position [s]."""
+"""Interval between two messages on /replay/position [s]."""
 _SECOND = 1e9
 
 
 class ReplayPage:
-    """Serves a recording, and does what the page asks for.
+    """Serves a recording on the dashboard and executes the page's replay commands.
 
-    Publishes: /replay/position (std_msgs/Float64MultiArray): recorded seconds that have passed, and all.
-    Subscribes: /replay/seek (std_msgs/Float64): where to continue [s].
+    Publishes: /replay/position (std_msgs/Float64MultiArray): position and length of the recording [s].
+    Subscribes: /replay/seek (std_msgs/Float64): time to continue at [s].
     Services: /gazebo/pause_physics, /gazebo/unpause_physics.
     Parameters: sets /robot_names.
 
     Raises:
-        RecordingError: it has no robot.
+        RecordingError: the recording contains no robot.
     """
 
     def __init__(self, path: Path, pace: Pace) -> None:
@@ -62,7 +62,7 @@ class ReplayPage:
         self._ports.release()
 
     def play(self, replay: Replay, end: EndRequest) -> None:
-        """Plays until ``end``, once a page is open: again from where it has put the slider, and then waits for that."""
+        """Plays until ``end``, once a page is open. Each move of the slider restarts it from there."""
         telling = threading.Thread(target=self._tell, args=(end,), name="position", daemon=True)
         telling.start()
         at = self._begin
@@ -88,5 +88,5 @@ class ReplayPage:
 
 
 def _of_the_base(messages: Iterator[Message]) -> Iterator[Message]:
-    """Yields what the base station's master had: of gateways, which all have the same topics, its own only."""
+    """Yields the messages, but of the gateways, whose topics all have the same names, only the base station's."""
     return (one for one in messages if one.topic.startswith("/base/") or "/gateway/" not in one.topic)

@@ -1,4 +1,4 @@
-"""``report``: how this computer does, as lines of JSON, until it has come as far as asked or time is up."""
+"""``report``: prints the state of this computer as lines of JSON, until the requested stage or the timeout."""
 
 import argparse
 import dataclasses
@@ -29,16 +29,16 @@ from pioneer_fleet.core.tour import Place, places_from_mapping, tour
 from pioneer_node.nodes import patch
 
 MASTER_LOOK = 0.2
-"""How often a master that does not answer yet is asked again [s]: it cannot tell that it has come."""
+"""Poll interval for a master that is not up yet [s]: it does not announce its start."""
 QUEUE = 1000
-"""Messages that wait for us: none may be lost of those between which gaps are looked for."""
+"""Subscriber queue size: gap detection must not lose any message."""
 LINE_EVERY = 0.5
-"""At most one line in so many seconds, but for the last."""
+"""Minimum interval between lines, except before the last [s]."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Errand:
-    """Where to send the robot: to ``places``, else to ``waypoints`` places of a tour of ``robots`` if it has none."""
+    """Where to send the robot: to ``places``; else, if it has had no goals, to ``waypoints`` places of a tour."""
 
     places: list[Place] = dataclasses.field(default_factory=list)
     waypoints: int = 0
@@ -46,11 +46,11 @@ class Errand:
 
 
 class ReportNode:
-    """Listens to this computer's gateway and robot, or simulator, and keeps one `Report`.
+    """Subscribes to this computer's gateway and robot, or simulator, and updates one `Report`.
 
     Subscribes: /gateway/gateway_info, /gateway/rules; for a robot its odom, base_scan, amcl_pose and
     map_goal_client/queue; on the base station /gazebo/real_time_factor and /gazebo/model_states.
-    Publishes: NAME/map_goal, if it is to send the robot on a tour.
+    Publishes: NAME/map_goal, if the robot has an errand.
     Threads: callbacks write under a lock and wake the main thread, which prints.
     """
 
@@ -71,10 +71,10 @@ class ReportNode:
             self._listen("/gazebo/model_states", ModelStates, self._on_models)
 
     def follow(self, until: Stage, arrived: int, timeout: float, settled: bool) -> bool:
-        """Prints a line whenever something that matters changes; returns whether it came so far in time.
+        """Prints a line on each relevant change; returns whether the goal was reached before the time-out.
 
-        That is stage ``until``, the errand's own places and ``arrived`` waypoints dealt with and none waiting.
-        ``settled`` prints nothing but the last line.
+        The goal: stage ``until`` is reached, the errand's places and ``arrived`` waypoints are processed, none waits.
+        ``settled`` prints only the last line.
         """
         deadline, printed, last = time.monotonic() + timeout, "", -math.inf
         with self._changed:
@@ -96,7 +96,7 @@ class ReportNode:
         return not under_way and self._report.has_arrived(max(count, self._due))
 
     def _drive(self) -> None:
-        """Sends the robot on its errand once it can take it."""
+        """Sends the errand's goals once the robot is ready for them."""
         if self._sent or self._report.stage < Stage.READY or self._goals is None:
             return
         if not self._goals.get_num_connections():
@@ -118,7 +118,7 @@ class ReportNode:
         return tour(places, number, self._errand.robots, self._errand.waypoints) if places else []
 
     def _key(self) -> tuple[Stage, int]:
-        """Returns what the main thread is woken for when it changes."""
+        """Returns the state whose changes wake the main thread."""
         return self._report.stage, self._report.queue.waiting if self._report.queue else 0
 
     def _listen(self, topic: str, kind: Any, callback: Any) -> None:
@@ -175,19 +175,19 @@ def _tell(line: dict[str, Any]) -> None:
 
 
 def main() -> int:
-    """Runs the command; the exit status says whether the computer has come so far."""
+    """Runs the command; the exit status is 0 if the goal was reached."""
     parser = argparse.ArgumentParser("report", description=(__doc__ or "").strip())
     stages = [stage.name.lower() for stage in Stage]
     parser.add_argument("--robot", default="", help="robot driven from this computer; none on the base station")
-    parser.add_argument("--until", choices=stages, default=stages[-1], help="end once it has come so far")
-    parser.add_argument("--arrived", type=int, default=0, help="and so many waypoints are dealt with, none waiting")
+    parser.add_argument("--until", choices=stages, default=stages[-1], help="end once this stage is reached")
+    parser.add_argument("--arrived", type=int, default=0, help="and so many waypoints have ended, with none queued")
     parser.add_argument(
         "--to", type=_place, action="append", default=[], metavar="X,Y[,HEADING]",
-        help="send the robot there [m, rad], and end not before that is dealt with; several times for several places",
+        help="send the robot there [m, rad] and wait until that waypoint has ended; repeat for several places",
     )  # fmt: skip
     parser.add_argument("--timeout", type=float, default=2.0, help="end after so many seconds at the latest")
     parser.add_argument("--settled", action="store_true", help="print the last line only")
-    parser.add_argument("--waypoints", type=int, default=0, help="send a robot that has none to so many places")
+    parser.add_argument("--waypoints", type=int, default=0, help="send a robot without waypoints to so many places")
     parser.add_argument("--robots", type=int, default=1, help="robots of the fleet, which share the places")
     options = parser.parse_args()
     report = Report(os.environ.get("HOSTNAME", ""), options.robot)
@@ -203,7 +203,7 @@ def main() -> int:
 
 
 def _master_answers(deadline: float) -> bool:
-    """Waits for this computer's master; returns False when it has not come by ``deadline`` (monotonic [s])."""
+    """Waits for this computer's master; returns False if it is not up by ``deadline`` (monotonic [s])."""
     master, wait = rosgraph.Master("/fleet_report"), threading.Event()
     while time.monotonic() < deadline:
         try:

@@ -1,4 +1,4 @@
-"""``teleop``: drives one robot by keyboard, on the robot's master."""
+"""``teleop``: drives one robot by keyboard through the robot's master."""
 
 import argparse
 import os
@@ -15,7 +15,7 @@ from geometry_msgs.msg import Twist
 from pioneer_fleet.core.steering import Steering
 
 _RATE = 10.0
-"""Commands a second [Hz]: without any a robot stops after 0.6 s."""
+"""Command rate [Hz]: a robot stops 0.6 s after the last command."""
 _HELP = "w/s faster/slower, a/d left/right, space stops, q ends; while move_base has a goal it commands the robot, too"
 
 
@@ -49,9 +49,9 @@ def main() -> int:
 
 
 def _steered() -> Iterator[Steering]:
-    """Yields the speed to command, ten times a second, until q; the last one is zero."""
+    """Yields the speed to command ten times a second until q is pressed; the last one is zero."""
     before = termios.tcgetattr(sys.stdin)
-    tty.setcbreak(sys.stdin, termios.TCSADRAIN)  # keeps what was typed already
+    tty.setcbreak(sys.stdin, termios.TCSADRAIN)  # keeps pending input
     steering = Steering()
     try:
         while not rospy.is_shutdown():

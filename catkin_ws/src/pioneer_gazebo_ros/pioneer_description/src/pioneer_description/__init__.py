@@ -1,1 +1,1 @@
-"""The robot, and pictures of what RViz shows of a fleet."""
+"""The robot model, and images of a fleet in RViz."""

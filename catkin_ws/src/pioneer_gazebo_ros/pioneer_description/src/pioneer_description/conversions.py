@@ -1,4 +1,4 @@
-"""Messages to values and back, without an object for each."""
+"""Decodes messages to values without creating message objects."""
 
 import struct
 from typing import NamedTuple
@@ -8,22 +8,22 @@ _COUNT = struct.Struct("<I")
 
 
 class MalformedMessageError(Exception):
-    """What arrived is no such message."""
+    """A received message does not have the expected type."""
 
 
 class JointPositions(NamedTuple):
-    """What a JointState says of where joints are."""
+    """The joint positions in a JointState."""
 
     time: int  #: [ns]
-    names: tuple[str, ...]  #: joints
-    positions: tuple[float, ...]  #: one for each [rad or m]
+    names: tuple[str, ...]  #: joint names
+    positions: tuple[float, ...]  #: one per joint [rad or m]
 
 
 def joint_positions(message: bytes | memoryview) -> JointPositions:
     """Returns the positions in a serialised sensor_msgs/JointState.
 
     Raises:
-        MalformedMessageError: it is none, or has another number of positions than of names.
+        MalformedMessageError: it is not a JointState, or the numbers of names and positions differ.
     """
     try:
         _, seconds, nanoseconds, length = _HEADER.unpack_from(message)

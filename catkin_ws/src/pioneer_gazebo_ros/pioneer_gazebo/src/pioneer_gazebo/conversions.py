@@ -1,7 +1,7 @@
-"""Messages from the simulator's values.
+"""Converts the simulator's values to messages.
 
-What goes out often is written into a template: the frame as TCPROS carries it (length, then the serialised message),
-made once, in which only the numbers change.
+Frequent messages use templates: a TCPROS frame (length, then the serialised message) is built once, and only its
+numbers are overwritten.
 """
 
 import io
@@ -24,7 +24,7 @@ from pioneer_gazebo.core.pose import Pose, Vector
 from pioneer_gazebo.core.robot import Camera, LaserSensor, SonarSensor
 
 POSE_COVARIANCE = (1e-5, 1e-5, 1e12, 1e12, 1e12, 1e-3)
-"""Diagonal that gazebo_ros' diff drive gives its odometry."""
+"""Covariance diagonal of the odometry of gazebo_ros' diff drive."""
 
 _LENGTH = 4
 _SEQ_STAMP = struct.Struct("<III")
@@ -33,7 +33,7 @@ _SIX = struct.Struct("<6d")
 
 
 def frame_of(message: Any) -> bytearray:
-    """Returns a message as TCPROS carries it: its length, then its bytes."""
+    """Returns a message as a TCPROS frame: its length, then its bytes."""
     buffer = io.BytesIO()
     message.serialize(buffer)
     body = buffer.getvalue()
@@ -41,17 +41,17 @@ def frame_of(message: Any) -> bytearray:
 
 
 def seconds_nanoseconds(time: int) -> tuple[int, int]:
-    """Returns a time [ns] as whole seconds and the rest."""
+    """Splits a time [ns] into whole seconds and remaining nanoseconds."""
     return divmod(time, 1_000_000_000)
 
 
 def time_of(time: int) -> genpy.Time:
-    """Returns a time [ns] as messages have it."""
+    """Returns a time [ns] as a genpy.Time."""
     return genpy.Time(*seconds_nanoseconds(time))
 
 
 def stamped_frame(message: Any, time: int, frame_id: str) -> bytearray:
-    """Returns a message's frame; its header, where it has one, is filled with a time [ns] and a frame's name."""
+    """Returns a message's frame; its header, if any, gets the time [ns] and the frame id."""
     if hasattr(message, "header"):
         message.header.stamp, message.header.frame_id = time_of(time), frame_id
     return frame_of(message)
@@ -76,10 +76,10 @@ class _Stamped:
 
 
 class OdometryTemplate(_Stamped):
-    """nav_msgs/Odometry whose covariances stay."""
+    """nav_msgs/Odometry with constant covariances."""
 
     def __init__(self, frame: str, child_frame: str, covariance: Sequence[float]) -> None:
-        """Takes frame names and the six diagonal values of both covariances."""
+        """Takes frame ids and the six diagonal values used for both covariances."""
         message = OdometryMessage()
         message.header.frame_id, message.child_frame_id = frame, child_frame
         message.pose.covariance = message.twist.covariance = np.diag(covariance).ravel().tolist()
@@ -96,10 +96,10 @@ class OdometryTemplate(_Stamped):
 
 
 class TransformTemplate:
-    """One transform of a TFMessage, without a frame of its own."""
+    """One serialised transform, to be combined into a TFMessage."""
 
     def __init__(self, frame: str, child_frame: str) -> None:
-        """Takes the names of parent and child."""
+        """Takes the frame ids of parent and child."""
         parent, child = frame.encode(), child_frame.encode()
         self._bytes = bytearray(_SEQ_STAMP.size)
         self._bytes += struct.pack("<I", len(parent)) + parent + struct.pack("<I", len(child)) + child
@@ -114,18 +114,18 @@ class TransformTemplate:
 
 
 def transforms_frame(transforms: Collection[bytes]) -> bytes:
-    """Returns a TFMessage's frame of the transforms' bytes."""
+    """Returns the frame of a TFMessage with these serialised transforms."""
     body = joined_transforms(transforms)
     return struct.pack("<I", len(body)) + body
 
 
 def joined_transforms(transforms: Collection[bytes]) -> bytes:
-    """Returns a TFMessage of the transforms' bytes."""
+    """Returns the bytes of a TFMessage with these serialised transforms."""
     return struct.pack("<I", len(transforms)) + b"".join(transforms)
 
 
 def name_of_transform(transform: bytes) -> bytes:
-    """Returns the part of a transform's bytes that has the names of its frames."""
+    """Returns the part of a serialised transform that contains its frame ids."""
     return transform[_SEQ_STAMP.size : -_POSE.size]
 
 
@@ -133,7 +133,7 @@ class ScanTemplate(_Stamped):
     """sensor_msgs/LaserScan without intensities."""
 
     def __init__(self, config: LaserSensor, frame: str, increment: float) -> None:
-        """Takes the laser's settings, the frame's name and the angle between beams [rad]."""
+        """Takes the laser's settings, the frame id and the angle between beams [rad]."""
         message = LaserScan(angle_min=config.min_angle, angle_max=config.max_angle, angle_increment=increment)
         message.header.frame_id = frame
         message.range_min, message.range_max = config.min_range, config.max_range
@@ -153,7 +153,7 @@ class JointStateTemplate(_Stamped):
     """sensor_msgs/JointState without efforts."""
 
     def __init__(self, names: Sequence[str]) -> None:
-        """Takes the joints' names, in the order of `fill`."""
+        """Takes the joint names, in the order used by `fill`."""
         count = len(names)
         message = JointState(name=list(names), position=[0.0] * count, velocity=[0.0] * count)
         super().__init__(message)
@@ -173,7 +173,7 @@ class RangeTemplate(_Stamped):
     """sensor_msgs/Range."""
 
     def __init__(self, config: SonarSensor, frame: str) -> None:
-        """Takes the sonar's settings and the frame's name."""
+        """Takes the sonar's settings and the frame id."""
         kind = Range.INFRARED if config.radiation == "infrared" else Range.ULTRASOUND
         message = Range(radiation_type=kind, field_of_view=config.fov)
         message.min_range, message.max_range = config.min_range, config.max_range
@@ -190,11 +190,11 @@ class RangeTemplate(_Stamped):
 ENCODINGS = {
     "R8G8B8": "rgb8", "RGB_INT8": "rgb8", "B8G8R8": "bgr8", "BGR_INT8": "bgr8", "L8": "mono8", "L_INT8": "mono8",
 }  # fmt: skip
-"""Encodings of sensor_msgs/Image by SDF's names of pixel formats."""
+"""Maps SDF's pixel formats to encodings of sensor_msgs/Image."""
 
 
 def image_of(picture: Picture, config: Camera) -> Image:
-    """Returns the message of a picture (height, width, 3) in the camera's format, without a header."""
+    """Returns the Image of a picture (height, width, 3) in the camera's format, without a header."""
     encoding = ENCODINGS[config.format]
     if encoding == "mono8":
         picture = (picture @ (0.299, 0.587, 0.114)).astype("u1")
@@ -205,13 +205,13 @@ def image_of(picture: Picture, config: Camera) -> Image:
 
 
 def depth_of(depth: Depth) -> Image:
-    """Returns the message of distances, without a header."""
+    """Returns the Image of a depth picture [m], without a header."""
     height, width = depth.shape
     return Image(height=height, width=width, encoding="32FC1", step=4 * width, data=depth.tobytes())
 
 
 def cloud_of(points: NDArray[np.float32]) -> PointCloud2:
-    """Returns the message of points, shape (height, width, 3), without a header."""
+    """Returns the PointCloud2 of points, shape (height, width, 3), without a header."""
     height, width, _ = points.shape
     fields = [PointField(name, 4 * index, PointField.FLOAT32, 1) for index, name in enumerate("xyz")]
     return PointCloud2(
@@ -221,7 +221,7 @@ def cloud_of(points: NDArray[np.float32]) -> PointCloud2:
 
 
 def info_of(config: Camera) -> CameraInfo:
-    """Returns the intrinsics of a camera without distortion, without a header."""
+    """Returns the CameraInfo of a camera without distortion, without a header."""
     lens = intrinsics_of(config)
     matrix = [lens.focal, 0.0, lens.x, 0.0, lens.focal, lens.y, 0.0, 0.0, 1.0]
     return CameraInfo(
@@ -241,10 +241,10 @@ def message_from_pose(pose: Pose) -> PoseMessage:
 
 
 def pose_from_message(message: PoseMessage) -> Pose:
-    """Returns a pose; a quaternion of all zeros, as an empty message has, means no turn.
+    """Returns a pose; an all-zero quaternion, as in an empty message, becomes the identity rotation.
 
     Raises:
-        ValueError: a number that is not finite, or a rotation of length 0.
+        ValueError: a number is not finite, or the quaternion has zero length.
     """
     p, q = message.position, message.orientation
     numbers = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
@@ -263,7 +263,7 @@ def velocity_from_message(message: Twist) -> Velocity:
     """Returns a velocity.
 
     Raises:
-        ValueError: a number that is not finite.
+        ValueError: a number is not finite.
     """
     return Velocity(vector_from_message(message.linear), vector_from_message(message.angular))
 
@@ -272,7 +272,7 @@ def vector_from_message(message: Vector3 | Point) -> Vector:
     """Returns x, y, z.
 
     Raises:
-        ValueError: a number that is not finite.
+        ValueError: a number is not finite.
     """
     vector = (message.x, message.y, message.z)
     if not all(map(math.isfinite, vector)):

@@ -92,7 +92,7 @@ def test_kinds_that_are_not_supported_and_rings_are_named_once():
     notes = (
         "joint type 'ball' is not supported: the links it connects are held together",
         "joint type 'universal' is not supported: the links it connects are held together",
-        "joint k of model m closes a ring, which is not supported, and is left out",
+        "joint k of model m closes a kinematic loop, which is not supported; it is ignored",
     )
     found = model_of(*parts, notes=notes)
     assert [one.kind for one in found.joints] == [FIXED, FIXED]

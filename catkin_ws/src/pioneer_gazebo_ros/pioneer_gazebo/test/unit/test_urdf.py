@@ -116,7 +116,7 @@ def test_unknown_plugins_and_elements_are_named_once():
         (LASER.format(samples=1.5, pose=""), "whole number"),
         (LASER.format(samples=5, pose="").replace("body", "bod"), "unknown link 'bod'; did you mean 'body'?"),
         ('<gazebo><plugin name="p" filename="libgazebo_ros_p3d.so"/></gazebo>', "<bodyName> is missing"),
-        ('<link name="loose"/>', "one link that is no joint's child, not 2: base, loose"),
+        ('<link name="loose"/>', "must have exactly one root link, found 2: base, loose"),
         ('<joint name="j" type="bent"><parent link="base"/><child link="left"/></joint>', "'bent' is not one of"),
         ('<joint name="j" type="fixed"><parent link="base"/><child link="left"/></joint>', "child of two joints"),
         ('<joint name="j" type="fixed"><parent link="base"/><child link="x"/></joint>', "no link 'x'"),

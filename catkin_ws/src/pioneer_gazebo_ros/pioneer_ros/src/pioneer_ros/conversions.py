@@ -1,4 +1,4 @@
-"""Velocity commands as bytes: a Twist is six doubles, and this controller wants no more of it."""
+"""Reads and writes velocity commands directly as the six doubles of a serialised Twist."""
 
 import io
 import struct
@@ -12,7 +12,7 @@ _TWIST = struct.Struct("<6d")
 
 
 class CommandMessage(Twist):  # type: ignore[misc]
-    """A geometry_msgs/Twist that reads and writes its six numbers at once, without the Vector3 objects."""
+    """A geometry_msgs/Twist that (de)serialises its six numbers at once, without Vector3 objects."""
 
     def __init__(self, *args: Any, **fields: Any) -> None:
         super().__init__(*args, **fields)

@@ -1,1 +1,1 @@
-"""What needs the system, but not rospy."""
+"""Code that needs the operating system, but not rospy."""

@@ -1,4 +1,4 @@
-"""Reads YAML documents with the line of everything in them."""
+"""Reads YAML documents and keeps the line number of every field and item."""
 
 from pathlib import Path
 from typing import Any, TypeVar
@@ -11,10 +11,10 @@ Kind = TypeVar("Kind")
 
 
 def read_document(kind: type[Kind], path: Path) -> Kind:
-    """Returns a YAML file as the dataclass ``kind`` (`built`).
+    """Returns a YAML file's content as the dataclass ``kind``; see `built`.
 
     Raises:
-        DocumentError: it cannot be read or is wrong; the message begins with file and line.
+        DocumentError: the file cannot be read or is invalid; the message begins with file and line.
     """
     content, lines = read_content(path)
     try:
@@ -24,10 +24,10 @@ def read_document(kind: type[Kind], path: Path) -> Kind:
 
 
 def read_content(path: Path) -> tuple[Any, dict[Place, int]]:
-    """Returns a YAML file's content, and the line of each field and item.
+    """Returns a YAML file's content and the line number of each field and item.
 
     Raises:
-        DocumentError: it cannot be read, is no YAML, or has a field twice.
+        DocumentError: the file cannot be read, is not YAML, or contains a field twice.
     """
     try:
         loader = yaml.SafeLoader(path.read_text())
@@ -45,13 +45,13 @@ def read_content(path: Path) -> tuple[Any, dict[Place, int]]:
         raise DocumentError(f"{path}: cannot be read: {error}") from None
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
-        raise DocumentError(f"{path}:{line}: no YAML: {error.problem}") from None
+        raise DocumentError(f"{path}:{line}: invalid YAML: {error.problem}") from None
     except yaml.YAMLError as error:
-        raise DocumentError(f"{path}: no YAML: {error}") from None
+        raise DocumentError(f"{path}: invalid YAML: {error}") from None
 
 
 def located(error: DocumentError, path: Path, lines: dict[Place, int]) -> DocumentError:
-    """Returns the error with file and line, that of the nearest outer value where its own has none."""
+    """Returns the error with file and line prepended; if its place has no line, that of the closest enclosing value."""
     place = error.place
     while place not in lines:
         place = place[:-1]

@@ -11,12 +11,12 @@ from collections.abc import Iterable
 class EndRequest:
     """Like ``threading.Event``, but safe to set from a signal handler: it takes no lock.
 
-    A handler runs in the main thread, between any two of its instructions. If the main thread is waiting for an Event
-    at that moment it may hold the Event's lock, and ``set`` would deadlock.
+    A handler interrupts the main thread between any two instructions. If the main thread is waiting for an Event at
+    that moment, it may hold the Event's lock, and ``set`` would deadlock.
     """
 
     def __init__(self) -> None:
-        self.number = 0  #: the signal that made the request, of those given to `take_signals`; 0 for none
+        self.number = 0  #: the signal that requested shutdown, of those given to `take_signals`; 0 for none
         self._is_set = False
         self._signals: int | None = None
         self._numbers: tuple[int, ...] = ()
@@ -28,11 +28,11 @@ class EndRequest:
         return self._is_set
 
     def take_signals(self, *numbers: int) -> None:
-        """Has each of these signals request shutdown; for the main thread, and one request of a process.
+        """Makes each of these signals request shutdown. Call from the main thread, for one `EndRequest` per process.
 
-        Python runs a handler in the main thread only, once that runs: if it goes to sleep on a lock just then, or if
-        the kernel gives the signal to another thread, that may be never. So we have Python write the number of each
-        signal into a pipe too, at once and in whichever thread, and who waits for the request reads it there.
+        Python runs handlers only in the main thread, and only once that runs again: never, if it blocks on a lock just
+        then or if the kernel delivers the signal to another thread. So Python also writes each signal number into a
+        pipe (wake-up fd), at once and from any thread; the thread that waits for the request reads the pipe.
         """
         self._numbers = numbers
         if self._signals is None:
@@ -47,15 +47,15 @@ class EndRequest:
         os.eventfd_write(self._wake, 1)  # type: ignore[attr-defined]
 
     def wake(self) -> None:
-        """Ends a wait without a request: something else has happened that the waiting thread wants to know."""
+        """Wakes up the waiting thread without requesting shutdown, because of some other event."""
         os.eventfd_write(self._wake, 1)  # type: ignore[attr-defined]
 
     def wait(self, timeout: float | None = None, beside: Iterable[int] = ()) -> bool:
-        """Waits for the request; returns whether it was made.
+        """Waits for a shutdown request; returns whether one was made.
 
         Args:
-            timeout: at most so long [s]; None for any time.
-            beside: file descriptors that end the wait, too, once they can be read.
+            timeout: maximum time [s]; None for no limit.
+            beside: file descriptors that also end the wait once they are readable.
         """
         if not self._is_set:
             poll = select.poll()
@@ -80,5 +80,5 @@ class EndRequest:
     def _forget_wakes(self) -> None:
         with contextlib.suppress(BlockingIOError):
             os.eventfd_read(self._wake)  # type: ignore[attr-defined]
-        if self._is_set:  # its own wake was among them, and others may wait for that
+        if self._is_set:  # keep the fd readable, because other threads may wait for the request
             os.eventfd_write(self._wake, 1)  # type: ignore[attr-defined]

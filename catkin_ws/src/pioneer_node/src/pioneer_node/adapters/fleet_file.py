@@ -13,12 +13,12 @@ Entry = TypeVar("Entry", bound=RobotEntry)
 
 
 def read_fleet(path: Path) -> tuple[RobotEntry, ...]:
-    """Returns the robots of a fleet file, with whole paths of the files that it names.
+    """Returns the robots of a fleet file, with the absolute paths of the files it names.
 
-    Those are relative to the fleet file, or ``package://PACKAGE/…``.
+    File names are relative to the fleet file, or ``package://PACKAGE/…``.
 
     Raises:
-        FleetFileError: it, or a file that it names, cannot be read or is wrong.
+        FleetFileError: the file is unreadable or invalid, or a file it names does not exist.
     """
     try:
         content = yaml.safe_load(path.read_text())
@@ -30,10 +30,10 @@ def read_fleet(path: Path) -> tuple[RobotEntry, ...]:
 
 
 def with_files(robot: Entry, source: Path) -> Entry:
-    """Returns a robot with the whole paths of its files, which ``source`` names.
+    """Returns the robot with the file names from ``source`` resolved to absolute paths.
 
     Raises:
-        FleetFileError: one does not exist.
+        FleetFileError: a file does not exist.
     """
     return dataclasses.replace(
         robot,
@@ -43,10 +43,10 @@ def with_files(robot: Entry, source: Path) -> Entry:
 
 
 def file_named(name: str, source: Path, owner: str) -> str:
-    """Returns the whole path of a file that the file ``source`` names for ``owner``; empty stays empty.
+    """Returns the absolute path of a file that ``source`` names for ``owner``; empty stays empty.
 
     Raises:
-        FleetFileError: it does not exist.
+        FleetFileError: the file or its package does not exist.
     """
     if not name:
         return ""

@@ -1,8 +1,9 @@
-"""``forked PROGRAM ARGUMENT …``: runs a program as a fork of `computer`'s interpreter; executes it where it cannot be.
+"""``forked PROGRAM ARGUMENT …``: runs a program as a fork of `computer`'s interpreter, or executes it if impossible.
 
-The program has this process's arguments, environment, folder, standard streams and exit status. It gets SIGINT and
-SIGTERM from here, and SIGTERM when this process ends before it. A `computer` that is just starting is waited for.
-Few imports: starting it must take milliseconds.
+The program gets this process's arguments, environment, folder and standard streams; its exit status is returned.
+SIGINT and SIGTERM are forwarded to it, and it gets SIGTERM if this process ends first. Waits for a `computer` that is
+just starting.
+Keep imports few: startup must take milliseconds.
 """
 
 import contextlib
@@ -17,11 +18,11 @@ from collections.abc import Sequence
 from types import FrameType
 
 SOCKET = "PIONEER_FORK_SOCKET"
-"""Variable: path at which `computer`'s fork server listens; a plain file there means that there is none."""
+"""Variable: socket path of `computer`'s fork server; a regular file there means that no server runs."""
 SWITCH = "PIONEER_FORK"
-"""Variable; 0 has every program started by itself, as the original roslaunch does."""
+"""Variable: 0 disables forking; every program is executed, as in the original roslaunch."""
 _START = 10.0
-"""So long `computer` may take until it listens, from the start of the container on [s]."""
+"""Time-out for `computer` to start listening after the container has started [s]."""
 _CREATED = 0x100 | 0x80
 """IN_CREATE and IN_MOVED_TO of inotify(7)."""
 _FORWARDED = (signal.SIGINT, signal.SIGTERM)
@@ -46,7 +47,7 @@ def main() -> int:
 
 
 def _has_connected(line: socket.socket) -> bool:
-    """Connects to the fork server; returns False where there is none."""
+    """Connects to the fork server; returns False if there is none."""
     path = os.environ.get(SOCKET)
     if not path or os.environ.get(SWITCH) == "0":
         return False
@@ -61,8 +62,8 @@ def _has_connected(line: socket.socket) -> bool:
 
 
 def _asked(line: socket.socket, command: Sequence[str]) -> int | None:
-    """Asks the fork server for a program; returns its pid, None where the server refuses or ends."""
-    # A request of ForkServer.start: a program that is no launcher, and its standard streams.
+    """Requests a program from the fork server; returns its pid, or None if the server refuses or ends."""
+    # Same format as in ForkServer.start: a program, not a launcher, and its standard streams.
     request = json.dumps([[command, dict(os.environ), os.getcwd()], False]).encode()
     try:
         socket.send_fds(line, [request], [0, 1, 2])
@@ -73,12 +74,12 @@ def _asked(line: socket.socket, command: Sequence[str]) -> int | None:
 
 
 def _await_creation(path: str) -> None:
-    """Returns once ``path`` exists, or after the time that `computer` may take to start.
+    """Waits until ``path`` exists, with a time-out for `computer` to start.
 
     Raises:
-        OSError: the folder cannot be watched.
+        OSError: inotify cannot watch the folder.
     """
-    import ctypes  # which takes as long as all other imports
+    import ctypes  # imported here: takes as long as all other imports together
 
     library, deadline = ctypes.CDLL(None, use_errno=True), time.monotonic() + _START
     watch = library.inotify_init1(os.O_CLOEXEC)
@@ -90,7 +91,7 @@ def _await_creation(path: str) -> None:
 
 
 def _awaited(line: socket.socket, pid: int, signals: "_Signals") -> int:
-    """Waits for the program's end and returns its status, minus the signal's number where one ended it."""
+    """Waits for the program to end; returns its status, the negative signal number if a signal ended it."""
     running: list[int] = []
     with contextlib.suppress(ProcessLookupError):  # it has ended already
         running.append(os.pidfd_open(pid))
@@ -109,12 +110,12 @@ def _awaited(line: socket.socket, pid: int, signals: "_Signals") -> int:
 
 
 class _Signals:
-    """Keeps SIGINT and SIGTERM from ending this process; the program gets them, once it has started."""
+    """Catches SIGINT and SIGTERM and forwards them to the program once it has started."""
 
     def __init__(self) -> None:
         self._program: int | None = None
         self._early: list[int] = []
-        # A signal that comes just before a system call would be handled after it, however long that takes.
+        # Without a wake-up pipe, a signal just before a blocking system call would be handled only after the call.
         self._reader, writer = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
         self._taken = [number for number in _FORWARDED if signal.getsignal(number) is not signal.SIG_IGN]
@@ -122,18 +123,18 @@ class _Signals:
             signal.signal(number, self._take)
 
     def forward_to(self, program: int) -> None:
-        """Sends to a program, given by its handle, what has come so far and what will come."""
+        """Forwards past and future signals to a program, given by its pidfd."""
         self._program = program
         for number in self._early:
             self._take(number, None)
 
     def wait_for(self, descriptor: int) -> None:
-        """Returns once a descriptor can be read; signals are forwarded meanwhile."""
+        """Waits until a descriptor is readable; forwards signals meanwhile."""
         while descriptor not in select.select([descriptor, self._reader], [], [])[0]:
             os.read(self._reader, 64)
 
     def release(self) -> None:
-        """Has signals end this process again, also those that have come so far."""
+        """Restores the default signal handling and raises signals caught so far again."""
         for number in self._taken:
             signal.signal(number, signal.SIG_DFL)
         for early in self._early:
@@ -158,7 +159,7 @@ def _end_like(status: int) -> int:
 
 
 def _execute(command: list[str]) -> int:
-    for number in (signal.SIGPIPE, signal.SIGXFSZ):  # which this interpreter ignores
+    for number in (signal.SIGPIPE, signal.SIGXFSZ):  # ignored by the interpreter
         signal.signal(number, signal.SIG_DFL)
     try:
         os.execv(command[0], command)

@@ -1,11 +1,12 @@
-"""A process that has imported what Python programs share, and starts them by forking itself.
+"""Fork server: a process that has imported what Python programs share and starts them by forking itself.
 
-A program started this way is a process of its own, with the arguments, environment, folder and output that it would
-have got from ``subprocess.Popen``, but its interpreter and the modules that were imported before are already in memory,
-and shared with every other program that was forked from the same server.
+A forked program is a separate process with the same arguments, environment, folder and output as under
+``subprocess.Popen``. But its interpreter and the imported modules are already in memory, shared with all programs
+forked from the same server.
 
-The process that starts the server asks it for programs, and so may launchers among these. With a `Guard`, any process
-of the same user may connect and ask (`fork_client`); its program gets SIGTERM when the connection ends.
+The process that starts the server requests programs from it, and launchers among these programs may do the same. With
+a `Guard`, any process of the same user may connect and request a program (`fork_client`); that program gets SIGTERM
+when the connection ends.
 """
 
 import contextlib
@@ -27,10 +28,10 @@ from pioneer_node.adapters import process_title
 from pioneer_node.adapters.forked_program import Program, settle
 
 _LARGEST = 1 << 20
-"""Bytes of a request at most; a socket of this kind takes less than that by default."""
+"""Maximum request size [bytes]; above the default limit of such a socket."""
 _STREAMS = 3
 _MOMENT = 0.05
-"""Within this [s] another thread may have read the report that one waits for."""
+"""Poll interval [s]: another thread may have read the report that this one waits for."""
 _lent: list["ForkServer"] = []
 
 
@@ -40,20 +41,20 @@ class ForkServerError(Exception):
 
 @dataclasses.dataclass(frozen=True)
 class Guard:
-    """Lets other processes of this user connect to the server and ask for programs."""
+    """Lets other processes of this user connect to the server and request programs."""
 
     listener: socket.socket
-    #: whether a program may be forked, asked in the server's process; the client of any other executes it
+    #: decides, in the server's process, whether a program may be forked; if not, the client executes it
     allows: Callable[[Program], bool]
 
 
 def listen(path: str) -> socket.socket:
-    """Listens at ``path``, in place of what an earlier process left there; nobody but this user can connect.
+    """Listens at ``path``, replacing any stale socket; only this user can connect.
 
-    Once there is something at ``path``, it takes connections.
+    The socket accepts connections as soon as ``path`` exists.
 
     Raises:
-        OSError: the socket cannot be made there.
+        OSError: the socket cannot be created there.
     """
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     made = f"{path}.new"
@@ -72,7 +73,7 @@ def listen(path: str) -> socket.socket:
 
 
 class ForkedProcess:
-    """A program that the server has started; what ``subprocess.Popen`` offers of it to roslaunch."""
+    """A program started by the server, with the part of ``subprocess.Popen``'s interface that roslaunch uses."""
 
     def __init__(self, server: "ForkServer", pid: int) -> None:
         self.pid = pid
@@ -80,13 +81,13 @@ class ForkedProcess:
         self._status: int | None = None
         try:
             self._handle = os.pidfd_open(pid)
-        except ProcessLookupError:  # it has ended, and the server has taken note
+        except ProcessLookupError:  # it has ended, and the server keeps its status
             self._handle = os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)
 
     def poll(self) -> int | None:
-        """Returns the exit status, minus the signal's number where one ended it; None while the program runs.
+        """Returns the exit status, the negative signal number if a signal ended it; None while the program runs.
 
-        Without the server, which alone can learn it, the status of a program that has ended is -SIGKILL.
+        Only the server can know the status: if the server is lost, an ended program counts as -SIGKILL.
         """
         if self._status is None:
             self._status = self._server.status(self.pid)
@@ -95,10 +96,10 @@ class ForkedProcess:
         return self._status
 
     def wait(self, timeout: float) -> int:
-        """Returns the exit status.
+        """Waits for the program to end; returns the exit status.
 
         Raises:
-            TimeoutExpired: the program has not ended after so many seconds.
+            TimeoutExpired: the program is still running after ``timeout`` [s].
         """
         if not select.select([self._handle], [], [], timeout)[0]:
             raise subprocess.TimeoutExpired(str(self.pid), timeout)
@@ -111,7 +112,7 @@ class ForkedProcess:
 
 
 class ForkServer:
-    """The starting side. Threads: any."""
+    """The client side of the server, which starts programs. Thread-safe."""
 
     def __init__(self, line: socket.socket, pid: int) -> None:
         self._line, self._pid = line, pid
@@ -128,7 +129,7 @@ class ForkServer:
         stderr: int,
         lend: bool = False,
     ) -> ForkedProcess:
-        """Starts the script ``arguments[0]`` in a session of its own; with ``lend`` it may use this server as well.
+        """Starts the script ``arguments[0]`` in its own session; with ``lend`` it may use this server too.
 
         Raises:
             ForkServerError: the server has ended, or the request is too long.
@@ -146,18 +147,18 @@ class ForkServer:
             return ForkedProcess(self, started)
 
     def status(self, pid: int) -> int | None:
-        """Returns the exit status of ``pid``, once; None while it runs."""
+        """Returns the exit status of ``pid``, only once; None while it runs."""
         with self._lock:
             while not self.is_lost and select.select([self._line], [], [], 0)[0]:
                 self._take()
             return self._ended.pop(pid, None)
 
     def await_report(self) -> None:
-        """Waits a moment, or until the server reports the end of some program."""
+        """Waits briefly, or until the server reports the end of a program."""
         select.select([self._line], [], [], _MOMENT)
 
     def _take(self) -> int | None:
-        """Reads one message; returns the pid of a program that was started."""
+        """Reads one message; returns the pid if it reports a started program."""
         try:
             message = self._line.recv(_LARGEST)
         except OSError:
@@ -175,13 +176,13 @@ class ForkServer:
 
 
 def start_server(guard: Guard | None = None) -> ForkServer | Program:
-    """Forks the server, with all that is imported by now. The listener of ``guard`` is the server's from then on.
+    """Forks the server with all modules imported so far. The server takes over the listener of ``guard``.
 
     Returns:
-        In this process the side that starts programs. In each program's process the program, to be run at once.
+        In this process, the client side. In each forked process, the program to run at once.
     """
     gc.collect()
-    gc.freeze()  # a collection would write into pages that are shared
+    gc.freeze()  # a garbage collection would write to shared pages
     ours, theirs = _line()
     sys.stdout.flush()
     sys.stderr.flush()
@@ -196,7 +197,7 @@ def start_server(guard: Guard | None = None) -> ForkServer | Program:
 
 
 def lent_server() -> ForkServer | None:
-    """Returns, once, the server that this process was forked from and may use; None where there is none."""
+    """Returns, only once, the server that this process was forked from and may use; None if there is none."""
     return _lent.pop() if _lent else None
 
 
@@ -208,7 +209,7 @@ def _line() -> tuple[socket.socket, socket.socket]:
 
 
 class _Server:
-    """The forking side: a line to each process that may ask, and the line that each program was asked for on."""
+    """The forking side. Keeps a connection to each client, and the connection on which each program was requested."""
 
     def __init__(self, line: socket.socket, guard: Guard | None) -> None:
         self._lines = [line]
@@ -217,7 +218,7 @@ class _Server:
         self._guests: set[socket.socket] = set()
 
     def serve(self) -> Program:
-        """Starts what is asked for until nobody is left to ask; returns in the programs' processes only."""
+        """Serves requests until no client is left; returns only in the forked processes."""
         reader = _become_server()
         listeners = [self._guard.listener] if self._guard else []
         while self._lines:
@@ -236,13 +237,13 @@ class _Server:
         os._exit(0)
 
     def _request(self, line: socket.socket) -> Program | None:
-        """Starts one program; returns it in its own process."""
+        """Starts one program; returns it in the forked process, None in the server."""
         streams: Sequence[int] = ()
         try:
             request, streams, *_ = socket.recv_fds(line, _LARGEST, _STREAMS)
             fields, lend = json.loads(request)
             program = Program(*fields)
-        except (OSError, ValueError, TypeError):  # the end of the connection is no JSON either
+        except (OSError, ValueError, TypeError):  # an empty read at the end of the connection is not JSON either
             allowed = False
         else:
             allowed = self._guard is None or line not in self._guests or self._guard.allows(program)
@@ -253,7 +254,7 @@ class _Server:
         return None
 
     def _fork(self, line: socket.socket, program: Program, streams: Sequence[int], lend: bool) -> Program | None:
-        """Returns the program in the new process, None in this one once that leads a session of its own."""
+        """Forks; returns the program in the new process, and None here once the new process leads its own session."""
         reader, writer = os.pipe2(os.O_CLOEXEC)
         server = os.getpid()
         ours, theirs = _line() if lend else (None, None)
@@ -273,7 +274,7 @@ class _Server:
         if ours is not None and theirs is not None:
             ours.close()
             self._lines.append(theirs)
-        os.read(reader, 1)  # its end was closed: by settle
+        os.read(reader, 1)  # returns when settle has closed the write end
         os.close(reader)
         self._asked[pid] = line
         self._send(line, [pid, None])
@@ -309,7 +310,7 @@ def _close(streams: Sequence[int]) -> None:
 
 
 def _become_server() -> int:
-    """Makes this process the server; returns what is readable when a program has ended."""
+    """Makes this process the server; returns a descriptor that becomes readable when a program ends."""
     os.setsid()
     process_title.show([sys.executable, "fork_server", *sys.argv], os.environ, "fork_server")
     reader, writer = os.pipe2(os.O_CLOEXEC | os.O_NONBLOCK)

@@ -1,4 +1,4 @@
-"""A Python script in a process that was forked for it, which looks like one that was executed."""
+"""Runs a Python script in a forked process that looks as if the script had been executed."""
 
 import atexit
 import contextlib
@@ -23,16 +23,16 @@ _SIGNALS = (signal.SIGHUP, signal.SIGTERM, signal.SIGCHLD)
 
 @dataclasses.dataclass(frozen=True)
 class Program:
-    """A Python script that is to run in this process, which was forked for it."""
+    """A Python script to run in this freshly forked process."""
 
     arguments: Sequence[str]
     environment: Mapping[str, str]
     folder: str
 
     def run(self) -> NoReturn:
-        """Runs the script as ``__main__`` and ends the process as the interpreter would.
+        """Runs the script as ``__main__`` and exits with the status that the interpreter would return.
 
-        The interpreter itself is not taken apart: in a fork with threads that are still at work this can wait for good.
+        Skips interpreter finalization, which can hang in a fork whose threads are still running.
         """
         try:
             self._execute()
@@ -47,9 +47,9 @@ class Program:
         except Exception:  # noqa: BLE001 - the outermost of this process
             traceback.print_exc()
             status = 1
-        threading._shutdown()  # type: ignore[attr-defined] # waits for threads that are no daemons
+        threading._shutdown()  # type: ignore[attr-defined] # joins all non-daemon threads
         atexit._run_exitfuncs()
-        with contextlib.suppress(OSError, ValueError):  # what the output was connected to may have ended first
+        with contextlib.suppress(OSError, ValueError):  # the output's receiver may have exited first
             sys.stdout.flush()
             sys.stderr.flush()
         os._exit(status)
@@ -60,7 +60,7 @@ class Program:
         os.environ.clear()
         os.environ.update(self.environment)
         process_title.show([sys.executable, *self.arguments], self.environment, os.path.basename(path))
-        # In place: functions have the list as default of a parameter.
+        # In place: some functions use the list as a default argument.
         sys.argv[:], sys.orig_argv[:] = self.arguments, [sys.executable, *self.arguments]
         sys.path[0] = str(Path(path).resolve().parent)
         _forget()
@@ -81,8 +81,8 @@ def settle(streams: Sequence[int], keep: socket.socket | None) -> None:
     """Makes a forked process like one that was executed: signals, files, standard streams.
 
     Args:
-        streams: what its standard streams are to be.
-        keep: the socket that stays open beside them.
+        streams: descriptors to use as standard streams.
+        keep: a socket that also stays open.
     """
     signal.set_wakeup_fd(-1)
     for one in _SIGNALS:
@@ -93,7 +93,7 @@ def settle(streams: Sequence[int], keep: socket.socket | None) -> None:
     nothing = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
     kept = {0, 1, 2, nothing, keep.fileno() if keep else nothing}
     for other in {int(name) for name in os.listdir("/proc/self/fd")} - kept:
-        # Not closed: what the launcher has opened, its own script for one, closes its number when it ends.
+        # Replaced, not closed: objects opened by the launcher, such as its script, close their descriptor later.
         os.dup2(nothing, other, inheritable=False)
     sys.stdin = sys.__stdin__ = _stream(0, "r", sys.stdin)
     sys.stdout = sys.__stdout__ = _stream(1, "w", sys.stdout)
@@ -101,9 +101,9 @@ def settle(streams: Sequence[int], keep: socket.socket | None) -> None:
 
 
 def _stream(number: int, mode: str, like: Any) -> io.TextIOWrapper:
-    """Returns a standard stream as the interpreter makes it at its start."""
+    """Returns a standard stream, configured as the interpreter does at startup."""
     unbuffered = mode == "w" and bool(os.environ.get("PYTHONUNBUFFERED"))
-    # As long as the process lives.
+    # Stays open for the lifetime of the process.
     binary: Any = open(number, mode + "b", 0 if unbuffered else -1, closefd=False)  # noqa: SIM115
     return io.TextIOWrapper(
         binary, like.encoding, like.errors, newline="\n" if mode == "w" else None,
@@ -112,10 +112,10 @@ def _stream(number: int, mode: str, like: Any) -> io.TextIOWrapper:
 
 
 def _forget() -> None:
-    """Takes back what modules keep of the process that imported them."""
+    """Resets state that modules cached in the process that imported them."""
     names = sys.modules.get("rospy.names")
     if names is not None:
-        importlib.reload(names)  # which reads ROS_NAMESPACE and the remappings
+        importlib.reload(names)  # reads ROS_NAMESPACE and the remappings again
     random = sys.modules.get("numpy.random")
     if random is not None:
         random.seed()

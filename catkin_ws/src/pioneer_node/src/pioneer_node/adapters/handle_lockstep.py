@@ -1,4 +1,4 @@
-"""A `NodeHandle` in lockstep with the simulator: a member of a ring (docs/lockstep.md)."""
+"""Makes a `NodeHandle` a ring member that runs in lockstep with the simulator (docs/lockstep.md)."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -10,23 +10,23 @@ from pioneer_node.adapters.node_handle import NodeHandle, Publisher, Received
 
 
 class HandleMember:
-    """The place of a node in its ring. Tokens are handled in the process's one thread, as all that the node does.
+    """A node's place in its ring. Tokens are handled in the process's only thread, like all other work of the node.
 
-    Subscribes: ``lockstep/period``, or ``lockstep/after_NAME`` of the member before it (pioneer_msgs/LockstepToken),
+    Subscribes: ``lockstep/period``, or ``lockstep/after_NAME`` of the previous member (pioneer_msgs/LockstepToken),
         ``lockstep/probe``.
 
-    Publishes: ``lockstep/done``, or ``lockstep/after_NAME`` for the member behind it.
+    Publishes: ``lockstep/done``, or ``lockstep/after_NAME`` for the next member.
     """
 
     def __init__(self, handle: NodeHandle, ring: str, members: Sequence[str], name: str) -> None:
-        """Takes the node, the ring's name, its members in the order in which they act, and this one's among them."""
+        """Takes the node, the ring's name, its members in the order of their turns, and this member's name."""
         self._exchange = Exchange(handle.name)
         self._place = place = Place(
             self._exchange, ring, members, name, lambda stamp: handle.set_time(float(stamp.to_sec()))
         )
         place.step = self._step
         self._ticks: list[Callable[[], object]] = []
-        # Tokens themselves go by connections.
+        # Tokens themselves travel over TCPROS connections.
         self._outlet = handle.advertise(place.outlet, LockstepToken)
         self._answers = (
             self._outlet if place.answers == place.outlet else handle.advertise(place.answers, LockstepToken)
@@ -36,18 +36,18 @@ class HandleMember:
         handle.join(self)
 
     def wants(self, topic: str) -> bool:
-        """Returns whether anybody in lockstep subscribes to a topic."""
+        """Returns whether any node in lockstep subscribes to a topic."""
         return self._exchange.wants(topic)
 
     def note(self, publisher: Publisher, data: bytes) -> None:
-        """Takes a message that the node publishes."""
+        """Records a message that the node publishes, for the next token."""
         if publisher.latched:
             self._exchange.keep(publisher.topic, id(publisher), data)
         if self._exchange.wants(publisher.topic):
             self._exchange.note(publisher.topic, data)
 
     def listen(self, topic: str, kind: Any, take: Received) -> bool:
-        """Has ``take`` called with what tokens carry; returns whether connections carry the topic, too."""
+        """Calls ``take`` for each message in tokens; returns whether connections carry the topic as well."""
 
         def receive(message: LockstepMessage) -> None:
             take(message.data, message.sender)
@@ -56,11 +56,11 @@ class HandleMember:
         return is_connected(kind, topic)
 
     def takes(self, topic: str, sender: str, latched: bool, data: memoryview) -> bool:
-        """Returns whether a message that came by a connection counts."""
+        """Returns whether to accept a message received over a connection."""
         return self._exchange.accepts(topic, sender, latched, lambda: bytes(data))
 
     def tick(self, call: Callable[[], object]) -> None:
-        """Has ``call`` called once a period."""
+        """Registers ``call`` to run once per period."""
         self._ticks.append(call)
 
     def _step(self) -> None:

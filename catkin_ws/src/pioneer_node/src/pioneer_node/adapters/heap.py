@@ -1,21 +1,21 @@
-"""The C library's heap, as a process with many threads needs it."""
+"""Configures the C library's heap for a process with many threads."""
 
 import ctypes
 
 ARENAS = 2
-"""Heaps of the process at most."""
+"""Maximum number of malloc arenas in the process."""
 
 _M_ARENA_MAX = -8
 
 
 def limit_arenas() -> None:
-    """Lets all threads of this process share few heaps; call it before there are threads.
+    """Limits the number of malloc arenas that all threads share; call it before any thread starts.
 
-    glibc gives each thread a heap of its own, up to eight a processor, so that threads need not wait for one another.
-    In Python only one runs at a time; but a service's thread that handled a large request left its heap with holes,
-    and a process whose clients come and go grew by 25 MB of them.
+    glibc creates up to eight arenas per processor so that threads do not contend for one. Python runs one thread at a
+    time and does not profit. But service threads that handled large requests left fragmented arenas behind, and a
+    process whose clients come and go grew by 25 MB.
     """
-    # Another C library has no such function, or no such heaps.
+    # Other C libraries lack this function, or have no arenas.
     set_option = getattr(ctypes.CDLL(None), "mallopt", None)
     if set_option is not None:
         set_option(_M_ARENA_MAX, ARENAS)

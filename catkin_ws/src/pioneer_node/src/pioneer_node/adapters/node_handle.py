@@ -1,6 +1,6 @@
-"""A ROS node without rospy, for nodes that do little: several may live in one process, all in one thread.
+"""A ROS node without rospy, for lightweight nodes: several can share one process and one thread.
 
-rospy has one node a process, and a thread for each connection. The names are those of roscpp's NodeHandle.
+rospy allows one node per process and needs a thread per connection. Names follow roscpp's NodeHandle.
 """
 
 import logging
@@ -26,54 +26,54 @@ from tcpros.adapters.topic_source import Sender
 from tcpros.core.frame import LENGTH_SIZE
 
 STRICT = "strict_parameters"
-"""Parameter of a node, or of a namespace above it, that has parameters that no node reads refused."""
+"""Parameter, of a node or an enclosing namespace, that turns unknown parameters into errors."""
 LOGGER = "rosout"
-"""Whose lines reach the terminal, the log file and ``/rosout``, as of rospy's nodes."""
+"""Logger whose lines reach the terminal, the log file and ``/rosout``, as in rospy."""
 
 _CLOCK = struct.Struct("<II")
 _LEVELS = {"debug": 10, "info": 20, "warn": 30, "error": 40, "fatal": 50}
 _UNUSABLE = (DeserializationError, struct.error, ValueError, IndexError, UnicodeDecodeError)
-"""What reading a message raises that its publisher has made wrongly."""
+"""Errors that deserialising a malformed message can raise."""
 
 
 Received = Callable[[bytes | memoryview, str], object]
-"""Gets a serialised message, valid during the call, and the name of the node that sent it."""
+"""Callback: receives a serialised message, valid only during the call, and the sending node's name."""
 
 
 class Lockstep(Protocol):
-    """What tokens carry instead of connections where the node keeps in lockstep (docs/lockstep.md)."""
+    """Exchanges messages by tokens instead of connections for a node in lockstep (docs/lockstep.md)."""
 
     def wants(self, topic: str) -> bool:
-        """Returns whether anybody in lockstep subscribes to a topic."""
+        """Returns whether any node in lockstep subscribes to a topic."""
 
     def note(self, publisher: "Publisher", data: bytes) -> None:
-        """Takes a message that the node publishes."""
+        """Records a message that the node publishes, for the next token."""
 
     def listen(self, topic: str, kind: Any, take: Received) -> bool:
-        """Has ``take`` called with what tokens carry; returns whether connections carry the topic, too."""
+        """Calls ``take`` for each message in tokens; returns whether connections carry the topic as well."""
 
     def takes(self, topic: str, sender: str, latched: bool, data: memoryview) -> bool:
-        """Returns whether a message that came by a connection counts."""
+        """Returns whether to accept a message received over a connection."""
 
     def tick(self, call: Callable[[], object]) -> None:
-        """Has ``call`` called once a period."""
+        """Registers ``call`` to run once per period."""
 
 
 class MasterParameters:
-    """Calls of a master's parameter API that are waited for, though not for ever. Raises OSError, ProtocolError."""
+    """Blocking client of a master's parameter API, with a time-out. Raises OSError, ProtocolError."""
 
     def __init__(self, uri: str, caller: str) -> None:
         self._uri, self._caller = uri, caller
 
     def ask(self, method: str, *arguments: Any) -> tuple[bool, Any]:
-        """Returns whether the master has an answer, and that."""
+        """Returns whether the master reports success, and the value it returned."""
         with xmlrpc.client.ServerProxy(self._uri, transport=_Patient(), allow_none=True) as master:
             status, _, value = getattr(master, method)(self._caller, *arguments)  # type: ignore[misc]
         return status == 1, value
 
 
 class _Patient(xmlrpc.client.Transport):
-    """A connection that is given up where nothing comes for some seconds."""
+    """A connection that times out after some seconds without data."""
 
     def make_connection(self, host: Any) -> Any:
         connection = super().make_connection(host)
@@ -86,7 +86,7 @@ class Publisher:
 
     def __init__(self, publication: Publication, topic: str, latched: bool, lockstep: Lockstep | None) -> None:
         self.topic = topic  #: its resolved name
-        self.latched = latched  #: whether newcomers get the last message
+        self.latched = latched  #: whether new subscribers get the last message
         self._publication, self._lockstep = publication, lockstep
 
     def publish(self, message: Any) -> None:
@@ -95,7 +95,7 @@ class Publisher:
             self.send(bytes(frame_of(message)))
 
     def send(self, frame: bytes) -> None:
-        """Sends a message that is serialised, its length before it."""
+        """Sends a serialised message with its length prefix."""
         if self._lockstep is not None and self._is_noted():
             self._lockstep.note(self, frame[LENGTH_SIZE:])
         self._publication.send(frame)
@@ -105,34 +105,34 @@ class Publisher:
 
     @property
     def has_subscribers(self) -> bool:
-        """Whether there are any; any thread may ask."""
+        """Whether the topic has subscribers; thread-safe."""
         return bool(self._publication.subscribers)
 
     def reaches(self, node: str) -> bool:
-        """Returns whether a node of that name is connected."""
+        """Returns whether ``node`` is connected as a subscriber."""
         return node in self._publication.subscriber_names
 
 
 class Ticker:
-    """A call that repeats; made by `NodeHandle.every`."""
+    """A periodic callback, created by `NodeHandle.every`."""
 
     def __init__(self, handle: "NodeHandle", period: float, call: Callable[[], object]) -> None:
         self._handle, self._period, self._call = handle, period, call
         self._timer: Timer | None = None
 
     def start(self) -> None:
-        """Begins to call, first after one period; one that runs continues."""
+        """Starts the timer, first call after one period; no effect if it is running."""
         if self._timer is None and self._handle.lockstep is None:
             self._timer = self._handle.call_later(self._period, self._due)
 
     def stop(self) -> None:
-        """Calls no more until the next `start`."""
+        """Stops the timer until the next `start`."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
 
     def now(self) -> None:
-        """Calls at once, and then again after a period where it runs; in lockstep the period's call is enough."""
+        """Calls now and restarts the period if the timer runs. No effect in lockstep, which calls once per period."""
         if self._handle.lockstep is None:
             if self._timer is not None:
                 self._timer.cancel()
@@ -146,21 +146,21 @@ class Ticker:
 
 
 class NodeHandle:
-    """One node: its names, parameters, time, topics, services. Everything belongs to the process's one thread.
+    """One node: its names, parameters, time, topics and services. Not thread-safe: use it from the reactor's thread.
 
-    Subscribes: ``/clock`` where ``/use_sim_time`` is true at the start.
+    Subscribes: ``/clock`` if ``/use_sim_time`` is true at startup.
 
     Publishes: ``/rosout``.
 
     Services: ``~get_loggers``, ``~set_logger_level``.
 
     Args:
-        context: what the nodes of the process share.
+        context: state shared by all nodes of the process.
         name: its resolved name.
-        remappings: of names, resolved for this node.
-        shut_down: is called with the reason when the node is asked to end.
-        wall_time: ROS time is wall time even where ``/use_sim_time`` is set.
-        logger: what ``~get_loggers`` calls the process's logger.
+        remappings: name remappings, resolved for this node.
+        shut_down: called with the reason when the node is asked to shut down.
+        wall_time: use wall time as ROS time even if ``/use_sim_time`` is set.
+        logger: name of the process's logger in ``~get_loggers``.
     """
 
     def __init__(
@@ -187,19 +187,19 @@ class NodeHandle:
         self._node.serve(f"{name}/set_logger_level", SetLoggerLevel, _set_level)
 
     def when_registered(self, done: Callable[[], object]) -> None:
-        """Calls ``done`` once the master has registered all that is offered and subscribed now."""
+        """Calls ``done`` once the master has registered all current publishers, subscribers and services."""
         self._node.when_registered(partial(self.guard, done))
 
     def register_again(self) -> None:
-        """Tells a master that was restarted what the node offers and subscribes. What fails is to be tried again."""
+        """Registers all topics and services again after the master was restarted. The caller retries on failure."""
         self._node.register_again()
 
     def close(self, done: Callable[[], object]) -> None:
-        """Takes the node back from the master; calls ``done`` then."""
+        """Unregisters the node from the master, then calls ``done``."""
         self._node.close(done)
 
     def join(self, lockstep: Lockstep) -> None:
-        """Has the node keep in lockstep, which sets its time from now on; before it has topics and tickers."""
+        """Puts the node into lockstep, which sets its time from now on. Call it before creating topics and tickers."""
         self.lockstep, self._now = lockstep, 0.0
         if self._simulated:
             self._node.unsubscribe("/clock")
@@ -207,22 +207,22 @@ class NodeHandle:
     # Names and parameters
 
     def resolved(self, name: str) -> str:
-        """Returns a graph name as the master knows it."""
+        """Returns the resolved and remapped form of a graph name."""
         found = rosgraph.names.resolve_name(name, self.name)
         return str(self._remappings.get(found, found))
 
     def parameter(self, name: str, otherwise: Any) -> Any:
-        """Returns a parameter's value, ``otherwise`` where it is not set. Waits for the master."""
+        """Returns a parameter's value, or ``otherwise`` if it is not set. Blocks until the master answers."""
         found, value = self._master.ask("getParam", self.resolved(name))
         return value if found else otherwise
 
     def found_parameter(self, name: str, otherwise: Any) -> Any:
-        """Returns the value of the nearest parameter of that name, from the node's namespace upwards."""
+        """Returns the parameter found by searching upwards from the node's namespace, else ``otherwise``."""
         found, key = self._master.ask("searchParam", name)
         return self.parameter(key, otherwise) if found else otherwise
 
     def parameters(self) -> dict[str, Any]:
-        """Returns the node's private parameters, an empty dictionary when there are none; see `STRICT`."""
+        """Returns the node's private parameters, an empty dictionary if there are none; see `STRICT`."""
         values = self.parameter("~", {})
         UNKNOWN.strict = bool(self.found_parameter(STRICT, False))
         return {name: values[name] for name in values if name != STRICT} if isinstance(values, dict) else {}
@@ -232,7 +232,7 @@ class NodeHandle:
         self._master.ask("setParam", self.resolved(name), value)
 
     def watch(self, name: str, changed: Callable[[Any], object]) -> None:
-        """Has ``changed`` called with a parameter's value now and whenever it is set; None where it is not."""
+        """Calls ``changed`` with a parameter's value now and on every change; with None while it is not set."""
         self._node.watch(self.resolved(name), lambda value: self.guard(changed, None if value == {} else value))
 
     # Time
@@ -242,27 +242,27 @@ class NodeHandle:
         return self._now if self._simulated else time.time()
 
     def stamp(self) -> Time:
-        """Returns ROS time as a message has it."""
+        """Returns ROS time as a message stamp."""
         return Time.from_sec(self.now())
 
     def set_time(self, now: float) -> None:
-        """Has simulated time be ``now`` [s]."""
+        """Sets simulated time to ``now`` [s]."""
         self._now = now
 
     def time_text(self) -> str:
-        """Returns the times of a log line, as rospy's have them."""
+        """Returns the time field of a log line in rospy's format."""
         return f"{time.time():f}, {self._now:f}" if self._simulated else f"{time.time():f}"
 
     def call(self, call: Callable[[], object]) -> None:
-        """Has ``call`` called soon; from any thread."""
+        """Schedules ``call`` to run soon; may be called from any thread."""
         self._reactor.call(partial(self.guard, call))
 
     def call_later(self, delay: float, call: Callable[[], object]) -> Timer:
-        """Has ``call`` called after so much wall time [s]."""
+        """Schedules ``call`` to run after ``delay`` [s of wall time]."""
         return self._reactor.call_later(delay, partial(self.guard, call))
 
     def every(self, period: float, call: Callable[[], object]) -> Ticker:
-        """Returns what calls ``call`` each ``period`` [s of wall time], in lockstep once a period of that instead."""
+        """Returns a timer that runs ``call`` every ``period`` [s of wall time], or once per period in lockstep."""
         if self.lockstep is not None:
             self.lockstep.tick(partial(self.guard, call))
         return Ticker(self, period, call)
@@ -270,23 +270,23 @@ class NodeHandle:
     # Topics and services
 
     def advertise(self, topic: str, kind: Any, latch: bool = False) -> Publisher:
-        """Returns a new publisher; with ``latch`` each newcomer gets the last message."""
+        """Returns a new publisher; with ``latch`` each new subscriber gets the last message."""
         name = self.resolved(topic)
         return Publisher(self._node.publish(name, kind, latch), name, latch, self.lockstep)
 
     def subscribe(self, topic: str, kind: Any, take: Callable[[Any, str], object]) -> "Subscriber":
-        """Has ``take`` called with each message and the name of the node that sent it."""
+        """Subscribes; calls ``take`` with each message and the name of the node that sent it."""
         name = self.resolved(topic)
         return Subscriber(self.lockstep, self._node, name, kind, _Reader(self, name, kind, take))
 
     def subscribe_serialised(self, topic: str, kind: Any, take: Received) -> "Subscriber":
-        """Does what `subscribe` does, with messages as they are serialised."""
+        """Subscribes like `subscribe`, but passes messages in serialised form."""
         return Subscriber(self.lockstep, self._node, self.resolved(topic), kind, partial(self.guard, take))
 
     def serve(self, service: str, kind: Any, answer: Callable[[Any], Any], may_wait: bool = False) -> None:
-        """Offers a service; ``answer`` makes a response of a request. What it raises reaches the client as an error.
+        """Offers a service; ``answer`` turns a request into a response. The client gets its exceptions as errors.
 
-        Where it ``may_wait``, each call of it has a thread of its own.
+        If it ``may_wait``, each call runs in its own thread.
         """
 
         def answered(data: bytes) -> bytes:
@@ -298,7 +298,7 @@ class NodeHandle:
 
         self._node.serve(self.resolved(service), kind, answered, may_wait)
 
-    # Lines
+    # Logging
 
     def publish_line(self, record: logging.LogRecord) -> None:
         """Sends a log line to ``/rosout``."""
@@ -315,10 +315,10 @@ class NodeHandle:
         self._rosout.send(bytes(frame_of(line)))
 
     def guard(self, call: Callable[..., object], *arguments: Any) -> None:
-        """Calls a callback of the node; what it raises is logged, and the node continues, as rospy's do."""
+        """Runs a callback of the node; exceptions are logged and the node continues, as in rospy."""
         try:
             call(*arguments)
-        except Exception:  # the outermost of a callback
+        except Exception:  # outermost handler of a callback
             self.logger.exception("bad callback")
 
     def _on_clock(self, data: memoryview, _sender: Sender) -> None:
@@ -328,7 +328,7 @@ class NodeHandle:
 
 
 class Subscriber:
-    """A subscription of a node; ``received`` gets what comes."""
+    """A subscription of a node; ``received`` gets each message."""
 
     def __init__(self, lockstep: Lockstep | None, node: Node, topic: str, kind: Any, received: Received) -> None:
         self.topic = topic  #: its resolved name
@@ -337,7 +337,7 @@ class Subscriber:
         self._source = node.subscribe(topic, kind, self._hear) if connected else None
 
     def hears(self, node: str) -> bool:
-        """Returns whether a publisher of that node is connected."""
+        """Returns whether a publisher of ``node`` is connected."""
         return self._source is not None and node in self._source.publisher_names
 
     def close(self) -> None:
@@ -353,7 +353,7 @@ class Subscriber:
 
 
 class _Reader:
-    """Hands on what can be read of the messages of one topic."""
+    """Deserialises the messages of one topic and passes on the valid ones."""
 
     def __init__(self, handle: NodeHandle, topic: str, kind: Any, take: Callable[[Any, str], object]) -> None:
         self._handle, self._topic, self._kind, self._take = handle, topic, kind, take
@@ -365,7 +365,7 @@ class _Reader:
             message.deserialize(bytes(data))
         except _UNUSABLE as error:
             if not self._complained:
-                self._handle.logger.error("left out a message on %s of %s: %s", self._topic, sender, error)
+                self._handle.logger.error("dropped an invalid message on %s from %s: %s", self._topic, sender, error)
             self._complained = True
             return
         self._handle.guard(self._take, message, sender)

@@ -1,4 +1,4 @@
-"""A process of nodes without rospy: how they start, what they log, and how they end."""
+"""A process that hosts nodes without rospy: startup, logging and shutdown."""
 
 import http.client
 import logging
@@ -24,32 +24,33 @@ from tcpros.adapters.node_context import NodeContext
 from tcpros.adapters.reactor import Reactor
 
 Build = Callable[[NodeHandle], Any]
-"""Makes the object that does a node's work. Its ``end``, if it has one, gets what to call once it has ended."""
+"""Creates the object that does a node's work. Its optional ``end`` method takes a callback to call when done."""
 
 FAREWELL = 3.0
-"""For so long the nodes may take themselves back from the master [s]."""
+"""Time for the nodes to unregister from the master [s]."""
 
 _PRIVATE = re.compile(r"_[A-Za-z][\w/]*:=")
 """A private parameter on the command line, ``_name:=value``."""
 _LOOK_EVERY = 0.25
-"""How often a master that does not answer is asked again [s]."""
+"""Retry interval while the master does not answer [s]."""
 _FORMAT = "[${severity}] [${time}]: ${message}"
 _SEVERITIES = {"WARNING": "WARN", "CRITICAL": "FATAL"}
 _FILE_FORMAT = "[%(name)s][%(levelname)s] %(asctime)s: %(message)s"
 _FILE_SIZE, _FILES = 50_000_000, 4
-"""As rosgraph's python_logging.conf."""
+"""Same as in rosgraph's python_logging.conf."""
 
 
 class NodeProcess:
-    """The nodes of this process, which end together when it gets SIGINT or SIGTERM.
+    """The nodes of this process, which shut down together on SIGINT or SIGTERM.
 
-    When one is asked to end by itself (``rosnode kill``), the others continue; the process ends with the last.
+    ``rosnode kill`` ends a single node and the others continue; the process ends with its last node.
 
     Args:
         words: the command line, for remappings and the log file.
-        expected: errors of a node's making that mean bad input: one line, no traceback. ``ParameterError`` is one.
+        expected: exceptions that mean bad input when a node is created: logged in one line without traceback.
+            Always includes ``ParameterError``.
         wall_time: see `NodeHandle`.
-        logger: what ``~get_loggers`` calls the nodes' logger.
+        logger: name of the nodes' logger in ``~get_loggers``.
     """
 
     def __init__(
@@ -67,7 +68,7 @@ class NodeProcess:
         self._logger = logging.getLogger(LOGGER)
         self._reactor = Reactor(self._logger)
         host, bind = rosgraph.network.get_host_name(), rosgraph.network.get_bind_address()
-        self.context = NodeContext(self._reactor, rosgraph.get_master_uri(), host, bind, self._logger)  #: of all nodes
+        self.context = NodeContext(self._reactor, rosgraph.get_master_uri(), host, bind, self._logger)  #: shared
         self._handles: dict[str, NodeHandle] = {}
         self._objects: dict[str, Any] = {}
         self._closing: set[str] = set()
@@ -79,9 +80,9 @@ class NodeProcess:
             signal.signal(number, lambda *_: self._interrupt())
 
     def add(self, name: str, build: Build, joined: Callable[[NodeHandle], object] = lambda _: None) -> bool:
-        """Makes a node of this name, below the process's namespace, with what ``build`` returns to do its work.
+        """Creates a node with this name in the process's namespace; ``build`` returns the object that does its work.
 
-        ``joined`` gets the handle before ``build`` does. Returns whether the node was made; else the reason is logged.
+        ``joined`` gets the handle before ``build``. Returns whether the node was created; logs the reason if not.
         """
         resolved = rosgraph.names.resolve_name(name, f"{self._namespace}node")
         if not self._has_master(resolved):
@@ -93,8 +94,10 @@ class NodeProcess:
         except self._expected as error:
             self._logger.critical("%s: %s", resolved, error)
         except (OSError, xmlrpc.client.Error) as error:
-            self._logger.critical("%s: no answer of the ROS master at %s: %s", resolved, self.context.master_uri, error)
-        except Exception:  # the outermost of a node's making: whatever arrives here is a bug and gets its traceback
+            self._logger.critical(
+                "%s: no answer from the ROS master at %s: %s", resolved, self.context.master_uri, error
+            )
+        except Exception:  # outermost handler of node creation: anything else is a bug, log its traceback
             self._logger.critical("%s ended by an error", resolved, exc_info=True)
         else:
             return True
@@ -103,7 +106,7 @@ class NodeProcess:
         return False
 
     def _has_master(self, node: str) -> bool:
-        """Waits for the master, as rospy does; returns whether it answers, and not the end was asked for."""
+        """Waits for the master, as rospy does; returns False if shutdown was requested before it answered."""
         master = MasterParameters(self.context.master_uri, node)
         told = False
         while not self._ending.is_set():
@@ -129,7 +132,7 @@ class NodeProcess:
         return handle
 
     def fail(self) -> None:
-        """Has the process end with status 1, once the nodes are taken back from the master."""
+        """Ends the process with status 1 once the nodes are unregistered from the master."""
         if not self._ending.is_set():
             self._status = 1
         self._reactor.call(self._end)
@@ -141,16 +144,16 @@ class NodeProcess:
         return self._status
 
     def own_name(self, otherwise: str) -> str:
-        """Returns the name that the command line gives to the one node of a process."""
+        """Returns the node name from the command line (``__name:=``) of a single-node process, else ``otherwise``."""
         return str(self._mappings.get("__name", otherwise))
 
     def _interrupt(self) -> None:
-        """Asks for the end, in a signal's handler: it takes no lock, which the code that it interrupts may hold."""
+        """Requests shutdown from a signal handler, without locks: the interrupted code may hold them."""
         self._ending.set()
         self._reactor.call(self._end)
 
     def _end(self) -> None:
-        """Takes all nodes back from the master; not for ever."""
+        """Unregisters all nodes from the master, with a time-out."""
         self._reactor.call_later(FAREWELL, self._stop_anyway)
         for name in tuple(self._handles):
             self._close(name)
@@ -165,7 +168,7 @@ class NodeProcess:
             self._close(name)
 
     def _close(self, name: str) -> None:
-        """Ends what a node does, and takes it back from the master meanwhile, which may hang."""
+        """Stops a node's work and, in parallel, unregisters it from the master, which may hang."""
         if name not in self._handles or name in self._closing:
             return
         self._closing.add(name)
@@ -184,12 +187,12 @@ class NodeProcess:
 
     def _set_up_logging(self) -> None:
         self._logger.setLevel(logging.INFO)
-        # ROS's class for loggers finds who calls rospy's functions; here it would name this process's first line.
+        # ROS's logger class looks for the caller of rospy's functions; here it would report this process's first line.
         self._logger.findCaller = MethodType(logging.Logger.findCaller, self._logger)  # type: ignore[method-assign,assignment]
         self._logger.handlers = [_Terminal(), _Topic(self._reactor)]
         for handler in self._logger.handlers:
             handler.addFilter(self._named)
-        # What libraries log is in the file only.
+        # Log lines of libraries go to the file only.
         root, path = logging.getLogger(), self._mappings.get("__log")
         root.setLevel(logging.INFO)
         root.handlers = [logging.NullHandler()]
@@ -199,14 +202,14 @@ class NodeProcess:
             root.addHandler(file)
 
     def _named(self, record: logging.LogRecord) -> bool:
-        """Gives a line that is no node's to the node that was made last."""
+        """Attributes a log line without a node to the node that was created last."""
         if not hasattr(record, "node"):
             record.node = next(reversed(self._handles.values()), None)
         return True
 
 
 class _Terminal(logging.Handler):
-    """Prints lines in rospy's form: warnings and worse on the standard error."""
+    """Prints lines in rospy's format; warnings and above go to standard error."""
 
     def emit(self, record: logging.LogRecord) -> None:
         node: NodeHandle | None = record.node  # type: ignore[attr-defined]

@@ -1,4 +1,4 @@
-"""Waiting for the end of processes, without looking again and again."""
+"""Waits for processes to end, without polling."""
 
 import contextlib
 import os
@@ -9,17 +9,17 @@ from pioneer_node.adapters.end_request import EndRequest
 
 
 def await_end(pids: Sequence[int], bell: EndRequest, pause: float, longest: float | None = None) -> None:
-    """Waits until one of the processes has ended, or ``bell`` rings.
+    """Waits until one of the processes has ended, or ``bell`` is set or woken.
 
     Args:
         pids: the processes.
-        bell: ends the wait too; its wakes are used up.
-        pause: for so long it waits where one has ended before, so that a caller that looks again does not spin [s].
-        longest: for so long it waits at most [s]; None for any time.
+        bell: also ends the wait; pending wake-ups are consumed.
+        pause: wait time if a process has already ended, so that a caller in a loop does not spin [s].
+        longest: time-out [s]; None for no limit.
     """
     with contextlib.ExitStack() as opened:
         handles: list[int] = []
-        with contextlib.suppress(ProcessLookupError):  # it has ended; then there is a handle less
+        with contextlib.suppress(ProcessLookupError):  # it has ended; then there is one handle fewer
             for pid in pids:
                 handles.append(os.pidfd_open(pid))
                 opened.callback(os.close, handles[-1])

@@ -1,4 +1,4 @@
-"""What ``ps`` and ``/proc`` show of a process that was forked and not executed."""
+"""Sets what ``ps`` and ``/proc`` show for a process that was forked but not executed."""
 
 import ctypes
 import mmap
@@ -8,10 +8,10 @@ from pathlib import Path
 
 _PR_SET_NAME, _PR_SET_MM, _PR_SET_MM_MAP = 15, 35, 14
 _NAME = 15
-"""The kernel keeps so many bytes of a name."""
+"""Maximum length of a process name in the kernel [bytes]."""
 _FIELDS = ("start_code", "end_code", "start_data", "end_data", "start_brk", "brk", "start_stack")
 _OWN = ("arg_start", "arg_end", "env_start", "env_end")
-# Places of these in /proc/self/stat behind the name in brackets, see proc_pid_stat(5).
+# Field indices in /proc/self/stat, counted after the name in brackets; see proc_pid_stat(5).
 _PLACES = {"start_code": 23, "end_code": 24, "start_stack": 25, "start_data": 42, "end_data": 43, "start_brk": 44}
 _libc = ctypes.CDLL(None, use_errno=True)
 _libc.sbrk.restype = ctypes.c_void_p
@@ -30,11 +30,11 @@ class _MemoryMap(ctypes.Structure):
 
 
 def show(arguments: Sequence[str], environment: Mapping[str, str], name: str) -> bool:
-    """Gives this process a command line, an environment and a name as if it had been executed with them.
+    """Sets this process's visible command line, environment and name as if it had been executed with them.
 
     Returns:
-        False where the kernel does not allow it (it was built without CONFIG_CHECKPOINT_RESTORE): then the process
-        keeps the command line that it was forked with.
+        False if the kernel does not support it (built without CONFIG_CHECKPOINT_RESTORE); the process then keeps the
+        command line that it was forked with.
     """
     _libc.prctl(_PR_SET_NAME, os.fsencode(name)[:_NAME], 0, 0, 0)
     words = b"".join(os.fsencode(word) + b"\0" for word in arguments)
@@ -50,7 +50,7 @@ def show(arguments: Sequence[str], environment: Mapping[str, str], name: str) ->
     memory.arg_start, memory.arg_end = start, start + len(words)
     memory.env_start, memory.env_end = memory.arg_end, memory.arg_end + len(variables)
     size = ctypes.sizeof(memory)
-    memory.brk = _libc.sbrk(0)  # last: what allocates moves it
+    memory.brk = _libc.sbrk(0)  # last: any allocation moves it
     if _libc.prctl(_PR_SET_MM, _PR_SET_MM_MAP, ctypes.byref(memory), size, 0):
         return False
     _kept.append(text)

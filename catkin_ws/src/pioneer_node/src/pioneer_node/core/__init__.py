@@ -1,1 +1,1 @@
-"""What needs no ROS: frame names and parameter sets."""
+"""Code that does not need ROS: frame names, parameters, documents."""

@@ -1,4 +1,4 @@
-"""Numbers in sentences."""
+"""Formats counts with singular and plural nouns."""
 
 
 def counted(count: int, noun: str) -> str:

@@ -1,4 +1,4 @@
-"""A document of mappings, lists and values as frozen dataclasses, with the place of each error in it."""
+"""Converts a document of mappings, lists and values into frozen dataclasses; errors carry their place in it."""
 
 import dataclasses
 import difflib
@@ -16,33 +16,33 @@ Kind = TypeVar("Kind")
 
 
 class DocumentError(ParameterError):
-    """A document that cannot be used."""
+    """The document is invalid."""
 
     def __init__(self, text: str, *place: str | int) -> None:
         super().__init__(text)
-        self.place: Place = place  #: of what is wrong
+        self.place: Place = place  #: where the error is
 
     def within(self, *outer: str | int) -> "DocumentError":
-        """Returns the error as one of the document that has this one at ``outer``."""
+        """Returns the error with its place relative to an enclosing document that contains this one at ``outer``."""
         return DocumentError(str(self), *outer, *self.place)
 
 
 def nearest(name: str, known: Collection[str]) -> str:
-    """Returns what an error says after an unknown name: the nearest that exists, else all that exist."""
+    """Returns the hint for an unknown name in an error: the closest known name, else all known names."""
     near = difflib.get_close_matches(name, known, 1)
     return f"did you mean {near[0]}?" if near else f"there are {', '.join(sorted(known))}"
 
 
 def built(kind: type[Kind], content: Any, what: str = "the file") -> Kind:
-    """Returns a dataclass filled from a mapping; fields may be dataclasses, tuples and dicts of such, and options.
+    """Returns a dataclass filled from a mapping. Fields may be dataclasses, tuples or dicts of them, and unions.
 
     Args:
-        kind: the dataclass; what its ``__post_init__`` raises as `ParameterError` gets its place.
-        content: a mapping of its fields; those that are absent keep their defaults.
+        kind: the dataclass; a `ParameterError` from its ``__post_init__`` is re-raised with its place.
+        content: a mapping of its fields; absent fields keep their defaults.
         what: name of ``content`` in errors.
 
     Raises:
-        DocumentError: an unknown field, a wrong type, or what ``kind`` refuses.
+        DocumentError: an unknown field, a wrong type, or a value that ``kind`` rejects.
     """
     fields = {field.name: field for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
     if not isinstance(content, Mapping):
@@ -85,7 +85,7 @@ def _converted(hint: Any, value: Any, what: str) -> Any:
 
 
 def _option(hints: tuple[Any, ...], value: Any, what: str) -> Any:
-    """Returns the value as the option that fits a list or a single value; the last one's error where none does."""
+    """Returns the value as the union member that fits it: a tuple for a list, another type for a single value."""
     if value is None and type(None) in hints:
         return None
     lists = [hint for hint in hints if typing.get_origin(hint) is tuple]

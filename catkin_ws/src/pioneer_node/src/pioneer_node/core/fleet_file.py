@@ -1,4 +1,4 @@
-"""A fleet of different robots, as a file describes it."""
+"""The contents of a fleet file, which describes a fleet of different robots."""
 
 import dataclasses
 import re
@@ -13,7 +13,7 @@ _POSE = {"x", "y", "a"}
 
 
 class FleetFileError(ParameterError):
-    """A fleet file that cannot be used."""
+    """The fleet file is invalid."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,19 +22,19 @@ class RobotEntry:
 
     name: str = ""  #: its name, namespace and tf prefix
     description: str = ""  #: xacro or URDF file; empty for the Pioneer
-    #: where it starts: x, y [m] and heading a [rad] in ``map``; empty for its place of the world's
+    #: start pose: x, y [m] and heading a [rad] in ``map``; empty for the start place that the world defines
     pose: dict[str, float] = dataclasses.field(default_factory=dict)
-    navigation: str = ""  #: YAML file of move_base parameters that replace those of pioneer_2dnav; empty for none
-    laser: str = "base_scan"  #: topic of its scans, in its namespace
+    navigation: str = ""  #: YAML file of move_base parameters that override those of pioneer_2dnav; empty for none
+    laser: str = "base_scan"  #: topic of its laser scans, relative to its namespace
 
 
 def fleet_from_mapping(content: Any, source: str) -> tuple[RobotEntry, ...]:
-    """Returns the robots of a fleet file's content, ``robots: [{name: …, …}, …]``.
+    """Returns the robots in a fleet file's content, ``robots: [{name: …, …}, …]``.
 
-    A robot without a name is ``pioneerN``, N being its place in the list. ``source`` names the file in errors.
+    A robot without a name becomes ``pioneerN``, N being its position in the list. ``source`` names the file in errors.
 
     Raises:
-        FleetFileError: it is not of this form, has an unknown field, or two robots have one name.
+        FleetFileError: the form is wrong, a field is unknown, or two robots have the same name.
     """
     listed = content.get("robots") if isinstance(content, Mapping) else None
     if not isinstance(listed, list) or not listed or set(content) != {"robots"}:
@@ -51,7 +51,7 @@ def check_robots(robots: Sequence[RobotEntry]) -> None:
     """Checks names and poses.
 
     Raises:
-        DocumentError: one cannot be used, or two robots have one name.
+        DocumentError: a name or pose is invalid, or two robots have the same name.
     """
     names = [robot.name for robot in robots]
     for number, robot in enumerate(robots):

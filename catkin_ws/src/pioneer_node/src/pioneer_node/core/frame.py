@@ -2,14 +2,14 @@
 
 
 def stripped(frame: str) -> str:
-    """Returns ``frame`` without its leading slash: tf2 stores ``/map`` as ``map`` and refuses to look the former up."""
+    """Returns ``frame`` without its leading slash: tf2 stores ``/map`` as ``map`` and rejects look-ups of ``/map``."""
     return frame[1:] if frame.startswith("/") else frame
 
 
 def resolved(prefix: str, frame: str) -> str:
     """Returns ``frame`` under ``tf_prefix`` ``prefix``, as ``tf::resolve`` of ROS 1 does.
 
-    A frame with a leading slash is absolute and takes no prefix; the slash is dropped all the same.
+    A frame with a leading slash is absolute and gets no prefix; its slash is still dropped.
     """
     if frame.startswith("/") or not prefix.strip("/"):
         return stripped(frame)

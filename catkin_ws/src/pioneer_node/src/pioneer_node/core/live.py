@@ -1,4 +1,4 @@
-"""Parameters that may change while a node runs: which fields of a configuration, and within which bounds."""
+"""Parameters that may change at run time: which configuration fields, and within which bounds."""
 
 import dataclasses
 import json
@@ -11,7 +11,7 @@ Value = bool | int | float | str
 
 _KINDS = {bool: "bool", int: "int", float: "double", str: "str", Any: "str"}
 _LONGEST_NAME = 60
-"""Longer names are cut in complaints."""
+"""Longer names are truncated in error messages."""
 _UNBOUNDED: dict[str, tuple[Value, Value]] = {
     "bool": (False, True),
     "int": (-(2**31), 2**31 - 1),
@@ -22,39 +22,39 @@ _UNBOUNDED: dict[str, tuple[Value, Value]] = {
 
 @dataclasses.dataclass(frozen=True)
 class Live:
-    """Marks a field of a configuration as one that may change: ``speed: Annotated[float, Live(0.0, 20.0)] = 0.55``."""
+    """Marks a configuration field as changeable at run time: ``speed: Annotated[float, Live(0.0, 20.0)] = 0.55``."""
 
-    low: float | None = None  #: least value, None for none
-    high: float | None = None  #: greatest value, None for none
-    choices: tuple[tuple[str, Value], ...] = ()  #: the only values, by name; empty for any
-    whole: bool = False  #: whether clients see and set a whole number where the field holds a float
+    low: float | None = None  #: minimum, None for no limit
+    high: float | None = None  #: maximum, None for no limit
+    choices: tuple[tuple[str, Value], ...] = ()  #: allowed values, by name; empty for any
+    whole: bool = False  #: whether clients see and set an integer although the field is a float
 
 
 def one_of(*values: str) -> Live:
-    """Marks a field that takes one of ``values``, under the names that dynamic_reconfigure's enumerations give them."""
+    """Marks a field that takes one of ``values``, named as in dynamic_reconfigure enumerations."""
     return Live(choices=tuple((f"{value.replace('-', '_')}_const", value) for value in values))
 
 
 @dataclasses.dataclass(frozen=True)
 class LiveParameter:
-    """One parameter that may change."""
+    """One parameter that may change at run time."""
 
-    name: str  #: as in the configuration
+    name: str  #: name of the configuration field
     kind: str  #: ``bool``, ``int``, ``double`` or ``str``
-    default: Value  #: what the configuration's class says
-    low: Value  #: least value; for texts an empty one
-    high: Value  #: greatest value; for texts an empty one
-    choices: tuple[tuple[str, Value], ...] = ()  #: the only values, by name; empty for any
+    default: Value  #: default of the configuration class
+    low: Value  #: minimum; empty for strings
+    high: Value  #: maximum; empty for strings
+    choices: tuple[tuple[str, Value], ...] = ()  #: allowed values, by name; empty for any
 
     def clamped(self, value: Value) -> Value:
-        """Returns ``value`` within the bounds."""
+        """Returns ``value`` clamped to the bounds."""
         if self.kind not in ("int", "double"):
             return value
         return min(max(value, self.low), self.high)
 
 
 def live_parameters(config_class: type[Any]) -> tuple[LiveParameter, ...]:
-    """Returns the fields of a configuration dataclass that are marked ``Live``, in its order."""
+    """Returns the fields of a configuration dataclass that are marked ``Live``, in declaration order."""
     hints = typing.get_type_hints(config_class, include_extras=True)
     found = []
     for field in dataclasses.fields(config_class):
@@ -75,7 +75,7 @@ def _parameter(name: str, kind: str, default: Any, mark: Live) -> LiveParameter:
 
 
 def _plain(kind: str, value: Any) -> Value:
-    """Returns ``value`` as what messages and the parameter server hold; lists become their text."""
+    """Returns ``value`` in the form used by messages and the parameter server; lists become JSON text."""
     if kind == "int":
         return int(value)
     if kind == "str" and not isinstance(value, str):
@@ -84,14 +84,14 @@ def _plain(kind: str, value: Any) -> Value:
 
 
 def live_values(config: Any) -> dict[str, Value]:
-    """Returns the values of a configuration's parameters that may change."""
+    """Returns the values of the parameters that may change at run time."""
     return {each.name: _plain(each.kind, getattr(config, each.name)) for each in live_parameters(type(config))}
 
 
 def accepted(parameters: tuple[LiveParameter, ...], wanted: Mapping[str, Value]) -> tuple[dict[str, Value], list[str]]:
-    """Returns what of ``wanted`` can be set, within bounds, and one line for each that cannot.
+    """Returns the settable part of ``wanted``, clamped to the bounds, and one error line for each rejected value.
 
-    A name that does not exist, a value of another kind and a number that is not finite are left out.
+    Unknown names, values of the wrong kind and non-finite numbers are rejected.
     """
     known = {each.name: each for each in parameters}
     values: dict[str, Value] = {}

@@ -13,55 +13,55 @@ Config = TypeVar("Config")
 
 
 class ParameterError(ValueError):
-    """A parameter of the wrong type or out of its range, or an unknown one where those are refused."""
+    """A parameter has the wrong type, is out of range, or is unknown in strict mode."""
 
 
 class UnknownNames:
-    """What happens to parameters that a node does not read: a warning each, once, as they have no effect in Noetic."""
+    """Handles parameters that a node does not read: logs one warning for each, because Noetic ignores them."""
 
     def __init__(self) -> None:
-        self.strict = False  #: whether they are refused instead
+        self.strict = False  #: whether to raise an error instead
         self._reported: set[str] = set()
 
     def report(self, owner: str, name: str, known: Collection[str], above: str = "") -> None:
-        """Logs a warning that names the nearest of the ``known`` names; ``above`` is their namespace, with its slash.
+        """Logs a warning that suggests the closest ``known`` name; ``above`` is their namespace with trailing slash.
 
         Raises:
-            ParameterError: in place of the warning where ``strict``.
+            ParameterError: instead of the warning if ``strict``.
         """
         self.complain(f"{owner}: unknown parameter ~{above}{name}{_nearest(name, known, above)}")
 
     def complain(self, text: str) -> None:
-        """Logs once that a parameter has no effect; ``text`` names it and the reason.
+        """Logs once that a parameter has no effect; ``text`` gives its name and the reason.
 
         Raises:
-            ParameterError: in place of the warning where ``strict``.
+            ParameterError: instead of the warning if ``strict``.
         """
         if self.strict:
             raise ParameterError(text)
         if text not in self._reported:
             self._reported.add(text)
-            # rospy's logger: what is logged there reaches the terminal and /rosout.
+            # rospy's logger, whose output reaches the terminal and /rosout.
             logging.getLogger("rosout").warning("%s It has no effect.", text if text.endswith("?") else f"{text}.")
 
 
 UNKNOWN = UnknownNames()
-"""Of this process; ``pioneer_node.nodes.entry.parameters`` makes it strict where ``strict_parameters`` is set."""
+"""The process-wide instance; ``pioneer_node.nodes.entry.parameters`` sets ``strict`` from ``strict_parameters``."""
 
 
 def config_from_mapping(
     config_class: type[Config], parameters: Mapping[str, Any], owner: str, ignored: Collection[str] = ()
 ) -> Config:
-    """Returns ``config_class`` filled from ``parameters``; fields that are absent keep their defaults.
+    """Returns ``config_class`` filled from ``parameters``; absent fields keep their defaults.
 
     Args:
-        config_class: a frozen dataclass whose fields are named as the ROS parameters are.
-        parameters: what ``rospy.get_param("~", {})`` returned.
-        owner: the node's name, for the error.
-        ignored: names that belong to somebody else (nested namespaces, dynamic parameters).
+        config_class: a frozen dataclass with one field per ROS parameter, of the same name.
+        parameters: result of ``rospy.get_param("~", {})``.
+        owner: the node's name, for error messages.
+        ignored: names that are handled elsewhere (nested namespaces, dynamic parameters).
 
     Raises:
-        ParameterError: a value of the wrong type, or, where ``UNKNOWN`` is strict, a name that no field has.
+        ParameterError: a value has the wrong type, or a name is unknown and ``UNKNOWN`` is strict.
     """
     hints = typing.get_type_hints(config_class)
     names = {field.name for field in dataclasses.fields(config_class)}
@@ -82,7 +82,7 @@ def _nearest(name: str, names: Collection[str], above: str) -> str:
 
 
 def value_as(hint: Any, value: Any, what: str) -> Any:
-    """Returns ``value`` as the field's type: an int where a float is wanted becomes one, nothing else is converted."""
+    """Returns ``value`` checked against the field's type. Only int to float is converted."""
     origin = typing.get_origin(hint)
     if origin in (typing.Union, types.UnionType):
         options = typing.get_args(hint)

@@ -1,17 +1,17 @@
-"""Which programs can be started by forking an interpreter that is already up."""
+"""Decides which programs can be started by forking a running interpreter."""
 
 import os
 from collections.abc import Collection, Mapping
 
-# Variables that an interpreter, the linker or a library reads once, before a program's first line.
+# Variables that the interpreter, the linker or a library reads once, before the program starts.
 _EARLY = ("PYTHON", "LD_", "LC_", "LANG", "TZ", "MALLOC_", "GLIBC_", "OMP_", "OPENBLAS_", "MKL_")
 
 
 def interpreter(first_line: bytes, search: Mapping[str, str]) -> str:
-    """Returns the interpreter that a script names, empty where there is none or it has arguments.
+    """Returns the interpreter in a script's shebang line; empty if there is none or it has arguments.
 
     Args:
-        first_line: of the script.
+        first_line: the script's first line.
         search: full paths of the commands that ``env`` would find.
     """
     if not first_line.startswith(b"#!"):
@@ -23,6 +23,6 @@ def interpreter(first_line: bytes, search: Mapping[str, str]) -> str:
 
 
 def early_differences(ours: Mapping[str, str], theirs: Mapping[str, str]) -> Collection[str]:
-    """Returns the variables with which a new interpreter would behave differently from one that is already up."""
+    """Returns the variables that would make a new interpreter behave differently from the running one."""
     names = {name for name in (*ours, *theirs) if name.startswith(_EARLY)}
     return sorted(name for name in names if ours.get(name) != theirs.get(name))

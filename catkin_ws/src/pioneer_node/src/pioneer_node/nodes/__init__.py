@@ -1,1 +1,1 @@
-"""What needs rospy: the entry point of a node."""
+"""Code that needs rospy: node entry point, launchers, dynamic reconfigure, patches of rospy."""

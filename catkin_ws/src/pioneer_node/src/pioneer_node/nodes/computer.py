@@ -1,10 +1,10 @@
-"""``computer STEP [STEP …]``: several launchers of one computer, all forked from one interpreter; they end together.
+"""``computer STEP [STEP …]``: runs several launchers, all forked from one interpreter; they end together.
 
-Each step is a command as in a terminal, ``rosrun PACKAGE PROGRAM ARGUMENT …``. A Python program of this workspace is
-forked, so that the steps share what they have imported; any other is started as it is. Each leads a session of its
-own. When a step ends, or SIGINT or SIGTERM asks for the end, the others get SIGINT, as from Ctrl-C.
+Each step is a command as typed in a terminal, ``rosrun PACKAGE PROGRAM ARGUMENT …``. Python programs of this workspace
+are forked, so that the steps share imported modules; other programs are executed normally. Each step leads its own
+session. When a step ends, or on SIGINT or SIGTERM, all others get SIGINT, as from Ctrl-C.
 
-With ``PIONEER_FORK_SOCKET`` set to a path, ``forked PROGRAM …`` has programs forked from the same interpreter.
+If ``PIONEER_FORK_SOCKET`` is set to a path, ``forked PROGRAM …`` can fork programs from the same interpreter.
 """
 
 import os
@@ -22,16 +22,16 @@ from pioneer_node.adapters.process_end import await_end
 from pioneer_node.nodes import launcher
 
 _LOOK = 0.1
-"""How often steps that were asked to end are looked at [s]."""
+"""Poll interval for steps that were asked to end [s]."""
 _REPORTED = 0.02
-"""Pause where a step has ended and its exit status has not been reported yet [s]."""
+"""Pause while the exit status of an ended step is not yet reported [s]."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the steps; returns 0 when it was asked to end, else the status of the step that ended, 1 at least."""
+    """Runs the steps; returns 0 after a requested shutdown, else the status of the ended step, at least 1."""
     steps = [shlex.split(step) for step in (sys.argv[1:] if arguments is None else arguments)]
     if not all(steps) or not steps:
-        sys.stderr.write("usage: computer STEP [STEP …], each a command in one word\n")
+        sys.stderr.write("usage: computer STEP [STEP …], each STEP is a command, quoted as one word\n")
         return 2
     server = None if os.environ.get(SWITCH) == "0" else launcher.shared_server()
     if isinstance(server, Program):
@@ -56,5 +56,5 @@ def _run(steps: Sequence[Sequence[str]], server: ForkServer | None) -> int:
     for one in running:
         while one.poll() is None:
             signal.sigtimedwait((), _LOOK)
-    # Not asked to, so a failure, whatever the step says: roslaunch calls it a success when all its nodes have died.
+    # An unrequested end is a failure whatever the status: roslaunch returns success when all its nodes have died.
     return 0 if ended is None else ended or 1

@@ -1,4 +1,4 @@
-"""What stands between a publisher and one subscriber: messages are written by the thread that publishes them."""
+"""A publisher's connection to one subscriber, on which the publishing thread itself writes the messages."""
 
 import socket
 import threading
@@ -9,16 +9,15 @@ from rospy.exceptions import TransportException
 
 
 class DirectConnection:
-    """Replaces rospy's ``QueuedConnection``, and keeps its queue for what a subscriber does not take at once.
+    """Replaces rospy's ``QueuedConnection``; queues only what a slow subscriber does not accept at once.
 
-    rospy hands each message to a thread for each subscriber and gives the processor up for it: two changes of thread,
-    and a thread that does nothing else. Here the socket takes most messages without waiting. Only from the first one
-    that it does not take whole, until all is written, a thread writes, and of what waits for it
-    ``queue_size`` messages are kept, the newest.
+    rospy hands each message to one thread per subscriber and yields the processor: two context switches per message,
+    and a dedicated thread. Here most messages fit into the socket buffer without blocking. Only when one does not fit,
+    a thread takes over until everything is written. Meanwhile the newest ``queue_size`` messages are queued.
     """
 
     def __init__(self, connection: Any, queue_size: int) -> None:
-        """Takes rospy's transport, and how many messages may wait; 0 for any number."""
+        """Takes rospy's transport and the maximum queue length; 0 for no limit."""
         self._connection = connection
         self._queue: deque[bytes] = deque(maxlen=queue_size or None)
         self._rest = b""
@@ -32,10 +31,10 @@ class DirectConnection:
         return getattr(self._connection, name)
 
     def write_data(self, data: bytes) -> bool:
-        """Writes a message with its length, or queues it; never waits for the subscriber.
+        """Writes a length-prefixed message, or queues it; never blocks on the subscriber.
 
         Raises:
-            Exception: what the transport raised for this message, or for one before it that had been queued.
+            Exception: whatever the transport raised for this message, or for an earlier queued one.
         """
         with self._lock:
             if self._error is not None:
@@ -52,7 +51,7 @@ class DirectConnection:
         return True
 
     def _write(self, data: bytes) -> int:
-        """Returns how many bytes the socket has taken; all of them where the transport itself had to write, or fail."""
+        """Returns how many bytes the socket accepted; all of them if the message was handed to the transport."""
         target = self._connection.socket
         if target is None or self._connection.done:
             self._connection.write_data(data)
@@ -62,7 +61,7 @@ class DirectConnection:
         except BlockingIOError:
             return 0
         except OSError:
-            self._connection.write_data(data)  # it closes the connection as it does for any error
+            self._connection.write_data(data)  # handles the error as usual and closes the connection
             return len(data)
         self._connection.stat_bytes += sent
         self._connection.stat_num_msg += sent == len(data)
@@ -72,14 +71,14 @@ class DirectConnection:
         while (data := self._next()) is not None:
             try:
                 self._connection.write_data(data)
-            except (TransportException, OSError, AttributeError) as error:  # the last if it is closed meanwhile
+            except (TransportException, OSError, AttributeError) as error:  # AttributeError if closed meanwhile
                 with self._lock:
                     self._error = error
 
     def _next(self) -> bytes | None:
-        """Returns what is to be written next; None, and the thread ends, where nothing waits any more."""
+        """Returns the next data to write; None, which ends the thread, if the queue is empty."""
         with self._lock:
-            if self._connection.done:  # nobody will take it any more
+            if self._connection.done:  # the connection is closed
                 self._rest = b""
                 self._queue.clear()
             data, self._rest = self._rest or (self._queue.popleft() if self._queue else b""), b""

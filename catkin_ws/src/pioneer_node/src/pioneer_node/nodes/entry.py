@@ -1,4 +1,4 @@
-"""The one way a node of this workspace starts and ends."""
+"""Common startup and shutdown of all nodes in this workspace."""
 
 import contextlib
 import http.client
@@ -22,10 +22,10 @@ from pioneer_node.nodes import patch
 
 _STRICT = "strict_parameters"
 _ending = EndRequest()
-"""Set as soon as a signal asks the process to end; rospy knows of a shutdown a moment later."""
+"""Set as soon as a signal requests shutdown; rospy's shutdown flag follows a moment later."""
 _initialised = threading.Event()
 _REGISTERING = 3.0
-"""So long a node that is to end may still register [s]: without a master, rospy tries for ever and holds its locks."""
+"""Time-out for registration after a shutdown request [s]: without a master rospy retries forever, holding locks."""
 
 
 def run(
@@ -33,18 +33,18 @@ def run(
 ) -> int:
     """Initialises the node, builds it, spins until shutdown, and returns the process's exit status.
 
-    After a signal the process ends here, once the node is unregistered: nothing that follows runs.
+    After a signal it does not return: the process exits once the node is unregistered.
 
     Args:
         name: the node's default name.
-        build: makes the node object; it is kept alive while the node spins. An object with a ``spin``
-            method is spun by that method, any other by ``rospy.spin``. In lockstep its ``step``, if it has one, is
-            called once a period, from the time on when its ``ready``, if it has one, has returned true.
-        expected: errors that mean bad input rather than a fault of ours: one line, no traceback.
-            ``ParameterError`` always counts as one.
-        wall_time: the node keeps to wall time even where ``/use_sim_time`` is set, and does not listen to ``/clock``.
+        build: creates the node object, which is kept alive while the node spins. Its ``spin`` method is used if it
+            has one, else ``rospy.spin``. In lockstep its optional ``step`` is called once per period, as soon as its
+            optional ``ready`` has returned true.
+        expected: exceptions that mean bad input rather than a bug: logged in one line without traceback.
+            Always includes ``ParameterError``.
+        wall_time: use wall time even if ``/use_sim_time`` is set, and do not subscribe to ``/clock``.
     """
-    # Into a pipe or a file, what a node says would otherwise stand in a buffer until it ends.
+    # Otherwise output to a pipe or a file would stay in the buffer until the node exits.
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)
     limit_arenas()
@@ -67,9 +67,9 @@ def run(
 
 
 def _leave(status: int) -> NoReturn:
-    """Ends the process without taking Python's modules apart, which costs four times what an orderly shutdown does."""
+    """Exits without interpreter finalization, which takes four times as long as the orderly shutdown before it."""
     logging.shutdown()
-    with contextlib.suppress(OSError, ValueError):  # what the output was connected to may have ended first
+    with contextlib.suppress(OSError, ValueError):  # the output's receiver may have exited first
         sys.stdout.flush()
         sys.stderr.flush()
     os._exit(status)
@@ -85,9 +85,9 @@ def _spun(name: str, build: Callable[[], Any], expected: tuple[type[Exception], 
         rospy.logfatal("%s", error)
         rospy.signal_shutdown(str(error))
         return 1
-    except Exception as error:  # the outermost loop: whatever arrives here is a bug and gets its traceback
+    except Exception as error:  # outermost handler: anything else is a bug, log its traceback
         if is_ending() and isinstance(error, OSError | http.client.HTTPException):
-            # The master, or a peer, may have ended first.
+            # The master or a peer may have exited first.
             logging.getLogger(__name__).info("%s ended while it lost a connection: %s", name, error)
             return 0
         logging.getLogger("rosout").critical("%s ended by an error", name, exc_info=True)
@@ -97,7 +97,7 @@ def _spun(name: str, build: Callable[[], Any], expected: tuple[type[Exception], 
 
 
 def _as_member(build: Callable[[], Any]) -> Callable[[], Any]:
-    """Returns what builds the node and, where it is a member of a ring, has each period's token call its ``step``."""
+    """Wraps ``build`` so that a ring member's ``step`` is called for each period's token."""
     if MEMBERS not in os.environ:
         return build
     from pioneer_node.nodes import lockstep
@@ -111,20 +111,20 @@ def _as_member(build: Callable[[], Any]) -> Callable[[], Any]:
 
 
 def is_ending() -> bool:
-    """Returns whether the node is shutting down: from the signal on, ``rospy.is_shutdown`` only later."""
+    """Returns whether the node is shutting down: true from the signal on, earlier than ``rospy.is_shutdown``."""
     return _ending.is_set() or bool(rospy.is_shutdown())
 
 
 def wait(seconds: float) -> bool:
-    """Rests for a time [s of wall time] at most; returns early, and true, when a signal asks the process to end."""
+    """Sleeps up to ``seconds`` [s of wall time]; returns true, and early, if a signal requests shutdown."""
     return _ending.wait(seconds)
 
 
 def _shut_down_when_asked() -> None:
-    """Shuts rospy down once a signal has set the flag, in a thread that exists before the signal.
+    """Waits for the shutdown flag and shuts rospy down, in a thread started before any signal.
 
-    A handler runs in the middle of the main thread, whose locks it would wait for without end: rospy's own, and the
-    one that starting a thread takes. So the handler only sets the flag. Further signals change nothing.
+    A signal handler interrupts the main thread and would deadlock on locks held there: rospy's, or the one for
+    starting a thread. So the handler only sets the flag. Further signals have no effect.
     """
     _ending.wait()
     if not _initialised.wait(_REGISTERING):
@@ -136,7 +136,7 @@ def _shut_down_when_asked() -> None:
 def on_shutdown(wake: Callable[[], object]) -> None:
     """Registers ``wake`` to be called at shutdown, once ``rospy.is_shutdown`` is true.
 
-    ``rospy.on_shutdown`` calls earlier: a loop woken then may see no shutdown yet, and sleep for good.
+    ``rospy.on_shutdown`` calls earlier: a loop woken then may not see the shutdown yet and sleep forever.
     """
     rospy.core.add_shutdown_hook(lambda _reason: wake())
 
@@ -144,7 +144,7 @@ def on_shutdown(wake: Callable[[], object]) -> None:
 def parameters() -> dict[str, Any]:
     """Returns the node's private parameters, an empty dictionary when there are none.
 
-    ``strict_parameters``, the node's own or that of a namespace above it, has unknown parameters refused.
+    If ``strict_parameters`` is set for the node or an enclosing namespace, unknown parameters are errors.
     """
     values = rospy.get_param("~", {})
     key = rospy.search_param(_STRICT)

@@ -1,7 +1,7 @@
-"""What a process in lockstep publishes and subscribes: through tokens, in place of rospy's connections.
+"""Publishes and subscribes through tokens instead of rospy's connections, for a process in lockstep.
 
-rospy's subscribers call back whenever a message happens to arrive, its timers whenever a thread happens to wake. Here
-both happen at one place of a period, in an order that only the messages themselves decide (docs/lockstep.md).
+In rospy, callbacks run whenever a message arrives and timers whenever a thread wakes up. Here both run at a fixed point
+of the period, in an order that depends only on the messages (docs/lockstep.md).
 """
 
 import io
@@ -17,21 +17,21 @@ from pioneer_node.adapters.exchange import is_connected
 
 
 class Exchange(exchange.Exchange):
-    """Replaces ``rospy.Publisher``, ``Subscriber`` and ``Timer`` of this process by ones that work by tokens.
+    """Replaces ``rospy.Publisher``, ``Subscriber`` and ``Timer`` in this process by token-based versions.
 
-    What is published still goes to those who subscribe by rospy. A subscriber still gets what others publish that do
-    not take part, but no scans, point clouds, odometry, ``/clock`` and ``/tf`` of theirs.
+    Ordinary rospy subscribers still receive what is published. Subscribers still receive messages from nodes outside
+    the lockstep, except scans, point clouds, odometry, ``/clock`` and ``/tf``.
     """
 
     current: "Exchange | None" = None
-    """Of this process, where it takes part."""
+    """The process's instance; None if it is not in lockstep."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self.timers: list[_Timer] = []
 
     def install(self, follows: bool = True) -> Self:
-        """Replaces rospy's classes; ROS time is what tokens say where this process ``follows`` them. Returns itself."""
+        """Replaces rospy's classes; if this process ``follows`` the tokens, they set ROS time. Returns itself."""
         Exchange.current = self
         rospy.Publisher, rospy.Subscriber, rospy.Timer = _Publisher, _Subscriber, _Timer
         if follows:
@@ -47,7 +47,7 @@ class Exchange(exchange.Exchange):
 
 
 def set_time(now: rospy.Time) -> None:
-    """Has ROS time be ``now`` in this process."""
+    """Sets ROS time in this process."""
     rospy.rostime._set_rostime(now)
 
 
@@ -63,14 +63,14 @@ def _serialised(message: Any) -> bytes:
 
 
 class _Publisher(rospy.topics.Publisher):  # type: ignore[misc]
-    """Publishes as rospy does, and into the next token."""
+    """Publishes as rospy does, and adds the message to the next token."""
 
     def __init__(self, name: str, data_class: Any, *args: Any, latch: bool = False, **options: Any) -> None:
         super().__init__(name, data_class, *args, latch=latch, **options)
         self._latch = latch
 
     def publish(self, *args: Any, **fields: Any) -> None:
-        """Publishes a message, given as itself or by its fields."""
+        """Publishes a message, given as an object or by its fields."""
         message, exchange = args_kwds_to_message(self.data_class, args, fields), _exchange()
         wanted = exchange.wants(self.resolved_name)
         if wanted or self._latch:
@@ -86,13 +86,13 @@ class _Publisher(rospy.topics.Publisher):  # type: ignore[misc]
         return int(super().get_num_connections()) + _exchange().wants(self.resolved_name)
 
     def unregister(self) -> None:
-        """Takes the topic back."""
+        """Unregisters the topic."""
         _exchange().keep(self.resolved_name, id(self), None)
         super().unregister()
 
 
 class _Subscriber(rospy.topics.Subscriber):  # type: ignore[misc]
-    """Gets what tokens carry, and from those who do not take part what rospy does."""
+    """Receives messages from tokens, and over rospy's connections from nodes outside the lockstep."""
 
     def __init__(
         self, name: str, data_class: Any, callback: Any = None, callback_args: Any = None, **options: Any
@@ -107,7 +107,7 @@ class _Subscriber(rospy.topics.Subscriber):  # type: ignore[misc]
             self.resolved_name, self.impl = topic, None
 
     def receive(self, message: LockstepMessage) -> None:
-        """Takes a message of a token."""
+        """Receives a message from a token."""
         own = self._kind()
         own._connection_header = {"callerid": message.sender, "topic": message.topic}
         own.deserialize(message.data)
@@ -138,14 +138,14 @@ class _Timer:
     def __init__(
         self, period: rospy.Duration, callback: Callable[[Any], None], oneshot: bool = False, reset: bool = False
     ) -> None:
-        del reset  # time in lockstep jumps back only where a simulator starts again, and the due time with it
+        del reset  # lockstep time jumps back only if the simulator restarts; run_if_due then resets the due time
         self._period, self._callback, self._oneshot = period, callback, oneshot
         self._due = rospy.Time.now() + period
         self._last: rospy.Time | None = None
         _exchange().timers.append(self)
 
     def run_if_due(self, now: rospy.Time) -> None:
-        """Calls back where the time has come."""
+        """Runs the callback if it is due."""
         if now < self._due:
             if self._due - now > self._period:
                 self._due = now + self._period

@@ -1,9 +1,9 @@
-"""roslaunch whose Python nodes are forked from one interpreter in place of started each by itself.
+"""roslaunch that forks its Python nodes from one interpreter instead of starting each separately.
 
-rospy, numpy and message classes are then in memory once, and a node starts in some hundredths of a second. Everything
-else is roslaunch's: names, arguments, environment, output, logs, respawn, required, signals, exit codes. Each node is a
-process of its own, also for ``ps``. Programs are started as before if they are no Python scripts of this workspace,
-have a ``launch-prefix``, or an environment with other variables that an interpreter reads at its start.
+rospy, numpy and message classes are then in memory only once, and a node starts in a few hundredths of a second.
+Everything else works as in roslaunch: names, arguments, environment, output, logs, respawn, required, signals, exit
+codes. Each node is a separate process, also in ``ps``. A program is executed normally if it is not a Python script of
+this workspace, has a ``launch-prefix``, or changes environment variables that the interpreter reads at startup.
 """
 
 import contextlib
@@ -47,7 +47,7 @@ _SHARED = (
     "dynamic_reconfigure.srv", "diagnostic_msgs.msg", "roscpp.srv", "rosgraph_msgs.msg", "yaml", "logging.handlers",
     "pioneer_node.adapters.node_process",
 )  # fmt: skip
-"""What at least two of a computer's programs import. No nodes of this workspace, which open files at import."""
+"""Modules that at least two programs of a computer import. No nodes of this workspace: they open files on import."""
 _THREADS = "OPENBLAS_NUM_THREADS"
 _MASTER = "rosmaster"
 Started = ForkedProcess | subprocess.Popen[bytes]
@@ -55,7 +55,7 @@ _popen: list[Callable[..., Started]] = [subprocess.Popen]
 
 
 def run(module: str, function: str = "main") -> int | None:
-    """Runs a launcher's function, and its Python nodes as forks; returns its exit status."""
+    """Runs a launcher's function with its Python nodes as forks; returns its exit status."""
     if os.environ.get(SWITCH) == "0":
         return getattr(import_without_numpy(module), function)()
     server = shared_server()
@@ -67,15 +67,15 @@ def run(module: str, function: str = "main") -> int | None:
 
 
 def shared_server() -> ForkServer | Program | None:
-    """Imports what programs share and forks the server; None where a thread runs already.
+    """Imports the shared modules and forks the server; returns None if other threads are already running.
 
-    In a process that the server forks it returns again, with the program that the process is to run at once. A launcher
-    that `computer` started gets that one's server. Any other, and `computer` itself, has ``forked PROGRAM …`` ask for
-    programs, too, at the path in ``PIONEER_FORK_SOCKET``.
+    Like fork, it returns a second time in each process that the server forks, with the program to run at once. A
+    launcher started by `computer` gets the server of `computer`. Any other launcher, and `computer` itself, also
+    accepts requests from ``forked PROGRAM …`` at the path in ``PIONEER_FORK_SOCKET``.
     """
     if (lent := lent_server()) is not None:
         return lent
-    # Listens before the imports, which take seconds on a busy machine: a client then waits, and imports nothing itself.
+    # Listen before the imports, which take seconds on a busy machine: clients then wait and do not import themselves.
     listener = _listener()
     _import_shared()
     remember_packages()
@@ -89,7 +89,7 @@ def shared_server() -> ForkServer | Program | None:
 
 
 def _listener() -> socket.socket | None:
-    """Returns the socket at which other programs can be asked for, if there is to be one and it can be made."""
+    """Returns the socket for requests of other processes; None if not configured or it cannot be created."""
     path = os.environ.get(SOCKET)
     if not path:
         return None
@@ -103,7 +103,7 @@ def _listener() -> socket.socket | None:
 def _import_shared() -> None:
     leave_setuptools_out()
     before = os.environ.get(_THREADS)
-    os.environ[_THREADS] = "1"  # a library that has threads cannot be forked
+    os.environ[_THREADS] = "1"  # a library with running threads cannot be forked
     for name in _SHARED:
         with contextlib.suppress(ImportError):
             importlib.import_module(name)
@@ -114,10 +114,10 @@ def _import_shared() -> None:
 
 
 def fork_nodes(server: ForkServer) -> None:
-    """Has roslaunch, and `started`, start through ``server`` what can be forked of nodes, the master and commands."""
+    """Makes roslaunch and `started` fork nodes, the master and commands from ``server`` where possible."""
     import roslaunch.nodeprocess
 
-    # LocalProcess.start calls subprocess.Popen, and that alone; so the rest of it stays as it is.
+    # LocalProcess.start uses only Popen of subprocess, so nothing else needs replacing.
     _popen.append(starter(server))
     roslaunch.nodeprocess.subprocess = SimpleNamespace(Popen=_popen[-1], PIPE=subprocess.PIPE)
     watch_processes()
@@ -125,21 +125,21 @@ def fork_nodes(server: ForkServer) -> None:
 
 
 def started(command: Sequence[str]) -> Started:
-    """Starts a command in a session of its own, without input: as a fork where this process is a launcher."""
+    """Starts a command in its own session without standard input; as a fork if this process is a launcher."""
     return _popen[-1](command, stdin=subprocess.DEVNULL, **as_here())
 
 
 def as_here() -> dict[str, Any]:
-    """Returns the arguments of a `starter` for this environment, folder and output, in a session of its own."""
+    """Returns `starter` arguments for this process's environment, folder and output, and a new session."""
     return {"env": dict(os.environ), "cwd": os.getcwd(), "stdout": None, "stderr": None, "start_new_session": True}
 
 
 def starter(server: ForkServer, lend: bool = False) -> Callable[..., Started]:
-    """Returns a ``subprocess.Popen`` that forks what ``server`` can start. ``env`` and ``cwd`` are to be given.
+    """Returns a replacement for ``subprocess.Popen`` that forks where ``server`` can. Requires ``env`` and ``cwd``.
 
     Args:
-        server: what forks.
-        lend: what it starts are launchers, which may use the server too.
+        server: the fork server.
+        lend: whether the started programs, which are launchers, may use the server too.
     """
     ours = dict(os.environ)
 
@@ -155,7 +155,7 @@ def starter(server: ForkServer, lend: bool = False) -> Callable[..., Started]:
 
 
 def resolved(command: Sequence[str]) -> list[str]:
-    """Returns a command with the path of the program that ``rosrun`` would find, which takes ten processes for it."""
+    """Returns a command with ``rosrun`` replaced by the program's path: rosrun would spawn ten processes to find it."""
     if command[0] != "rosrun":
         return list(command)
     paths = [Path(prefix, "lib", *command[1:3]) for prefix in os.environ.get("CMAKE_PREFIX_PATH", "").split(os.pathsep)]
@@ -163,13 +163,13 @@ def resolved(command: Sequence[str]) -> list[str]:
 
 
 def _is_same_forked(program: Program) -> bool:
-    """Whether a program that another process asks for behaves as if it had been executed; called by the server."""
+    """Returns whether a requested program behaves the same forked as executed; called in the server."""
     path = program.arguments[0]
     return _script(path, program.environment) == path and not early_differences(os.environ, program.environment)
 
 
 def _script(program: str, environment: Mapping[str, str]) -> str:
-    """Returns the path of a Python script that this workspace has built, or of the ROS master; empty for all else."""
+    """Returns the path of a Python script built by this workspace, or of the ROS master; empty for other programs."""
     path = shutil.which(program, path=environment.get("PATH")) or ""
     if not path or not (program == _MASTER or _built_here(Path(path))):
         return ""
@@ -183,7 +183,7 @@ def _script(program: str, environment: Mapping[str, str]) -> str:
 
 
 def _built_here(path: Path) -> bool:
-    """Whether a program lies where catkin has put this one: in a package's folder beside its own."""
+    """Returns whether catkin has put a program beside this one: in a sibling package folder."""
     return path.parent.parent == Path(os.path.abspath(sys.argv[0])).parent.parent
 
 

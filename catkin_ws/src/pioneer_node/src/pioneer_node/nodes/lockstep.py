@@ -1,4 +1,4 @@
-"""A node's part in lockstep with the simulator: a member of a ring (docs/lockstep.md)."""
+"""Makes a rospy node a ring member that runs in lockstep with the simulator (docs/lockstep.md)."""
 
 import os
 import time
@@ -15,34 +15,34 @@ from pioneer_node.nodes import entry
 from pioneer_node.nodes.exchange import Exchange, set_time
 
 RINGS, WITHHELD = "/lockstep/rings", "/lockstep/withheld"
-"""What a member tells the simulator: who takes part, and what tokens are not to carry."""
+"""Topics to the simulator: the rings that take part, and the topics or rings whose messages tokens must not carry."""
 _LOOK_EVERY = 0.5
-"""How often a member looks whether its work has failed [s of wall time]."""
+"""Interval at which a member checks whether its work has failed [s of wall time]."""
 _CONNECT_WITHIN = 2.0
-"""How long an inlet may be without connection until it is subscribed again [s of wall time]."""
+"""Time without a connection after which a link subscribes again [s of wall time]."""
 
 
 def ring_publisher(topic: str, latch: bool = False) -> rospy.Publisher:
-    """Returns a publisher of tokens that writes in the caller's thread: a queue would cost a thread's wake-up."""
+    """Returns a token publisher that writes in the caller's thread: a queue would have to wake up another thread."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SyntaxWarning)
         return rospy.topics.Publisher(topic, LockstepToken, latch=latch)
 
 
 def ring_subscriber(topic: str, callback: Callable[[LockstepToken], None]) -> rospy.Subscriber:
-    """Returns a subscriber of tokens."""
+    """Returns a token subscriber."""
     return rospy.topics.Subscriber(topic, LockstepToken, callback, tcp_nodelay=True)
 
 
 class Link:
-    """A subscription of tokens that is made again until it has a publisher: rospy tries each publisher only once."""
+    """A token subscription that is renewed until a publisher is connected: rospy tries each publisher only once."""
 
     def __init__(self, topic: str, callback: Callable[[LockstepToken], None]) -> None:
         self._topic, self._callback = topic, callback
         self._subscriber, self._connected_at = ring_subscriber(topic, callback), time.monotonic()
 
     def keep_connected(self) -> None:
-        """Subscribes again where there has been no connection for some time."""
+        """Subscribes again if there has been no connection for `_CONNECT_WITHIN`."""
         if self._subscriber.get_num_connections():
             self._connected_at = time.monotonic()
         elif time.monotonic() - self._connected_at > _CONNECT_WITHIN:
@@ -53,18 +53,18 @@ class Link:
 class Member:
     """One member of a ring.
 
-    Subscribes: ``lockstep/period``, or ``lockstep/after_NAME`` of the member before it (pioneer_msgs/LockstepToken),
+    Subscribes: ``lockstep/period``, or ``lockstep/after_NAME`` of the previous member (pioneer_msgs/LockstepToken),
         ``lockstep/probe``.
 
-    Publishes: ``lockstep/done``, or ``lockstep/after_NAME`` for the member behind it.
+    Publishes: ``lockstep/done``, or ``lockstep/after_NAME`` for the next member.
 
-    Threads: the period's work is done in rospy's thread of the inlet.
+    Threads: the period's work runs in rospy's thread for the inlet.
 
-    On error: what the work raises ends `spin`; the ring stands still then, and the simulator reports this member.
+    On error: an exception in the work ends `spin`; the ring then stops, and the simulator reports this member.
     """
 
     def __init__(self, ring: str, members: Sequence[str], name: str) -> None:
-        """Takes the ring's name, its members in the order in which they act, and this one's name among them."""
+        """Takes the ring's name, its members in the order of their turns, and this member's name."""
         self.exchange = Exchange(rospy.get_name())
         self._place = place = Place(self.exchange, ring, members, name, set_time)
         self._outlet = ring_publisher(place.outlet)
@@ -73,11 +73,11 @@ class Member:
         self._failed: Exception | None = None
 
     def start(self, step: Callable[[], None], ready: Callable[[], bool] = lambda: True) -> None:
-        """Begins to take tokens; what the node subscribes to must be subscribed by now.
+        """Starts to process tokens; call it after the node has created its subscribers.
 
         Args:
-            step: does one period's work; its messages have been delivered and ROS time is the period's end.
-            ready: returns whether the node has what it needs before the first period; any thread asks.
+            step: does one period's work, after the period's messages are delivered and ROS time is set to its end.
+            ready: returns whether the node is ready for its first period; called from any thread.
         """
 
         def work() -> None:
@@ -88,10 +88,10 @@ class Member:
         self._links = [Link(self._place.inlet, self._take), Link(self._place.probe, self._answer)]
 
     def spin(self, step: Callable[[], None], ready: Callable[[], bool] = lambda: True) -> None:
-        """Does what `start` does, and returns at shutdown.
+        """Calls `start` and blocks until shutdown.
 
         Raises:
-            Exception: what ``step``, or a subscriber's callback, raised.
+            Exception: whatever ``step`` or a subscriber's callback raised.
         """
         self.start(step, ready)
         while not entry.wait(_LOOK_EVERY):
@@ -116,20 +116,20 @@ class Member:
 
 
 class Turns:
-    """A node whose work is done in its member's periods, for `entry.run`."""
+    """Wraps a node for `entry.run` so that its work runs in its ring member's periods."""
 
     def __init__(self, member: Member, node: Any) -> None:
         self._member, self._node = member, node
 
     def spin(self) -> None:
-        """Works until shutdown."""
+        """Runs until shutdown."""
         self._member.spin(getattr(self._node, "step", lambda: None), getattr(self._node, "ready", lambda: True))
 
 
 def joined() -> Member | None:
-    """Returns this node's membership where its launch file makes it a member (`core.ring.MEMBERS`), else None.
+    """Returns this node's `Member` if its launch file puts it in a ring (`core.ring.MEMBERS`), else None.
 
-    To be called once, after ``rospy.init_node`` and before the node has publishers and subscribers.
+    Call it once, after ``rospy.init_node`` and before the node creates publishers and subscribers.
     """
     ring, members, name = membership(rospy.get_name(), rospy.get_namespace(), os.environ)
     if not members:

@@ -1,7 +1,8 @@
-"""Runs nodes without rospy (`NodeHandle`): one in a process of its own, or several in one, as nodelets do for C++.
+"""Runs nodes without rospy (`NodeHandle`), one or several per process, like nodelets in C++.
 
-``node_host NAME=MODULE …`` runs a node of each name; the module's ``build`` makes it. Remappings hold for all. Private
-parameters are below each node's name. The process ends with its last node, with status 1 if one cannot be made.
+``node_host NAME=MODULE …`` runs one node per name, created by the module's ``build``. Remappings apply to all nodes.
+Private parameters are in each node's namespace. The process ends with its last node, with status 1 if a node cannot be
+created.
 """
 
 import importlib
@@ -19,11 +20,11 @@ from pioneer_node.core.ring import MEMBERS, membership
 
 
 def run(name: str, build: Build) -> NoReturn:
-    """Runs the one node of this process; ends the process.
+    """Runs a single node and then ends the process.
 
     Args:
         name: the node's default name.
-        build: makes the object that does its work. It raises ParameterError for bad parameters: one line, status 1.
+        build: creates the object that does its work. A ParameterError is logged in one line; exit status 1.
     """
     process = NodeProcess(sys.argv)
     if not process.add(process.own_name(name), build, join_ring):
@@ -32,7 +33,7 @@ def run(name: str, build: Build) -> NoReturn:
 
 
 def join_ring(handle: NodeHandle) -> None:
-    """Has a node keep in lockstep where its launch file makes it a member of a ring (`core.ring.MEMBERS`)."""
+    """Puts a node into lockstep if its launch file makes it a member of a ring (`core.ring.MEMBERS`)."""
     if MEMBERS not in os.environ:
         return
     from pioneer_node.adapters.handle_lockstep import HandleMember
@@ -43,7 +44,7 @@ def join_ring(handle: NodeHandle) -> None:
 
 
 def leave(status: int) -> NoReturn:
-    """Ends the process without taking Python's modules apart."""
+    """Exits without interpreter finalization."""
     logging.shutdown()
     sys.stdout.flush()
     sys.stderr.flush()
@@ -51,11 +52,11 @@ def leave(status: int) -> NoReturn:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the nodes that the command line names."""
+    """Runs the nodes given on the command line."""
     words = list(sys.argv if argv is None else argv)
     pairs = [word.partition("=")[::2] for word in rosgraph.myargv(words)[1:]]
     if not pairs or not all(name and module for name, module in pairs):
-        sys.stderr.write("usage: node_host NAME=MODULE …, each a node's name and the module that makes it\n")
+        sys.stderr.write("usage: node_host NAME=MODULE …, where NAME is a node and MODULE builds it\n")
         return 2
     process = NodeProcess(words)
     if not all(process.add(name, importlib.import_module(module).build, join_ring) for name, module in pairs):

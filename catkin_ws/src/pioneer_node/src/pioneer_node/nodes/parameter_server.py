@@ -1,4 +1,4 @@
-"""Many parameters written in one request."""
+"""Writes many parameters in one request."""
 
 import xmlrpc.client
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ import rospy
 
 
 def set_parameters(values: Mapping[str, Any]) -> None:
-    """Writes parameters by their names; one request for all: one for each would cost a node more than its work.
+    """Sets parameters by name in a single request: one request per parameter would cost a node more than its work.
 
     Logs a warning if the ROS master does not answer.
     """

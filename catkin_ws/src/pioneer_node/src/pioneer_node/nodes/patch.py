@@ -1,6 +1,6 @@
-"""Everything that this workspace changes in ROS's own Python packages, each with its reason.
+"""All patches that this workspace applies to ROS's own Python packages, each with its reason.
 
-rospy is imported within the functions: `import_without_numpy` has to come first.
+rospy is imported inside the functions, because `import_without_numpy` must run first.
 """
 
 import contextlib
@@ -15,26 +15,26 @@ from types import ModuleType
 from typing import Any, NoReturn
 
 _ACCEPT_RETRY = 0.2
-"""How long a server waits for a free file descriptor [s]: the kernel does not report one."""
+"""Retry interval while no file descriptor is free [s]: the kernel does not report when one becomes free."""
 
 _WORKERS_LOOK = 1.0
-"""How long a master's worker waits for work before it looks whether to end [s]."""
+"""Interval at which an idle master worker checks whether to end [s]."""
 
 _LONGEST_AWAIT = 10.0
-"""For how long a master keeps somebody waiting for a registration [s]: each takes a thread."""
+"""Maximum time that a master blocks a client waiting for registrations [s]: each client occupies a thread."""
 
 _COUNTS = 2**31
-"""XML-RPC's numbers end there."""
+"""Counters wrap here: XML-RPC integers have 32 bits."""
 
 
 def import_without_numpy(module: str) -> ModuleType:
-    """Returns a node's module, imported without numpy; for nodes that compute nothing.
+    """Returns a module, imported without numpy; for nodes that do not compute.
 
-    genpy imports numpy where it is installed, only to complain about messages of wrong types, and works without it.
-    This spares a node 15 MB and 0.2 s of processor time. numpy itself can still be imported afterwards.
+    genpy imports numpy, if installed, only to report messages of wrong types, and works without it. This saves a node
+    15 MB and 0.2 s of CPU time. numpy itself can still be imported afterwards.
     """
     if "numpy" not in sys.modules:
-        sys.modules["numpy"] = None  # type: ignore[assignment] # an import of it raises ImportError
+        sys.modules["numpy"] = None  # type: ignore[assignment] # makes its import raise ImportError
         try:
             import genpy  # noqa: F401
         finally:
@@ -43,10 +43,10 @@ def import_without_numpy(module: str) -> ModuleType:
 
 
 def leave_setuptools_out() -> None:
-    """Has ``distutils`` be Python's own where Python has one.
+    """Makes ``distutils`` refer to Python's own package, if Python includes it.
 
-    rosclean, which roslaunch imports, takes one function of it. setuptools puts itself in its place: 144 modules, 11 MB
-    and 0.17 s of processor time.
+    rosclean, which roslaunch imports, uses one function of it. setuptools replaces it with its own copy: 144 modules,
+    11 MB and 0.17 s of CPU time.
     """
     if sys.version_info < (3, 12):
         with contextlib.suppress(ImportError):
@@ -54,9 +54,9 @@ def leave_setuptools_out() -> None:
 
 
 def allow_publishing_at_shutdown() -> None:
-    """Makes a publisher of a node that is shutting down do nothing.
+    """Turns publishing into a no-op while the node is shutting down.
 
-    rospy closes topics before `is_shutdown` returns True; a callback that publishes then would get an exception.
+    rospy closes topics before `is_shutdown` returns True; a callback that publishes in between would get an exception.
     """
     import rospy
 
@@ -64,7 +64,7 @@ def allow_publishing_at_shutdown() -> None:
 
 
 def log_broken_requests() -> None:
-    """Makes a request that does not parse one line; rospy's thread for that connection would end with a traceback."""
+    """Logs one line for a malformed request, instead of the traceback of rospy's thread for that connection."""
     import rospy
 
     others = threading.excepthook
@@ -79,14 +79,15 @@ def log_broken_requests() -> None:
 
 
 def keep_accepting(is_ending: Callable[[], bool], wait: Callable[[float], object]) -> None:
-    """Keeps the TCPROS server of this process alive when the process runs out of file descriptors.
+    """Keeps this process's TCPROS server alive when file descriptors run out.
 
-    rospy's server thread ends at the first connection that it cannot accept, and the node, still registered, never
-    serves a subscriber or a client again. Here the connection waits in the kernel's queue until a descriptor is free.
+    rospy's server thread ends at the first connection that it cannot accept; the node stays registered but never serves
+    a subscriber or service client again. With this patch the connection waits in the kernel's backlog until a
+    descriptor is free.
 
     Args:
-        is_ending: whether the node is shutting down.
-        wait: waits so many seconds, or until it is.
+        is_ending: returns whether the node is shutting down.
+        wait: sleeps for the given seconds, or until shutdown.
     """
     import rospy
 
@@ -108,10 +109,10 @@ def keep_accepting(is_ending: Callable[[], bool], wait: Callable[[float], object
 
 
 def stop_serving_at_shutdown() -> None:
-    """Ends the thread that serves XML-RPC when the node shuts down.
+    """Stops the XML-RPC server thread when the node shuts down.
 
-    rospy only closes that thread's socket. The thread then tries to accept from it without pause, until the process
-    ends, which took a node up to half a second of processor time.
+    rospy only closes the thread's socket. The thread then calls accept in a busy loop until the process ends, which
+    cost a node up to 0.5 s of CPU time.
     """
     from rosgraph.xmlrpc import XmlRpcNode
 
@@ -124,17 +125,17 @@ def stop_serving_at_shutdown() -> None:
         server = node.server
         close(node, reason)
         if server:
-            server.service_actions = end_thread  # which the thread calls after each look; it takes it for a lost socket
+            server.service_actions = end_thread  # called after each poll; the thread treats the error as a lost socket
 
     XmlRpcNode.shutdown = shutdown
 
 
 def keep_publisher_updates() -> None:
-    """Connects subscribers of this process also to publishers that register at the same moment.
+    """Fixes a race in which subscribers miss publishers that register at the same moment.
 
-    rospy keeps the newest list of a topic's publishers that it was given. The master's answer to a subscription may be
-    handled after the update that the master sent next, and its older list then replaced the newer one: the subscriber
-    stayed without connection. Here lists that have not been handled yet are joined.
+    rospy uses the last list of a topic's publishers that it received. If it handles the master's answer to a
+    subscription after the master's next update, the older list replaces the newer one and the subscriber never
+    connects. This patch merges all lists that are not handled yet.
     """
     from rospy.impl.registration import RegManager
 
@@ -148,7 +149,7 @@ def keep_publisher_updates() -> None:
 
 
 def write_at_once() -> None:
-    """Has publishers of this process write messages themselves instead of having a thread for each subscriber do it."""
+    """Makes publishers write messages in their own thread instead of one thread per subscriber."""
     import rospy
 
     from pioneer_node.nodes.direct_connection import DirectConnection
@@ -157,7 +158,7 @@ def write_at_once() -> None:
 
 
 def read_versions_here() -> None:
-    """Has roslaunch read ROS's versions in this process. For each core it starts two interpreters that print them."""
+    """Makes roslaunch read ROS versions in this process; it normally spawns two interpreters per core to print them."""
     from roslaunch import loader
 
     read = loader.Loader.param_value
@@ -175,7 +176,7 @@ def read_versions_here() -> None:
 
 @functools.cache
 def _printed_versions(command: str) -> str:
-    """Returns what ``rosversion`` prints; empty where it fails."""
+    """Returns the output of a ``rosversion`` command; empty if it fails."""
     from rospkg import rosversion
 
     given, sys.argv = sys.argv, command.split()
@@ -190,10 +191,10 @@ def _printed_versions(command: str) -> str:
 
 
 def remember_packages() -> None:
-    """Has this process, and those that it forks, search each folder of packages once.
+    """Caches package folders, so that this process and its forks search each of them only once.
 
-    ROS's tools search all of them for nearly each package that they look up, a Python node when it sets up its log:
-    27 ms, and 1,400 calls of the file system. A package that is not found is searched for again.
+    ROS's tools search all folders for almost every package look-up, for example when a Python node sets up logging:
+    27 ms and 1,400 file system calls. If a package is not found, the search is repeated.
     """
     from rospkg import RosPack, rospack
 
@@ -213,7 +214,7 @@ def remember_packages() -> None:
     def get_path(manager: Any, name: str) -> str:
         try:
             return str(find(manager, name))
-        except rospack.ResourceNotFound:  # added since, perhaps
+        except rospack.ResourceNotFound:  # possibly added since
             known.clear()
             manager._location_cache = None
             return str(find(manager, name))
@@ -223,9 +224,9 @@ def remember_packages() -> None:
 
 
 def wake_master_workers() -> None:
-    """Has the workers of the ROS masters in this process wait for work; each looked for some 10 times a second.
+    """Makes the worker threads of ROS masters in this process wait for work instead of polling 10 times a second.
 
-    They tell subscribers of new publishers, and did so up to 0.1 s late.
+    The workers notify subscribers of new publishers; polling delayed this by up to 0.1 s.
     """
     from rosmaster import threadpool
 
@@ -243,23 +244,23 @@ def wake_master_workers() -> None:
         return notify
 
     def wait_for_work(_seconds: float) -> None:
-        # Work that was given since this worker's last wait counts: it may have looked before that.
+        # Also return for work queued since this worker's last wait: it may have checked the queue before that.
         with given:
             given.wait_for(lambda: count != getattr(worker, "seen", 0), _WORKERS_LOOK)
             worker.seen = count
 
     pool = threadpool.MarkedThreadPool
     pool.queue_task = with_notice(pool.queue_task)
-    pool.remove_marker = with_notice(pool.remove_marker)  # a task waits for the one before it with its marker
+    pool.remove_marker = with_notice(pool.remove_marker)  # a task waits for the previous one with the same marker
     threadpool.sleep = wait_for_work
 
 
 def tell_registrations() -> None:
-    """Adds a call to the ROS master of this process that returns when somebody has registered or unregistered.
+    """Adds an API call to the ROS master of this process that blocks until a node registers or unregisters something.
 
-    ``awaitRegistrations(caller_id, known, seconds)`` returns how many times that has happened, as soon as it is not
-    ``known``, or after so many seconds, 10 at most. ROS's master tells changes of single topics only, so a client that
-    wants to know of all has to ask for the whole state again and again.
+    ``awaitRegistrations(caller_id, known, seconds)`` returns the number of changes once it differs from ``known``, or
+    after ``seconds``, at most 10. The standard master reports changes of single topics only, so a client that needs all
+    changes would have to poll the whole system state.
     """
     from rosmaster.master_api import ROSMasterHandler
 

@@ -1,4 +1,4 @@
-"""roslaunch learns of the end of a process as it happens, in place of looking ten times a second in two threads."""
+"""Notifies roslaunch when a process ends, instead of two threads polling ten times a second."""
 
 import threading
 import time
@@ -10,25 +10,25 @@ from pioneer_node.adapters.end_request import EndRequest
 from pioneer_node.adapters.process_end import await_end
 
 LONGEST = 2.0
-"""How long roslaunch waits where nothing happens [s]."""
+"""Maximum time roslaunch waits without an event [s]."""
 
 _REPORTED = 0.01
-"""Pause where a process has ended and its end has not been reported yet [s]."""
+"""Pause while the end of a process is not yet reported [s]."""
 
 
 class ProcessWatch:
-    """Stands in the place of ``time.sleep`` in roslaunch's process monitor: it waits for what the monitor looks for.
+    """Replaces ``time.sleep`` in roslaunch's process monitor by a wait for the events that the monitor polls for.
 
-    That is the end of one of its processes, its own end, and a process that is new.
+    These are: one of its processes ends, the monitor itself ends, a process is added.
     """
 
     def __init__(self) -> None:
         self._bells: dict[int, EndRequest] = {}
 
     def sleep(self, seconds: float) -> None:
-        """Waits until something has happened to the monitor that runs in this thread, or to any; `LONGEST` at most.
+        """Waits for an event of this thread's monitor, or for any wake-up; at most `LONGEST`.
 
-        So long as a process is not started or waits for its respawn, ``seconds`` at most.
+        While a process is not started or waits for its respawn, sleeps for ``seconds``.
         """
         monitored: Iterable[Any] = getattr(threading.current_thread(), "procs", ())
         running: list[Any] = [getattr(process, "popen", None) for process in tuple(monitored)]
@@ -38,7 +38,7 @@ class ProcessWatch:
             await_end([one.pid for one in running], self._bell(), _REPORTED, LONGEST)
 
     def then_ring(self, method: Callable[..., Any]) -> Callable[..., Any]:
-        """Returns the method, which ends every wait when it returns."""
+        """Wraps a method so that it wakes up all waiting threads when it returns."""
 
         def ringing(*arguments: Any, **named: Any) -> Any:
             try:
@@ -57,7 +57,7 @@ class ProcessWatch:
 
 
 def watch_processes() -> None:
-    """Has roslaunch in this process wait for its processes."""
+    """Makes roslaunch in this process wait for its processes instead of polling."""
     import roslaunch.pmon
 
     watch, monitor = ProcessWatch(), roslaunch.pmon.ProcessMonitor

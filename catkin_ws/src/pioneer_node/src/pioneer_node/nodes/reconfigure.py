@@ -1,7 +1,7 @@
-"""dynamic_reconfigure's server for the configurations of this workspace.
+"""A dynamic_reconfigure server for the configurations of this workspace.
 
-The library's own server asks the ROS master once for each parameter at start, and takes names and kinds that do not
-exist. This one takes names, defaults and bounds from the fields that are marked ``Live``, and writes in one call.
+The library's own server queries the ROS master once per parameter at startup and accepts unknown names and types. This
+one takes names, defaults and bounds from the fields marked ``Live``, and writes all parameters in one call.
 """
 
 import threading
@@ -36,21 +36,21 @@ class ReconfigureServer:
     Publishes: ``<namespace>/parameter_descriptions`` (dynamic_reconfigure/ConfigDescription, latched),
         ``<namespace>/parameter_updates`` (dynamic_reconfigure/Config, latched).
 
-    Services: ``<namespace>/set_parameters`` (dynamic_reconfigure/Reconfigure): sets what it is given, within bounds,
-        and answers with what holds then. ``restore_defaults`` brings back what held at the start.
+    Services: ``<namespace>/set_parameters`` (dynamic_reconfigure/Reconfigure): sets the given values, clamped to their
+        bounds, and returns the resulting values. ``restore_defaults`` restores the values from startup.
 
-    Parameters: after a change every live one is written to ``<namespace>``.
+    Parameters: after a change all live parameters are written to ``<namespace>``.
 
-    Threads: ``apply`` is called in the thread of the service.
+    Threads: ``apply`` is called in the service's thread.
 
-    On error: names and kinds that do not exist are left out with one line; when ``apply`` refuses, nothing changes
-        and the caller gets the reason.
+    On error: unknown names and wrong types are ignored and logged in one line; if ``apply`` raises, nothing changes
+        and the client gets the reason.
 
     Args:
         namespace: absolute, or ``~`` and below.
-        config: what holds now.
-        apply: takes the changed values; raises one of ``errors`` where they cannot hold.
-        errors: what ``apply`` raises for bad input.
+        config: the current configuration.
+        apply: applies the changed values; raises one of ``errors`` if it rejects them.
+        errors: exceptions that ``apply`` raises for bad input.
     """
 
     def __init__(
@@ -74,14 +74,14 @@ class ReconfigureServer:
         self._service = rospy.Service(f"{self._namespace}/set_parameters", Reconfigure, self._set)
 
     def update(self, config: Any) -> None:
-        """Takes what holds now, however it came about, and publishes it if it is new."""
+        """Sets the current configuration, whatever changed it, and publishes it if it differs."""
         values = live_values(config)
         if values != self._values:
             self._values = values
             self._tell()
 
     def close(self) -> None:
-        """Takes topics and service back."""
+        """Unregisters the topics and the service."""
         self._service.shutdown("closed")
         self._descriptions.unregister()
         self._updates.unregister()
@@ -105,7 +105,7 @@ class ReconfigureServer:
             raise rospy.ServiceException(str(error)) from error
 
     def _tell(self) -> None:
-        """Writes what holds to the parameter server and publishes it."""
+        """Writes the current values to the parameter server and publishes them."""
         set_parameters({f"{self._namespace}/{name}": value for name, value in self._values.items()})
         self._updates.publish(_message(self._values))
 
@@ -139,7 +139,7 @@ def _description(parameters: tuple[LiveParameter, ...]) -> ConfigDescription:
 
 
 def _enumeration(parameter: LiveParameter) -> str:
-    """Returns the choices as clients read them: a Python dictionary as text."""
+    """Returns the choices in the form that clients expect: the text of a Python dictionary."""
     if not parameter.choices:
         return ""
     ctype = _CTYPES[parameter.kind]

@@ -1,4 +1,4 @@
-"""What an adapter wants of a `NodeHandle`, for a node that rospy runs."""
+"""The part of the `NodeHandle` interface that adapters use, for nodes that run on rospy."""
 
 import socket
 from collections.abc import Callable
@@ -20,7 +20,7 @@ class RospyPublisher:
         self._publisher.publish(message)
 
     def reaches(self, node: str) -> bool:
-        """Returns whether a node of that name is connected; rospy does not see that one is gone until it writes."""
+        """Returns whether ``node`` is connected. rospy itself notices a lost subscriber only when it writes."""
         return any(one.endpoint_id == node and _stands(one.socket) for one in self._publisher.impl.connections)
 
 
@@ -33,13 +33,13 @@ class RospySubscriber:
         )
 
     def hears(self, node: str) -> bool:
-        """Returns whether a publisher of that node is connected."""
+        """Returns whether a publisher of ``node`` is connected."""
         found = self._subscriber.impl.connections if self._subscriber.impl else ()
         return any(one.callerid_pub == node and one.socket is not None for one in found)
 
 
 class RospyHandle:
-    """The node of this process. What it subscribes to is handed on in rospy's threads."""
+    """The node of this process. Callbacks run in rospy's threads."""
 
     @property
     def name(self) -> str:
@@ -48,11 +48,11 @@ class RospyHandle:
 
     @property
     def lockstep(self) -> Exchange | None:
-        """What carries messages where the node keeps in lockstep."""
+        """The message exchange if the node is in lockstep, else None."""
         return Exchange.current
 
     def stamp(self) -> rospy.Time:
-        """Returns ROS time as a message has it."""
+        """Returns ROS time as a message stamp."""
         return rospy.Time.now()
 
     def advertise(self, topic: str, kind: Any) -> RospyPublisher:
@@ -60,12 +60,12 @@ class RospyHandle:
         return RospyPublisher(topic, kind)
 
     def subscribe(self, topic: str, kind: Any, take: Callable[[Any, str], object]) -> RospySubscriber:
-        """Has ``take`` called with each message and the name of the node that sent it."""
+        """Subscribes; calls ``take`` with each message and the name of the node that sent it."""
         return RospySubscriber(topic, kind, take)
 
 
 def _stands(sock: socket.socket | None) -> bool:
-    """Returns whether the other end of a connection has not closed it. A subscriber sends nothing."""
+    """Returns whether the peer has kept the connection open. A subscriber sends no data, so a read tells."""
     try:
         return sock is not None and bool(sock.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT))
     except BlockingIOError:

@@ -1,24 +1,24 @@
-"""Warnings that repeat while their cause lasts, and say when it has ended."""
+"""Warnings that repeat while their cause lasts, with a final line when it has ended."""
 
 import logging
 import math
 import time
 
 _PERIOD = 5.0
-"""Least time between two lines of one warning [s of wall time]."""
+"""Minimum time between two lines of one warning [s of wall time]."""
 
 Logger = logging.Logger | logging.LoggerAdapter[logging.Logger]
 
 
 class StandingWarning:
-    """One condition of a node that should not last.
+    """A fault condition of a node that should not last.
 
-    Threads: to be used from one thread.
+    Threads: use it from one thread only.
 
     Args:
-        ended: what to log once when the condition has ended, if a warning was logged.
-        period: least time between two warnings [s].
-        logger: of the node; rospy's where it is not given.
+        ended: text to log once when the condition has ended, if a warning was logged.
+        period: minimum time between two warnings [s].
+        logger: the node's logger; None for rospy's.
     """
 
     def __init__(self, ended: str, period: float = _PERIOD, logger: Logger | None = None) -> None:
@@ -34,7 +34,7 @@ class StandingWarning:
             self._logger.warning("%s", text)
 
     def end(self) -> None:
-        """Logs that the condition has ended, once after a warning."""
+        """Logs that the condition has ended, if a warning was logged; only once."""
         if self._stands:
             self._stands = False
             self._logger.info("%s", self._ended)

@@ -1,10 +1,11 @@
-"""Right of way for one robot: which places it may go to, agreed with the other robots by reports alone.
+"""Right of way for one robot: agrees with the other robots, by reports alone, on the places that it may use.
 
-The robot with the lowest name among those that hear one another makes the plans. A plan counts once every robot in it
-is ready for it: once it has reported this, a robot takes no further place by an older plan. Within a plan a robot
-takes the next places of its path when those before it have left them. So no two robots hold one place, however late
-reports are.
-No ROS, no clock: the owner passes the time [s] and the robot's pose.
+Of the robots that hear one another, the one with the lowest name makes the plans. A robot that reports itself ready
+for a plan takes no further place under an older one. The plan takes effect once all its robots are ready. Under a
+plan a robot takes the next places of its path once the robots that pass before it have left them. So no two robots
+ever hold the same place, however late reports arrive.
+
+No ROS, no clock: the caller passes the time [s] and the robot's pose.
 """
 
 import math
@@ -21,22 +22,22 @@ from pioneer_traffic.core.roadmap import Roadmap
 class CoordinatorConfig:
     """Times [s] and distances [m]."""
 
-    horizon: int = 3  #: places that a robot takes ahead
-    #: distance at which a place or the waypoint counts as reached: the navigation's goal tolerance and a bit
+    horizon: int = 3  #: number of places that a robot takes ahead
+    #: distance at which a place or the waypoint counts as reached: a bit more than the navigation's goal tolerance
     reach: float = 0.3
-    lease: float = 2.0  #: a robot that has not been heard for so long is gone: an obstacle where it was last heard of
-    patience: float = 20.0  #: how long to wait at the start for robots that are expected
-    replan_period: float = 0.4  #: least time between two plans of one robot
+    lease: float = 2.0  #: a robot silent for longer counts as lost: an obstacle at its last reported position
+    patience: float = 20.0  #: time-out at the start for expected robots
+    replan_period: float = 0.4  #: minimum time between two plans of one robot
 
 
 class Coordinator:
     """One robot's part in the agreement.
 
     Args:
-        name: the robot's.
+        name: of the robot.
         roadmap: the same for all robots.
         config: the same for all robots.
-        expected: the other robots' names, as far as they are known.
+        expected: names of the other robots, as far as known.
     """
 
     def __init__(
@@ -50,24 +51,24 @@ class Coordinator:
         self._obstacles: tuple[Point, ...] = ()
         self._began, self._advanced_at, self._met_at = math.inf, -math.inf, -math.inf
         self._waypoint: Point | None = None
-        self._visited: Point | None = None  # the waypoint for which the robot is off the roadmap
+        self._visited: Point | None = None  # the waypoint for which the robot left the roadmap
         self._plan = Plan()
-        self._taken = 0  # index in the plan's path of the last place taken
-        self._track: list[int] = []  # places taken, from the one reached last
-        self._aside: tuple[int, ...] = ()  # places held beside the track: on the way to it, or off it
+        self._taken = 0  # index of the last place taken in the plan's path
+        self._track: list[int] = []  # places taken, beginning with the last one reached
+        self._aside: tuple[int, ...] = ()  # places held besides the track: to enter it, or to leave the roadmap
         self._made_at, self._made_for = -math.inf, ""
-        self._wanted: dict[str, tuple[int, ...]] = {}  # by robot, the ground it wanted when last looked at
-        #: points to drive to now, one after the other; the last is where to stop. Empty: stay.
+        self._wanted: dict[str, tuple[int, ...]] = {}  # by robot, the ground it wanted at the last check
+        #: points to drive through; the robot stops at the last one. Empty: it stays.
         self.route: list[Point] = []
         self.finished = False  #: whether the waypoint has been reached
 
     @property
     def report(self) -> Report:
-        """The robot's state, for all others."""
+        """This robot's report to all others."""
         return self._own
 
     def set_waypoint(self, waypoint: Point | None, now: float) -> bool:
-        """Sets where to go, None for nowhere; False where no place of the roadmap is near enough."""
+        """Sets the waypoint, None for none; returns False if no place of the roadmap is near enough."""
         self._waypoint, self.finished = None, False
         self._own = replace(self._own, goal=-1, region=())
         if waypoint is None:
@@ -83,21 +84,21 @@ class Coordinator:
         return True
 
     def set_obstacles(self, points: Iterable[Point]) -> None:
-        """Sets where robots stand that send no reports."""
+        """Sets the positions of robots that send no reports."""
         self._obstacles = tuple(points)
 
     def receive(self, report: Report, now: float) -> None:
-        """Stores another robot's report; one of another roadmap makes that robot an obstacle."""
+        """Stores another robot's report; a robot with a different roadmap becomes an obstacle."""
         if report.robot != self._own.robot:
             same = report.roadmap == self._own.roadmap
             self._others[report.robot] = report if same else replace(report, held=(), plan=None)
             self._heard_at[report.robot] = now
 
     def advance(self, position: Point, now: float) -> Report:
-        """Takes what may be taken, updates ``route`` and ``finished``, and returns the report to send."""
+        """Takes the places that are free, updates ``route`` and ``finished``, and returns the report to send."""
         self._began = min(self._began, now)
         fresh = self._fresh(now)
-        # Who comes back hears one robot after the other: what it knows of the rest is old.
+        # A robot that reconnects hears the others one by one: what it knows of the rest is stale.
         if now - self._advanced_at > self._config.lease or not fresh.keys() <= set(self._own.heard):
             self._met_at = now
         self._advanced_at = now
@@ -113,7 +114,7 @@ class Coordinator:
         return self._own
 
     def _fresh(self, now: float) -> dict[str, Report]:
-        """Returns the reports of the robots that are not gone."""
+        """Returns the reports of the robots that are not lost."""
         return {
             name: report
             for name, report in self._others.items()
@@ -127,9 +128,9 @@ class Coordinator:
         return math.dist(self._own.position, point) <= self._config.reach
 
     def _enter_if_left_out(self) -> None:
-        """Claims the nearest place that no other robot holds or stands at, with those that the way there comes near.
+        """Claims the nearest place that no other robot holds or stands at, with all places near the path to it.
 
-        That is for a robot that no plan leads and that has no place yet, or one that is also another robot's.
+        Does nothing for a robot in a plan, or with a place of its own that no other robot claims.
         """
         own = self._own
         if own.robot in self._plan.paths:
@@ -151,7 +152,7 @@ class Coordinator:
         self._publish_held()
 
     def _leads_by_another(self, place: int) -> bool:
-        """Tells whether the way to a place comes nearer to a robot without a plan than a clearance, and than it is."""
+        """Returns whether the path to a place comes within the clearance of a robot without a plan, nearer than now."""
         own, end, least = self._own.position, self._roadmap.places[place], self._roadmap.config.clearance
         standing = [report.position for report in self._others.values() if report.adopted == PlanId()]
         return any(distance_to_segment(at, own, end) < min(least, math.dist(own, at)) - 1e-6 for at in standing)
@@ -161,7 +162,7 @@ class Coordinator:
         self._own = replace(self._own, held=(*self._aside, *self._track), reached=reached)
 
     def _progress(self) -> None:
-        """Lets go of the places that the robot has left behind."""
+        """Releases the places that the robot has left behind."""
         if self._own.robot not in self._plan.paths:
             self.route = []
             return
@@ -170,7 +171,7 @@ class Coordinator:
         near = (index for index in range(len(self._track) - 1, -1, -1) if self._is_near(self._place(index)))
         passed = next(near, -1)
         if passed >= 0:
-            # Navigation goes to the end of the route as it likes: it need not have come by the first place.
+            # Navigation chooses its own path to the end of the route: it may have bypassed the first place.
             self._aside = ()
         if not self._aside:
             del self._track[: max(passed, int(self._is_past_second()))]
@@ -180,13 +181,13 @@ class Coordinator:
             self.route.insert(0, self._place(0))
 
     def _is_past_second(self) -> bool:
-        """Tells whether the robot is on its way from the second place taken to the third."""
+        """Returns whether the robot is between the second and the third place taken."""
         if len(self._track) < 3:
             return False
         return distance_to_segment(self._own.position, self._place(1), self._place(2)) <= self._config.reach
 
     def _make_plan_if_due(self, fresh: dict[str, Report], now: float) -> None:
-        """Makes a plan where this robot is the one to make it and the last one no longer fits."""
+        """Makes a plan if this robot is the planner and the last plan no longer fits."""
         config = self._config
         is_complete = self._expected <= self._others.keys() or now - self._began >= config.patience
         is_settled = now - self._met_at >= config.lease and now - self._made_at >= config.replan_period
@@ -197,7 +198,7 @@ class Coordinator:
             return
         barred = self._barred({report.robot for report in reports})
         made_for = repr(([(one.robot, one.goal, one.out and one.goal != one.stop) for one in reports], sorted(barred)))
-        # Who leaves its goal to let others pass wants no ground until it is back: that plan still fits.
+        # A robot that leaves its goal to let others pass wants no ground until it is back: that plan still fits.
         wanted, before = {one.robot: _ground_wanted(one) for one in reports}, self._wanted
         self._wanted = wanted
         wants_more = any(ground and ground != before.get(name) for name, ground in wanted.items())
@@ -209,7 +210,7 @@ class Coordinator:
         self._own = replace(self._own, plan=plan)
 
     def _partners(self, fresh: dict[str, Report]) -> list[Report]:
-        """Returns the reports of the robots that can be planned for: of two that claim one place, one alone."""
+        """Returns the reports of the robots to plan for; of several that claim one place, only one."""
         found, claimed = list[Report](), set[int]()
         everyone = [self._own, *fresh.values()]
         for report in sorted(everyone, key=lambda report: (report.adopted == PlanId(), report.robot)):
@@ -219,7 +220,7 @@ class Coordinator:
         return sorted(found, key=lambda report: report.robot)
 
     def _is_overtaken(self, reports: Sequence[Report], now: float) -> bool:
-        """Tells whether this robot's newest plan leads no further: not the newest, not to be adopted, or driven."""
+        """Returns whether this robot's last plan is obsolete: not the newest, impossible to adopt, or completed."""
         plan = self._own.plan
         if plan is None or plan.id < self._own.ready or plan.paths.keys() != {report.robot for report in reports}:
             return True
@@ -233,14 +234,14 @@ class Coordinator:
         return driven and missing and now - self._made_at > self._config.lease
 
     def _barred(self, partners: set[str]) -> frozenset[int]:
-        """Returns the places near robots that are gone or never took part."""
+        """Returns the places near robots that are lost or never took part."""
         outsiders = [report for name, report in self._others.items() if name not in partners]
         points = [*self._obstacles, *(report.position for report in outsiders)]
         near = (self._roadmap.near(point, point) for point in points)
         return frozenset[int]().union(*near, *(report.held for report in outsiders))
 
     def _follow_newest(self, fresh: dict[str, Report]) -> None:
-        """Gets ready for the newest plan, and adopts it once all robots in it are ready."""
+        """Becomes ready for the newest plan, and adopts it once all its robots are ready."""
         plans = [report.plan for report in (self._own, *fresh.values()) if report.plan is not None]
         newest = max(plans, key=lambda plan: plan.id, default=None)
         if newest is None or newest.id <= self._plan.id:
@@ -261,7 +262,7 @@ class Coordinator:
         return all(name == own or (name in fresh and own in fresh[name].heard) for name in self._plan.paths)
 
     def _take(self, fresh: dict[str, Report]) -> None:
-        """Takes the next places of the path that no robot has to pass before, or holds without part in the plan."""
+        """Takes the next places of the path, unless another robot has to pass first or an outsider holds them."""
         path = self._plan.paths.get(self._own.robot, ())
         held = self._held_outside(fresh)
         while self._taken + 1 < len(path) and len(self._track) <= self._config.horizon and not self._own.out:
@@ -274,7 +275,7 @@ class Coordinator:
             self._publish_held()
 
     def _held_outside(self, fresh: dict[str, Report]) -> set[int]:
-        """Returns what is held by robots that have no part in the plan."""
+        """Returns the places held by robots outside the plan."""
         return {place for report in fresh.values() if report.robot not in self._plan.paths for place in report.held}
 
     def _has_left(self, name: str, index: int, place: int) -> bool:
@@ -282,9 +283,9 @@ class Coordinator:
         return other.adopted == self._plan.id and (other.reached >= index or (index == 0 and place not in other.held))
 
     def _leave(self, fresh: dict[str, Report]) -> None:
-        """Leaves the roadmap for the waypoint, from a goal that is reached, where the plan grants the places near.
+        """Leaves the roadmap for the waypoint, once the goal is reached, if the plan grants the surrounding places.
 
-        A robot without part in the plan may have claimed some of them since.
+        Robots outside the plan may have claimed some of them since.
         """
         own, plan = self._own, self._plan
         if (
@@ -307,7 +308,7 @@ class Coordinator:
             self._publish_held()
 
     def _visit(self) -> None:
-        """Drives to the waypoint off the roadmap and, when another one is set, back."""
+        """Drives to the waypoint off the roadmap, and back once the waypoint changes."""
         if not self._own.out:
             return
         if self._visited == self._waypoint and self._visited is not None:
@@ -321,19 +322,19 @@ class Coordinator:
 
 
 def _ground_wanted(report: Report) -> tuple[int, ...]:
-    """Returns the places off the roadmap's ways that a robot uses, or that it waits for at its goal."""
+    """Returns the places that a robot off the roadmap uses, or that it waits for at its goal."""
     if report.out:
         return report.held[:-1]
     return report.region if report.has_arrived else ()
 
 
 def _comes_by(report: Report, plan: Plan, region: Collection[int]) -> bool:
-    """Tells whether a robot holds a place of a region, or will on its path."""
+    """Returns whether a robot holds a place of a region or still passes one on its path."""
     return not {*report.held, *plan.paths[report.robot][report.reached + 1 :]}.isdisjoint(region)
 
 
 def _is_ready(report: Report, plan: Plan) -> bool:
-    """Tells whether a robot follows the plan, or will: it holds what the plan was made for, or less."""
+    """Returns whether a robot has adopted the plan or can: it holds the places that the plan assumed, or fewer."""
     held = plan.held[report.robot]
     fits = report.stop == held[-1] and set(report.held) <= set(held)
     return report.adopted == plan.id or (report.ready == plan.id and fits)

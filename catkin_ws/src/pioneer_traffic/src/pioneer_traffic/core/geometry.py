@@ -1,4 +1,4 @@
-"""Distances [m] between points and straight ways."""
+"""Distances between points and line segments [m]."""
 
 import math
 
@@ -16,7 +16,7 @@ def distance_to_segment(point: Point, start: Point, end: Point) -> float:
 
 
 def distance_between_segments(one: Segment, other: Segment) -> float:
-    """Returns the least distance between two straight ways; 0 where they cross."""
+    """Returns the distance between two segments; 0 if they cross."""
     if _sides_differ(one, other) and _sides_differ(other, one):
         return 0.0
     ends = [distance_to_segment(point, *other) for point in one] + [distance_to_segment(point, *one) for point in other]
@@ -24,7 +24,7 @@ def distance_between_segments(one: Segment, other: Segment) -> float:
 
 
 def _sides_differ(line: Segment, ends: Segment) -> bool:
-    """Tells whether the ends lie strictly on either side of the line."""
+    """Returns whether the ends lie strictly on opposite sides of the line."""
     (x, y), (to_x, to_y) = line
     left, right = ((to_x - x) * (end[1] - y) - (to_y - y) * (end[0] - x) for end in ends)
     return left * right < 0.0

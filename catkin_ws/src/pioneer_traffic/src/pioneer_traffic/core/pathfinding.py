@@ -1,10 +1,10 @@
-"""Paths for several robots on one graph: LaCAM (Okumura 2023) with PIBT (Okumura et al. 2022) as generator of steps.
+"""Paths for several robots on one graph: LaCAM (Okumura 2023) with PIBT (Okumura et al. 2022) to generate steps.
 
-A configuration names the place of each robot. LaCAM searches the configurations depth first; from one it first goes
-where PIBT leads: robots step by priority towards their goals, and who stands in the way is pushed. "Swap" (Okumura,
+A configuration is the place of each robot. LaCAM searches the configurations depth first; from each it first tries
+PIBT's step: robots step towards their goals by priority, and push those in their way aside. "Swap" (Okumura,
 "Improving LaCAM for scalable eventually optimal multi-agent pathfinding", IJCAI 2023) lets two robots that meet in a
-narrow way back off to where they can pass. Unlike there, no ring of robots may rotate: each waits until the one in
-front has left.
+narrow passage back off to where they can pass. Unlike in these papers, a ring of robots may not rotate: each waits
+until the one in front has left.
 """
 
 import random
@@ -18,12 +18,12 @@ Configuration = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Problem:
-    """Who stands where and wants to go where."""
+    """Starts and goals of the robots on a graph."""
 
-    graph: Graph  #: neighbours of each place; a way into a place that is closed to all is left out
-    starts: Configuration  #: a place for each robot, all different
-    distances: Sequence[Sequence[int]]  #: for each robot, the number of steps from each place to where it wants to be
-    goals: Sequence[int | None]  #: for each robot the place it must be at in the end, None where that does not matter
+    graph: Graph  #: neighbours of each place, without ways into places that are closed to all
+    starts: Configuration  #: start place of each robot, all different
+    distances: Sequence[Sequence[int]]  #: for each robot, the steps from each place to its target
+    goals: Sequence[int | None]  #: place that each robot must end at; None if it may end anywhere
 
 
 @dataclass
@@ -36,12 +36,12 @@ class _Node:
 
 
 def solve(problem: Problem, order: Sequence[int], seed: int, most: int) -> list[Configuration] | None:
-    """Returns configurations from the starts to one with all robots at their goals, None where ``most`` tries fail.
+    """Returns the configurations from the starts to one with all robots at their goals; None after ``most`` tries.
 
-    ``order`` names the robots, the most important first. The same seed gives the same result.
+    ``order`` lists the robots by descending priority. The same seed gives the same result.
     """
     generator = random.Random(seed)
-    # By less than one step of waiting.
+    # Less than one step of waiting.
     rank = {robot: 1.0 - place / (len(order) + 1) for place, robot in enumerate(order)}
     first = _node(problem, problem.starts, None, tuple(rank[robot] for robot in range(len(order))))
     stack, known = [first], {problem.starts: first}
@@ -66,7 +66,7 @@ def solve(problem: Problem, order: Sequence[int], seed: int, most: int) -> list[
 
 
 def _node(problem: Problem, places: Configuration, parent: _Node | None, before: tuple[float, ...]) -> _Node:
-    """Returns a node; a robot's priority rises with each step until it is at its goal."""
+    """Returns a search node; a robot's priority rises with each step until it is at its goal."""
     waited = tuple(
         value % 1.0 if goal in (None, place) else value + 1.0
         for value, goal, place in zip(before, problem.goals, places, strict=True)
@@ -75,7 +75,7 @@ def _node(problem: Problem, places: Configuration, parent: _Node | None, before:
 
 
 def _refine(problem: Problem, node: _Node, constraint: tuple[tuple[int, int], ...], generator: random.Random) -> None:
-    """Queues the constraints that fix one robot's step more."""
+    """Queues the constraints that fix the step of one more robot."""
     if len(constraint) == len(node.places):
         return
     robot = node.order[len(constraint)]
@@ -93,7 +93,7 @@ def _back_from(node: _Node) -> list[Configuration]:
 
 
 class _Step:
-    """One step of all robots by PIBT, under constraints."""
+    """Plans one step of all robots by PIBT, under constraints."""
 
     def __init__(self, problem: Problem, node: _Node, generator: random.Random) -> None:
         self._graph, self._distances, self._goals = problem.graph, problem.distances, problem.goals
@@ -103,7 +103,7 @@ class _Step:
         self._claimant: dict[int, int] = {}
 
     def taken(self, constraint: tuple[tuple[int, int], ...]) -> Configuration | None:
-        """Returns the next configuration, None where the constraint leaves none."""
+        """Returns the next configuration; None if the constraint allows none."""
         for robot, place in constraint:
             if place in self._claimant:
                 return None
@@ -121,7 +121,7 @@ class _Step:
         self._claimant[place] = robot
 
     def _turns_in_a_ring(self, robot: int) -> bool:
-        """Tells whether the robot waits for one that waits for one … that waits for it; two that swap are a ring."""
+        """Returns whether the robot waits in a ring of robots, each for the next; two that swap are a ring."""
         other: int | None = robot
         while other is not None:
             place = self._next[other]
@@ -133,7 +133,7 @@ class _Step:
         return False
 
     def _move(self, robot: int) -> bool:
-        """Gives the robot its best step; those in its way are moved first. False where it has to stay."""
+        """Moves the robot one step, and first those in its way; returns False if it has to stay."""
         here, distance = self._now[robot], self._distances[robot]
         occupant, chance = self._occupant, self._generator.random
         choices = [*self._graph[here], here]
@@ -162,7 +162,7 @@ class _Step:
         del self._claimant[place]
 
     def _swap_partner(self, robot: int, choices: list[int]) -> int | None:
-        """Returns the robot that this one must change places with and can, by going backwards; None without one."""
+        """Returns the robot that this one must swap with, and can by going backwards; None if there is none."""
         here, ahead = self._now[robot], choices[0]
         if ahead == here:
             return None
@@ -179,7 +179,7 @@ class _Step:
         return None
 
     def _onward(self, place: int, before: int) -> list[int]:
-        """Returns where one may go from ``place`` but back, dead ends with a robot at its goal left out."""
+        """Returns the ways on from ``place``, without the way back and dead ends with a robot at its goal."""
         return [
             other
             for other in self._graph[place]
@@ -191,7 +191,7 @@ class _Step:
         return robot is not None and self._goals[robot] == place
 
     def _must_swap(self, pusher: int, pulled: int, behind: int, ahead: int) -> bool:
-        """Tells whether the two cannot pass on the pusher's way on."""
+        """Returns whether the two robots cannot pass each other on the pusher's way ahead."""
         mine, theirs = self._distances[pusher], self._distances[pulled]
         while mine[ahead] < mine[behind]:
             onward = self._onward(ahead, behind)
@@ -203,7 +203,7 @@ class _Step:
         return theirs[behind] < theirs[ahead] and (mine[behind] == 0 or mine[ahead] < mine[behind])
 
     def _can_swap(self, behind: int, ahead: int) -> bool:
-        """Tells whether, going backwards from ``behind`` over ``ahead``, a place with two ways on comes."""
+        """Returns whether going backwards, from ``behind`` through ``ahead``, leads to a place with two ways on."""
         first = behind
         while ahead != first:
             onward = self._onward(ahead, behind)

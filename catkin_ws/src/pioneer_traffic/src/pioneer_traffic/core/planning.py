@@ -1,7 +1,8 @@
-"""The fleet's plan: a path for each robot on the roadmap, and who passes a place before whom.
+"""The fleet's plan: a path for each robot on the roadmap, and the order in which robots pass each place.
 
-Paths come from ``core.pathfinding`` step by step; robots keep their order at each place, not the steps (Hönig et al.,
-"Persistent and robust execution of MAPF schedules in warehouses", RA-L 2019). A late robot delays those behind it.
+``core.pathfinding`` finds the paths in steps; robots keep the order at each place, not the steps (Hönig et al.,
+"Persistent and robust execution of MAPF schedules in warehouses", RA-L 2019). A late robot delays only those behind
+it.
 """
 
 import math
@@ -15,19 +16,19 @@ from pioneer_traffic.core.report import Plan, PlanId, Report, Wait
 from pioneer_traffic.core.roadmap import Roadmap
 
 _TRIES, _MOST, _GOOD = 4, 500, 1.6
-"""Searches with other priorities, configurations tried in each, and moves for each one needed that are good enough."""
+"""Searches with different priorities, configurations tried in each, and moves per needed move that are good enough."""
 
 
 def planned(roadmap: Roadmap, reports: Sequence[Report], barred: Collection[int], plan_id: PlanId) -> Plan:
     """Returns a plan for robots of which no two hold the same place.
 
-    Where all cannot be at their goals at once, those that have waited longest go first, and the others make room.
+    If not all can be at their goals at once, those that have waited longest go first, and the others make room.
 
     Args:
-        roadmap: the places.
+        roadmap: the roadmap.
         reports: of the robots that take part.
         barred: places near robots that do not take part.
-        plan_id: of the new plan; its number seeds the search.
+        plan_id: id of the new plan; its number seeds the search.
     """
     ordered = sorted(reports, key=lambda report: (report.goal < 0, report.since, report.robot))
     asked = {report.robot: report for report in ordered if report.out or (report.has_arrived and report.region)}
@@ -39,7 +40,7 @@ def planned(roadmap: Roadmap, reports: Sequence[Report], barred: Collection[int]
         if not shutting:
             break
         for name in shutting:
-            # The robot inside has to pass its owner first.
+            # The robot inside the region has to pass the region's owner first.
             vacated.update(asked.pop(name).region)
     targets = _targets(roadmap, ordered, regions, closed, vacated)
     distances = [_distances(graph, target) for target in targets]
@@ -52,7 +53,7 @@ def planned(roadmap: Roadmap, reports: Sequence[Report], barred: Collection[int]
     taken = closed.union(reachable[one.robot] for one in outside if one.robot in reachable)
     room = _room_for(graph, [one for one in outside if one.robot not in reachable] + inside, taken, reachable)
     for one in inside:
-        # It stands where another robot wants to be, and perhaps cannot get to its goal now.
+        # It stands in another robot's region, and may not reach its own goal now.
         robot = ordered.index(one)
         targets[robot] = room.get(one.robot, one.stop)
         distances[robot] = _distances(graph, targets[robot])
@@ -71,11 +72,11 @@ def planned(roadmap: Roadmap, reports: Sequence[Report], barred: Collection[int]
 def _open_graph(
     roadmap: Roadmap, ordered: Sequence[Report], regions: dict[str, frozenset[int]], barred: Collection[int]
 ) -> tuple[list[list[int]], frozenset[int]]:
-    """Returns where one may go from each place while ``regions`` are granted, and the places that nobody enters."""
+    """Returns the graph that is open while ``regions`` are granted, and the places that no robot may enter."""
     stops = {report.stop for report in ordered if report.robot in regions}
     closed = stops.union(barred, *regions.values())
-    # Who is in a region that is granted only, not yet used, may go through such ones on the way out: their owners wait
-    # for that (``Coordinator``).
+    # A robot in a region that is granted but not yet used may leave through such regions: their owners wait for that
+    # (``Coordinator``).
     used = stops.union(barred, *(regions[report.robot] for report in ordered if report.out))
     graph = [
         [] if place in stops else [other for other in near if other not in (used if place in closed else closed)]
@@ -85,7 +86,7 @@ def _open_graph(
 
 
 def _granted(asked: Collection[Report], barred: Collection[int]) -> dict[str, frozenset[int]]:
-    """Returns the regions of the robots, of those that ask, that may leave the roadmap at their goals now."""
+    """Returns the regions, by robot, of those asking robots that may leave the roadmap at their goals now."""
     claimed, granted = set(barred), dict[str, frozenset[int]]()
     for report in sorted(asked, key=lambda report: not report.out):
         own = set(report.held) if report.out else {*report.region, report.stop}
@@ -101,7 +102,7 @@ def _shutting_in(
     ordered: Sequence[Report],
     regions: dict[str, frozenset[int]],
 ) -> list[str]:
-    """Returns the robots, still on the roadmap, in whose regions another one stands that has nowhere to go."""
+    """Returns the region owners, still on the roadmap, in whose region another robot stands that has nowhere to go."""
     owners = [report for report in ordered if report.robot in regions and not report.out]
     outside, inside = _by_side(ordered, regions, closed)
     room = _room_for(graph, outside + inside, closed, {})
@@ -112,7 +113,7 @@ def _shutting_in(
 def _by_side(
     ordered: Sequence[Report], regions: dict[str, frozenset[int]], closed: Collection[int]
 ) -> tuple[list[Report], list[Report]]:
-    """Returns the robots that own no region: those that stand where anyone may go, and those that have to get out."""
+    """Returns the robots without a region: those at places open to all, and those that have to get out of a region."""
     others = [report for report in ordered if report.robot not in regions]
     outside = [report for report in others if report.stop not in closed]
     return outside, [report for report in others if report.stop in closed]
@@ -121,9 +122,9 @@ def _by_side(
 def _room_for(
     graph: Sequence[Sequence[int]], robots: Sequence[Report], taken: Collection[int], wanted: dict[str, int]
 ) -> dict[str, int]:
-    """Returns a place for each robot, no two the same: what it wants or what is near; who has no room is left out.
+    """Returns a different place for each robot: the wanted one or one nearby; leaves out robots without room.
 
-    Who has a place gives it to another where it has a way to a further one (maximum matching, Kuhn 1955).
+    A robot gives its place to another if it can reach one further away (maximum matching, Kuhn 1955).
     """
     owners = dict[int, Report]()
 
@@ -149,9 +150,9 @@ def _targets(
     closed: Collection[int],
     vacated: Collection[int],
 ) -> list[int]:
-    """Returns a place for each robot, no two the same: its goal, or what is free nearest to it and not ``vacated``.
+    """Returns a different place for each robot: its goal, or the nearest free place that is not ``vacated``.
 
-    Nobody may stay in, or go to, what an older robot will shut in at its goal.
+    No robot may stay in, or go to, places that an older robot will shut in at its goal.
     """
     taken, shunned, targets = set(closed), set(vacated), []
     for report in ordered:
@@ -166,7 +167,7 @@ def _targets(
 
 
 def _pocket(roadmap: Roadmap, report: Report) -> set[int]:
-    """Returns the places that have no way out while the robot uses its goal and the region about it."""
+    """Returns the places that are cut off while the robot uses its goal and the region around it."""
     inside = {place for place in report.region if 0 <= place < len(roadmap.places)}
     outside = [place for place in inside if not inside.issuperset({*roadmap.neighbours[place]} - {report.goal})]
     while outside:
@@ -181,7 +182,7 @@ def _nearest_free(graph: Sequence[Sequence[int]], wanted: int, taken: Collection
 
 
 def _around(graph: Sequence[Sequence[int]], start: int) -> Iterator[int]:
-    """Yields the places that one may go to, the nearest first."""
+    """Yields the places reachable from ``start``, the nearest first."""
     known, waiting = {start}, deque([start])
     while waiting:
         place = waiting.popleft()
@@ -192,7 +193,7 @@ def _around(graph: Sequence[Sequence[int]], start: int) -> Iterator[int]:
 
 
 def _distances(graph: Sequence[Sequence[int]], goal: int) -> list[int]:
-    """Returns the number of steps to ``goal`` from each place, by a graph whose ways may lead one way only."""
+    """Returns the number of steps from each place to ``goal``, in a graph whose ways may be one-way."""
     before: list[list[int]] = [[] for _ in graph]
     for place, near in enumerate(graph):
         for other in near:
@@ -207,10 +208,10 @@ def _search(
     distances: Sequence[Sequence[int]],
     seed: int,
 ) -> list[list[int]]:
-    """Returns each robot's place by step, for as many robots led to their targets as is worth while, oldest first.
+    """Returns each robot's place by step; leads as many robots to their targets as pays off, oldest first.
 
-    A plan is the better, the fewer steps all robots take for each step of the way that the led ones have to go. Where
-    not even the oldest can be led, those that can go one after the other, each as long as the ones before it still can.
+    A plan is better the fewer steps all robots take per step that the led robots need. If not even the oldest can be
+    led, adds robots one by one, each only while those before it can still be led.
     """
     reachable = [distance[start] < len(graph) for start, distance in zip(starts, distances, strict=True)]
     waiting = [robot for robot, start in enumerate(starts) if reachable[robot] and targets[robot] != start]
@@ -257,9 +258,9 @@ def _led_past(
     led: int,
     seed: int,
 ) -> list[list[int]] | None:
-    """Returns each robot's place by step, with one led to its target once one in its way has gone to a free place.
+    """Returns each robot's place by step; one robot is led to its target after one in its way has moved aside.
 
-    For a robot that would else push those before it to where there is no room to pass them. None where no try succeeds.
+    For a robot that would otherwise push others to where they cannot be passed. Returns None if no try succeeds.
     """
     occupant = {start: robot for robot, start in enumerate(starts)}
     generator, place, ahead = random.Random(seed), starts[led], list[int]()
@@ -284,7 +285,7 @@ def _led_past(
 
 
 def _without_detours(steps: Sequence[Configuration]) -> list[list[int]]:
-    """Returns the places of each robot by step; it waits where it went away and came back with nobody there between."""
+    """Returns each robot's places by step; a robot waits instead of leaving and returning if its place stays unused."""
     tracks = [list(track) for track in zip(*steps, strict=True)]
     for robot, track in enumerate(tracks):
         step = 0
@@ -300,20 +301,20 @@ def _without_detours(steps: Sequence[Configuration]) -> list[list[int]]:
 
 
 def _visits(places: Sequence[int]) -> Iterator[tuple[int, int]]:
-    """Yields (step, place) for each place of one robot that is not the one before."""
+    """Yields (step, place) for each change of a robot's place, including the first."""
     for step, place in enumerate(places):
         if step == 0 or place != places[step - 1]:
             yield step, place
 
 
 def _waits(ordered: Sequence[Report], visits: Sequence[Sequence[tuple[int, int]]]) -> Iterator[Wait]:
-    """Yields, for each visit of a place, which robot must have gone on from there before."""
+    """Yields, for each visit of a place, which robot must have left it before."""
     by_place: dict[int, list[tuple[int, int, int]]] = {}
     for robot, own in enumerate(visits):
         for index, (step, place) in enumerate(own):
             by_place.setdefault(place, []).append((step, robot, index))
     for robot, report in enumerate(ordered):
-        # What it holds behind it is free again when it has reached its first place.
+        # The places held behind it become free once it has reached its first place.
         for place in set(report.held[:-1]):
             by_place.setdefault(place, []).append((-1, robot, -1))
     for entries in by_place.values():

@@ -1,7 +1,8 @@
-"""The roadmap: places a robot may wait at and ways between them, from a map.
+"""The roadmap made from a map: places where a robot may wait, and the ways between them.
 
-Two robots at places or on ways that share no end are at least ``clearance`` apart, so who may be where is a question
-of places alone. Places stand ``spacing`` apart, in narrow ways along the middle, elsewhere in a triangular lattice.
+Two robots at places, or on ways that share no end, are at least ``clearance`` apart, so holding places is enough to
+keep robots apart. Places are ``spacing`` apart: along the centre line of narrow passages, elsewhere in a triangular
+lattice.
 """
 
 import math
@@ -17,32 +18,32 @@ from scipy import ndimage
 from pioneer_traffic.core.geometry import Point, distance_between_segments, distance_to_segment
 
 _STEP = 0.05
-"""Distance [m] between the points at which a way is checked."""
+"""Distance between the points at which a way is checked [m]."""
 _PATCH, _PATCHES = 0.25, 20_000
-"""Side of a patch of ground [m], and how many there are along x and y before their numbers repeat."""
+"""Side of a ground patch [m], and the number of patches along x and y after which their numbers repeat."""
 _DETOUR = 5
-"""A tight way is no gain where so few others lead to the same place."""
+"""A tight way is not added if so few other ways already join its ends."""
 _HALF_CELL = 0.7
-"""A wall begins this far [cells] before the middle of its cell."""
+"""Distance from a cell's centre to the wall that it represents [cells]."""
 
 
 @dataclass(frozen=True)
 class RoadmapConfig:
-    """How places are chosen; all [m]."""
+    """Geometry of places and ways; all in [m]."""
 
-    spacing: float = 1.0  #: between places that a way joins, at least
-    #: between a robot's way and where another may be, at least: more than the robot's largest diameter
+    spacing: float = 1.0  #: minimum distance between places
+    #: minimum distance between a robot's way and another robot: more than the robot's largest diameter
     clearance: float = 0.8
-    #: room about a place, wherever there is so much: a bit more than a robot needs to turn
+    #: preferred free radius around a place: a bit more than a robot needs to turn
     turning_radius: float = 0.41
-    #: room about a place, at least, for a turn; and about a way, wherever there is so much
+    #: minimum free radius around a place, for turning; preferred clearance of a way
     driving_radius: float = 0.37
-    passing_radius: float = 0.28  #: room about a way, at least: half of the narrowest passage to use
+    passing_radius: float = 0.28  #: minimum clearance of a way: half the width of the narrowest passage to use
 
 
 @dataclass(frozen=True, eq=False)
 class FreeSpace:
-    """Distance to the nearest wall [m], shape (rows, cols), row 0 at the bottom; ``corner``: of cell (0, 0) [m]."""
+    """Distance to the nearest wall [m], shape (rows, cols), row 0 at the bottom; ``corner`` of cell (0, 0) [m]."""
 
     room: NDArray[np.float32]
     resolution: float
@@ -50,24 +51,24 @@ class FreeSpace:
 
     @classmethod
     def of(cls, free: NDArray[np.bool_], resolution: float, corner: Point) -> "FreeSpace":
-        """Returns the free space of a map; what lies outside counts as wall."""
+        """Returns the free space of a map; everything outside counts as wall."""
         padded = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
         return cls((np.maximum(padded - _HALF_CELL, 0.0) * resolution).astype(np.float32), resolution, corner)
 
     def room_at(self, points: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Returns the distance to the nearest wall at points, shape (n, 2) -> (n,); 0 outside the map."""
+        """Returns the distances from points to the nearest wall, shape (n, 2) -> (n,); 0 outside the map."""
         cells = np.floor((points - self.corner) / self.resolution).astype(int)
         inside = ((cells >= 0) & (cells < self.room.shape[::-1])).all(axis=1)
         cells[~inside] = 0
         return np.where(inside, self.room[cells[:, 1], cells[:, 0]], np.float32(0.0))
 
     def sees(self, start: Point, end: Point, radius: float) -> bool:
-        """Tells whether a disc of ``radius`` [m] can go straight from one point to the other."""
+        """Returns whether a disc of ``radius`` [m] can move straight from one point to the other."""
         steps = max(2, math.ceil(math.dist(start, end) / _STEP))
         return bool((self.room_at(np.linspace(start, end, steps)) >= radius).all())
 
     def middles(self, radius: float) -> NDArray[np.float64]:
-        """Returns the middles of the cells with at least ``radius`` [m] of room, shape (n, 2)."""
+        """Returns the centres of the cells at least ``radius`` [m] from any wall, shape (n, 2)."""
         rows, cols = np.nonzero(self.room >= radius)
         return np.stack([cols + 0.5, rows + 0.5], axis=1) * self.resolution + self.corner
 
@@ -77,18 +78,18 @@ class Roadmap:
     """Places and the ways between them."""
 
     places: list[Point]  #: x, y [m], frame map
-    neighbours: list[list[int]]  #: of each place, those that a straight way leads to, ascending
+    neighbours: list[list[int]]  #: for each place, those joined to it by a straight way, ascending
     config: RoadmapConfig = field(default_factory=RoadmapConfig)
     space: FreeSpace | None = None
 
     @property
     def signature(self) -> int:
-        """A checksum: equal on all computers that have the same map and parameters."""
+        """A checksum: equal on all computers with the same map and parameters."""
         rounded = [(round(x, 3), round(y, 3)) for x, y in self.places]
         return zlib.crc32(repr((rounded, self.neighbours)).encode())
 
     def distances(self, goal: int) -> list[int]:
-        """Returns the number of ways from each place to ``goal``; the number of places where none leads there."""
+        """Returns the number of ways from each place to ``goal``; the number of places if none leads there."""
         found = [len(self.places)] * len(self.places)
         found[goal] = 0
         waiting = deque([goal])
@@ -101,11 +102,11 @@ class Roadmap:
         return found
 
     def near(self, start: Point, end: Point, place: int = -1) -> frozenset[int]:
-        """Returns what no other robot may hold while one moves off the ways, between ``start`` and ``end``.
+        """Returns what no other robot may hold while one moves off the ways, from ``start`` to ``end``.
 
-        These are the places within the clearance, and one end of each way that comes so near; ``place``, which that
-        robot holds, and the ways from there do not count. Beside places it is patches of the ground, numbered after
-        them: two robots off the ways that hold none in common are a clearance apart.
+        These are the places within the clearance, and one end of each way that comes within it. ``place``, which that
+        robot holds, and its ways do not count. Ground patches, numbered after the places, are included: two robots off
+        the ways that hold no patch in common are a clearance apart.
         """
         least, reach = self.config.clearance, math.dist(start, end) + 2.5 * self.config.spacing
         about = [one for one, at in enumerate(self.places) if one != place and math.dist(at, start) < reach]
@@ -120,7 +121,7 @@ class Roadmap:
         return frozenset(found | self._patches(start, end))
 
     def _patches(self, start: Point, end: Point) -> set[int]:
-        """Returns the numbers of the patches that come within half the clearance of a straight way."""
+        """Returns the numbers of the patches within half the clearance of a straight way."""
         radius = 0.5 * self.config.clearance + _PATCH * math.sqrt(0.5)
         cols, rows = (
             range(math.floor((min(pair) - radius) / _PATCH), math.ceil((max(pair) + radius) / _PATCH) + 1)
@@ -134,7 +135,7 @@ class Roadmap:
         }
 
     def entries(self, point: Point) -> Iterator[int]:
-        """Yields the places that a robot at ``point`` can go straight to, the nearest first."""
+        """Yields the places that a robot at ``point`` can reach in a straight line, the nearest first."""
         order = sorted((math.dist(at, point), place) for place, at in enumerate(self.places))
         for distance, place in order:
             if distance > 2.0 * self.config.spacing:
@@ -143,7 +144,7 @@ class Roadmap:
                 yield place
 
     def _sees(self, start: Point, end: Point) -> bool:
-        """Tells whether the way is free; a robot that stands nearer to a wall than it may drive gets away from it."""
+        """Returns whether the way is free; a robot nearer to a wall than allowed may still move away from it."""
         if self.space is None:
             return True
         radius = min(self.config.passing_radius, float(self.space.room_at(np.array([start]))[0]))
@@ -151,7 +152,7 @@ class Roadmap:
 
 
 def roadmap_from_space(space: FreeSpace, config: RoadmapConfig | None = None) -> Roadmap:
-    """Returns the roadmap of the largest connected part of the free space; deterministic."""
+    """Returns the roadmap of the largest connected part of the free space. The result is deterministic."""
     config = config or RoadmapConfig()
     growth = _Growth(space, config)
     growth.grow()
@@ -160,7 +161,7 @@ def roadmap_from_space(space: FreeSpace, config: RoadmapConfig | None = None) ->
 
 
 class _Growth:
-    """Places that grow from a first one: each new place is joined to an older one by a straight way."""
+    """Grows places from a first one: each new place is joined to an older one by a straight way."""
 
     def __init__(self, space: FreeSpace, config: RoadmapConfig) -> None:
         self.places: list[Point] = []
@@ -172,7 +173,7 @@ class _Growth:
         self._lattice = self._ring[:72:12] * 1.0001
 
     def grow(self) -> None:
-        """Fills the largest part of the free space, from the middle of its narrowest way on."""
+        """Fills the largest part of the free space, beginning in the middle of its narrowest passage."""
         room = np.where(_largest_part(self._space, self._config.passing_radius), self._space.room, 0.0)
         side = 2 * math.ceil(0.5 * self._config.spacing / self._space.resolution) + 1
         middles = (room == ndimage.maximum_filter(room, side)) & (room >= self._config.driving_radius)
@@ -181,7 +182,7 @@ class _Growth:
         row, col = np.unravel_index(int(np.argmin(np.where(middles, room, np.inf))), room.shape)
         resolution, (left, low) = self._space.resolution, self._space.corner
         self._add((left + (float(col) + 0.5) * resolution, low + (float(row) + 0.5) * resolution))
-        # First the lattice with room enough, then what is left, at last places behind narrow passages.
+        # First the lattice where there is ample room, then the remaining space, finally places behind narrow passages.
         config = self._config
         tiers = (
             (self._lattice, config.turning_radius, config.driving_radius),
@@ -195,9 +196,9 @@ class _Growth:
             done[tier] += 1
 
     def _extend(self, origin: Point, offsets: NDArray[np.float64], radius: float, way_radius: float) -> None:
-        """Adds the places about ``origin`` that fit, with so much room about them and their way.
+        """Adds the places around ``origin`` that fit, with at least these radii free around the place and its way.
 
-        Those that have just room enough come first: the middle of a narrow way, not the mouth of a bay beside it.
+        Those with just enough room come first: the middle of a narrow passage, not the mouth of a bay beside it.
         """
         points = offsets + origin
         room = self._space.room_at(points)
@@ -234,9 +235,9 @@ def _largest_part(space: FreeSpace, radius: float) -> NDArray[np.bool_]:
 
 
 def _ways(places: list[Point], space: FreeSpace, config: RoadmapConfig) -> list[list[int]]:
-    """Joins places, the nearest pairs first, where no other place or way is nearer than ``clearance``.
+    """Joins places, the nearest pairs first, unless another place or way comes nearer than ``clearance``.
 
-    Tight ways come last, and only where there is no other one nearby.
+    Tight ways come last, and only if no other way is nearby.
     """
     found: list[list[int]] = [[] for _ in places]
     at = np.array(places).reshape(-1, 2)
@@ -262,7 +263,7 @@ def _ways(places: list[Point], space: FreeSpace, config: RoadmapConfig) -> list[
 def _is_apart(
     one: int, other: int, places: list[Point], near: list[int], ways: list[list[int]], clearance: float
 ) -> bool:
-    """Tells whether a way between two places keeps clear of all other places and of the ways between them."""
+    """Returns whether a way between two places keeps clear of all other places and the ways between them."""
     way = places[one], places[other]
     others = [place for place in near if place not in (one, other)]
     if any(distance_to_segment(places[place], *way) < clearance for place in others):
@@ -272,7 +273,7 @@ def _is_apart(
 
 
 def _are_joined(ways: list[list[int]], one: int, other: int) -> bool:
-    """Tells whether few ways lead from one place to the other."""
+    """Returns whether a few ways lead from one place to the other."""
     known = {one}
     for _ in range(_DETOUR):
         known |= {end for place in known for end in ways[place]}

@@ -1,4 +1,4 @@
-"""Robots that drive by their coordinators, without ROS: kinematics, footprints, reports that arrive one tick late."""
+"""Robots driven by their coordinators, without ROS: kinematics, footprints, and reports delayed by one tick."""
 
 import math
 import random
@@ -13,24 +13,24 @@ from pioneer_traffic.core.geometry import Point
 from pioneer_traffic.core.roadmap import FreeSpace, Roadmap
 
 FOOTPRINT = np.array([[0.20, 0.20], [0.20, -0.20], [-0.30, -0.20], [-0.30, 0.20]])
-"""Corners of a Pioneer about base_link [m]."""
+"""Corners of a Pioneer relative to base_link [m]."""
 STEP, TICK = 0.05, 4
 """Time step [s], and steps between two reports of a robot."""
 SPEED, ACCELERATION, TURN = 0.8, 1.0, 1.0
-"""Of a robot [m/s, m/s², rad/s]."""
+"""Limits of a robot [m/s, m/s², rad/s]."""
 _ASTRAY = 0.5
-"""Error of its heading [rad] at which a robot turns where it stands."""
+"""Heading error above which a robot turns in place [rad]."""
 _NEXT, _REACH = 0.1, 0.2
-"""How near [m] a point of the route counts as passed, and a place as reached."""
+"""Distances at which a point of the route counts as passed, and a place as reached [m]."""
 _NEAR = 1.2
-"""Distance [m] of footprints' middles up to which their gap is looked at."""
+"""Distance of footprints' centres up to which their gap is checked [m]."""
 
 Points = NDArray[np.float64]
 
 
 @dataclass
 class Body:
-    """A robot: pose in map and speed; it drives straight to the points of its route."""
+    """A robot's pose in map and speed; it drives straight to the points of its route."""
 
     x: float
     y: float
@@ -39,7 +39,7 @@ class Body:
 
     @property
     def position(self) -> Point:
-        """Where it is, x, y [m]."""
+        """The position x, y [m]."""
         return self.x, self.y
 
     def drive(self, route: Sequence[Point]) -> None:
@@ -64,14 +64,14 @@ class Body:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a trial showed."""
+    """Results of a trial."""
 
-    reached: int  #: waypoints reached, of all robots
+    reached: int  #: waypoints reached by all robots
     asked: int  #: waypoints given
-    contacts: int  #: pairs of robots, and robots at walls, that touched
-    finished: tuple[float, ...]  #: when each robot reached its last waypoint [s]; inf where it did not
+    contacts: int  #: pairs of robots that touched, plus robots that touched a wall
+    finished: tuple[float, ...]  #: time at which each robot reached its last waypoint [s]; inf if it did not
     gap: float  #: least distance between two footprints [m]
-    shared: bool  #: whether two robots ever held one place
+    shared: bool  #: whether two robots ever held the same place
 
 
 class Trial:
@@ -79,11 +79,11 @@ class Trial:
 
     Args:
         roadmap: of the map.
-        space: of the map; None: walls are not looked at.
+        space: of the map; None to ignore walls.
         starts: of the robots.
         tours: waypoints of each robot.
-        loss: share of reports that get lost.
-        seed: of the losses.
+        loss: share of reports that are lost.
+        seed: of lost reports and start headings.
     """
 
     def __init__(
@@ -110,14 +110,14 @@ class Trial:
             self._send_on(index, coordinator)
 
     def run(self, limit: float) -> Outcome:
-        """Drives until all tours are done, or for ``limit`` seconds."""
+        """Drives until all tours are done, or for ``limit`` [s]; returns the results."""
         while self.time < limit and math.inf in self._finished:
             self.step()
         asked = sum(len(tour) for tour in self._tours)
         return Outcome(sum(self._reached), asked, len(self._touching), tuple(self._finished), self.gap, self.shared)
 
     def step(self) -> None:
-        """Advances by one time step; robots speak in turn, not all at once."""
+        """Advances by one time step; robots send their reports in turn, not all at once."""
         self._steps += 1
         self.time = self._steps * STEP
         for index, (body, coordinator) in enumerate(zip(self.bodies, self.coordinators, strict=True)):
@@ -174,7 +174,7 @@ def _footprints(bodies: Sequence[Body]) -> tuple[Points, Points]:
 
 
 def _gaps(one: Points, other: Points, axes: Points) -> NDArray[np.float64]:
-    """Returns the largest gap [m] of each pair of rectangles along one of their sides: 0 or less where they touch."""
+    """Returns each pair of rectangles' largest gap along any of their sides [m]; 0 or less if they touch."""
     first, second = one @ axes.swapaxes(1, 2), other @ axes.swapaxes(1, 2)
     ahead, behind = second.min(axis=1) - first.max(axis=1), first.min(axis=1) - second.max(axis=1)
     found: NDArray[np.float64] = np.maximum(ahead, behind).max(axis=1)

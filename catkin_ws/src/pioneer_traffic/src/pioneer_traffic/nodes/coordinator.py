@@ -1,4 +1,4 @@
-"""The coordinator node: takes goals, and hands move_base the stretches that the robot may drive."""
+"""The coordinator node: accepts goals and sends move_base the stretches that the robot may drive."""
 
 import math
 import queue
@@ -30,17 +30,17 @@ from simple_navigation_goals.adapters.move_base import MoveBase
 from simple_navigation_goals.core.queue import Outcome
 
 _PERIOD = 0.2
-"""Between two reports [s of wall time, in lockstep of simulated time; so are the times below]."""
+"""Period of reports [s of wall time, or of simulated time in lockstep; this holds for the times below, too]."""
 _SAME = 0.05
-"""Distance [m] under which a stop is the one that move_base has already."""
+"""Distance below which a stop counts as the one that move_base already has [m]."""
 _RETRY = 2.0
-"""After so long move_base gets a stop again that it gave up [s]."""
+"""Delay before a stop that move_base gave up is sent again [s]."""
 _COMPLAIN_EVERY = 10.0
 
 
 @dataclass(frozen=True)
 class CoordinatorNodeConfig(CoordinatorConfig):
-    """``robot``: the robot's name, unlike all others'. ``fleet``: names of the fleet's robots with blanks between."""
+    """``robot``: the robot's unique name. ``fleet``: names of the fleet's robots, separated by spaces."""
 
     robot: str = ""
     fleet: str = ""
@@ -51,16 +51,16 @@ class CoordinatorNode:
 
     Subscribes: ``/map`` (nav_msgs/OccupancyGrid), ``/traffic/reports`` (pioneer_traffic/Report), tf.
 
-    Publishes: ``/traffic/reports``, five a second of wall time, in lockstep of simulated time.
+    Publishes: ``/traffic/reports`` at 5 Hz of wall time; in lockstep, of simulated time.
 
     Actions served: ``traffic`` (move_base_msgs/MoveBaseAction), goals in frame map. Called: ``move_base``.
 
     Parameters: ``CoordinatorNodeConfig``.
 
-    Threads: callbacks store; ``spin``, in lockstep ``step``, does all the work.
+    Threads: callbacks only store; ``spin`` (in lockstep ``step``) does all the work.
 
-    On error: a goal that is in another frame or far from any place is aborted with the reason. What move_base
-    gives up is sent again. Without a transform the robot is where it was last, and takes nothing more.
+    On error: a goal in another frame or far from any place is aborted with the reason. A stop that move_base gives up
+    is sent again. Without a transform, the robot counts as where it was last, and takes no further places.
     """
 
     def __init__(self) -> None:
@@ -96,7 +96,7 @@ class CoordinatorNode:
         self._ends.put((serial, outcome, text))
 
     def spin(self) -> None:
-        """Works in a fixed period of wall time until shutdown."""
+        """Runs at a fixed wall-time period until shutdown."""
         while not entry.is_ending():
             begin = time.monotonic()
             self._use_maps()
@@ -105,12 +105,12 @@ class CoordinatorNode:
             entry.wait(max(0.01, begin + _PERIOD - time.monotonic()))
 
     def ready(self) -> bool:
-        """Returns whether the map has come; called where ``step`` is."""
+        """Returns whether the map has arrived; called in the same thread as ``step``."""
         self._use_maps()
         return self._coordinator is not None
 
     def step(self) -> None:
-        """Does one period's work in lockstep, where a report is due."""
+        """Does the work of one period in lockstep, if a report is due."""
         now = rospy.get_time()
         if self._coordinator is not None and not 0.0 <= now - self._stepped_at < _PERIOD - 1.0e-6:
             self._stepped_at = now
@@ -185,7 +185,7 @@ class CoordinatorNode:
                 self._retry_at = now + _RETRY
 
     def _drive(self, route: list[tuple[float, float]], now: float) -> None:
-        """Sends move_base to the end of the route, where that is another one than before."""
+        """Sends move_base to the end of the route, if that has changed."""
         if not route or not self._move_base.present():
             return
         stop = route[-1]
@@ -201,7 +201,7 @@ class CoordinatorNode:
         return position is not None and math.dist(position, point) <= self._config.reach
 
     def _pose_at(self, stop: tuple[float, float], route: list[tuple[float, float]]) -> PoseStamped:
-        """Returns the goal's own pose at the goal, elsewhere one that looks along the way."""
+        """Returns the goal's own pose at the goal; elsewhere a pose facing along the route."""
         target = self._target
         if target is not None and math.dist((target.pose.position.x, target.pose.position.y), stop) < _SAME:
             return target

@@ -1,1 +1,1 @@
-"""What needs no ROS: who may do what, commands, and what a page gets."""
+"""Code that does not need ROS: access control, commands, and the data sent to pages."""

@@ -1,4 +1,4 @@
-"""Who may see the fleet and who may drive it: tokens, sessions, origins."""
+"""Access control, for viewing and for driving the fleet: tokens, sessions, origins."""
 
 import enum
 import hmac
@@ -8,11 +8,11 @@ from urllib.parse import urlsplit
 
 SESSION_BYTES = 24
 MOST_SESSIONS = 1000
-"""Beyond it the oldest session ends."""
+"""Maximum number of sessions; a further login ends the oldest."""
 
 
 class Role(enum.IntEnum):
-    """What a session may do; a higher one includes the lower."""
+    """Permission level of a session; a higher level includes the lower ones."""
 
     VIEWER = 1
     OPERATOR = 2
@@ -22,9 +22,9 @@ class Access:
     """Issues expiring sessions in exchange for tokens.
 
     Args:
-        tokens: the secret of each role.
+        tokens: the secret token of each role.
         lifetime: of a session [s].
-        new_secret: returns the identifier of a session.
+        new_secret: returns a new session identifier.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class Access:
         self._sessions: dict[str, tuple[Role, float]] = {}
 
     def role_of_token(self, token: str) -> Role | None:
-        """Returns the role that a token gives; None for an unknown one. Takes as long for one as for the other."""
+        """Returns the role of a token, None if it is unknown; in constant time."""
         given = token.encode()
         found = [role for role, one in self._tokens.items() if hmac.compare_digest(one.encode(), given)]
         return max(found, default=None)
@@ -56,7 +56,7 @@ class Access:
         return session
 
     def role(self, session: str, now: float) -> Role | None:
-        """Returns a session's role; None once it has expired, and for an unknown one."""
+        """Returns a session's role; None if it has expired or is unknown."""
         role, until = self._sessions.get(session, (None, 0.0))
         return role if now < until else None
 
@@ -66,12 +66,12 @@ class Access:
 
 
 def same_origin(origin: str, host: str, encrypted: bool) -> bool:
-    """Returns whether a request's ``Origin`` is the page's own; a program that is no browser sends none.
+    """Returns whether a request's ``Origin`` is the page's own. Non-browser clients send none and pass.
 
     Args:
-        origin: the header, empty where there is none.
-        host: the header ``Host`` of the same request.
-        encrypted: whether the server speaks TLS.
+        origin: the ``Origin`` header, empty if absent.
+        host: the ``Host`` header of the same request.
+        encrypted: whether the server uses TLS.
     """
     if not origin:
         return True

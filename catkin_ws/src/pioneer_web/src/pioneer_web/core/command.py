@@ -1,4 +1,4 @@
-"""What an operator may ask for: checked values from the JSON that a page sends."""
+"""Operator commands: parses and validates the JSON that a page sends."""
 
 import dataclasses
 import json
@@ -9,21 +9,21 @@ from typing import Any
 from pioneer_fleet.core.geometry import Pose
 
 LONGEST = 10_000
-"""Of a command's JSON [characters]."""
+"""Maximum length of a command's JSON [characters]."""
 FARTHEST = 10_000.0
-"""Largest coordinate [m], and time in a replay [s]."""
+"""Maximum coordinate [m] and replay time [s]."""
 SPACING = 1.2
-"""Between the places of robots that are sent as a group [m]."""
+"""Distance between the goals of robots that are sent as a group [m]."""
 SIMULATOR_ACTIONS = ("pause", "resume", "step", "reset")
 
 
 class CommandError(ValueError):
-    """A command that is not understood, or not allowed; the text says why."""
+    """The command is invalid or not allowed; the message gives the reason."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Drive:
-    """Waypoints, one a robot; ``append`` leaves those that the robot has."""
+    """Sends robots to waypoints, one per robot; ``append`` keeps the waypoints already queued."""
 
     places: Mapping[str, Pose]
     append: bool
@@ -31,7 +31,7 @@ class Drive:
 
 @dataclasses.dataclass(frozen=True)
 class Locate:
-    """Where a robot is, for its localisation."""
+    """Sets a robot's initial pose for localisation."""
 
     robot: str
     pose: Pose
@@ -39,14 +39,14 @@ class Locate:
 
 @dataclasses.dataclass(frozen=True)
 class Cancel:
-    """Robots whose waypoints are dropped."""
+    """Cancels all waypoints of robots."""
 
     robots: Sequence[str]
 
 
 @dataclasses.dataclass(frozen=True)
 class Stop:
-    """Robots to stop and hold, or with ``release`` to let go."""
+    """Stops and holds robots, or with ``release`` releases them."""
 
     robots: Sequence[str]
     release: bool = False
@@ -54,7 +54,7 @@ class Stop:
 
 @dataclasses.dataclass(frozen=True)
 class Spawn:
-    """Where a box is put [m]."""
+    """Spawns a box at (x, y) [m]."""
 
     x: float
     y: float
@@ -62,14 +62,14 @@ class Spawn:
 
 @dataclasses.dataclass(frozen=True)
 class Simulate:
-    """One of ``SIMULATOR_ACTIONS``."""
+    """Runs one of ``SIMULATOR_ACTIONS``."""
 
     action: str
 
 
 @dataclasses.dataclass(frozen=True)
 class Patrol:
-    """Robots that repeat the waypoints that they have; without ``on`` no longer."""
+    """Makes robots repeat their current waypoints, or stops that if not ``on``."""
 
     robots: Sequence[str]
     on: bool
@@ -77,14 +77,14 @@ class Patrol:
 
 @dataclasses.dataclass(frozen=True)
 class Record:
-    """Begins a recording, or without ``on`` completes it."""
+    """Starts a recording, or finishes it if not ``on``."""
 
     on: bool
 
 
 @dataclasses.dataclass(frozen=True)
 class Seek:
-    """Where a replay continues [s], after its begin."""
+    """Seeks a replay to ``at`` [s] after its start."""
 
     at: float
 
@@ -96,11 +96,11 @@ def command_from_text(text: str, robots: Collection[str]) -> Command:
     """Returns the command in a page's JSON.
 
     Args:
-        text: an object whose ``do`` says which command it is.
-        robots: the names that exist.
+        text: a JSON object whose ``do`` names the command.
+        robots: names of the existing robots.
 
     Raises:
-        CommandError: it is none.
+        CommandError: it is not a valid command.
     """
     if len(text) > LONGEST:
         raise CommandError(f"a command has at most {LONGEST} characters (got {len(text)})")
@@ -137,7 +137,7 @@ def command_from_text(text: str, robots: Collection[str]) -> Command:
 
 
 def formation(place: Pose, robots: Sequence[str]) -> dict[str, Pose]:
-    """Returns a place for each robot: one after the other on a line across the heading, centred on ``place``."""
+    """Returns a goal for each robot, side by side on a line across the heading, centred on ``place``."""
     first = (len(robots) - 1) / 2
     return {
         robot: place.compose(Pose(0.0, SPACING * (first - number))) if len(robots) > 1 else place

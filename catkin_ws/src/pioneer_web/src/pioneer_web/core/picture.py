@@ -1,4 +1,4 @@
-"""Maps and costmaps as PNG, in RViz's colours."""
+"""Encodes maps and costmaps as PNG in RViz's colours."""
 
 import io
 
@@ -8,7 +8,7 @@ from PIL import Image
 
 
 def _map_colours() -> NDArray[np.uint8]:
-    """Grey values as of RViz's scheme "map": free is light, occupied dark, unknown greenish."""
+    """Returns the palette of RViz's "map" scheme: free is light, occupied dark, unknown greenish."""
     table = np.zeros((256, 4), np.uint8)
     shade = 255 - np.arange(101) * 255 // 100
     table[:101] = np.column_stack([shade, shade, shade, np.full(101, 255)])
@@ -17,7 +17,7 @@ def _map_colours() -> NDArray[np.uint8]:
 
 
 def _cost_colours() -> NDArray[np.uint8]:
-    """As of RViz's scheme "costmap": blue to red, lethal magenta, inscribed cyan; free and unknown are transparent."""
+    """Returns the palette of RViz's "costmap" scheme: blue to red, lethal magenta, inscribed cyan, rest transparent."""
     table = np.zeros((256, 4), np.uint8)
     cost = np.arange(1, 99)
     red = 255 * cost // 100
@@ -31,11 +31,11 @@ MAP, COSTS = _map_colours(), _cost_colours()
 
 
 def png(cells: NDArray[np.int8], colours: NDArray[np.uint8]) -> bytes:
-    """Returns cells as a PNG with a palette.
+    """Returns cells as a palette PNG.
 
     Args:
         cells: [row, col], row 0 at the bottom as in ``nav_msgs/OccupancyGrid``; -1 for unknown.
-        colours: of each value as an unsigned byte, RGBA.
+        colours: RGBA colour of each value, taken as an unsigned byte.
     """
     image = Image.fromarray(np.ascontiguousarray(cells[::-1]).view(np.uint8), "P")
     image.putpalette(colours[:, :3].tobytes())

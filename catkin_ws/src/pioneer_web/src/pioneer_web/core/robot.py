@@ -1,4 +1,4 @@
-"""What is known of one robot at the base station, and what of it a page gets."""
+"""The state of one robot as known at the base station, and the part of it sent to pages."""
 
 import dataclasses
 import math
@@ -9,55 +9,55 @@ from pioneer_fleet.core.geometry import Points, Pose
 from pioneer_fleet.core.monitor import RobotMonitor
 
 STALE = 2.0
-"""Odometry or scans older than this [s] are a fault."""
+"""Age at which odometry or scans count as a fault [s]."""
 BEAMS = 180
-"""Of each scan, about."""
+"""Approximate number of beams shown per scan."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Image:
-    """A costmap as a picture."""
+    """A costmap as an image."""
 
-    corner: Pose  #: of its lower left, in ``frame``
-    #: width, height: [m]
+    corner: Pose  #: pose of the lower left corner, in the costmap's frame
+    #: width, height: size [m]
     width: float
     height: float
-    png: str  #: encoded, base64
+    png: str  #: base64-encoded PNG
 
 
 @dataclasses.dataclass(kw_only=True)
 class Robot(RobotMonitor):
-    """The newest of everything; what was never received is None or empty."""
+    """The newest data of a robot; None or empty if never received."""
 
     name: str  #: its namespace
-    gateway: str  #: of its computer
-    correction: Pose | None = None  #: of its odometry, in ``map``
-    odometry: Pose | None = None  #: the pose in its odometry's frame
-    mount: Pose = dataclasses.field(default_factory=lambda: Pose(0.0, 0.0))  #: of its laser, on its base
-    #: ranges [cm], 0 for none, with the first angle and the step [rad]
+    gateway: str  #: the gateway of its computer
+    correction: Pose | None = None  #: pose of its odometry frame in ``map``
+    odometry: Pose | None = None  #: its pose in its odometry frame
+    mount: Pose = dataclasses.field(default_factory=lambda: Pose(0.0, 0.0))  #: pose of its laser on its base
+    #: first angle and angle step [rad], ranges [cm] with 0 for no return
     scan: tuple[float, float, list[int]] | None = None
     #: plan, local_plan: frame and points [m]
     plan: tuple[str, Points] = ("", [])
     local_plan: tuple[str, Points] = ("", [])
-    costs: tuple[str, Image] | None = None  #: frame and picture of the local costmap
-    goals: Sequence[Pose] = ()  #: the waypoint under way and those that wait, in ``map``
+    costs: tuple[str, Image] | None = None  #: frame and image of the local costmap
+    goals: Sequence[Pose] = ()  #: the current waypoint and those waiting, in ``map``
     battery: float | None = None  #: charge, 0 … 1
-    load: Sequence[float] | None = None  #: processors and memory [MiB] that the programs on its computer take
-    held: bool = False  #: whether it is stopped from here
+    load: Sequence[float] | None = None  #: processors and memory [MiB] used by the programs on its computer
+    held: bool = False  #: whether the dashboard holds it stopped
     patrols: bool = False  #: whether it repeats its waypoints
 
     @property
     def place(self) -> Pose | None:
-        """Where it is in ``map``; None until it is localised."""
+        """Its pose in ``map``; None until it is localised."""
         if self.correction is None or self.odometry is None:
             return None
         return self.correction.compose(self.odometry)
 
     def fault(self, rules: Mapping[str, Sequence[tuple[str, str]]], now: float) -> str:
-        """Returns what is wrong, in words; empty for nothing.
+        """Returns a description of the robot's fault; empty if there is none.
 
         Args:
-            rules: for each gateway, state and reason of each rule towards it.
+            rules: state and reason of each rule, by remote gateway.
             now: monotonic [s].
         """
         for state, reason in rules.get(self.gateway, ()):
@@ -65,13 +65,13 @@ class Robot(RobotMonitor):
                 return f"{self.gateway}: {state}" + (f", {reason}" if reason else "")
         for what, at in (("odometry", self.odom_at), ("scan", self.scan_at)):
             if at is None:
-                return f"no {what} has come"
+                return f"no {what} received"
             if now - at > STALE:
                 return f"no {what} for {now - at:.0f} s"
         return "" if self.correction else "amcl has not localised it"
 
     def values(self, fault: str, now: float) -> dict[str, Any]:
-        """Returns what a page draws of it: poses as [x, y, yaw], lines as [x, y, …] in cm."""
+        """Returns the values that a page draws: poses as [x, y, yaw], lines as [x, y, …] in cm."""
         return {
             "pose": _numbers(self.place),
             "scan": self.scan and [*self.scan, _numbers(self._seen_from())],
@@ -84,7 +84,7 @@ class Robot(RobotMonitor):
         }
 
     def _seen_from(self) -> Pose | None:
-        """Returns where it was when its newest scan was taken, from where it is and how fast it moves."""
+        """Returns its pose when the newest scan was taken, extrapolated from its current pose and velocity."""
         if self.place is None or self.odom_stamp is None or self.scan_stamp is None:
             return self.place
         since = max(0.0, min(1.0, self.odom_stamp - self.scan_stamp))
@@ -124,12 +124,12 @@ class Robot(RobotMonitor):
         return {"at": _numbers(pose.compose(image.corner)), "size": [image.width, image.height], "png": image.png}
 
     def _frame(self, frame: str) -> Pose | None:
-        """Returns where a frame is in ``map``; None where that is not known."""
+        """Returns the pose of a frame in ``map``; None if unknown."""
         return Pose(0.0, 0.0) if frame == "map" else self.correction if frame == f"{self.name}/odom" else None
 
 
 _FAULTS = ("no such gateway", "unreachable", "refused", "firewalled", "type mismatch", "blacklisted")
-"""States of rules that no node of the robot's will end by starting."""
+"""Rule states that will not clear by themselves when the robot's nodes start."""
 
 
 def _numbers(pose: Pose | None) -> list[float] | None:

@@ -1,4 +1,4 @@
-"""What is known at the base station: the world, its robots, the network between them."""
+"""The state known at the base station: the world, its robots, the network between them."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,25 +8,25 @@ from pioneer_fleet.core.report import CARRYING
 from pioneer_web.core.robot import Robot
 
 LINES = 200
-"""Of the log that are kept."""
+"""Number of log lines kept."""
 MOVED = 0.05
-"""A model that has moved so far [m] is shown."""
+"""Distance after which a moved model is shown [m]."""
 LEVELS = {1: "debug", 2: "info", 4: "warning", 8: "error", 16: "fatal"}
 STANDS = 1.0
-"""Simulated time that has not changed for so long [s] stands still."""
+"""Time without a clock change after which the simulation counts as paused [s]."""
 
 
 class Station:
-    """The newest of everything."""
+    """The newest data of the whole fleet."""
 
     def __init__(self) -> None:
-        #: gateway, hub: the base station's, empty while unknown
+        #: gateway, hub: names of the base station's, empty while unknown
         #: robots: in the order of their computers
         self.robots: Sequence[Robot] = ()
         self.gateway = self.hub = ""
-        self.real_time_factor: float | None = None  #: of the simulator, None without one
-        self.recording = ""  #: the file, empty while nothing is recorded
-        #: position and length of the recording that is played [s], None without one
+        self.real_time_factor: float | None = None  #: real-time factor of the simulator, None without one
+        self.recording = ""  #: recording file, empty while not recording
+        #: position in and length of the replayed recording [s], None without one
         self.replay: list[float] | None = None
         self.rules: list[dict[str, str]] = []
         self.links: dict[str, dict[str, dict[str, float]]] = {}
@@ -43,16 +43,16 @@ class Station:
             self._time, self._ticked = simulated, now
 
     def set_map(self, x: float, y: float, width: float, height: float) -> None:
-        """Records where the map's lower left corner is, and its size [m]; each call is a new map."""
+        """Records a new map: the position of its lower left corner and its size [m]."""
         version = 1 if self._map is None else self._map["version"] + 1
         self._map = {"version": version, "x": x, "y": y, "width": width, "height": height}
 
     def set_rules(self, rules: Iterable[Mapping[str, str]]) -> None:
-        """Records the gateway's rules: action, gateway, type, name, node, state, reason of each."""
+        """Records the gateway's rules, each with action, gateway, type, name, node, state and reason."""
         self.rules = [dict(rule) for rule in rules if rule.get("action")]
 
     def add_links(self, entries: Iterable[tuple[str, Mapping[str, str]]]) -> None:
-        """Records what flows on connections, from the gateway's diagnostics: name and values of each."""
+        """Records the traffic on links from the gateway's diagnostics: name and values of each entry."""
         for name, values in entries:
             _, _, about = name.partition(": ")
             way, _, rest = about.partition(" ")
@@ -63,14 +63,14 @@ class Station:
                 self.links.setdefault(other, {})[f"{way} {topic}"] = numbers
 
     def add_log(self, stamp: float, level: int, computer: str, node: str, text: str) -> None:
-        """Adds a line of the log of a robot's computer, or with an empty name of the base station."""
+        """Adds a log line of a robot's computer, or of the base station if the name is empty."""
         line = [self._lines, round(stamp, 2), LEVELS.get(level, "info"), computer, node, text[:500]]
-        # In place of the oldest, so that a new line is all that pages get.
+        # Overwrite the oldest entry, so that only the new line is sent to pages.
         self._log[f"log.{self._lines % LINES}"] = line
         self._lines += 1
 
     def set_models(self, models: Iterable[tuple[str, float, float]]) -> None:
-        """Records where models are [m]; those that have moved, or came later than the first, are actors."""
+        """Records the models' positions [m]; models that move, or appear after the first call, are shown as actors."""
         names, robots, known = [], {robot.name for robot in self.robots}, bool(self._first)
         for name, x, y in models:
             if name in robots:
@@ -83,14 +83,14 @@ class Station:
         self._actors = names
 
     def faults(self) -> dict[str, list[tuple[str, str]]]:
-        """Returns state and reason of each rule by the gateway that it is about."""
+        """Returns state and reason of each rule, by remote gateway."""
         found: dict[str, list[tuple[str, str]]] = {}
         for rule in self.rules:
             found.setdefault(rule["gateway"], []).append((rule["state"], rule["reason"]))
         return found
 
     def values(self, now: float) -> dict[str, Any]:
-        """Returns what a page shows, by name; those of robots begin with the robot's."""
+        """Returns all values that a page shows, by name; names of a robot's values begin with ``ROBOT.``."""
         faults = self.faults()
         shown: dict[str, Any] = {
             "map": self._map,
@@ -112,7 +112,7 @@ class Station:
         return shown
 
     def _network(self) -> dict[str, dict[str, Any]]:
-        """Returns, for each robot's gateway, its rules and what flows to and from it."""
+        """Returns the rules and the traffic of each robot's gateway."""
         found = {}
         for robot in self.robots:
             rules = [rule for rule in self.rules if rule["gateway"] == robot.gateway]

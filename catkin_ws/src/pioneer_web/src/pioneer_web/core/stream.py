@@ -1,4 +1,4 @@
-"""What pages get: a picture of everything once, then what has changed, each encoded once for all of them."""
+"""Data stream to pages: a full snapshot first, then changes, each encoded once for all pages."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,15 +10,15 @@ _ABSENT = object()
 
 
 class Stream:
-    """Values by name; a page merges what it gets into what it has."""
+    """Named values; a page merges received changes into its state."""
 
     def __init__(self) -> None:
         self._values: dict[str, Any] = {}
 
     def update(self, values: Mapping[str, Any]) -> bytes:
-        """Takes the newest values and returns those that are new, as JSON; empty where none is.
+        """Stores the newest values; returns the changed ones as JSON, empty if nothing changed.
 
-        A value that is unchanged must be the same object or compare equal; one that is missing becomes null.
+        An unchanged value must be the same object or compare equal. A missing one is sent as null.
         """
         changed = {name: value for name, value in values.items() if self._differs(name, value)}
         gone = [name for name in self._values if name not in values]
@@ -27,7 +27,7 @@ class Stream:
         return orjson.dumps(changed, option=_OPTIONS) if changed else b""
 
     def whole(self) -> bytes:
-        """Returns all values as JSON, for a page that has none or has missed some."""
+        """Returns a snapshot of all values as JSON, for a page that is new or missed changes."""
         return orjson.dumps(self._values, option=_OPTIONS)
 
     def _differs(self, name: str, value: Any) -> bool:

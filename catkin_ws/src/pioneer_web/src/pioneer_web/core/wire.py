@@ -1,4 +1,4 @@
-"""The frames of Foxglove's WebSocket protocol (foxglove.websocket.v1), and what clients ask in JSON."""
+"""Encodes and decodes frames of the Foxglove WebSocket protocol (foxglove.websocket.v1)."""
 
 import dataclasses
 import json
@@ -9,16 +9,16 @@ from typing import Any
 PROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 ENCODING = "ros1"
 MOST = 10_000
-"""Subscriptions, or advertised channels, of one client."""
+"""Maximum number of entries in one request of a client, such as subscriptions or channels."""
 
 
 class WireError(ValueError):
-    """A frame that does not follow the protocol; the text says why."""
+    """A frame violates the protocol; the message gives the reason."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Message:
-    """A message that a client publishes on its channel."""
+    """A message that a client publishes on one of its channels."""
 
     channel: int
     body: bytes
@@ -26,7 +26,7 @@ class Message:
 
 @dataclasses.dataclass(frozen=True)
 class Call:
-    """A client's call of a service."""
+    """A service call of a client."""
 
     service: int
     number: int
@@ -34,20 +34,20 @@ class Call:
 
 
 def message_frame(subscription: int, stamp: int, body: bytes) -> bytes:
-    """Returns a message for a client; ``stamp`` is when it was received [ns]."""
+    """Returns a message frame for a client; ``stamp`` is the time of reception [ns]."""
     return struct.pack("<BIQ", 1, subscription, stamp) + body
 
 
 def response_frame(call: Call, body: bytes) -> bytes:
-    """Returns a service's response."""
+    """Returns a service response frame."""
     return struct.pack("<BIII", 3, call.service, call.number, len(ENCODING)) + ENCODING.encode() + body
 
 
 def frame_from_client(data: bytes) -> Message | Call:
-    """Returns what a client's binary frame holds.
+    """Decodes a client's binary frame.
 
     Raises:
-        WireError: it is cut short, or of another kind or encoding.
+        WireError: the frame is too short, or its kind or encoding is unknown.
     """
     if len(data) >= 5 and data[0] == 1:
         return Message(struct.unpack_from("<I", data, 1)[0], data[5:])
@@ -60,10 +60,10 @@ def frame_from_client(data: bytes) -> Message | Call:
 
 
 def request_from_text(text: str) -> tuple[str, Mapping[str, Any]]:
-    """Returns operation and fields of a client's JSON.
+    """Returns operation and fields of a client's JSON request.
 
     Raises:
-        WireError: it is no JSON object with an ``op``.
+        WireError: it is not a JSON object with an ``op``.
     """
     try:
         fields = json.loads(text)
@@ -75,10 +75,10 @@ def request_from_text(text: str) -> tuple[str, Mapping[str, Any]]:
 
 
 def rows(fields: Mapping[str, Any], name: str, **kinds: type) -> list[dict[str, Any]]:
-    """Returns a list of objects with at least these fields, of these types.
+    """Returns a list of objects that have at least the fields ``kinds``, with these types.
 
     Raises:
-        WireError: it is something else, or too long.
+        WireError: the field is not such a list, or it is too long.
     """
     found = fields.get(name)
     if not isinstance(found, list) or len(found) > MOST:
@@ -90,7 +90,7 @@ def rows(fields: Mapping[str, Any], name: str, **kinds: type) -> list[dict[str, 
 
 
 def numbers(fields: Mapping[str, Any], name: str) -> list[int]:
-    """Returns a list of whole numbers.
+    """Returns a list of integers.
 
     Raises:
         WireError: it is something else, or too long.

@@ -1,1 +1,1 @@
-"""What needs rospy or serves pages."""
+"""Code that needs rospy or serves web pages."""

@@ -1,4 +1,4 @@
-"""Camera images, one at a time, when a page asks for them."""
+"""Fetches single camera images on request of a page."""
 
 import base64
 
@@ -8,11 +8,11 @@ from sensor_msgs.msg import Image
 from pioneer_web import conversions
 
 PATIENCE = 5.0
-"""For the next image [s]."""
+"""Time-out for the next image [s]."""
 
 
 def image_topics() -> list[str]:
-    """Returns the topics with camera images on this master."""
+    """Returns the camera image topics on this master."""
     try:
         return sorted(topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/Image")
     except (OSError, rospy.ROSException):
@@ -20,11 +20,11 @@ def image_topics() -> list[str]:
 
 
 def next_image(topic: str) -> str:
-    """Returns the next image of a topic as the address of a JPEG; subscribes for that long.
+    """Returns the next image of a topic as a JPEG data URL; subscribes only while waiting.
 
     Raises:
-        rospy.ROSException: none came.
-        ValueError: it has an encoding that cannot be shown.
+        rospy.ROSException: timed out.
+        ValueError: the image encoding is not supported.
     """
     message = rospy.wait_for_message(topic, Image, PATIENCE)
     return "data:image/jpeg;base64," + base64.b64encode(conversions.jpeg_from_image(message)).decode()

@@ -1,4 +1,4 @@
-"""What pages ask for, done: waypoints, initial poses, stops, boxes, the simulator's time."""
+"""Executes commands from pages: waypoints, initial poses, stops, boxes, simulator control."""
 
 import itertools
 import threading
@@ -22,9 +22,9 @@ from pioneer_web.nodes.patrol import FEWEST, Patrol
 from pioneer_web.nodes.recording import Recording
 
 ZERO_EVERY = 0.05
-"""How often a robot that is held gets a zero [s]."""
+"""Interval between zero velocity commands to a held robot [s]."""
 PATIENCE = 2.0
-"""For a service of the simulator [s]."""
+"""Time-out for the simulator's services [s]."""
 _SERVICES = {
     "pause": "/gazebo/pause_physics",
     "resume": "/gazebo/unpause_physics",
@@ -32,21 +32,22 @@ _SERVICES = {
     "reset": "/gazebo/reset_world",
 }
 _VARIANCE = (0.25, 0.25, 0.07)
-"""Of an initial pose: x, y [m²], yaw [rad²], as RViz's tool sends it."""
+"""Variance of an initial pose in x, y [m²] and yaw [rad²], as in RViz's tool."""
 _BOX = """<sdf version="1.6"><model name="box"><link name="link"><inertial><mass>20</mass></inertial>
 <collision name="c"><geometry><box><size>0.5 0.5 0.6</size></box></geometry></collision>
 <visual name="v"><geometry><box><size>0.5 0.5 0.6</size></box></geometry></visual></link></model></sdf>"""
 
 
 class Commander:
-    """Publishes what RViz's tools and ``ESTOP`` publish.
+    """Executes commands by publishing the same topics as RViz's tools and ``ESTOP``.
 
-    Publishes, of each robot: map_goal_pose, initialpose, map_goal_client/cancel, move_base/cancel; these cross to the
-    robot's computer. pioneer/cmd_vel, which the simulator hears here: zero while the robot is held. /replay/seek.
+    Publishes for each robot: map_goal_pose, initialpose, map_goal_client/cancel and move_base/cancel, which gateways
+    forward to the robot's computer; pioneer/cmd_vel, to the simulator on this master: zero while the robot is held.
+    Also /replay/seek.
     Calls: services of /gazebo.
-    Subscribes, of each robot that patrols: map_goal_client/queue.
+    Subscribes for each patrolling robot: map_goal_client/queue.
 
-    Threads: one sends zeros while a robot is held; rospy's answer every command to move with a zero at once.
+    Threads: one publishes zeros while a robot is held; rospy's override every motion command with a zero at once.
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -63,15 +64,15 @@ class Commander:
         threading.Thread(target=self._hold, name="hold", daemon=True).start()
 
     def add(self, robots: Sequence[Robot]) -> None:
-        """Takes commands for more robots."""
+        """Adds robots that can be commanded."""
         self._publishers |= {robot.name: _advertise(robot.name) for robot in robots}
         self._robots = self._robots | {robot.name: robot for robot in robots}
 
     def do(self, command: Command) -> str:
-        """Does it and returns what was done, in words.
+        """Executes a command; returns a message for the user.
 
         Raises:
-            CommandError: it cannot be done.
+            CommandError: the command cannot be executed.
         """
         match command:
             case Drive(places, append):
@@ -101,7 +102,7 @@ class Commander:
         raise CommandError("unknown command")
 
     def on_queue(self, robot: Robot) -> None:
-        """Sends the waypoint that was to replace the others, and those appended to it, once the others are gone."""
+        """Sends replacement waypoints once the robot's previous waypoints are cancelled."""
         with self._replacing:
             for place in [] if robot.goals else self._due.pop(robot.name, []):
                 self._publish(robot.name, "map_goal_pose", conversions.goal_from_pose(place))
@@ -160,7 +161,7 @@ class Commander:
         self._publish(robot, "map_goal_client/cancel", EmptyMessage())
 
     def _stop(self, robots: Sequence[str]) -> str:
-        # The zeros first, to all: they alone decide how far a robot still rolls.
+        # Send the zeros to all robots first: only they determine the stopping distance.
         for name in robots:
             self._publish(name, "pioneer/cmd_vel", Twist())
         for name in robots:

@@ -1,4 +1,4 @@
-"""What pages show, taken from the base station's master only while somebody looks."""
+"""Subscribes to the data that pages show, at the base station's master and only while pages are open."""
 
 import functools
 import threading
@@ -33,31 +33,31 @@ from pioneer_web.core.robot import Robot
 from pioneer_web.core.station import Station
 
 BEAT = 0.2
-"""How often pages are brought up to date [s]."""
+"""Update period of pages [s]."""
 COSTS = 5
-"""Beats between two pictures of a costmap, the largest part of what pages get."""
+"""Beats between two costmap images, which make up most of the traffic to pages."""
 ROOM = 1 << 18
-"""Bytes read at once, more than a topic carries between two beats."""
+"""Receive buffer [bytes], larger than the data on a topic between two beats."""
 _FROM_MAP = b"\x03\x00\x00\x00map"
-"""A frame's name as it stands in a message; with the slash of old nodes the length differs."""
+"""A frame name in serialised form. Old nodes send it with a leading slash, so its length differs."""
 _FROM_OLD_MAP = b"\x04\x00\x00\x00/map"
 
 
 class Feed:
     """Keeps a `Station` up to date between `open` and `close`.
 
-    Subscribes, while open: /clock, /map, /tf, /diagnostics, /rosout_agg, /gateway/gateway_info, /gateway/rules,
-    /gazebo/model_states, /gazebo/real_time_factor, /replay/position; of each robot its scan, odom, battery_state,
+    Subscribes while open: /clock, /map, /tf, /diagnostics, /rosout_agg, /gateway/gateway_info, /gateway/rules,
+    /gazebo/model_states, /gazebo/real_time_factor, /replay/position; for each robot its scan, odom, battery_state,
     amcl_pose, computer, rosout_agg, map_goal_client/queue, and move_base's plans and local costmap.
 
-    Threads: rospy's, one a connection. Each takes the newest message only, then waits for the next beat while the
-    kernel keeps what comes: odometry at 100 Hz costs as much as at 5 Hz.
+    Threads: rospy's, one per connection. Each handles only the newest message, then waits for the next beat while the
+    kernel buffers: odometry at 100 Hz costs as much as at 5 Hz.
 
-    On error: none of its own; what does not come stays unknown.
+    On error: no errors of its own; missing data stays unknown.
     """
 
     def __init__(self, station: Station, on_queue: Callable[[Robot], None]) -> None:
-        """``on_queue`` is called when a robot's waypoints have changed."""
+        """Calls ``on_queue`` whenever a robot's waypoints have changed."""
         self.station, self.lock, self.map_png = station, threading.Lock(), b""
         self._on_queue_changed = on_queue
         self._frames: dict[str, Robot] = {}
@@ -67,20 +67,20 @@ class Feed:
 
     @property
     def is_open(self) -> bool:
-        """Whether anything is subscribed."""
+        """Whether the topics are subscribed."""
         return bool(self._subscribers)
 
     def open(self) -> None:
-        """Subscribes to everything; does nothing if it has.
+        """Subscribes to all topics; no effect if already open.
 
         Raises:
             OSError: the master does not answer.
-            rospy.ROSException: it refuses.
+            rospy.ROSException: the master refuses.
         """
         if self.is_open:
             return
         listen = functools.partial(self._listen, beats=0)
-        # Where the robots are comes first: with many, the last subscription is made a second later.
+        # The robots' poses first: with many robots, the last subscription is made a second later.
         listen("/tf", rospy.AnyMsg, self._on_tf, queue_size=None)
         listen("/map", numpy_msg(OccupancyGrid), self._on_map)
         self._listen("/clock", Clock, self._on_clock)
@@ -94,10 +94,10 @@ class Feed:
         self._listen("/replay/position", Float64MultiArray, self._on_replay)
 
     def add(self, robots: Sequence[Robot]) -> None:
-        """Shows more robots, now if it is open.
+        """Adds robots; subscribes to their topics at once if the feed is open.
 
         Raises:
-            OSError: the master does not answer; none was added.
+            OSError: the master does not answer; no robot was added.
         """
         if self.is_open:
             self._listen_to(robots)
@@ -114,7 +114,7 @@ class Feed:
 
         each("odom", Odometry, self._on_odom)
         for robot in robots:
-            # Whatever the robot calls it.
+            # The scan topic has no fixed name.
             topic = next((topic for topic in scans if topic.startswith(f"/{robot.name}/")), f"/{robot.name}/base_scan")
             self._listen(topic, numpy_msg(LaserScan), functools.partial(self._on_scan, robot))
         each("map_goal_client/queue", WaypointQueue, self._on_queue, 0)
@@ -137,7 +137,7 @@ class Feed:
         self.beat()
 
     def beat(self) -> None:
-        """Lets each topic's newest message in."""
+        """Starts the next beat: each topic's newest message is processed."""
         with self._beaten:
             self._beats += 1
             self._beaten.notify_all()
@@ -160,7 +160,7 @@ class Feed:
             self._beaten.wait_for(lambda: self._beats >= until or not self.is_open, 5 * beats * BEAT)
 
     def _on_tf(self, message: Any) -> None:
-        """Takes the corrections out of what is mostly odometry and wheels, which is not even decoded."""
+        """Extracts the robots' corrections; other transforms, mostly odometry and wheels, are not even decoded."""
         if _FROM_MAP not in message._buff and _FROM_OLD_MAP not in message._buff:
             return
         for transform in TFMessage().deserialize(message._buff).transforms:
@@ -216,7 +216,7 @@ class Feed:
             self._mounts[robot.name] = frame
             own = f"/{robot.name}/robot_description"
             name = own if rospy.has_param(own) else "/robot_description"
-            # A replay has none.
+            # There is none in a replay.
             if rospy.has_param(name):
                 robot.mount = mount_of(rospy.get_param(name), frame.rpartition("/")[2])
 

@@ -1,4 +1,4 @@
-"""The fleet's figures in Prometheus' text format."""
+"""Exports fleet metrics in Prometheus' text format."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ from pioneer_web.core.station import Station
 
 
 def figures(station: Station, viewers: int, now: float) -> bytes:
-    """Returns all figures; what is unknown is left out. ``now`` is monotonic [s]."""
+    """Returns all metrics, without unknown values. ``now`` is monotonic [s]."""
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Collector(station, viewers, now))
     return generate_latest(registry)
@@ -21,7 +21,7 @@ class _Collector(Collector):
         self._station, self._viewers, self._now = station, viewers, now
 
     def collect(self) -> Iterator[Metric]:
-        """Yields every metric, with its samples."""
+        """Yields every metric with its samples."""
         yield GaugeMetricFamily("pioneer_pages", "Pages that are open.", self._viewers)
         if self._station.real_time_factor is not None:
             yield GaugeMetricFamily(

@@ -1,4 +1,4 @@
-"""``fleet_page``: the fleet in the browser, a node of Hub_Gateway's master."""
+"""``fleet_page``: web dashboard of the fleet, a node on Hub_Gateway's master."""
 
 import dataclasses
 import os
@@ -26,11 +26,11 @@ from rocon_flip.nodes.gateway_client import GatewayClient
 
 NAME = "fleet_page"
 TOKENS = {Role.OPERATOR: "PIONEER_WEB_TOKEN", Role.VIEWER: "PIONEER_WEB_VIEWER_TOKEN"}
-"""Environment variables with the secrets; without, they are made up and printed."""
+"""Environment variables with the login tokens; if unset, random tokens are generated and printed."""
 SHORTEST = 16
-"""Of a token [characters]."""
+"""Minimum length of a token [characters]."""
 ROBOT_NAMES = "/robot_names"
-"""Parameter with the fleet's robots, in the order of their computers; robots that join are added to it."""
+"""Parameter with the names of the fleet's robots, in the order of their computers; joining robots are appended."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _SEEN = ("map_goal_client/queue", "amcl_pose", "computer", "rosout_agg")
 _SENT = ("map_goal_pose", "initialpose", "map_goal_client/cancel", "move_base/cancel")
@@ -38,15 +38,15 @@ _SENT = ("map_goal_pose", "initialpose", "map_goal_client/cancel", "move_base/ca
 
 @dataclasses.dataclass(frozen=True)
 class PageConfig:
-    """Parameters."""
+    """Parameters of the node."""
 
-    host: str = "127.0.0.1"  #: address to listen on; others than the loopback want TLS
+    host: str = "127.0.0.1"  #: address to listen on; TLS is required unless it is the loopback
     port: int = 8090  #: TCP port
-    session_hours: float = 12.0  #: after which a session must log in again [h]
-    tls_directory: str = ""  #: with the machine's ``tls.crt`` and ``tls.key``, as ``make_certificates`` makes them
-    insecure: bool = False  #: listens on other addresses without TLS too
-    masters: str = ""  #: what recordings are of, "NAME=URI …"; empty for this node's master only
-    recordings: str = "~/.ros/recordings"  #: folder of their files
+    session_hours: float = 12.0  #: session lifetime, after which users must log in again [h]
+    tls_directory: str = ""  #: folder of the machine's ``tls.crt`` and ``tls.key``, see ``make_certificates``
+    insecure: bool = False  #: allows other addresses without TLS
+    masters: str = ""  #: masters to record, "NAME=URI …"; empty for this node's master only
+    recordings: str = "~/.ros/recordings"  #: folder for recordings
 
     def __post_init__(self) -> None:
         if not 0 < self.port < 65536:
@@ -61,12 +61,12 @@ class PageConfig:
 
 
 class FleetPageNode:
-    """Serves the fleet page.
+    """Serves the dashboard.
 
-    Subscribes, publishes, calls: as `Feed`, `Commander` and `Foxglove` say; asks the gateway for flips to and from this
-    node. Parameters: `PageConfig`; /robot_names (waited for, and followed). Environment: ``TOKENS``.
-    Threads: the main one serves; another one asks the gateway; rospy's.
-    On error: a port that is taken ends the node.
+    Subscribes, publishes, calls: see `Feed`, `Commander` and `Foxglove`; requests flips to and from this node from the
+    gateway. Parameters: `PageConfig`; /robot_names (waits for it and follows changes). Environment: ``TOKENS``.
+    Threads: the main thread serves; one thread calls the gateway; rospy's.
+    On error: the node ends if the port is in use.
     """
 
     def __init__(self) -> None:
@@ -117,25 +117,25 @@ def _token(variable: str) -> str:
 
 
 def _await_robots() -> None:
-    """Waits for step 3, which sets the robots' names."""
+    """Waits until step 3 has set the robots' names."""
     while not rospy.has_param(ROBOT_NAMES):
         if wait(0.2):
             return
 
 
 def _robot_names() -> list[str]:
-    """Returns the robots' names as the master last told; none while they are no list of names."""
+    """Returns the robots' names from the cached parameter; empty if it is not a list of valid names."""
     names = rospy.get_param_cached(ROBOT_NAMES, [])
     is_sound = isinstance(names, list) and all(isinstance(name, str) and is_legal_base_name(name) for name in names)
     return names if is_sound else []
 
 
 def _ask_for_flips(names: Sequence[str], new: Sequence[Robot]) -> None:
-    """Asks for what pages show of new robots and send to them; it costs nothing until this node subscribes.
+    """Requests flips of the topics that pages show of, or send to, new robots; no traffic until this node subscribes.
 
-    ``names`` are all robots', in the order of their computers.
+    ``names`` lists all robots in the order of their computers.
     """
-    # An expression, as for RViz' tools: it waits for nobody, so without the page no computer counts as unready.
+    # A pattern, as for RViz's tools: it does not wait for a node, so computers count as ready without the page.
     node, client = f"/{NAME}.*", GatewayClient()
     gateways = {robot.gateway for robot in new}
     wishes = [wish for wish in flipped_from_hub(names) if wish.gateway in gateways]
@@ -146,7 +146,7 @@ def _ask_for_flips(names: Sequence[str], new: Sequence[Robot]) -> None:
         client.wait()
         client.ask(Action.FLIP, wishes)
     except rospy.ROSException:
-        return  # the node ends
+        return  # the node is shutting down
 
 
 def main() -> int:

@@ -1,4 +1,4 @@
-"""Foxglove's WebSocket protocol: topics as they came, services, publishing; one connection a topic for all clients."""
+"""Serves Foxglove's WebSocket protocol: raw topics, services, publishing. Clients share one connection per topic."""
 
 import asyncio
 import contextlib
@@ -31,21 +31,21 @@ from pioneer_web.core.wire import (
 from tcpros.adapters.client import Client, ClientError, Connection
 
 LOOK_EVERY = 1.0
-"""How often the master is asked what there is, while a client is connected [s]."""
+"""Poll interval for topics and services at the master while a client is connected [s]."""
 CONNECTING = 1.0
-"""For how long a new publisher waits for its first subscriber [s]."""
+"""Time a new publisher waits for its first subscriber [s]."""
 EXPIRED = 4401
-"""Why a connection is closed: the session has ended."""
+"""WebSocket close code: the session has expired."""
 BACKLOG = 200
-"""Messages that wait for a slow client; further ones are dropped."""
+"""Queue size for a slow client [messages]; further messages are dropped."""
 _SCHEMA = "ros1msg"
 _CAPABILITIES = ["clientPublish", "services"]
 
 
 class Source:
-    """A topic on its way to clients: a thread and a connection for each publisher, raw frames.
+    """Forwards a topic's raw frames to clients, with one connection and thread per publisher.
 
-    rospy is not used: it has one subscription a topic and process, and the page's are decoded and slowed.
+    Does not use rospy, which shares one subscription per topic in a process: the page's are decoded and throttled.
     """
 
     def __init__(self, client: Client, topic: str, deliver: Callable[[str, bytes], None]) -> None:
@@ -54,7 +54,7 @@ class Source:
         self._lock, self._closed = threading.Lock(), False
 
     def follow(self, publishers: set[str]) -> None:
-        """Connects to these nodes, unless it has."""
+        """Connects to those of these nodes that are not connected yet."""
         with self._lock:
             fresh = publishers - self._connections.keys()
             self._connections.update(dict.fromkeys(fresh))
@@ -78,14 +78,14 @@ class Source:
                 while not self._closed:
                     self._deliver(self._topic, connection.read_frame())
         except (ClientError, OSError):
-            pass  # it has ended; the next look connects again if it is back
+            pass  # the publisher is gone; the next poll reconnects if it is back
         finally:
             with self._lock:
                 self._connections.pop(node, None)
 
 
 class Visitor:
-    """One client: its subscriptions, and what it publishes."""
+    """One client: its subscriptions and publishers."""
 
     def __init__(self, socket: WebSocket) -> None:
         self.socket = socket
@@ -97,11 +97,11 @@ class Visitor:
 
     @property
     def may_act(self) -> bool:
-        """Whether it may publish and call."""
+        """Whether the client may publish and call services."""
         return bool(self.socket.scope["role"] >= Role.OPERATOR)
 
     def send(self, frame: bytes | dict[str, Any]) -> None:
-        """Sends a frame; a message is dropped where too many wait."""
+        """Queues a frame for sending; drops it if the queue is full."""
         with contextlib.suppress(asyncio.QueueFull):
             self._queue.put_nowait(frame)
 
@@ -110,7 +110,7 @@ class Visitor:
         self.send({"op": "status", "level": 2, "message": text})
 
     async def forward(self) -> None:
-        """Sends what is queued, for ever."""
+        """Sends queued frames in an endless loop."""
         while True:
             frame = await self._queue.get()
             await (self.socket.send_bytes(frame) if isinstance(frame, bytes) else self.socket.send_json(frame))
@@ -119,11 +119,11 @@ class Visitor:
 class Foxglove:
     """The endpoint for Foxglove, Lichtblick and other clients of the protocol.
 
-    Threads: the server's loop; one a publisher of a topic that a client has subscribed to.
+    Threads: the server's event loop; one per publisher of each subscribed topic.
     """
 
     def __init__(self) -> None:
-        # A name of its own: publishers drop a connection when another one of the same name comes, here the page's.
+        # Separate node name: publishers drop a connection when another with the same name arrives, here the page's.
         self._client = Client(rosgraph.get_master_uri(), f"{rospy.get_name()}_foxglove")
         self._visitors: set[Visitor] = set()
         self._sources: dict[str, Source] = {}
@@ -139,7 +139,7 @@ class Foxglove:
         self._sources.clear()
 
     async def serve(self, socket: WebSocket) -> None:
-        """Serves one client to its end."""
+        """Serves one client until it disconnects."""
         offered = socket.scope.get("subprotocols", [])
         await socket.accept(next((one for one in PROTOCOLS if one in offered), None))
         visitor = Visitor(socket)
@@ -160,7 +160,7 @@ class Foxglove:
         try:
             while socket.scope["still"]():
                 await self._take(visitor, await socket.receive())
-        except (WebSocketDisconnect, RuntimeError):  # RuntimeError: received after the end
+        except (WebSocketDisconnect, RuntimeError):  # RuntimeError: receive after disconnect
             pass
         finally:
             forwarding.cancel()
@@ -209,7 +209,7 @@ class Foxglove:
     async def _advertise(self, visitor: Visitor, channel: Mapping[str, Any]) -> None:
         kind = _class_of(channel["schemaName"])
         if not visitor.may_act:
-            raise WireError("this token may only look")
+            raise WireError("this token is read-only")
         if kind is None or channel.get("encoding", ENCODING) != ENCODING:
             raise WireError(f"{channel['topic']}: cannot publish {channel['schemaName']} encoded other than {ENCODING}")
         if not rosgraph.names.is_legal_name(channel["topic"]) or not channel["topic"].startswith("/"):
@@ -232,7 +232,7 @@ class Foxglove:
         names = {number: name for name, number in visitor.services.items()}
         try:
             if not visitor.may_act:
-                raise WireError("this token may only look")
+                raise WireError("this token is read-only")
             if call.service not in names:
                 raise WireError("no such service")
             visitor.send(response_frame(call, await asyncio.to_thread(self._called, names[call.service], call.body)))
@@ -245,9 +245,9 @@ class Foxglove:
             return connection.call_raw(body)
 
     async def _look(self) -> None:
-        """Asks the master what there is, as long as there are clients."""
+        """Polls the master for topics and services while clients are connected."""
         while not rospy.is_shutdown():
-            with contextlib.suppress(ClientError, OSError):  # the master is away: asked again below
+            with contextlib.suppress(ClientError, OSError):  # the master is unavailable: retried below
                 self._state = await asyncio.to_thread(self._graph)
                 for visitor in self._visitors:
                     self._announce(visitor)
@@ -275,7 +275,7 @@ class Foxglove:
         return kind if roslib.message.get_service_class(kind) is not None else ""
 
     def _announce(self, visitor: Visitor) -> None:
-        """Tells a client what is new, and what is gone."""
+        """Sends a client the topics and services that are new, and the topics that are gone."""
         topics, _, services = self._state
         fresh = {topic: kind for topic, kind in topics.items() if topic not in visitor.channels}
         gone = [topic for topic in visitor.channels if topic not in topics]
@@ -309,7 +309,7 @@ class Foxglove:
         return {"id": self._number("service", name), "name": name, "type": kind, **schemas, **old}
 
     def _follow(self) -> None:
-        """Connects to the topics that clients have subscribed to, and to no others."""
+        """Connects to all topics that clients subscribe to; closes the others."""
         wanted = {topic for visitor in self._visitors for topic in visitor.subscriptions.values()}
         for topic in [*self._sources]:
             if topic not in wanted:
@@ -339,9 +339,9 @@ class _Listeners(rospy.SubscribeListener):
 
 
 def _publisher(topic: str, kind: Any) -> rospy.Publisher:
-    """Returns a publisher that its first subscriber, if there is one, has connected to.
+    """Returns a publisher after its first subscriber has connected, or after `CONNECTING`.
 
-    Not a latched one: a robot whose gateway comes back must not get an old waypoint again.
+    It is not latched: a robot must not get an old waypoint again when its gateway reconnects.
     """
     listeners = _Listeners()
     publisher = rospy.Publisher(topic, kind, subscriber_listener=listeners, queue_size=20)
@@ -352,5 +352,5 @@ def _publisher(topic: str, kind: Any) -> rospy.Publisher:
 def _class_of(kind: str) -> Any:
     try:
         return roslib.message.get_message_class(kind)
-    except ValueError:  # no PACKAGE/TYPE
+    except ValueError:  # not of the form PACKAGE/TYPE
         return None

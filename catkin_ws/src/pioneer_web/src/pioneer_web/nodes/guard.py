@@ -1,4 +1,4 @@
-"""The one door to everything that is served: sessions, tokens, origins."""
+"""Authentication for everything that is served: sessions, tokens, origins."""
 
 import http.cookies
 import time
@@ -12,19 +12,19 @@ from pioneer_web.core.access import Access, Role, same_origin
 
 LOGIN, LOGOUT = "/login", "/logout"
 LONGEST_LOGIN = 1000
-"""Of a request to log in [bytes]."""
+"""Maximum size of a login request [bytes]."""
 _POLICY = {"X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY", "Referrer-Policy": "no-referrer"}
 
 
 class Guard:
-    """ASGI middleware that lets through requests with a session's cookie or a token, with their role in the scope.
+    """ASGI middleware that passes requests with a session cookie or a token, and puts their role into the scope.
 
     Args:
-        app: what is guarded.
+        app: the protected application.
         access: sessions and tokens.
-        login_page: shown, with status 401, to who has neither.
-        port: part of the cookie's name, since browsers send cookies to every port of a host.
-        encrypted: whether the server speaks TLS.
+        login_page: HTML sent with status 401 to unauthenticated clients.
+        port: part of the cookie's name, because browsers send cookies to every port of a host.
+        encrypted: whether the server uses TLS.
     """
 
     def __init__(self, app: ASGIApp, access: Access, login_page: str, port: int, encrypted: bool) -> None:
@@ -45,7 +45,7 @@ class Guard:
             answer = Response("another origin", 403) if foreign else await self._login(receive)
             await answer(scope, receive, send)
             return
-        # A token in the request is known to who asks; a cookie comes with any request that a page makes a browser send.
+        # A token is sent deliberately. Browsers attach cookies to requests of any site, so check the origin (CSRF).
         role = bearer or (None if writes and foreign else self._access.role(session, time.monotonic()))
         if role is None:
             await self._refuse(scope, receive, send)
@@ -71,7 +71,7 @@ class Guard:
         kind, _, token = headers.get("authorization", "").partition(" ")
         if kind.lower() == "bearer":
             return self._access.role_of_token(token)
-        # Foxglove can set neither header nor cookie; of a connection nothing is logged here.
+        # Foxglove can set neither headers nor cookies, so its token is in the path. The path is not logged here.
         path, _, token = scope["path"].rpartition("/")
         return self._access.role_of_token(token) if path == "/foxglove" else None
 

@@ -1,4 +1,4 @@
-"""The page: NiceGUI lays it out, ``static/fleet.js`` draws what comes over the socket ``/live``."""
+"""The dashboard page: NiceGUI builds the layout, ``static/fleet.js`` draws the data from the WebSocket ``/live``."""
 
 import asyncio
 import json
@@ -15,7 +15,7 @@ from pioneer_description.nodes.rviz_snapshot import TEMPLATE
 from pioneer_web.nodes.camera import image_topics, next_image
 
 DOCTOR_LIMIT = 60.0
-"""For the examination of all gateways [s]."""
+"""Time-out for the examination of all gateways [s]."""
 _TOOLS = (
     ("view", "pan_tool", "Move the view; click a robot to select it"),
     ("drive", "near_me", "Send the selected robots: press at the place, drag to the heading"),
@@ -28,12 +28,12 @@ _LOG = """<select id="least" aria-label="least severity"><option value="info">al
 <div id="log"></div>"""
 _SLIDER = '<label id="replay" hidden>Replay <input type="range" min="0" step="0.1"><span></span></label>'
 LOOK_AGAIN = 0.3
-"""Between two camera images [s]."""
+"""Interval between two camera images [s]."""
 _ACTIONS = (("pause", "pause"), ("resume", "play_arrow"), ("step", "skip_next"), ("reset", "restart_alt"))
 
 
 def colours(count: int) -> list[str]:
-    """Returns each robot's colour in RViz, as ``rgb(r, g, b)``."""
+    """Returns the robots' colours in RViz, as ``rgb(r, g, b)``."""
     groups = [
         one for one in yaml.safe_load(TEMPLATE.read_text())["Visualization Manager"]["Displays"] if "Displays" in one
     ]
@@ -43,12 +43,12 @@ def colours(count: int) -> list[str]:
 
 
 def build(on_open: Callable[[], None]) -> None:
-    """Registers the page; ``on_open`` is called when a browser asks for it."""
+    """Registers the page; ``on_open`` is called when a browser requests it."""
 
     @ui.page("/")
     def fleet_page() -> None:
         on_open()
-        # In the head: what is known of the fleet comes while NiceGUI's scripts are loaded.
+        # In the head, so that fleet data already arrives while NiceGUI's scripts load.
         ui.add_head_html('<link rel="stylesheet" href="/static/fleet.css"><script src="/static/fleet.js"></script>')
         dark = ui.dark_mode(None)
         _header(dark)
@@ -86,7 +86,9 @@ def _tools() -> None:
         for name, icon, tip in _TOOLS:
             _act("", f"tool-{name}", "flat dense", icon, tip)
         _act("", "cancel", "flat dense", "playlist_remove", "Drop the waypoints of the selected robots")
-        _act("", "patrol", "flat dense", "repeat", "Repeat the waypoints of the selected robots, or no longer")
+        _act(
+            "", "patrol", "flat dense", "repeat", "Repeat the waypoints of the selected robots, or stop repeating them"
+        )
         _act("", "follow", "flat dense", "gps_fixed", "Follow the selected robot")
         _act("", "fit", "flat dense", "fit_screen", "Show the whole map")
         _act("STOP", "stop", "dense color=negative", None, "Stop the selected robots and hold them")
@@ -115,7 +117,7 @@ def _tabs() -> None:
 
 
 async def _camera() -> None:
-    """Shows what a camera sees while the dialog is open."""
+    """Shows live camera images while the dialog is open."""
     topics = await asyncio.to_thread(image_topics)
     with ui.dialog(value=True) as dialog, ui.card().classes("camera"):
         words = ui.label("" if topics else "There are no camera images (sensor_msgs/Image) on this master.")
@@ -136,7 +138,7 @@ async def _camera() -> None:
 
 
 async def _doctor() -> None:
-    """Has all gateways examined, and shows the faults with what to do about them."""
+    """Runs the doctor on all gateways and shows faults and fixes."""
     with ui.dialog(value=True) as dialog, ui.card():
         ui.label("What keeps gateways from working").classes("text-h6")
         waiting = ui.spinner()

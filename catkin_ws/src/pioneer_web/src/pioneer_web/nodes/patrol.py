@@ -1,4 +1,4 @@
-"""A robot that drives its waypoints over and over."""
+"""Makes a robot repeat its waypoints."""
 
 import itertools
 from collections.abc import Callable, Sequence
@@ -11,19 +11,19 @@ from pioneer_fleet.core.geometry import Pose
 from pioneer_web import conversions
 
 FEWEST = 2
-"""Waypoints of a patrol."""
+"""Minimum number of waypoints of a patrol."""
 
 
 class Patrol:
-    """Appends each waypoint again once the robot is through with it; ends when all of them are dropped.
+    """Appends each waypoint again once the robot has finished it; ends when the robot's waypoints are cancelled.
 
-    Subscribes: the robot's map_goal_client/queue, whether a page is open or not.
+    Subscribes: the robot's map_goal_client/queue, even if no page is open.
 
     Args:
         robot: its name.
-        route: the waypoints that it has, in order.
-        append: appends one to those of the robot.
-        on_end: called when somebody has dropped them.
+        route: its current waypoints, in order.
+        append: appends a waypoint to the robot's queue.
+        on_end: called when its waypoints have been cancelled.
     """
 
     def __init__(
@@ -36,14 +36,14 @@ class Patrol:
         )
 
     def end(self) -> None:
-        """Leaves the robot those waypoints that it has."""
+        """Stops repeating; the robot keeps its remaining waypoints."""
         self._subscriber.unregister()
 
     def _on_queue(self, message: Any) -> None:
         there = len(conversions.goals_from_queue(message))
         if not there:
             self._on_end()
-        # The last one that was appended has arrived.
+        # The robot has received the waypoint appended last.
         elif there < self._length and message.received >= self._due:
             self._due = message.received + 1
             self._append(next(self._next))

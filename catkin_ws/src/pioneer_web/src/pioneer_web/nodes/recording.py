@@ -1,4 +1,4 @@
-"""A recording of the fleet, on and off."""
+"""Starts and stops recordings of the fleet."""
 
 import subprocess
 import sys
@@ -9,15 +9,15 @@ from pathlib import Path
 from pioneer_web.core.command import CommandError
 
 _END = 60.0
-"""For the recorder to complete its file [s]."""
+"""Time-out for the recorder to finish its file [s]."""
 
 
 class Recording:
-    """Runs ``pioneer_fleet``'s recorder as a process beside this one.
+    """Runs ``pioneer_fleet``'s recorder as a child process.
 
     Args and attributes:
-        folder: where files are put.
-        masters: what is recorded, NAME=URI each.
+        folder: folder for the files.
+        masters: masters to record, NAME=URI each.
     """
 
     def __init__(self, folder: Path, masters: Sequence[str]) -> None:
@@ -28,14 +28,14 @@ class Recording:
 
     @property
     def file(self) -> str:
-        """What is recorded to; empty while nothing is."""
+        """Path of the current recording; empty while not recording."""
         return self._file if self._process and self._process.poll() is None else ""
 
     def start(self) -> str:
-        """Begins a file and returns what was done, in words.
+        """Starts a recording; returns a message for the user.
 
         Raises:
-            CommandError: one is under way, or it cannot be written.
+            CommandError: a recording is already running, or the recorder cannot be started.
         """
         if self.file:
             raise CommandError(f"{self._file} is being recorded already")
@@ -49,10 +49,10 @@ class Recording:
         return f"recording to {path}"
 
     def stop(self) -> str:
-        """Completes the file and returns what it holds, in words.
+        """Finishes the recording; returns the recorder's summary.
 
         Raises:
-            CommandError: nothing is recorded, or the recorder failed.
+            CommandError: no recording is running, or the recorder failed.
         """
         process, self._process = self._process, None
         if process is None:
@@ -70,6 +70,6 @@ class Recording:
         return said.strip()
 
     def close(self) -> None:
-        """Completes the file if there is one."""
+        """Finishes the recording, if one is running."""
         if self.file:
             self.stop()

@@ -1,4 +1,4 @@
-"""Serves the page, its stream of changes, the map and the figures; subscribes while somebody looks."""
+"""Web server for the page, its stream of changes, the map and the metrics; subscribes only while in use."""
 
 import asyncio
 import contextlib
@@ -26,25 +26,25 @@ from pioneer_web.nodes.foxglove import EXPIRED, Foxglove
 from pioneer_web.nodes.guard import Guard
 
 TAKEN_IN = 0.04
-"""From a beat until what it let in is shown [s]."""
+"""Delay from a beat until its data is sent to pages [s]."""
 RETRY = 1.0
-"""Until a master that did not answer is asked again [s]."""
+"""Retry interval if the master does not answer [s]."""
 LINGER = 5.0
-"""For how long subscriptions outlast the last page [s], so that a reload finds everything there, and precede one."""
+"""Time subscriptions stay open before a page connects, and after the last one closes: a reload finds its data [s]."""
 SCRAPED = 60.0
-"""For how long they outlast a look at the figures [s]."""
+"""Time subscriptions stay open after a request for metrics [s]."""
 
 
 class Viewer:
-    """A page's end of the stream."""
+    """The stream's connection to one page."""
 
     def __init__(self, socket: WebSocket) -> None:
-        #: lags: whether it has missed a change since the last whole picture
+        #: lags: whether it has missed a change since the last full snapshot
         self._socket, self.lags = socket, True
         self._next: asyncio.Queue[bytes] = asyncio.Queue(maxsize=1)
 
     def offer(self, changes: bytes) -> None:
-        """Sends changes, unless the last ones are still on their way."""
+        """Sends changes, or marks the page as lagging if the previous ones are still being sent."""
         try:
             self._next.put_nowait(changes)
         except asyncio.QueueFull:
@@ -52,11 +52,11 @@ class Viewer:
 
     @property
     def is_free(self) -> bool:
-        """Whether it takes something now."""
+        """Whether it can accept data now."""
         return self._next.empty()
 
     async def forward(self) -> None:
-        """Sends what is offered, for ever."""
+        """Sends offered data in an endless loop."""
         while True:
             await self._socket.send_bytes(await self._next.get())
 
@@ -65,13 +65,13 @@ class Server:
     """The web server of one fleet.
 
     Args:
-        feed: what is shown.
-        commander: what is done.
-        access: who may.
-        take_in: called five times a second while pages are open, has robots that joined shown.
-        static: folder of the page's files.
-        host, port: where it listens.
-        certificate, key: files for TLS; None for none.
+        feed: source of the data shown.
+        commander: executes commands.
+        access: access control.
+        take_in: called five times a second while pages are open, to add robots that have joined.
+        static: folder of the page's static files.
+        host, port: address to listen on.
+        certificate, key: TLS files; None for no TLS.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class Server:
         self._uvicorn.run()
 
     def end(self) -> None:
-        """Ends `run` soon; from any thread."""
+        """Makes `run` return soon; thread-safe."""
         self._uvicorn.should_exit = True
 
     @contextlib.asynccontextmanager
@@ -119,7 +119,7 @@ class Server:
         self.foxglove.close()
 
     async def _beat(self) -> None:
-        """Brings all pages up to date, five times a second while there are any; rests otherwise."""
+        """Updates all pages five times a second; sleeps while there are none."""
         while not rospy.is_shutdown():
             if not self._is_wanted():
                 await asyncio.to_thread(self._feed.close)
@@ -140,7 +140,7 @@ class Server:
             await asyncio.sleep(max(0.01, BEAT - (time.monotonic() - began)))
 
     def _want(self, seconds: float) -> None:
-        """Has the subscriptions last so much longer [s], and begin if there are none."""
+        """Keeps the subscriptions open for at least ``seconds`` [s] from now; opens them if necessary."""
         self._wanted_until = max(self._wanted_until, time.monotonic() + seconds)
         self._woken.set()
 
@@ -164,7 +164,7 @@ class Server:
                 viewer.offer(changes)
 
     async def _live(self, socket: WebSocket) -> None:
-        """One page: changes out, commands in."""
+        """Serves one page: sends changes, receives commands."""
         await socket.accept()
         viewer = Viewer(socket)
         self._viewers.add(viewer)
@@ -178,7 +178,7 @@ class Server:
                         break
                     await socket.send_json({"answer": await self._answer(text, socket.scope["role"])})
             await socket.close(EXPIRED)
-        except (WebSocketDisconnect, KeyError):  # KeyError: a frame that is no text
+        except (WebSocketDisconnect, KeyError):  # KeyError: not a text frame
             pass
         finally:
             forwarding.cancel()
@@ -189,7 +189,7 @@ class Server:
         try:
             command = command_from_text(text, [robot.name for robot in self._feed.station.robots])
             if role < Role.OPERATOR:
-                raise CommandError("this session may only look")
+                raise CommandError("this session is read-only")
             return {"good": True, "text": await asyncio.to_thread(self._commander.do, command)}
         except CommandError as error:
             return {"good": False, "text": str(error)}
@@ -205,7 +205,7 @@ class Server:
 
 
 class _Uvicorn(uvicorn.Server):
-    """Leaves signals to the node."""
+    """Leaves signal handling to the node."""
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:

@@ -1,1 +1,1 @@
-"""Which rules each script asks for: no ROS."""
+"""The rules that each script requests; does not need ROS."""

@@ -1,6 +1,6 @@
-"""The rules of the fleet, and of a single topic, as values.
+"""Defines the gateway rules of the fleet and of single topics.
 
-All names that the tutorial fixes are here: which topics cross, between which gateways, for which nodes.
+Contains all names fixed by the tutorial: which topics are forwarded, between which gateways, for which nodes.
 """
 
 import enum
@@ -28,11 +28,11 @@ DEFAULT_ROBOTS = 15
 
 
 class RuleSetError(ValueError):
-    """A command line or environment from which no rules follow; the text says what to give."""
+    """The command line or environment is invalid; the message says what to give."""
 
 
 class Action(enum.StrEnum):
-    """What is asked of the gateway; the name of its service."""
+    """A request to the gateway; the value is the name of its service."""
 
     ADVERTISE = "advertise"
     PULL = "pull"
@@ -41,9 +41,9 @@ class Action(enum.StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """One rule to ask for."""
+    """One rule to request from the gateway."""
 
-    #: "publisher" or "subscriber", seen from this gateway for a flip and from the other for a pull; "parameter"
+    #: "publisher" or "subscriber", as seen from this gateway for a flip, from the other for a pull; or "parameter"
     kind: str
     name: str  #: the topic, or a pattern
     node: str = ""  #: the node, or a pattern; empty for any
@@ -54,21 +54,21 @@ class Wish:
 
 
 WORLD = Wish("parameter", "/world_name")
-"""Set by step 3 and read by step 4, which takes the robot's initial pose from it."""
+"""Set by step 3; step 4 derives the robot's initial pose from it."""
 
 
 def advertised_by_hub() -> list[Wish]:
-    """Returns what the hub's gateway advertises."""
+    """Returns the rules that the hub's gateway advertises."""
     return [*(Wish("publisher", f"/{topic}") for topic in SHARED_TOPICS), WORLD]
 
 
 def pulled_from_hub(gateway: str = HUB_GATEWAY) -> list[Wish]:
-    """Returns what a robot pulls."""
+    """Returns the rules that a robot pulls."""
     return [replace(wish, gateway=gateway) for wish in advertised_by_hub()]
 
 
 def flipped_from_hub(robots: Sequence[str], node: str = ANY_NODE) -> list[Wish]:
-    """Returns what the hub's gateway flips so that `node` there sees `robots`, the first on aadi1 and so on."""
+    """Returns the hub gateway's flips that let `node` there see `robots`; the first robot is on aadi1, and so on."""
     return [
         Wish("subscriber", topic, node, f"aadi{number}_gateway")
         for number, robot in enumerate(robots, 1)
@@ -77,7 +77,7 @@ def flipped_from_hub(robots: Sequence[str], node: str = ANY_NODE) -> list[Wish]:
 
 
 def flipped_by_tools(robots: Sequence[str]) -> list[Wish]:
-    """Returns what the hub's gateway flips so that RViz's goal and initial-pose tools reach `robots`."""
+    """Returns the hub gateway's flips that let RViz's goal and initial-pose tools reach `robots`."""
     return [
         Wish("publisher", topic_in(robot, topic), TOOLS_NODE, f"aadi{number}_gateway")
         for number, robot in enumerate(robots, 1)
@@ -86,35 +86,35 @@ def flipped_by_tools(robots: Sequence[str]) -> list[Wish]:
 
 
 def flipped_from_robot(robot: str, laser: str = LASER_TOPIC, gateway: str = HUB_GATEWAY) -> list[Wish]:
-    """Returns what a robot flips: its sensors here, its commands there."""
+    """Returns a robot's flips: its sensors to this gateway, its commands to the hub."""
     sensors = [Wish("subscriber", topic_in(robot, topic), gateway=gateway) for topic in (laser, ODOMETRY_TOPIC)]
     return [*sensors, Wish("publisher", topic_in(robot, COMMAND_TOPIC), gateway=gateway)]
 
 
 def flipped_topic(kind: str, topic: str, gateway: str) -> Wish:
-    """Returns the flip of one topic of any node to a gateway, `aadi1_gateway` or `Hub_Gateway`; `aadi1` is enough."""
+    """Returns the flip of one topic, of any node, to a gateway: `Hub_Gateway` or `aadi1_gateway`, `aadi1` for short."""
     full = gateway if gateway.lower().endswith("gateway") else f"{gateway}_gateway"
     return Wish(kind, topic_in("", topic), gateway=full)
 
 
 def flipped_for_traffic() -> list[Wish]:
-    """Returns what a robot flips to all other robots, there now or later, to keep the right of way with them."""
+    """Returns a robot's flip to all other robots, present or future, for right-of-way coordination."""
     return [Wish("publisher", REPORT_TOPIC, gateway=ROBOT_GATEWAYS)]
 
 
 def flipped_for_lockstep(robot: str, gateway: str = HUB_GATEWAY) -> list[Wish]:
-    """Returns what a robot flips to keep in lockstep with the simulator: its tokens and probes here, then back."""
+    """Returns a robot's flips for lockstep with the simulator: tokens and probes to here, finished tokens back."""
     here = [Wish("subscriber", topic_in(robot, f"lockstep/{name}"), gateway=gateway) for name in ("period", "probe")]
     return [*here, Wish("publisher", topic_in(robot, "lockstep/done"), gateway=gateway)]
 
 
 def handshake(gateway: str) -> list[Wish]:
-    """Returns what `test_sender` flips: one topic to `gateway`, one back from there."""
+    """Returns the flips of `test_sender`: one topic to `gateway`, one back from there."""
     return [Wish("publisher", PING, gateway=gateway), Wish("subscriber", PONG, gateway=gateway)]
 
 
 def topic_in(namespace: str, topic: str) -> str:
-    """Returns a topic under a namespace; one that begins with a slash stays as it is."""
+    """Returns a topic in a namespace; an absolute topic is unchanged."""
     if topic.startswith("/"):
         return topic
     namespace = namespace.strip("/")
@@ -122,15 +122,15 @@ def topic_in(namespace: str, topic: str) -> str:
 
 
 def node_named(node: str) -> str:
-    """Returns a node's name with its slash; empty stays empty."""
+    """Returns a node's name with a leading slash; empty stays empty."""
     return f"/{node.lstrip('/')}" if node else ""
 
 
 def robot_names(arguments: list[str], environment: Mapping[str, str]) -> list[str]:
-    """Returns the robots' names: the arguments, or pioneer1 to pioneerN for a number N, ROBOTS, else 15.
+    """Returns the robots' names: the arguments, or pioneer1 … pioneerN, N from the argument, else ROBOTS, else 15.
 
     Raises:
-        RuleSetError: the number is none.
+        RuleSetError: N is not a valid number.
     """
     text = arguments[0] if arguments else environment.get("ROBOTS") or str(DEFAULT_ROBOTS)
     if arguments and text[:1].isalpha():
@@ -144,7 +144,7 @@ def robot_name(arguments: list[str], environment: Mapping[str, str], host: str) 
     """Returns the robot's name: the first argument, else ROBOT_NAME, else pioneerX on host aadiX.
 
     Raises:
-        RuleSetError: none of these says.
+        RuleSetError: none of these gives a name.
     """
     name = arguments[0] if arguments else environment.get("ROBOT_NAME", "")
     if name:

@@ -1,1 +1,1 @@
-"""The scripts, each a function."""
+"""The scripts' entry points."""

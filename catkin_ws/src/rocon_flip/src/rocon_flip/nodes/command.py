@@ -1,4 +1,4 @@
-"""What the scripts of this package do, by name: `run` reads the command line and returns an exit status."""
+"""Implements this package's scripts by name: `run` parses the command line and returns an exit status."""
 
 import argparse
 import os
@@ -17,35 +17,35 @@ from rocon_flip.nodes.gateway_client import GatewayClient
 
 
 class Script(NamedTuple):
-    """A script whose arguments are words."""
+    """A script with positional arguments."""
 
-    action: Action  #: what it asks the gateway for
-    wishes: Callable[[list[str]], list[Wish]]  #: the rules that follow from its arguments
-    usage: str = ""  #: the arguments, and which options of `_SHARED` it has
-    least: int = 0  #: how many arguments it needs
-    most: int = 0  #: how many it takes
+    action: Action  #: its request to the gateway
+    wishes: Callable[[list[str]], list[Wish]]  #: returns the rules for its arguments
+    usage: str = ""  #: usage text; it also determines which options of `_SHARED` are allowed
+    least: int = 0  #: minimum number of arguments
+    most: int = 0  #: maximum number of arguments
 
 
 def _seen_at_hub(arguments: list[str]) -> list[Wish]:
-    """What RViz on the hub shows, for any node or one."""
+    """Returns flips of what RViz on the hub shows, for any node or the given one."""
     nodes = [one for one in arguments if one.startswith("/")]
     robots = [one for one in arguments if one not in nodes]
     return rule_set.flipped_from_hub(rule_set.robot_names(robots, os.environ), *nodes[:1])
 
 
 def _used_at_hub(arguments: list[str]) -> list[Wish]:
-    """Goals and initial poses that are set in RViz on the hub."""
+    """Returns flips of goals and initial poses set in RViz on the hub."""
     return rule_set.flipped_by_tools(rule_set.robot_names(arguments, os.environ))
 
 
 def _of_robot(arguments: list[str]) -> list[Wish]:
-    """A robot's sensors and commands."""
+    """Returns flips of a robot's sensors and commands."""
     robot = rule_set.robot_name(arguments, os.environ, socket.gethostname())
     return rule_set.flipped_from_robot(robot, *arguments[1:])
 
 
 def _token_of_robot(arguments: list[str]) -> list[Wish]:
-    """What goes round between the simulator and a robot's nodes in lockstep."""
+    """Returns flips of the lockstep tokens between the simulator and a robot's nodes."""
     return rule_set.flipped_for_lockstep(rule_set.robot_name(arguments, os.environ, socket.gethostname()))
 
 
@@ -54,7 +54,7 @@ def _publisher(arguments: list[str], gateway: str = "") -> list[Wish]:
 
 
 def _flipped_at_hub(arguments: list[str], kind: str) -> list[Wish]:
-    """A single flip to a robot's host (`aadi1`); of two arguments, as in the published repository, to any gateway."""
+    """Returns one flip to a robot's host (`aadi1`); with two arguments, as published originally, to any gateway."""
     if len(arguments) == 2:
         return [rule_set.flipped_topic(kind, *arguments)]
     if len(arguments) == 3:
@@ -64,7 +64,7 @@ def _flipped_at_hub(arguments: list[str], kind: str) -> list[Wish]:
 
 
 def _flipped_at_robot(arguments: list[str], kind: str) -> list[Wish]:
-    """A single flip to the hub."""
+    """Returns a single flip to the hub."""
     namespace, topic, node = arguments
     return [Wish(kind, rule_set.topic_in(namespace, topic), rule_set.node_named(node), rule_set.HUB_GATEWAY)]
 
@@ -96,16 +96,16 @@ _SHARED: Mapping[str, tuple[Action, Callable[[], list[Wish]]]] = {
     "--pull": (Action.PULL, rule_set.pulled_from_hub),
     "--advertise": (Action.ADVERTISE, rule_set.advertised_by_hub),
 }
-"""What all robots share, asked for first."""
+"""Rules shared by all robots, requested before the script's own."""
 
 
 def main() -> int:
-    """Runs the script whose name the process was started by."""
+    """Runs the script with this program's name."""
     return run(Path(sys.argv[0]).name)
 
 
 def run(name: str) -> int:
-    """Asks for the rules that follow from the command line of the script ``name``; with `--cancel` takes them back."""
+    """Requests the rules for the command line of the script ``name``; with `--cancel` removes them."""
     if name in _GENERIC:
         return _generic(name, *_GENERIC[name])
     script = _SCRIPTS[name]
@@ -129,14 +129,14 @@ def _ask(name: str, asked: Sequence[tuple[Action, Sequence[Wish]]], cancel: bool
     try:
         client = GatewayClient()
         client.wait()
-        # One call for all of an action, whichever way they go: all of them or none.
+        # One call for all rules of an action: all or none are accepted.
         return 0 if all(client.ask(action, wishes, cancel) for action, wishes in asked) else 1
     except rospy.ROSException:
         return 130
 
 
 def _generic(name: str, action: Action, kind: str) -> int:
-    """One rule from options. Names are the same on both sides, so the two namespaces cannot differ for a topic."""
+    """Requests one rule given by options. A topic has the same name on both sides, so the namespaces must be equal."""
     parser = argparse.ArgumentParser(name, description=f"{action} one {kind}")
     parser.add_argument("-g", "--gateway", default="", help="the other gateway", required=action != Action.ADVERTISE)
     parser.add_argument("-t", "--topic", required=True, help="the topic; with a leading slash as it stands")

@@ -1,4 +1,4 @@
-"""Asks this master's gateway for rules, after waiting for it and for its hub."""
+"""Requests rules from this master's gateway, after waiting for the gateway and its hub."""
 
 from collections.abc import Callable, Iterable, Sequence
 
@@ -16,7 +16,7 @@ _EXISTS = {
 
 
 class GatewayClient:
-    """The gateway of this master.
+    """Client of this master's gateway.
 
     Args:
         namespace: the gateway node's name.
@@ -31,7 +31,7 @@ class GatewayClient:
         self._info = info
 
     def wait(self) -> None:
-        """Returns when the gateway is running and on a hub; logs what it waits for. Ends with ROSInterruptException."""
+        """Waits until the gateway is running and connected to a hub. Raises ROSInterruptException at shutdown."""
         where = f"{self._namespace} on the master {rosgraph.get_master_uri()}"
         self._wait_for(lambda: self._info is not None, f"Waiting for the gateway {where} …")
         self._wait_for(self._is_connected, "Waiting for the gateway to reach its hub …")
@@ -50,9 +50,9 @@ class GatewayClient:
             rospy.rostime.wallsleep(0.05)
 
     def ask(self, action: Action, wishes: Sequence[Wish], cancel: bool = False) -> bool:
-        """Asks for all `wishes` in one call; tells whether they are in force (or, with `cancel`, gone) now.
+        """Requests all `wishes` in one call; returns whether they are now active (or, with `cancel`, removed).
 
-        A rule that exists already is said in one line and is none the worse.
+        A rule that already exists is logged in one line and counts as success.
         """
         wishes = list(wishes) if cancel else self._new(action, wishes)
         if not wishes:
@@ -61,7 +61,7 @@ class GatewayClient:
             rospy.loginfo("%s%s: [%s]", "Cancel " if cancel else "", action.capitalize(), wish)
         result, message = self._call(action, wishes, cancel)
         if result == _EXISTS[action] and len(wishes) > 1:
-            # Somebody asked for one of them at the same moment: the others must not suffer from that.
+            # Another client requested one of them at the same moment: still request the others.
             answers = [self.ask(action, [wish]) for wish in wishes]
             return all(answers)
         if result == _EXISTS[action]:

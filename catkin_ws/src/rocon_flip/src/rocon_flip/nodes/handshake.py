@@ -1,4 +1,4 @@
-"""The pair `test_sender` and `test_receiver`: messages there and back prove that two gateways carry both ways."""
+"""`test_sender` and `test_receiver`: round trips of messages prove that two gateways forward in both directions."""
 
 import statistics
 import sys
@@ -19,11 +19,11 @@ from rocon_flip.core.rule_set import Action, RuleSetError
 from rocon_flip.nodes.gateway_client import GatewayClient
 
 REPEAT = 0.2
-"""A message that was not answered for so long [s] is sent again: the links may only be coming up."""
+"""Interval at which an unanswered message is repeated [s]: the links may still be starting."""
 
 
 class HandshakeError(RuleSetError):
-    """No answer came, or the gateway refused."""
+    """The handshake timed out, or the gateway refused the rules."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,8 @@ class SenderConfig:
     """Parameters of `test_sender`."""
 
     gateway: str = rule_set.HUB_GATEWAY  #: the gateway where `test_receiver` runs
-    count: int = 10  #: how many messages must come back
-    timeout: float = 30.0  #: within which each must [s]
+    count: int = 10  #: number of messages that must come back
+    timeout: float = 30.0  #: time-out for each message [s]
 
     def __post_init__(self) -> None:
         """Raises RuleSetError for invalid parameter values."""
@@ -41,11 +41,11 @@ class SenderConfig:
 
 
 class ReceiverNode:
-    """Sends back what it gets.
+    """Sends every message back.
 
     Subscribes: `/handshake/ping` (String). Publishes: `/handshake/pong` (String).
 
-    Parameters, services: none. Threads: rospy's. On error: nothing can go wrong here.
+    Parameters, services: none. Threads: rospy's. On error: not applicable.
     """
 
     def __init__(self) -> None:
@@ -63,13 +63,13 @@ class ReceiverNode:
 
 
 class SenderNode:
-    """Flips one topic there and one back, counts what returns, takes the rules back and ends.
+    """Flips one topic each way, counts the messages that return, removes the rules and ends.
 
     Publishes: `/handshake/ping` (String). Subscribes: `/handshake/pong` (String).
 
     Parameters: the fields of `SenderConfig`, private. Services: calls the gateway's `flip`.
 
-    Threads: the main thread sends, rospy's receives. On error: one line with what to look at, status 1.
+    Threads: the main thread sends, rospy's threads receive. On error: logs one line with a hint; exit status 1.
     """
 
     def __init__(self) -> None:
@@ -81,7 +81,7 @@ class SenderNode:
         self._pong = rospy.Subscriber(rule_set.PONG, String, self._take, queue_size=10)
 
     def spin(self) -> None:
-        """Does the handshake."""
+        """Performs the handshake."""
         client = GatewayClient()
         client.wait()
         wishes = rule_set.handshake(self._config.gateway)
@@ -96,7 +96,7 @@ class SenderNode:
         rospy.loginfo(text, self._config.gateway, len(times), 1000 * statistics.median(times))
 
     def _round_trip(self, number: int) -> float:
-        """Returns how long message `number` took there and back [s], counted from its last sending."""
+        """Returns the round-trip time of message `number` [s], measured from its last transmission."""
         deadline = time.monotonic() + self._config.timeout
         while time.monotonic() < deadline:
             if rospy.is_shutdown():
@@ -113,7 +113,7 @@ class SenderNode:
 
     def _take(self, pong: String) -> None:
         sender, _, number = pong.data.partition(" ")
-        # Other senders may be at work with the same receiver.
+        # Other senders may use the same receiver.
         if sender == self._id and number.isdigit():
             with self._arrived:
                 self._last = max(self._last, int(number))
@@ -121,12 +121,12 @@ class SenderNode:
 
 
 class OriginalPublisherNode:
-    """The original's `original_msg_publisher`: a greeting, and an acknowledgement of each answer.
+    """The original `original_msg_publisher`: publishes a greeting and acknowledges each answer.
 
     Publishes: `original_message` (String, latched), `msg_ack` (Bool, latched).
     Subscribes: `/receiver/handshake` (String).
 
-    Parameters, services: none. Threads: rospy's. On error: nothing can go wrong here.
+    Parameters, services: none. Threads: rospy's. On error: not applicable.
     """
 
     def __init__(self) -> None:
@@ -141,11 +141,11 @@ class OriginalPublisherNode:
 
 
 class MessageReceiverNode:
-    """The original's `msg_receiver`, the partner of `original_msg_publisher`.
+    """The original `msg_receiver`, the counterpart of `original_msg_publisher`.
 
     Subscribes: `/original_message` (String). Publishes: `handshake` (String, latched).
 
-    Parameters, services: none. Threads: rospy's. On error: nothing can go wrong here.
+    Parameters, services: none. Threads: rospy's. On error: not applicable.
     """
 
     def __init__(self) -> None:
@@ -166,6 +166,6 @@ _NODES: Mapping[str, Callable[[], object]] = {
 
 
 def main() -> int:
-    """Runs the node whose name the process was started by; returns its exit status."""
+    """Runs the node with this program's name; returns its exit status."""
     name = Path(sys.argv[0]).name
     return entry.run(name, _NODES[name], (RuleSetError,), wall_time=True)

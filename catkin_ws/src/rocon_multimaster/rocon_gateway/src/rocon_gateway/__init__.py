@@ -1,7 +1,7 @@
-"""The gateway: rules as desired state, and a relay that carries the topics.
+"""The gateway: rules describe the desired state, a relay carries the topics.
 
-``GatewayError``, ``GatewaySampleRuntimeError``, ``Graph`` and ``samples`` are what the tests of rocon's gateway import
-from here; they are loaded when they are asked for, since they need rospy and most of this package does not.
+``GatewayError``, ``GatewaySampleRuntimeError``, ``Graph`` and ``samples`` exist for the tests of rocon's gateway. They
+are loaded on first use, because they need rospy and most of this package does not.
 """
 
 import importlib
@@ -15,7 +15,7 @@ _PLACES = {
 
 
 def __getattr__(name: str) -> object:
-    """Returns one of the names above."""
+    """Loads and returns one of the names above."""
     if name not in _PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     place, attribute = _PLACES[name]

@@ -1,4 +1,4 @@
-"""Rules and reports as messages."""
+"""Converts rules and status reports to and from ROS messages."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -35,7 +35,7 @@ def remote_rules_from_messages(messages: Iterable[RemoteRuleMessage], code: Code
 
 
 def message_from_rule(rule: Rule | Connection) -> RuleMessage:
-    """Returns a rule's message; of a connection, that of the rule that means exactly it."""
+    """Returns the message of a rule; for a connection, that of the rule that matches exactly it."""
     return RuleMessage(type=str(rule.kind), name=rule.name, node=rule.node)
 
 
@@ -46,12 +46,12 @@ def message_from_remote_rule(remote: RemoteRule | Flipped) -> RemoteRuleMessage:
 
 
 def message_from_record(record: Record, silence: float, latency: Latency | None = None) -> RemoteGateway:
-    """Returns another gateway's description.
+    """Returns the message that describes another gateway.
 
     Args:
-        record: what it says of itself.
-        silence: how long it has not been heard of [s], 0 if it lives.
-        latency: of the way between our relay and its one, None where that is not known.
+        record: its record.
+        silence: time since it was last heard of [s], 0 if it is alive.
+        latency: latency between our relay and its relay; None if unknown.
     """
     stats = ConnectionStatistics(gateway_available=silence == 0.0, time_since_last_seen=int(silence))
     if latency is not None:
@@ -69,7 +69,7 @@ def message_from_record(record: Record, silence: float, latency: Latency | None 
 
 
 def diagnostic_from_state(state: RuleState, gateway: str) -> DiagnosticStatus:
-    """Returns how a rule of our gateway `gateway` does, for `/diagnostics`."""
+    """Returns the status of a rule of our gateway `gateway`, for `/diagnostics`."""
     word = state.verdict.state
     if word in WORKING:
         level = DiagnosticStatus.OK
@@ -99,7 +99,7 @@ def diagnostic_from_state(state: RuleState, gateway: str) -> DiagnosticStatus:
 def diagnostic_from_link(
     one: Export | Import, link: LinkStatus, flow: Flow, latencies: Mapping[str, Latency], gateway: str
 ) -> DiagnosticStatus:
-    """Returns how one connection of our gateway `gateway` does and what flows on it, for `/diagnostics`."""
+    """Returns status and data rates of one connection of our gateway `gateway`, for `/diagnostics`."""
     way, other = "to" if isinstance(one, Export) else "from", one.key.gateway
     latency = latencies.get(other)
     values = {
@@ -156,7 +156,7 @@ def _remote_rule(message: RemoteRuleMessage) -> RemoteRule:
 
 
 def plain_from_message(message: Any) -> dict[str, Any]:
-    """Returns a message's fields as JSON has them."""
+    """Returns a message's fields as JSON-compatible values."""
 
     def plain(value: Any) -> Any:
         if isinstance(value, list | tuple):

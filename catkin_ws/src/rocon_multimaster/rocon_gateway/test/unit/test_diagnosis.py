@@ -57,7 +57,7 @@ def test_what_each_gateway_sees_becomes_one_line_a_fault_and_one_cell_a_link() -
     ]
     text = diagnosis.report(diagnosis.of_examinations(views, alive))
     for fault in (
-        "gateway 'd' is on the hub, but does not answer the doctor\n         → look into its log",
+        "gateway 'd' is on the hub, but does not answer the doctor\n         → check its log",
         "gateway 'a', seen at gateway 'b', at alpha:7000: timed out\n         → let TCP port 7000 through the firewall",
         "gateway 'a', seen at gateway 'c', at alpha:7000: the name does not resolve\n         → put 'alpha'",
         "the hub's clock is 3.000 s behind that at gateway 'a'\n         → let chrony",
@@ -86,7 +86,7 @@ def test_the_exit_status_is_for_faults_and_the_last_line_counts() -> None:
     assert diagnosis.status([*findings, Finding(Level.FAULT, "c", "mend c")]) == 1
     lines = diagnosis.report(findings).splitlines()
     assert lines[2].endswith("→ mend b")
-    assert lines[-1] == "3 things looked at, 1 to mend".replace("3", "2")
+    assert lines[-1] == "2 checks, 1 to fix"
 
 
 def test_tables_are_as_wide_as_their_contents() -> None:

@@ -1,1 +1,1 @@
-"""The hub: a supervised Redis server where gateways meet."""
+"""The hub: a supervised Redis server through which gateways find each other."""

@@ -1,1 +1,1 @@
-"""What a hub and its gateways share: documents, keys, addresses, access."""
+"""The protocol between hub and gateways: documents, keys, addresses, access."""

@@ -69,7 +69,7 @@ def _in_package(package: str, name: str) -> Path:
 
 
 def _roslaunch() -> str:
-    """Returns this package's roslaunch, which forks Python nodes; ROS's where the workspace is not built."""
+    """Returns this package's roslaunch, which forks Python nodes, or that of ROS if the workspace is not built."""
     try:
         return next(iter(roslib.packages.find_node("rocon_launch", "roslaunch")), "roslaunch")
     except rospkg.ResourceNotFound:
@@ -77,7 +77,7 @@ def _roslaunch() -> str:
 
 
 def _check(package: str, name: str) -> None:
-    """Says now, and not on some roslaunch's way up, that a launch file does not exist."""
+    """Raises ConcertError if a launch file does not exist, before any roslaunch is started."""
     if package:
         _in_package(package, name)
     elif not Path(name).is_file():

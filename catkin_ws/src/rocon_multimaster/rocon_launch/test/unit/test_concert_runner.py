@@ -76,7 +76,7 @@ def test_the_first_failure_is_the_status(pids) -> None:
 @pytest.mark.parametrize(("name", "status"), [("ends", 1), ("fails", 3)])
 def test_the_end_of_a_required_launch_ends_all(pids, capsys, name, status) -> None:
     assert ConcertRunner([launch("stays"), launch(name, required=True)], screen=False).run() == status
-    assert "with which everything ends" in capsys.readouterr().out
+    assert "everything ends with it" in capsys.readouterr().out
     assert not psutil.pid_exists(int(pids.read_text()))
 
 

@@ -1,1 +1,1 @@
-"""The data plane: links between gateways, and nodes that stand for far ones."""
+"""The data plane: links between gateways, and proxy nodes for remote nodes."""

@@ -1,1 +1,1 @@
-"""TCPROS without rospy: wire formats, and connections that one thread waits for."""
+"""TCPROS without rospy: wire formats, and non-blocking connections served by one thread."""

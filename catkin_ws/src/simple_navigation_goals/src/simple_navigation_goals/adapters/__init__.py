@@ -1,1 +1,1 @@
-"""Foreign things, one a module: the move_base action."""
+"""Adapters, one per module: the move_base action, patrol and queue files."""

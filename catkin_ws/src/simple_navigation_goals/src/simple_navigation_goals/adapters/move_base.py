@@ -1,4 +1,4 @@
-"""The action ``move_base`` as this package uses it: one goal at a time, and whether a server is connected."""
+"""A minimal client of the ``move_base`` action: one goal at a time, and whether a server is connected."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,11 +17,11 @@ _OUTCOMES = {
     GoalStatus.PREEMPTED: Outcome.CANCELLED,
     GoalStatus.RECALLED: Outcome.CANCELLED,
 }
-"""By a goal's last status; any other is `Outcome.LOST`."""
+"""Outcome by a goal's final status; any other status is `Outcome.LOST`."""
 
 
 class _Feedback(MoveBaseActionFeedback):  # type: ignore[misc]
-    """What nobody reads; a client of an action subscribes to it all the same."""
+    """Feedback that is never read; action clients subscribe to it nevertheless."""
 
     def deserialize(self, data: bytes) -> "_Feedback":
         return self
@@ -31,8 +31,8 @@ class _Feedback(MoveBaseActionFeedback):  # type: ignore[misc]
 class _Goal:
     serial: int
     id: str
-    listed: bool = False  #: whether the server's status has named it
-    ended: bool = False  #: whether that status was a last one, whose result is to follow
+    listed: bool = False  #: whether the server's status has listed the goal
+    ended: bool = False  #: whether its last status was final, so that the result will follow
 
 
 class _Publisher(Protocol):
@@ -54,25 +54,25 @@ class Handle(Protocol):
 
     @property
     def lockstep(self) -> object | None:
-        """None where the node does not keep in lockstep."""
+        """None if the node does not run in lockstep."""
 
     def stamp(self) -> Any:
-        """Returns ROS time as a message has it."""
+        """Returns ROS time as a message stamp."""
 
     def advertise(self, topic: str, kind: Any) -> _Publisher:
         """Returns a new publisher."""
 
     def subscribe(self, topic: str, kind: Any, take: Callable[[Any, str], object]) -> _Subscriber:
-        """Has ``take`` called with each message and the name of the node that sent it."""
+        """Subscribes; calls ``take`` with each message and the name of its sender."""
 
 
 class MoveBase:
-    """A client of the move_base action. What it hears of a goal counts from the moment at which the goal is sent.
+    """A client of the move_base action. It tracks only the goal sent last, from the moment it is sent.
 
     Args:
-        node: the node that uses it.
-        name: of the action.
-        on_done: called with (serial, outcome, text) when the goal that ``send`` numbered ``serial`` has ended.
+        node: the node that uses the client.
+        name: name of the action.
+        on_done: called with (serial, outcome, text) when the goal with number ``serial`` (see ``send``) has ended.
     """
 
     def __init__(self, node: Handle, name: str, on_done: Callable[[int, Outcome, str], object]) -> None:
@@ -87,30 +87,30 @@ class MoveBase:
         self._server = ""
 
     def present(self) -> bool:
-        """Tells whether a server is connected in both directions. Does not wait."""
+        """Returns whether a server is connected in both directions. Does not wait."""
         server = self._server
         if not server or self._node.lockstep is not None:
-            return bool(server)  # in lockstep it needs no connection
+            return bool(server)  # lockstep needs no connection
         sending = self._goals.reaches(server) and self._cancels.reaches(server)
         return sending and self._statuses.hears(server) and self._results.hears(server)
 
     def send(self, goal: MoveBaseGoal) -> int:
-        """Sends a goal, forgets the one before, and returns the new goal's serial number."""
+        """Sends a goal, stops tracking the previous one, and returns the new goal's serial number."""
         self._serial += 1
         stamp = self._node.stamp()
-        # As actionlib's clients call theirs.
+        # The same format as actionlib's goal ids.
         self._goal = _Goal(self._serial, f"{self._node.name}-{self._serial}-{stamp.secs}.{stamp.nsecs}")
         self._goals.publish(MoveBaseActionGoal(Header(0, stamp, ""), GoalID(stamp, self._goal.id), goal))
         return self._serial
 
     def cancel(self) -> None:
-        """Cancels the goal sent last, and forgets it."""
+        """Cancels the goal sent last, and stops tracking it."""
         if self._goal is not None:
             self._cancels.publish(GoalID(id=self._goal.id))
         self._goal = None
 
     def forget(self) -> None:
-        """Forgets the goal sent last: its server has ended."""
+        """Stops tracking the goal sent last, because its server has ended."""
         self._goal = None
 
     def _on_status(self, message: GoalStatusArray, sender: str) -> None:

@@ -1,4 +1,4 @@
-"""The waypoints that a robot has still to drive to, on disk, for a client that starts in place of one that ended."""
+"""The remaining waypoints on disk, from which a restarted client resumes."""
 
 import json
 import os
@@ -11,17 +11,17 @@ from simple_navigation_goals.core.waypoint import Waypoint
 
 
 class QueueFile:
-    """One file, or none where its path is empty: then nothing is read or written."""
+    """The queue file at ``path``. With an empty path nothing is read or written."""
 
     def __init__(self, path: str) -> None:
         self._path = Path(path) if path else None
         self._written: tuple[Waypoint, ...] = ()
 
     def read(self) -> list[Waypoint]:
-        """Returns the waypoints; none where there is no file.
+        """Returns the waypoints; an empty list if there is no file.
 
         Raises:
-            QueueFileError: it cannot be read, or holds something else.
+            QueueFileError: the file cannot be read, or its content is invalid.
         """
         if self._path is None:
             return []
@@ -33,10 +33,10 @@ class QueueFile:
             raise QueueFileError(f"{self._path} holds no waypoints: {error}") from None
 
     def write(self, waypoints: Sequence[Waypoint]) -> None:
-        """Replaces the file as a whole if these are others than the last.
+        """Replaces the file atomically if ``waypoints`` differ from the last ones written.
 
         Raises:
-            QueueFileError: it cannot be written.
+            QueueFileError: the file cannot be written.
         """
         if self._path is None or tuple(waypoints) == self._written:
             return

@@ -1,1 +1,1 @@
-"""What needs no ROS: waypoints, their queue, and when a robot that stands still should turn."""
+"""Logic without ROS: waypoints, their queue, patrols, and the spin recovery."""

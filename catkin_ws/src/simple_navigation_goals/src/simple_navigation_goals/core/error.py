@@ -2,7 +2,7 @@
 
 
 class WaypointError(ValueError):
-    """A waypoint that no robot can drive to: a number that is not finite, or an orientation that is none."""
+    """An invalid waypoint: a number that is not finite, a negative wait, or an invalid orientation."""
 
 
 class PatrolError(ValueError):
@@ -10,4 +10,4 @@ class PatrolError(ValueError):
 
 
 class QueueFileError(ValueError):
-    """The file of waypoints cannot be read or written, or holds something else."""
+    """The queue file cannot be read or written, or its content is invalid."""

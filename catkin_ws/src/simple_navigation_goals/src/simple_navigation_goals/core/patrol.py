@@ -1,4 +1,4 @@
-"""Patrols: waypoints to drive to in rounds."""
+"""Patrols: lists of waypoints to drive to in rounds."""
 
 import math
 from collections.abc import Mapping
@@ -14,20 +14,21 @@ _WAYPOINT_FIELDS = ("x", "y", "heading", "wait")
 
 @dataclass(frozen=True)
 class Patrol:
-    """Waypoints in their order, and how often to drive to all of them: ``rounds``, 0 for ever."""
+    """Waypoints in order, and the number of rounds over all of them; ``rounds`` 0 repeats forever."""
 
     waypoints: tuple[Waypoint, ...]
     rounds: int = 1
 
 
 def patrol_from_mapping(fields: Any, frame: str) -> Patrol:
-    """Returns the patrol that a YAML file describes.
+    """Returns the patrol described by the content of a YAML file.
 
-    ``waypoints``: a list of ``{x, y, heading, wait}`` in metres, degrees and seconds; the last two may be left out.
-    ``loop``: true for ever, a number of rounds, false (and nothing) for one. ``frame``: of the waypoints.
+    ``waypoints``: a list of ``{x, y, heading, wait}`` in metres, degrees and seconds; ``heading`` and ``wait`` are
+    optional. ``loop``: true (forever), a number of rounds, or false (one round; default). ``frame``: frame of the
+    waypoints.
 
     Raises:
-        PatrolError: it does not; the line names the waypoint and the field.
+        PatrolError: the content is invalid; the message names the waypoint and the field.
     """
     _check_names(fields, _FIELDS, "a patrol")
     listed = fields.get("waypoints")
@@ -69,4 +70,4 @@ def _check_names(fields: Any, known: tuple[str, ...], what: str) -> None:
         raise PatrolError(f"{what} needs {', '.join(known)}, not {fields!r}")
     for name in fields:
         if name not in known:
-            raise PatrolError(f"{what} knows no {name!r}, only {', '.join(known)}")
+            raise PatrolError(f"{what}: unknown field {name!r}; known: {', '.join(known)}")

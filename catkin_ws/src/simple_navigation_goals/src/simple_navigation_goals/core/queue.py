@@ -1,8 +1,8 @@
-"""The queue of waypoints as a state machine: what to send to move_base, and what to do when that fails.
+"""The waypoint queue as a state machine: what to send to move_base, and what to do when a goal fails.
 
-It knows neither clock nor ROS. Its owner reports what happened (``add``, ``clear``, ``finished``,
-``server_found``, ``server_lost``, ``rested``), asks what is ``due``, and says when that was ``sent``. Every change
-leaves one line of text in ``take_events``.
+It uses neither clock nor ROS. Its owner reports what happened (``add``, ``clear``, ``finished``, ``server_found``,
+``server_lost``, ``rested``), gets the next waypoint from ``due``, and reports it as ``sent``. Every change adds one
+line of text, returned by ``take_events``.
 """
 
 from collections import deque
@@ -16,7 +16,7 @@ from simple_navigation_goals.core.waypoint import Waypoint
 
 
 class Phase(IntEnum):
-    """What the queue is doing; the numbers are those of the message WaypointQueue."""
+    """State of the queue; the values are those of the message WaypointQueue."""
 
     IDLE = 0
     WAITING_FOR_MOVE_BASE = 1
@@ -25,13 +25,13 @@ class Phase(IntEnum):
 
 
 class Outcome(Enum):
-    """How a goal at move_base ended."""
+    """How a goal of move_base ended."""
 
     REACHED = "reached"
     ABORTED = "aborted"
     """move_base gave up, or rejected the goal."""
     CANCELLED = "cancelled"
-    """Somebody else cancelled the goal or sent another one."""
+    """Another client cancelled the goal or sent another one."""
     LOST = "lost"
     """move_base no longer knows the goal: it was restarted."""
 
@@ -42,10 +42,10 @@ ABORT_POLICIES = ("skip", "retry", "stop", "clear")
 
 @dataclass(frozen=True)
 class QueueConfig:
-    """What follows when move_base gives a waypoint up.
+    """Policy for waypoints that move_base aborts.
 
     ``on_abort``: ``skip`` continues with the next one; ``retry`` sends it again up to ``retries`` times, then skips it;
-    ``stop`` keeps the rest back until a new waypoint arrives; ``clear`` drops the rest.
+    ``stop`` holds the rest until a new waypoint arrives; ``clear`` drops the rest.
 
     Raises:
         ParameterError: an unknown policy, or a negative number of retries.
@@ -64,28 +64,28 @@ class QueueConfig:
 
 
 class Event(NamedTuple):
-    """One line on what happened, and whether it is something to warn of."""
+    """One line about what happened, and whether it deserves a warning."""
 
     text: str
     trouble: bool = False
 
 
 class WaypointQueue:
-    """Waypoints in the order they came, the first of them under way. Not thread-safe."""
+    """Waypoints in order of arrival; the first is the current one. Not thread-safe."""
 
     def __init__(self, config: QueueConfig | None = None) -> None:
         self.config = config or QueueConfig()
-        #: aborted: how many were given up after all retries; those cleared or cancelled by others are not among them
-        #: reached: of these, how many move_base reported as reached
-        #: received: waypoints taken since the start
+        #: aborted: number of waypoints given up after all retries, without those cleared or cancelled by others
+        #: reached: number of waypoints that move_base reported as reached
+        #: received: number of waypoints accepted since the start
         self.received = self.reached = self.aborted = 0
-        self.current: Waypoint | None = None  #: the waypoint that is under way or about to be; None when there is none
-        self.waiting: deque[Waypoint] = deque()  #: those after it
+        self.current: Waypoint | None = None  #: the waypoint sent or to be sent next; None if there is none
+        self.waiting: deque[Waypoint] = deque()  #: the waypoints after it
         self.text = ""  #: the latest event
-        self._number = 0  # of the current waypoint, counted as they were received
+        self._number = 0  # number of the current waypoint, in order of arrival
         self._numbers: deque[int] = deque()
         self._retries_left = 0
-        self.rest = 0.0  #: how long the robot is to stand where it is before it continues [s]; 0 while it need not
+        self.rest = 0.0  #: how long the robot has to stand before it continues [s]; 0 if not at all
         self._patrol: Patrol | None = None
         self._round = self._reached_before = 0
         self._held = self._under_way = self._server = False
@@ -93,7 +93,7 @@ class WaypointQueue:
 
     @property
     def phase(self) -> Phase:
-        """What the queue is doing."""
+        """State of the queue."""
         if self._under_way:
             return Phase.DRIVING
         if self.rest > 0.0:
@@ -108,7 +108,7 @@ class WaypointQueue:
         return [*([self.current] if self.current else []), *self.waiting]
 
     def add(self, waypoint: Waypoint) -> None:
-        """Appends a waypoint; a queue that was held continues."""
+        """Appends a waypoint; a held queue resumes."""
         self.received += 1
         self.waiting.append(waypoint)
         self._numbers.append(self.received)
@@ -117,19 +117,19 @@ class WaypointQueue:
         self._say_if_waiting()
 
     def patrol(self, patrol: Patrol) -> bool:
-        """Drops everything and begins a patrol; tells what ``clear`` tells."""
+        """Clears the queue and starts a patrol; returns the result of ``clear``."""
         was_under_way = self.clear()
         self._patrol, self._round = patrol, 0
         self._go_round()
         return was_under_way
 
     def rested(self) -> None:
-        """Notes that the robot has stood for as long as ``rest`` said."""
+        """Records that the robot has stood for ``rest`` seconds."""
         self.rest = 0.0
         self._go_round()
 
     def clear(self) -> bool:
-        """Drops everything; tells whether a goal is under way, which the owner must then cancel at move_base."""
+        """Drops all waypoints and the patrol; returns whether a goal is active, which the owner must then cancel."""
         count = len(self.waiting) + (self.current is not None)
         was_under_way = self._under_way
         self._drop_current()
@@ -140,7 +140,7 @@ class WaypointQueue:
         return was_under_way
 
     def due(self) -> Waypoint | None:
-        """Returns the waypoint to send to move_base now, None while there is none or nobody to send it to."""
+        """Returns the waypoint to send to move_base now; None if there is none or move_base is not connected."""
         if not self._server or not self._wants_to_send():
             return None
         if self.current is None:
@@ -149,23 +149,25 @@ class WaypointQueue:
         return self.current
 
     def sent(self, waypoint: Waypoint) -> None:
-        """Notes that the current waypoint is at move_base as ``waypoint``: perhaps in another frame than it came in."""
+        """Records that the current waypoint was sent to move_base as ``waypoint``, possibly in another frame."""
         self.current = waypoint
         self._under_way = True
         self._say(f"driving to {self._named()}, {len(self.waiting)} waiting")
 
     def server_found(self) -> None:
-        """Notes that move_base answers."""
+        """Records that move_base is connected."""
         self._server = True
         self._say("move_base is running")
 
     def server_lost(self) -> None:
-        """Notes that move_base is gone; a waypoint under way will be due again when it is back."""
+        """Records that move_base has disconnected; an active waypoint will be due again after a reconnect."""
         self._server = self._under_way = False
-        self._say("move_base is gone" + (f"; {self._named()} will be sent again" if self.current else ""), trouble=True)
+        self._say(
+            "move_base disconnected" + (f"; {self._named()} will be sent again" if self.current else ""), trouble=True
+        )
 
     def finished(self, outcome: Outcome, reason: str = "") -> None:
-        """Notes how the goal under way ended; ``reason`` is move_base's own text. No-op when none is under way."""
+        """Records how the active goal ended; ``reason`` is move_base's own text. Does nothing if no goal is active."""
         if not self._under_way:
             return
         self._under_way = False
@@ -180,14 +182,14 @@ class WaypointQueue:
                 self._give_up(f": {reason}" if reason else "")
             case Outcome.CANCELLED:
                 self._held = bool(self.waiting or self._patrol)
-                self._say(f"{self._named()} was cancelled by somebody else{self._remainder()}", trouble=True)
+                self._say(f"{self._named()} was cancelled by another client{self._remainder()}", trouble=True)
                 self._drop_current()
             case Outcome.LOST:
                 self._say(f"move_base no longer knows {self._named()}; it is sent again", trouble=True)
         self._go_round()
 
     def take_events(self) -> list[Event]:
-        """Returns what was said since the last call, oldest first."""
+        """Returns the events since the last call, oldest first."""
         events, self._events = self._events, []
         return events
 
@@ -209,7 +211,7 @@ class WaypointQueue:
         self._drop_current()
 
     def _go_round(self) -> None:
-        """Begins the next round of a patrol once the last one is over; one in which nothing was reached ends it."""
+        """Starts the next round of a patrol once the last one is over; ends it after a round without success."""
         patrol = self._patrol
         if patrol is None or self.current is not None or self.waiting or self._held or self.rest > 0.0:
             return

@@ -1,4 +1,4 @@
-"""When a robot that has a goal and does not move should turn in place, and which way."""
+"""Spin recovery: decides when a robot that has a goal but stands should turn in place, and in which direction."""
 
 from dataclasses import dataclass, replace
 
@@ -8,7 +8,7 @@ SLOW = 0.001
 
 @dataclass(frozen=True)
 class SpinConfig:
-    """Times [s of ROS time] and the turning speed [rad/s]; ``max_vel_theta`` is the local planner's."""
+    """Times [s, ROS time] and the turning speed [rad/s]; ``max_vel_theta`` is the local planner's."""
 
     max_vel_theta: float = 1.0
     patience: float = 5.0
@@ -17,26 +17,26 @@ class SpinConfig:
 
 @dataclass(frozen=True)
 class SpinState:
-    """What the recovery remembers."""
+    """State of the recovery."""
 
     now: float = 0.0  #: time of the newest step [s]
-    #: since when a goal has been active without a command that moves; None while it is not so
+    #: start of the time with an active goal but without a moving command [s]; None if the robot does not stand
     standing_since: float | None = None
-    turning_until: float | None = None  #: end of the turn under way; None when there is none
-    direction: float = 1.0  #: side last commanded, 1 counter-clockwise or -1
+    turning_until: float | None = None  #: end of the current turn [s]; None if the robot does not turn
+    direction: float = 1.0  #: turning direction commanded last: 1 counter-clockwise, -1 clockwise
     active: bool = False  #: whether move_base has an active goal
 
     @property
     def turning(self) -> bool:
-        """Whether a turn is under way."""
+        """Whether the recovery is turning the robot."""
         return self.turning_until is not None
 
 
 def commanded(state: SpinState, config: SpinConfig, linear: float, angular: float, now: float) -> SpinState:
     """Returns the state after move_base commanded ``linear`` [m/s] and ``angular`` [rad/s] at ROS time ``now`` [s].
 
-    A command that drives, or turns at full speed, is no standing. One that turns says which way to turn, but for a
-    turn that is under way.
+    A command that drives, or turns at full speed, ends the standing. A command that turns sets the direction of the
+    next turn, but does not change a turn in progress.
     """
     if angular != 0.0 and not state.turning:
         state = replace(state, direction=1.0 if angular > 0.0 else -1.0)
@@ -46,14 +46,14 @@ def commanded(state: SpinState, config: SpinConfig, linear: float, angular: floa
 
 
 def watched(state: SpinState, config: SpinConfig, active: bool, now: float) -> SpinState:
-    """Returns the state after move_base's status said whether a goal is ``active``, at ROS time ``now`` [s]."""
+    """Returns the state after move_base's status reported whether a goal is ``active``, at ROS time ``now`` [s]."""
     return advanced(replace(state, active=active), config, now)
 
 
 def advanced(state: SpinState, config: SpinConfig, now: float) -> SpinState:
-    """Returns the state at ROS time ``now`` [s]: a turn begins after ``patience`` of standing, ends after ``duration``.
+    """Returns the state at ROS time ``now`` [s]: a turn starts after ``patience`` of standing and lasts ``duration``.
 
-    Without an active goal nothing turns. When time jumps back, the wait starts over.
+    Without an active goal there is no turn. When time jumps back, the wait restarts.
     """
     if not state.active or now < state.now:
         return replace(state, now=now, standing_since=None, turning_until=None)

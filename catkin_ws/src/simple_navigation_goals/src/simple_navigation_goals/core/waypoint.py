@@ -1,4 +1,4 @@
-"""A waypoint: where to go, and facing where."""
+"""A waypoint: position, heading and waiting time."""
 
 import math
 from dataclasses import dataclass
@@ -8,10 +8,10 @@ from simple_navigation_goals.core.error import WaypointError
 
 @dataclass(frozen=True, slots=True)
 class Waypoint:
-    """A pose in the plane of some frame.
+    """A planar pose in a named frame.
 
     Raises:
-        WaypointError: a number that is not finite, or a negative wait.
+        WaypointError: a number is not finite, or the wait is negative.
     """
 
     x: float  #: position [m]
@@ -32,10 +32,10 @@ class Waypoint:
 
 
 def yaw_from_quaternion(x: float, y: float, z: float, w: float) -> float:
-    """Returns the heading [rad], in [-pi, pi], of a rotation of any length; roll and pitch are dropped.
+    """Returns the yaw [rad] in [-pi, pi] of a quaternion of any length; roll and pitch are dropped.
 
     Raises:
-        WaypointError: the quaternion is zero or not finite, so that it is no rotation.
+        WaypointError: the quaternion is zero or not finite, so it is not a rotation.
     """
     length = x * x + y * y + z * z + w * w
     if not math.isfinite(length) or length < 1e-12:

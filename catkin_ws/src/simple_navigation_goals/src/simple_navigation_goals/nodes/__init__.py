@@ -1,1 +1,1 @@
-"""What needs rospy: the waypoint clients and the spin recovery."""
+"""The nodes: waypoint clients and spin recovery."""

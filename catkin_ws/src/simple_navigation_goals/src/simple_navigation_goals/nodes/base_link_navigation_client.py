@@ -1,4 +1,4 @@
-"""Drives a robot along waypoints given in its own frame, as it stands when it sets off for each."""
+"""Drives a robot along waypoints in its own frame, relative to its pose when it starts towards each."""
 
 from nav_bundle.adapters.tf_message import RawTFMessage
 from nav_bundle.adapters.transform_store import TransformStore
@@ -14,9 +14,9 @@ _MAP = "map"
 
 
 class RobotLocator:
-    """Turns waypoints of a robot's frame into ones of ``map``, by where the robot stands at that moment.
+    """Transforms waypoints from a robot's frame to ``map``, by the robot's current pose.
 
-    It listens to tf only while it has a waypoint to turn: tf carries the transforms of all robots.
+    Subscribes to tf only while it has a waypoint to transform, since tf carries the transforms of all robots.
 
     Args:
         node: the node.
@@ -29,7 +29,7 @@ class RobotLocator:
         self._subscribers: list[Subscriber] = []
 
     def __call__(self, waypoint: Waypoint) -> Waypoint | None:
-        """Returns ``waypoint`` in ``map``, None until tf has told where the robot is; other frames stay as they are."""
+        """Returns ``waypoint`` in ``map``, None until tf has the robot's pose; other frames stay unchanged."""
         if waypoint.frame != self._frame:
             return waypoint
         if self._store is None:

@@ -1,4 +1,4 @@
-"""Turns a robot in place when it has a goal and has not been driven for a while."""
+"""Turns a robot in place if it has a goal but move_base has not moved it for a while."""
 
 import math
 from dataclasses import dataclass
@@ -17,29 +17,29 @@ _MAX_VEL_THETA = "move_base/TrajectoryPlannerROS/max_vel_theta"
 
 @dataclass(frozen=True)
 class RecoverConfig:
-    """``cmd_vel_topic``: where move_base's commands are seen and the recovery's are sent."""
+    """``cmd_vel_topic``: topic of move_base's commands and of the recovery's own commands."""
 
     cmd_vel_topic: str = "cmd_vel"
 
 
 class SpinRecoverNode:
-    """Watches move_base and its commands; a robot that stands for 5 s with a goal turns in place for 1.5 s.
+    """Monitors move_base and its commands; a robot that stands for 5 s with a goal turns in place for 1.5 s.
 
     Subscribes:
-        move_base/status (actionlib_msgs/GoalStatusArray): whether a goal is active; also the clock of this node.
-        <cmd_vel_topic> (geometry_msgs/Twist): what move_base commands.
+        move_base/status (actionlib_msgs/GoalStatusArray): whether a goal is active; also drives this node's timing.
+        <cmd_vel_topic> (geometry_msgs/Twist): move_base's commands.
 
     Publishes:
-        <cmd_vel_topic> (geometry_msgs/Twist): the turn, repeated with each status and after each command that
-        move_base gives meanwhile, so that the last word is the turn; at its end one zero.
+        <cmd_vel_topic> (geometry_msgs/Twist): the turn, repeated with each status and after each command from
+        move_base, so that it overrides them; one zero velocity at its end.
 
-    Parameters: ``RecoverConfig``; move_base/TrajectoryPlannerROS/max_vel_theta [rad/s], at the start and whenever it is
-    set; 1.0 where it is not.
+    Parameters: ``RecoverConfig``; move_base/TrajectoryPlannerROS/max_vel_theta [rad/s], read at start and whenever it
+    is set; 1.0 if it is not set.
 
     All times are ROS times; nothing polls.
 
-    On error: a max_vel_theta that is no positive number ends the node with one line at its start; later it is
-    logged, and the last valid one stays.
+    On error: a max_vel_theta that is not a positive number ends the node with one line at start. At run time it is
+    logged, and the last valid value stays in use.
     """
 
     def __init__(self, node: NodeHandle) -> None:

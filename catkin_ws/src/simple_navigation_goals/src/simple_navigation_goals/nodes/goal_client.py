@@ -1,4 +1,4 @@
-"""What both waypoint clients share: topics in, a queue, goals out."""
+"""The shared part of both waypoint clients: receives waypoints, queues them, and sends goals to move_base."""
 
 import time
 from collections.abc import Callable
@@ -29,18 +29,18 @@ from simple_navigation_goals.core.queue import Outcome, QueueConfig, WaypointQue
 from simple_navigation_goals.core.waypoint import Waypoint
 from simple_navigation_goals.msg import WaypointQueue as WaypointQueueMessage
 
-_TICK = 0.25  # [s of wall time] how often it looks whether move_base is running
-_PATIENCE = 2.0  # [s of wall time] before it says that it waits for a transform
-_FILE_PERIOD = 30.0  # [s of wall time] between two lines on a file that cannot be written
+_TICK = 0.25  # period of the check whether move_base is running [s, wall time]
+_PATIENCE = 2.0  # time until a warning about a missing transform [s, wall time]
+_FILE_PERIOD = 30.0  # time between two warnings about a file that cannot be written [s, wall time]
 
 
 @dataclass(frozen=True)
 class GoalClientConfig(QueueConfig):
-    """Files, empty for none, and the action.
+    """Action and files of the client; an empty file name means none.
 
-    ``action``: what takes goals: move_base, or what passes them on to it. ``patrol``: YAML file of a patrol to begin
-    with; see ``core.patrol``. ``queue_file``: where the waypoints that are left are written at each change, and read
-    from at the start.
+    ``action``: name of the action that takes the goals: move_base, or a node that forwards to it. ``patrol``: YAML
+    file of a patrol to start with; see ``core.patrol``. ``queue_file``: file to which the remaining waypoints are
+    written at each change, and from which they are read at start.
     """
 
     action: str = "move_base"
@@ -49,33 +49,34 @@ class GoalClientConfig(QueueConfig):
 
 
 class GoalClientNode:
-    """Drives a robot along a queue of waypoints, one goal of move_base after the other.
+    """Drives a robot along a queue of waypoints by sending one goal after the other to move_base.
 
     Subscribes:
-        <topic> (geometry_msgs/Twist): linear.x, linear.y [m], angular.z heading [DEGREES], in ``frame``.
-        <topic>_pose (geometry_msgs/PoseStamped): the same as a pose in the frame of its header.
-        ~cancel (std_msgs/Empty): as the service ~clear; a topic crosses gateways by one flip from the other side.
+        <topic> (geometry_msgs/Twist): waypoint: linear.x, linear.y [m], angular.z heading [DEGREES], in ``frame``.
+        <topic>_pose (geometry_msgs/PoseStamped): waypoint as a pose in the frame of its header.
+        ~cancel (std_msgs/Empty): like the service ~clear; as a topic it crosses gateways with one flip from the far
+        side.
 
     Publishes:
         ~queue (WaypointQueue, latched): on every change.
 
     Services:
-        ~clear (std_srvs/Empty): drops all waypoints, a patrol too, and cancels the one under way.
-        ~patrol (std_srvs/Trigger): reads the file ~patrol (again) and begins its patrol.
+        ~clear (std_srvs/Empty): drops all waypoints and the patrol, and cancels the active goal.
+        ~patrol (std_srvs/Trigger): reads the file ~patrol (again) and starts its patrol.
 
     Actions called: ~action (move_base_msgs/MoveBaseAction).
 
-    Parameters: ``GoalClientConfig``; ~patrol is read again by the service of that name.
+    Parameters: ``GoalClientConfig``; the service ~patrol reads ~patrol again.
 
-    On error: a waypoint that is not finite is refused with one line. A patrol that cannot be read ends the node at its
-    start, and is the service's answer later. A move_base that is absent is waited for, one
-    that ends or restarts gets the waypoint again.
+    On error: an invalid waypoint is rejected with one line. An unreadable patrol ends the node at start; later the
+    service ~patrol returns the error. The node waits for move_base if it is absent, and sends the waypoint again if
+    move_base restarts.
 
     Args:
         node: the node.
-        topic: of the waypoints.
-        frame: their frame.
-        locate: turns a waypoint into the one to send, or returns None while it cannot yet.
+        topic: topic of the waypoints.
+        frame: default frame of the waypoints.
+        locate: converts a waypoint into the one to send; returns None while it cannot yet.
     """
 
     def __init__(
@@ -143,7 +144,7 @@ class GoalClientNode:
     def _on_patrol(self, _request: TriggerRequest) -> TriggerResponse:
         path = self._node.parameter("~patrol", "")
         if not path:
-            return TriggerResponse(False, f"no parameter {self._node.resolved('~patrol')} names a file")
+            return TriggerResponse(False, f"parameter {self._node.resolved('~patrol')} is not set to a file")
         try:
             patrol = self._read_patrol(str(path))
         except ParameterError as error:
@@ -166,7 +167,7 @@ class GoalClientNode:
         self._acts.now()
 
     def _rest(self) -> None:
-        """Lets the robot stand as long as the waypoint that it reached says, by ROS time."""
+        """Lets the robot stand for the wait of the waypoint that it reached, in ROS time."""
         now = self._node.now()
         if self._queue.rest == 0.0:
             self._resting_since = None

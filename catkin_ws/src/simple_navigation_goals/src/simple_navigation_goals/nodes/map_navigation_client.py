@@ -1,4 +1,4 @@
-"""Drives a robot along waypoints given in ``map``."""
+"""Drives a robot along waypoints in the ``map`` frame."""
 
 from pioneer_node.adapters.node_handle import NodeHandle
 from pioneer_node.nodes.node_host import run

@@ -1,4 +1,4 @@
-"""Parameters of a costmap, under costmap_2d's names, in its classic and in its layered style."""
+"""Costmap parameters with costmap_2d's names, in the classic and the plugin (layered) style."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -9,16 +9,16 @@ from pioneer_node.core.live import Live
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 
 DATA_TYPES = ("LaserScan", "PointCloud2")
-"""What a source may send."""
+"""Supported message types of an observation source."""
 
 
 @dataclass(frozen=True)
 class SourceConfig:
-    """One observation source: a laser, or points in space.
+    """One observation source: a laser scan or a point cloud.
 
-    ``observation_persistence`` [s] is how long what was seen keeps marking and clearing, 0 for the newest alone.
-    ``expected_update_rate`` [s] is the longest silence that still counts as current, 0 for any.
-    Ranges [m] hold for this source; heights [m] are in the costmap's frame.
+    ``observation_persistence`` [s] is how long an observation keeps marking and clearing; 0 keeps only the newest.
+    ``expected_update_rate`` [s] is the longest time between messages before the source counts as stale; 0 disables
+    the check. Ranges [m] apply to this source; heights [m] are in the costmap's frame.
     """
 
     topic: str
@@ -52,9 +52,9 @@ class StaticConfig:
 
 @dataclass(frozen=True)
 class ObstacleConfig:
-    """An obstacle layer. ``combination_method`` 1 takes the higher cost, 0 overwrites what lies below.
+    """An obstacle layer. ``combination_method`` 1 takes the higher cost, 0 overwrites the layers below.
 
-    ``max_obstacle_height`` [m] bounds that of every source.
+    ``max_obstacle_height`` [m] is an upper limit for that of every source.
     """
 
     enabled: Annotated[bool, Live()] = True
@@ -67,7 +67,7 @@ class ObstacleConfig:
 
 @dataclass(frozen=True)
 class InflationConfig:
-    """The inflation layer: how far [m] costs reach and how fast [1/m] they fall."""
+    """The inflation layer: inflation radius [m] and exponential decay of the cost [1/m]."""
 
     enabled: Annotated[bool, Live()] = True
     inflation_radius: Annotated[float, Live(0.0, 50.0)] = 0.55
@@ -77,11 +77,11 @@ class InflationConfig:
 
 @dataclass(frozen=True)
 class FleetConfig:
-    """The fleet layer: other robots, from where tf says they are.
+    """The fleet layer: marks other robots at their tf poses.
 
-    ``robots`` are their names, a list or a text with blanks between; the robot that the costmap belongs to may be among
-    them. Each stands where tf has its frame ``<robot>/<base_frame>``, while that is at most ``timeout`` [s] old.
-    ``footprint`` is theirs, the costmap's own where it is empty.
+    ``robots`` are their names, as a list or a space-separated string; the costmap's own robot may be among them. Each
+    is marked at the tf frame ``<robot>/<base_frame>`` while that transform is at most ``timeout`` [s] old.
+    ``footprint`` is the other robots' footprint; if empty, the costmap's own is used.
     """
 
     enabled: Annotated[bool, Live()] = True
@@ -102,7 +102,7 @@ LayerConfig = StaticConfig | ObstacleConfig | FleetConfig | InflationConfig
 
 @dataclass(frozen=True)
 class CostmapConfig:
-    """A costmap: frames, rates [Hz], size [m] where no map gives it, and its layers, lowest first, with their names."""
+    """A costmap: frames, rates [Hz], size [m] (unless a map sets it), and layers, lowest first, with their names."""
 
     global_frame: str = "map"
     robot_base_frame: str = "base_link"
@@ -124,7 +124,7 @@ class CostmapConfig:
     layer_names: tuple[str, ...] = field(default=(), compare=False)
 
     def outline(self) -> Footprint:
-        """Returns the footprint that the parameters describe, padded."""
+        """Returns the padded footprint that the parameters describe."""
         return footprint_from_parameters(self.footprint, self.robot_radius, self.footprint_padding)
 
 
@@ -134,9 +134,10 @@ _LAYERS = {
     "nav_bundle::FleetLayer": FleetConfig,
     "costmap_2d::InflationLayer": InflationConfig,
 }
-# What costmap_2d calls the layers where no list of plugins names them, and the fleet layer's name beside them.
+# costmap_2d's layer names when there is no list of plugins, and the name of the fleet layer.
 _STATIC, _OBSTACLE, _FLEET, _INFLATION = "static_layer", "obstacle_layer", "fleet_layer", "inflation_layer"
-# Names that costmap_2d has and that change nothing here: three-dimensional maps and retired switches.
+# costmap_2d's names that set no field of ``CostmapConfig``: three-dimensional maps, retired options, and parameters
+# that the layers read.
 _WITHOUT_EFFECT = frozenset(
     {
         "origin_z",
@@ -168,13 +169,13 @@ _WITHOUT_EFFECT = frozenset(
 def costmap_config_from_parameters(parameters: Mapping[str, Any], owner: str) -> CostmapConfig:
     """Returns the configuration in namespace ``owner``.
 
-    A ``plugins`` list of {name, type} gives the layers, each with its own nested names; without one,
-    ``static_map``, ``observation_sources`` and ``inflation_radius`` stand in the costmap's namespace. What stands in
-    ``static_layer``, ``obstacle_layer`` and ``inflation_layer`` then goes before, as after a reconfiguration, and
-    ``fleet_layer`` adds that layer.
+    A ``plugins`` list of {name, type} defines the layers, each with its own nested parameters. Without the list,
+    ``static_map``, ``observation_sources`` and ``inflation_radius`` are read from the costmap's namespace. Parameters
+    in ``static_layer``, ``obstacle_layer`` and ``inflation_layer`` then take precedence, as after a reconfiguration,
+    and ``fleet_layer`` adds that layer.
 
     Raises:
-        ParameterError: an unknown name or layer, a wrong type, a source of an unknown type.
+        ParameterError: an unknown name or layer, a wrong type, or a source with an unsupported data type.
     """
     nested = {name for name, value in parameters.items() if isinstance(value, Mapping)}
     config = config_from_mapping(CostmapConfig, parameters, owner, _WITHOUT_EFFECT | nested)
@@ -209,19 +210,19 @@ def _classic_layers(parameters: Mapping[str, Any], owner: str) -> dict[str, Laye
 
 
 def _nested(parameters: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """Returns the parameters in the namespace ``name``, none where there is no such namespace."""
+    """Returns the parameters in the namespace ``name``; empty if there is no such namespace."""
     found = parameters.get(name)
     return found if isinstance(found, Mapping) else {}
 
 
 def _from_matching(kind: type[Any], parameters: Mapping[str, Any], owner: str, without: Any = ()) -> Any:
-    """Returns ``kind`` from those parameters that are named like its fields."""
+    """Returns a ``kind`` built from the parameters whose names match its fields."""
     names = {f.name for f in fields(kind)} - set(without)
     return config_from_mapping(kind, {name: parameters[name] for name in names & set(parameters)}, owner)
 
 
 def _plugin(parameters: Mapping[str, Any], plugin: Any, owner: str) -> tuple[str, LayerConfig]:
-    """Returns the layer's name and configuration; the package of its type may be left out."""
+    """Returns the layer's name and configuration; the type may omit its package."""
     by_name = {full.split("::")[-1]: kind for full, kind in _LAYERS.items()}
     try:
         name, kind = str(plugin["name"]), by_name[str(plugin["type"]).split("::")[-1]]
@@ -235,7 +236,7 @@ def _plugin(parameters: Mapping[str, Any], plugin: Any, owner: str) -> tuple[str
 
 
 def _obstacles(scopes: Sequence[Mapping[str, Any]], owner: str) -> ObstacleConfig:
-    """Returns the layer described in ``scopes[0]``; what a source leaves out is looked up outwards."""
+    """Returns the layer described in ``scopes[0]``; a source's missing parameters come from the outer scopes."""
     own = scopes[0]
     names = own.get("observation_sources", "").split()
     layer = _from_matching(ObstacleConfig, own, owner, {"sources"})

@@ -1,4 +1,4 @@
-"""What a cell of a costmap may cost, and how that reads as an occupancy value."""
+"""Costs of a costmap's cells, and their conversion from and to occupancy values."""
 
 import math
 
@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 FREE = 0
-"""Nothing is near."""
+"""No obstacle within the inflation radius."""
 INSCRIBED = 253
-"""The robot's centre cannot be here without touching an obstacle."""
+"""With its centre in this cell, the robot touches an obstacle."""
 LETHAL = 254
 """An obstacle."""
 UNKNOWN = 255
-"""Nobody has looked."""
+"""Not observed yet."""
 
 
 def cells_of_distance(distance: float, resolution: float) -> int:
@@ -23,10 +23,10 @@ def cells_of_distance(distance: float, resolution: float) -> int:
 def cost_by_squared_distance(
     radius: int, resolution: float, inscribed_radius: float, scaling: float
 ) -> NDArray[np.uint8]:
-    """Returns the cost of a cell by its squared distance [cells**2] to the nearest obstacle.
+    """Returns a table of costs by squared distance [cells**2] to the nearest obstacle.
 
     ``LETHAL`` at the obstacle, ``INSCRIBED`` up to ``inscribed_radius`` [m], beyond it
-    ``252 exp(-scaling (distance - inscribed_radius))``, cut to whole numbers, as costmap_2d has it.
+    ``252 exp(-scaling (distance - inscribed_radius))``, truncated to an integer, as in costmap_2d.
     Shape (radius**2 + 1,), ``radius`` in cells, ``scaling`` [1/m].
     """
     distance = np.sqrt(np.arange(radius * radius + 1)) * resolution
@@ -39,7 +39,7 @@ def cost_by_squared_distance(
 def cost_by_occupancy(
     lethal_threshold: int, trinary: bool, track_unknown: bool, unknown_value: int
 ) -> NDArray[np.uint8]:
-    """Returns the cost of a map's cell by its value as unsigned byte: 0 to 100, and 255 for -1."""
+    """Returns a table, shape (256,), from a map cell's value as unsigned byte (0 to 100, 255 for -1) to its cost."""
     values = np.arange(256)
     scaled = np.zeros(256) if trinary else values / lethal_threshold * LETHAL
     table = np.where(values >= lethal_threshold, LETHAL, scaled).astype(np.uint8)
@@ -48,6 +48,6 @@ def cost_by_occupancy(
 
 
 def occupancy_by_cost() -> NDArray[np.int8]:
-    """Returns the value that is published for each cost: 0 free, 1 to 98 scaled, 99, 100, -1 (costmap_2d's table)."""
+    """Returns the published occupancy for each cost: 0 free, 1 to 98 scaled, 99, 100, -1 (costmap_2d's table)."""
     table = np.array([0, *(1 + 97 * (cost - 1) // 251 for cost in range(1, 253)), 99, 100, -1])
     return table.astype(np.int8)

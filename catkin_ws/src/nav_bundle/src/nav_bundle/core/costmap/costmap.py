@@ -1,4 +1,4 @@
-"""A costmap: its layers merged, recomputed where something changed."""
+"""A layered costmap that recomputes only the cells that changed."""
 
 from collections.abc import Sequence
 
@@ -16,18 +16,18 @@ from nav_bundle.kernels.trajectory import footprint_cost
 
 _KNOWN = 0.3
 NARROWEST_ROBOT, _WIDEST = 0.32, 0.6
-"""Points of the same robot are up to so far apart [m]: a Pioneer is 0.4 m wide and 0.5 m long."""
+"""Range of the distance between two points on one robot [m]: a Pioneer is 0.4 m wide and 0.5 m long."""
 
 
 class Costmap:
-    """Costs around a robot, either fixed in a map's frame or rolling with the robot.
+    """Costs around a robot, either fixed in a map's frame or in a window that rolls with the robot.
 
-    Not thread-safe: one owner updates and reads it.
+    Not thread-safe: only one owner may update and read it.
     """
 
     def __init__(self, config: CostmapConfig) -> None:
-        self.config = config  #: what it was made from
-        self.footprint = config.outline()  #: the robot's padded outline
+        self.config = config  #: the current parameters
+        self.footprint = config.outline()  #: the robot's padded footprint
         self._static = _static_layers(config)
         self._obstacles: list[ObstacleLayer] = []
         self._obstacle_at: dict[int, ObstacleLayer] = {}
@@ -35,19 +35,19 @@ class Costmap:
         self._layers: list[StaticLayer | ObstacleLayer | FleetLayer | InflationLayer] = []
         self._margin = 0
         self._pending = EMPTY
-        self.geometry = self._own_geometry()  #: where the cells lie
+        self.geometry = self._own_geometry()  #: origin, resolution and size of the cells
         self.cells: Cells = np.empty((0, 0), np.uint8)  #: uint8, shape (rows, cols), C-contiguous
         self._resize(self.geometry)
 
     def _own_geometry(self) -> Geometry:
-        """Returns where the cells lie when no map says it."""
+        """Returns the geometry that the parameters give when no map does."""
         config = self.config
         rows = cells_of_distance(config.height, config.resolution)
         cols = cells_of_distance(config.width, config.resolution)
         return Geometry(config.origin_x, config.origin_y, config.resolution, rows, cols)
 
     def configure(self, config: CostmapConfig) -> None:
-        """Takes another configuration; map and obstacles stay, unless size or resolution change."""
+        """Applies another configuration; keeps map and obstacles unless size or resolution change."""
         before, self.config = self.config, config
         self.footprint = config.outline()
         static = _static_layers(config)
@@ -64,16 +64,16 @@ class Costmap:
 
     @property
     def _default(self) -> int:
-        """The cost of a cell of which nothing is known."""
+        """Cost of a cell without any observation."""
         return UNKNOWN if self.config.track_unknown_space else FREE
 
     @property
     def ready(self) -> bool:
-        """True once a static layer has its map."""
+        """True once every static layer has its map."""
         return all(layer.place is not None for layer in self._static)
 
     def set_map(self, grid: Grid) -> None:
-        """Takes the static map; unless the costmap rolls, its size and resolution too, and obstacles are forgotten."""
+        """Sets the static map. A costmap that does not roll also takes its size and resolution, and drops obstacles."""
         for layer in self._static:
             layer.set_map(grid)
             if layer.place is not None and not self.config.rolling_window:
@@ -86,7 +86,7 @@ class Costmap:
         self._make_layers()
 
     def _make_layers(self) -> None:
-        """Makes new layers; each obstacle layer keeps what the one in its place knew."""
+        """Creates new layers; each obstacle layer keeps the cells of its predecessor."""
         self._layers = []
         known, self._obstacle_at = self._obstacle_at, {}
         for index, config in enumerate(self.config.layers):
@@ -127,13 +127,13 @@ class Costmap:
         others: Sequence[Pose] = (),
         here_from_map: Pose | None = None,
     ) -> Window:
-        """Brings the costs up to date; returns the window of cells that may differ from before.
+        """Updates the costs; returns the window of cells that may have changed.
 
         Args:
-            pose: the robot's, in the costmap's frame; a rolling window is centred on it.
-            observations: the newest of each source, in the costmap's frame.
+            pose: the robot's pose in the costmap's frame; a rolling window is centred on it.
+            observations: the current observations of each source, in the costmap's frame.
             others: other robots' poses in the costmap's frame, for the fleet layer.
-            here_from_map: pose of the map's frame in the costmap's, for a map in a rolling window; the same without.
+            here_from_map: pose of the map's frame in the costmap's, for a map in a rolling window; default identity.
         """
         changed, self._pending = self._pending, EMPTY
         if self.config.rolling_window:
@@ -154,7 +154,7 @@ class Costmap:
         return changed
 
     def _centre(self, pose: Pose) -> bool:
-        """Moves the window by whole cells so that the robot is in its middle; tells whether it moved."""
+        """Moves the window by whole cells so that the robot is in its centre; returns whether it moved."""
         place = self.geometry
         right = place.col_of(pose.x) - place.cols // 2
         down = place.row_of(pose.y) - place.rows // 2
@@ -167,29 +167,30 @@ class Costmap:
         return True
 
     def clear_outside(self, pose: Pose, side: float) -> None:
-        """Forgets what sensors saw outside the square of ``side`` [m] around ``pose``; shows in the next update."""
+        """Clears sensor data outside the square of ``side`` [m] around ``pose``; effective at the next update."""
         for layer in self._obstacles:
             layer.clear_outside(self.geometry, pose, side)
         self._pending = self._everything()
 
     def reset(self) -> None:
-        """Forgets all that sensors saw; shows in the next update."""
+        """Clears all sensor data; effective at the next update."""
         for layer in self._obstacles:
             layer.resize(self.geometry.rows, self.geometry.cols)
         self._pending = self._everything()
 
     def cost_at(self, distance: float) -> int:
-        """Returns the cost of a free cell whose nearest obstacle is ``distance`` [m] off."""
+        """Returns the cost of a free cell whose nearest obstacle is ``distance`` [m] away."""
         return max((layer.cost_at(distance) for layer in self._layers if isinstance(layer, InflationLayer)), default=0)
 
     def footprint_cost(self, pose: Pose) -> int:
-        """Returns the highest cost under the robot's outline at ``pose``: -1 lethal, -2 unknown, -3 off the grid."""
+        """Returns the highest cost under the robot's footprint at ``pose``: -1 lethal, -2 unknown, -3 off the grid."""
         return footprint_cost(self.cells, self.geometry.place, self.footprint.vertices, pose.x, pose.y, pose.yaw)
 
     def goal_fault(self, goal: Pose) -> str:
-        """Returns why, by the map alone, no robot can stand at ``goal``; empty where the map does not forbid it.
+        """Returns why the static map rules out ``goal``; empty if it does not.
 
-        What only sensors have seen may move away. A costmap that rolls, or has no map, forbids nothing.
+        Obstacles seen only by sensors do not count, since they may move away. A costmap that rolls or has no map
+        rules out no goal.
         """
         if self.config.rolling_window or not self._static or self._static[0].cells is None:
             return ""
@@ -210,10 +211,10 @@ class Costmap:
         )
 
     def unmapped(self, pose: Pose, reach: float, width: float = NARROWEST_ROBOT) -> NDArray[np.float64]:
-        """Returns what sensors marked that the map does not know: points (n, 2) [m] within ``reach`` [m] of ``pose``.
+        """Returns marked obstacles that are not in the map: points (n, 2) [m] within ``reach`` [m] of ``pose``.
 
-        Cells nearer than 0.3 m to one that is lethal in the map count as known, and what looks narrower than ``width``
-        [m] is no robot: it need not be given way. Without a map, or reach, there is none.
+        Cells within 0.3 m of a lethal cell of the map count as mapped. Obstacles narrower than ``width`` [m] are left
+        out: they cannot be robots and need not be given way. Empty without a map or with ``reach`` 0.
         """
         if not self._static or self._static[0].cells is None or reach <= 0.0:
             return np.empty((0, 2))
@@ -236,10 +237,10 @@ class Costmap:
         return np.ascontiguousarray(points[wide])
 
     def snapshot(self) -> Cells:
-        """Returns a copy of the cells that later updates leave alone."""
+        """Returns a copy of the cells, unaffected by later updates."""
         return self.cells.copy()
 
 
 def _static_layers(config: CostmapConfig) -> list[StaticLayer]:
-    """Returns the static layer, if there is one: only the first counts."""
+    """Returns the first static layer, if any; further ones are ignored."""
     return [StaticLayer(layer) for layer in config.layers if isinstance(layer, StaticConfig)][:1]

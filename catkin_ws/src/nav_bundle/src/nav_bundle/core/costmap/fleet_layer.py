@@ -1,4 +1,4 @@
-"""The layer of other robots: an outline, lethal, wherever one stands."""
+"""The fleet layer: marks the footprint of each other robot as lethal."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from nav_bundle.kernels.costmap import Place, fill_polygon
 
 @dataclass(frozen=True, eq=False)
 class _Stamp:
-    """One robot's cells, lethal or unknown, and where they lie."""
+    """One robot's cells, lethal or unknown, and their window."""
 
     window: Window
     cells: NDArray[np.uint8] = field(repr=False)
@@ -26,7 +26,7 @@ class _Stamp:
 
 
 class FleetLayer:
-    """Other robots where they are known to stand; what the costmap's own robot covers stays free of them."""
+    """Marks other robots at their known poses, except in cells that the own robot's footprint covers."""
 
     def __init__(self, config: FleetConfig, own: Footprint) -> None:
         self.config = config
@@ -36,12 +36,12 @@ class FleetLayer:
         self._stamps: list[_Stamp] = []
 
     def place(self, geometry: Geometry, others: Iterable[Pose], outline: NDArray[np.float64]) -> Window:
-        """Takes the other robots' poses in the costmap's frame; returns the window of cells that may differ.
+        """Sets the other robots' poses in the costmap's frame; returns the window of cells that may have changed.
 
         Args:
-            geometry: of the costmap.
-            others: where the others are now; all that were there before are gone.
-            outline: of the costmap's own robot, shape (n, 2) [m].
+            geometry: geometry of the costmap.
+            others: current poses of the other robots; they replace all earlier ones.
+            outline: footprint of the costmap's own robot, shape (n, 2) [m].
         """
         before = self._stamps
         stamps = (self._stamp(geometry, pose, outline) for pose in others)
@@ -72,7 +72,7 @@ class FleetLayer:
         return _Stamp(window, cells)
 
     def merge(self, master: NDArray[np.uint8], window: Window) -> None:
-        """Makes the others' cells in the window of ``master`` lethal."""
+        """Marks the other robots' cells in the window of ``master`` as lethal."""
         for stamp in self._stamps:
             part = stamp.window.within(window)
             if part:

@@ -1,4 +1,4 @@
-"""The robot's outline on the ground."""
+"""The robot's footprint: its outline projected onto the ground."""
 
 import json
 import math
@@ -15,35 +15,35 @@ _CIRCLE_VERTICES = 16
 
 
 class FootprintError(NavigationError):
-    """A footprint that is no polygon."""
+    """A footprint that is not a valid polygon."""
 
 
 class Footprint:
     """A polygon around the robot's origin."""
 
     def __init__(self, vertices: NDArray[np.float64], padding: float = 0.0) -> None:
-        #: float64, shape (n, 2) [m], in the robot's frame, n at least 3
+        #: float64, shape (n, 2) [m], in the robot's frame, n >= 3
         self.vertices: NDArray[np.float64] = np.ascontiguousarray(vertices + np.sign(vertices) * padding, np.float64)
         following = np.roll(self.vertices, -1, axis=0)
-        #: of the largest circle around the origin inside the polygon [m]
+        #: radius of the largest circle around the origin inside the polygon [m]
         self.inscribed_radius = min(
             _distance_to_segment(*first, *second) for first, second in zip(self.vertices, following, strict=True)
         )
-        #: of the smallest circle around the origin that holds the polygon [m]
+        #: radius of the smallest circle around the origin that contains the polygon [m]
         self.circumscribed_radius = float(np.hypot(self.vertices[:, 0], self.vertices[:, 1]).max())
 
     def outline(self, pose: Pose) -> NDArray[np.float64]:
-        """Returns the vertices, shape (n, 2) [m], of the robot at ``pose``, in the pose's frame."""
+        """Returns the vertices, shape (n, 2) [m], of the footprint at ``pose``, in the frame of ``pose``."""
         cosine, sine = math.cos(pose.yaw), math.sin(pose.yaw)
         x, y = self.vertices[:, 0], self.vertices[:, 1]
         return np.stack([pose.x + cosine * x - sine * y, pose.y + sine * x + cosine * y], axis=1)
 
 
 def footprint_from_parameters(polygon: Any, robot_radius: float, padding: float) -> Footprint:
-    """Returns the footprint of costmap_2d's parameters: a polygon (list or its text), or a circle without one.
+    """Returns the footprint for costmap_2d's parameters: a polygon (list or JSON text), or a circle if none is given.
 
     Raises:
-        FootprintError: fewer than three vertices, or something that is no list of pairs of numbers.
+        FootprintError: fewer than three vertices, or not a list of pairs of numbers.
     """
     if polygon in (None, "", [], "[]"):
         angles = np.arange(_CIRCLE_VERTICES) * (math.tau / _CIRCLE_VERTICES)

@@ -1,4 +1,4 @@
-"""Where grids lie, and parts of them."""
+"""Position and size of grids, and windows within them."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,7 +13,7 @@ Cells = NDArray[np.uint8]
 
 @dataclass
 class Geometry:
-    """Where a costmap lies: corner of cell (0, 0) [m] in its frame, cell size [m], numbers of cells."""
+    """Geometry of a costmap: outer corner of cell (0, 0) [m] in its frame, cell size [m], rows and columns."""
 
     origin_x: float
     origin_y: float
@@ -23,15 +23,15 @@ class Geometry:
 
     @property
     def place(self) -> Place:
-        """Where it lies, as the kernels take it."""
+        """Origin and resolution in the form that the kernels use."""
         return Place(self.origin_x, self.origin_y, self.resolution)
 
     def row_of(self, y: float) -> int:
-        """Returns the row that holds ``y`` [m], inside or not."""
+        """Returns the row that contains ``y`` [m], inside the grid or not."""
         return int(np.floor((y - self.origin_y) / self.resolution))
 
     def col_of(self, x: float) -> int:
-        """Returns the column that holds ``x`` [m], inside or not."""
+        """Returns the column that contains ``x`` [m], inside the grid or not."""
         return int(np.floor((x - self.origin_x) / self.resolution))
 
 
@@ -47,7 +47,7 @@ class Window(NamedTuple):
         return self.row_0 < self.row_1 and self.col_0 < self.col_1
 
     def grown(self, margin: int, rows: int, cols: int) -> "Window":
-        """Returns the window widened by ``margin`` cells on each side, within ``rows`` and ``cols``."""
+        """Returns the window grown by ``margin`` cells on each side, clipped to ``rows`` and ``cols``."""
         return Window(
             max(self.row_0 - margin, 0),
             min(self.row_1 + margin, rows),
@@ -56,7 +56,7 @@ class Window(NamedTuple):
         )
 
     def within(self, other: "Window") -> "Window":
-        """Returns the part that lies in both."""
+        """Returns the intersection of the two windows."""
         return Window(
             max(self.row_0, other.row_0),
             min(self.row_1, other.row_1),
@@ -65,7 +65,7 @@ class Window(NamedTuple):
         )
 
     def joined(self, other: "Window") -> "Window":
-        """Returns the smallest window that holds both; an empty one adds nothing."""
+        """Returns the smallest window that contains both; empty windows are ignored."""
         if not other:
             return self
         if not self:

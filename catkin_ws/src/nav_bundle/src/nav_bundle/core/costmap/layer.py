@@ -1,4 +1,4 @@
-"""The layers that a costmap is merged from."""
+"""Costmap layers: static map, obstacles, inflation."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -26,7 +26,7 @@ from nav_bundle.kernels import costmap as kernel
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """What one laser saw: points (n, 2) [m] and the sensor's place [m] and yaw [rad], all in the costmap's frame."""
+    """One sensor reading: points (n, 2) [m], sensor position [m] and yaw [rad], all in the costmap's frame."""
 
     source: SourceConfig
     sensor_x: float
@@ -36,11 +36,11 @@ class Observation:
 
 
 class StaticLayer:
-    """The map, as costs."""
+    """The static map, converted to costs."""
 
     def __init__(self, config: StaticConfig) -> None:
         self.config = config
-        #: the map's costs in the costmap's cells, unknown where the map does not reach; None without a map
+        #: the map's costs in the costmap's cells, unknown outside the map; None without a map
         self.cells: Cells | None = None
         self._map: Cells | None = None
         self._place = Geometry(0.0, 0.0, 1.0, 0, 0)
@@ -53,11 +53,11 @@ class StaticLayer:
 
     @property
     def place(self) -> Geometry | None:
-        """Where the map lies in its frame; None without one."""
+        """Geometry of the map in its frame; None without a map."""
         return None if self._map is None else self._place
 
     def set_map(self, grid: Grid) -> None:
-        """Takes the map's cells. A map whose origin is turned is laid into the smallest upright grid that holds it."""
+        """Sets the map; resamples a rotated map into the smallest axis-aligned grid that contains it."""
         costs = self._costs[grid.cells.view(np.uint8)]
         self._place = Geometry(grid.origin.x, grid.origin.y, grid.resolution, grid.rows, grid.cols)
         if grid.origin.yaw != 0.0:
@@ -67,10 +67,10 @@ class StaticLayer:
         self.cells = self._map = costs
 
     def lie(self, geometry: Geometry, here_from_map: Pose) -> bool:
-        """Lays the map under a rolling costmap; tells whether a cell differs from before.
+        """Resamples the map into a rolling costmap; returns whether any cell changed.
 
         Args:
-            geometry: of the costmap.
+            geometry: geometry of the costmap.
             here_from_map: pose of the map's frame in the costmap's.
         """
         assert self._map is not None
@@ -83,7 +83,7 @@ class StaticLayer:
         return before is None or not np.array_equal(before, self.cells)
 
     def near(self, window: Window, radius: int) -> NDArray[np.bool_]:
-        """Tells for each cell of the window whether the map is lethal within ``radius`` cells of it, in the window."""
+        """Returns a mask of the window's cells that have a lethal map cell of the window within ``radius`` cells."""
         assert self.cells is not None
         part = self.cells[window.row_0 : window.row_1, window.col_0 : window.col_1].copy()
         reached = np.full(radius * radius + 1, INSCRIBED, np.uint8)
@@ -91,7 +91,7 @@ class StaticLayer:
         return (part == INSCRIBED) | (part == LETHAL)
 
     def merge(self, master: Cells, window: Window) -> None:
-        """Writes the map into the window of ``master``; a map laid under a rolling costmap, only what it knows."""
+        """Writes the map into the window of ``master``; in a rolling costmap, only the map's known cells."""
         if self.cells is None:
             return
         if self.config.use_maximum:
@@ -104,7 +104,7 @@ class StaticLayer:
 
 
 class ObstacleLayer:
-    """What the lasers have seen: their returns mark, the way to them clears."""
+    """Sensor obstacles: returns mark cells, the rays to them clear cells."""
 
     def __init__(self, config: ObstacleConfig) -> None:
         self.config = config
@@ -112,11 +112,11 @@ class ObstacleLayer:
         self.cells: Cells = np.full((1, 1), self._default, np.uint8)
 
     def resize(self, rows: int, cols: int) -> None:
-        """Forgets everything and takes a new size."""
+        """Clears all cells and sets a new size."""
         self.cells = np.full((rows, cols), self._default, np.uint8)
 
     def shift(self, down: int, right: int) -> None:
-        """Moves the grid's origin by cells; what leaves is forgotten, what enters is not known yet."""
+        """Shifts the grid's origin by cells; drops cells that leave the grid and resets those that enter."""
         rows, cols = self.cells.shape
         moved = np.full_like(self.cells, self._default)
         if abs(down) < rows and abs(right) < cols:
@@ -126,7 +126,7 @@ class ObstacleLayer:
         self.cells = moved
 
     def observe(self, geometry: Geometry, observations: Iterable[Observation], outline: NDArray[np.float64]) -> Window:
-        """Clears and marks; returns the window of the cells that differ from before."""
+        """Clears and marks cells; returns the window of the cells that changed."""
         mine = [seen for seen in observations if seen.source in self.config.sources]
         touched = self._reach(geometry, mine, outline)
         if not touched:
@@ -149,7 +149,7 @@ class ObstacleLayer:
         return window if window else EMPTY
 
     def _reach(self, geometry: Geometry, seen: list[Observation], outline: NDArray[np.float64]) -> Window:
-        """Returns the window outside which nothing can change."""
+        """Returns the window that contains all cells that can change."""
         (x_0, y_0), (x_1, y_1) = outline.min(axis=0), outline.max(axis=0)
         for each in seen:
             reach = max(each.source.raytrace_range, each.source.obstacle_range)
@@ -163,7 +163,7 @@ class ObstacleLayer:
         )
 
     def clear_outside(self, geometry: Geometry, pose: Pose, side: float) -> None:
-        """Forgets everything outside the square of ``side`` [m] around ``pose``."""
+        """Clears all cells outside the square of ``side`` [m] around ``pose``."""
         half = side / 2.0
         rows = slice(max(geometry.row_of(pose.y - half), 0), max(geometry.row_of(pose.y + half), 0))
         cols = slice(max(geometry.col_of(pose.x - half), 0), max(geometry.col_of(pose.x + half), 0))
@@ -178,7 +178,7 @@ class ObstacleLayer:
 
 
 class InflationLayer:
-    """Costs that fall with the distance to the nearest lethal cell."""
+    """Adds costs that decay with the distance to the nearest lethal cell."""
 
     def __init__(self, config: InflationConfig, footprint: Footprint, resolution: float) -> None:
         self.config = config
@@ -189,11 +189,11 @@ class InflationLayer:
         )
 
     def cost_at(self, distance: float) -> int:
-        """Returns the cost of a cell that is ``distance`` [m] off the nearest lethal one."""
+        """Returns the cost of a cell at ``distance`` [m] from the nearest lethal cell."""
         squared = int((distance / self._resolution) ** 2)
         return int(self._table[squared]) if squared < len(self._table) else 0
 
     def merge(self, master: Cells, window: Window) -> None:
-        """Inflates into the window of ``master``; lethal cells around the window count too."""
+        """Inflates obstacles into the window of ``master``, including lethal cells outside the window."""
         if self.radius > 0:
             kernel.inflate(master, window, self.radius, self._table, self.config.inflate_unknown)

@@ -1,4 +1,4 @@
-"""Cells of one grid read at the places of another's."""
+"""Resampling of one grid's cells into another grid."""
 
 import math
 
@@ -9,11 +9,11 @@ from nav_bundle.core.costmap.cost import cells_of_distance
 from nav_bundle.core.costmap.geometry import Geometry, Window
 from nav_bundle.core.pose import Pose
 
-_ROWS_AT_ONCE = 256  # keeps what a large map needs meanwhile small
+_ROWS_AT_ONCE = 256  # bounds the temporary memory for large maps
 
 
 def upright(origin: Pose, resolution: float, rows: int, cols: int) -> Geometry:
-    """Returns the smallest grid without a turn that holds a turned one, whose corner is at ``origin``."""
+    """Returns the smallest axis-aligned grid that contains a rotated grid whose corner is at ``origin``."""
     corners = [origin.apply(x * resolution, y * resolution) for x in (0, cols) for y in (0, rows)]
     left, right = min(x for x, _ in corners), max(x for x, _ in corners)
     bottom, top = min(y for _, y in corners), max(y for _, y in corners)
@@ -24,15 +24,15 @@ def upright(origin: Pose, resolution: float, rows: int, cols: int) -> Geometry:
 def sampled(
     cells: NDArray[np.uint8], origin: Pose, resolution: float, place: Geometry, window: Window, outside: int
 ) -> NDArray[np.uint8]:
-    """Returns ``cells`` as they lie under the centres of the window's cells, ``outside`` where they do not reach.
+    """Returns ``cells`` sampled at the centres of the window's cells (nearest cell).
 
     Args:
         cells: uint8, shape (rows, cols).
         origin: pose of the corner of ``cells`` in the frame of ``place``.
-        resolution: side of one of ``cells`` [m].
-        place: the grid to fill.
-        window: the part of it to fill.
-        outside: value of what ``cells`` do not cover.
+        resolution: cell size of ``cells`` [m].
+        place: geometry of the target grid.
+        window: part of the target grid to sample.
+        outside: value where ``cells`` do not reach.
     """
     found = np.full((window.row_1 - window.row_0, window.col_1 - window.col_0), outside, np.uint8)
     cosine, sine = math.cos(origin.yaw), math.sin(origin.yaw)

@@ -16,9 +16,9 @@ def points_from_ranges(
     longest: float,
     inf_is_valid: bool,
 ) -> NDArray[np.float64]:
-    """Returns the returns' points (n, 3) [m] in the sensor's frame; ranges without a return give none.
+    """Converts laser returns to points (n, 3) [m] in the sensor's frame; ranges without a return give no point.
 
-    With ``inf_is_valid``, an infinite range stands for free space just short of ``longest`` [m].
+    With ``inf_is_valid``, an infinite range gives a point just short of ``longest`` [m].
     """
     if inf_is_valid:
         ranges = np.where(np.isposinf(ranges), np.float32(longest - _SHORT_OF_MAXIMUM), ranges)

@@ -1,1 +1,1 @@
-"""What needs no ROS: which topics and services of a master stop and cancel robots."""
+"""The ROS-free part: which topics and services of a master stop and cancel robots."""

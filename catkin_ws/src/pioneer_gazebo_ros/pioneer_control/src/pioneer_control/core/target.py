@@ -8,19 +8,19 @@ _ACTION = "move_base"
 _LIVE = frozenset({0, 1, 6, 7})  # pending, active, preempting, recalling (actionlib_msgs/GoalStatus)
 
 Graph = Mapping[str, Collection[str]]
-"""Names of topics or services to the nodes behind them."""
+"""Maps topic or service names to the nodes behind them."""
 
 
 @dataclass(frozen=True)
 class Targets:
-    """Where to say stop."""
+    """Topics and services through which robots are stopped."""
 
     commands: frozenset[str] = frozenset()  #: velocity topics of robots, ``…/pioneer/cmd_vel``
-    actions: frozenset[str] = frozenset()  #: names of move_base actions that somebody serves, ``…/move_base``
+    actions: frozenset[str] = frozenset()  #: names of move_base actions that have a server, ``…/move_base``
     clears: frozenset[str] = frozenset()  #: services that clear a waypoint client's queue, ``…/clear``
 
     def of(self, robots: Collection[str]) -> "Targets":
-        """Returns those in the namespaces ``robots``; all of them where no robot is named."""
+        """Returns the targets in the namespaces ``robots``; all targets if ``robots`` is empty."""
         if not robots:
             return self
         spaces = tuple(f"/{robot.strip('/')}/" for robot in robots)
@@ -29,10 +29,10 @@ class Targets:
 
 
 def targets_from_graph(publishers: Graph, subscribers: Graph, services: Graph, own: str = "") -> Targets:
-    """Returns the targets in a master's state.
+    """Returns the stop targets found in a master's system state.
 
-    A waypoint client is a node that offers ``~clear`` and publishes ``~queue``. What only node ``own`` does, the one
-    that asks, does not count.
+    A waypoint client is a node that offers ``~clear`` and publishes ``~queue``. Topics used only by node ``own``, the
+    caller, are ignored.
     """
     return Targets(
         commands=frozenset(_ending(_others(publishers, own) | _others(subscribers, own), _COMMAND)),
@@ -56,5 +56,5 @@ def _queue_of(service: str) -> str:
 
 
 def any_live(statuses: Iterable[int]) -> bool:
-    """Tells whether one of the goals' ``statuses`` (actionlib_msgs/GoalStatus) is one of a goal that has not ended."""
+    """Returns whether any of the goal ``statuses`` (actionlib_msgs/GoalStatus) belongs to a goal that has not ended."""
     return any(status in _LIVE for status in statuses)

@@ -1,1 +1,1 @@
-"""What needs rospy: the commands ESTOP and cancel_waypoint."""
+"""ROS nodes: the commands ESTOP and cancel_waypoint."""

@@ -1,4 +1,4 @@
-"""All robots that a ROS master knows, as something to stop."""
+"""Stops all robots known to a ROS master."""
 
 import threading
 import time
@@ -15,11 +15,11 @@ _LOOK_EVERY = 0.05  # [s of wall time]
 
 
 class Fleet:
-    """Robots of one master, found again with each ``discover``. All waiting is in wall time: it works while paused.
+    """The robots of one master, refreshed by ``discover``. All waits use wall time, so they work while paused.
 
     Args:
-        robots: namespaces to restrict it to; all where empty.
-        hold: whether to answer every command to move that somebody else gives with a stop at once.
+        robots: namespaces to restrict it to; empty for all.
+        hold: whether to answer any other node's velocity command with an immediate stop.
     """
 
     def __init__(self, robots: list[str], hold: bool = False) -> None:
@@ -33,11 +33,11 @@ class Fleet:
         self._lock = threading.Lock()
 
     def discover(self) -> Targets:
-        """Asks the master what there is, and connects to what is new."""
+        """Queries the master and connects to new robots."""
         publishers, subscribers, services = (dict[str, list[str]](part) for part in self._master.getSystemState())
         self.targets = targets_from_graph(publishers, subscribers, services, rospy.get_name()).of(self._robots)
         for topic in self.targets.commands - self._commands.keys():
-            # Latched: it arrives as the connection is made, however late that is.
+            # Latched, so that the message arrives as soon as the connection is made, however late.
             publisher = rospy.Publisher(topic, Twist, queue_size=1, latch=True, tcp_nodelay=True)
             with self._lock:
                 self._commands[topic] = publisher
@@ -56,14 +56,14 @@ class Fleet:
             publisher.publish(Twist())
 
     def cancel(self) -> None:
-        """Clears every waypoint queue and cancels every goal; does not wait for that to happen."""
+        """Clears every waypoint queue and cancels every goal, without waiting for completion."""
         for service in self.targets.clears:
             threading.Thread(target=_clear, args=(service,), daemon=True).start()
         for publisher in self._cancels.values():
             publisher.publish(GoalID())
 
     def wait_until_cancelled(self, timeout: float) -> list[str]:
-        """Waits [s of wall time] until no goal is under way; returns the actions of which that is not certain."""
+        """Waits [s of wall time] until no goal is active; returns the actions whose goals may still be active."""
         deadline = time.monotonic() + timeout
         ended = threading.Event()
         rospy.on_shutdown(ended.set)

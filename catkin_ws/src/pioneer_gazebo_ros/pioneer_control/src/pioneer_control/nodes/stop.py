@@ -14,7 +14,7 @@ _SCAN_EVERY = 1.0  # all in s of wall time
 
 
 def _begin(name: str, description: str, once: bool) -> argparse.Namespace | None:
-    """Reads the command line and starts the node; returns None where there is no master."""
+    """Parses the command line and starts the node; returns None if no master is running."""
     parser = argparse.ArgumentParser(prog=name, description=description)
     parser.add_argument(
         "robots", nargs="*", metavar="ROBOT", help="namespace, as pioneer1; all robots where none is given"

@@ -1,1 +1,1 @@
-"""RViz and a screen that nobody sees."""
+"""RViz and its virtual display."""

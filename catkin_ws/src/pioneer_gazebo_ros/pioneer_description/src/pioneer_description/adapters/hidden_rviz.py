@@ -1,4 +1,4 @@
-"""RViz on a screen that nobody sees (Xvfb), and pictures of that screen."""
+"""RViz on a virtual display (Xvfb), and screenshots of it."""
 
 import contextlib
 import os
@@ -16,36 +16,36 @@ from PIL import Image, ImageGrab
 from pioneer_description.adapters.program import running
 
 SCREEN_TIME = 10.0
-"""Within which Xvfb must have a screen [s]."""
+"""Time limit for Xvfb to open its screen [s]."""
 LAST_LINES = 15
-"""Of RViz's log, in the error about its end."""
+"""Number of lines of RViz's log quoted when RViz ends unexpectedly."""
 
 Picture = np.ndarray[Any, np.dtype[np.uint8]]
 """Shape (height, width, 3)."""
 
 
 class RvizError(RuntimeError):
-    """RViz or its screen cannot be started, or has ended; the text says what to do."""
+    """RViz or its virtual display failed to start, or has ended; the message says what to do."""
 
 
 @contextlib.contextmanager
 def hidden_screen(size: tuple[int, int], folder: Path) -> Iterator[dict[str, str]]:
-    """Starts an X server on the first free display, and ends it with the block.
+    """Runs an X server on the first free display for the duration of the block.
 
     Args:
         size: width and height [pixels].
-        folder: an empty one, for its log and as its clients' ``XDG_RUNTIME_DIR``.
+        folder: an empty folder for the server's log, also used as its clients' ``XDG_RUNTIME_DIR``.
 
     Yields:
-        Environment variables of its clients; OpenGL is rendered in software.
+        Environment variables for its clients; OpenGL is rendered in software.
 
     Raises:
-        RvizError: Xvfb is not installed, or has no screen in time.
+        RvizError: Xvfb is not installed, or opens no screen in time.
     """
     _check_installed("Xvfb", "xvfb")
     reader, writer = os.pipe()
-    # Xvfb writes the number of the first free display. Without -noreset it would restart, and refuse clients
-    # meanwhile, whenever its last client disconnects, such as one that took a picture.
+    # Xvfb writes the number of the first free display. Without -noreset it would restart, and meanwhile refuse
+    # clients, whenever its last client disconnects, for example after a screenshot.
     geometry = f"{size[0]}x{size[1]}x24"
     argv = ["Xvfb", "-displayfd", str(writer), "-screen", "0", geometry, "-nolisten", "tcp", "-noreset"]
     with (
@@ -61,26 +61,26 @@ def hidden_screen(size: tuple[int, int], folder: Path) -> Iterator[dict[str, str
 
 
 def picture_of(variables: Mapping[str, str]) -> Picture:
-    """Returns what a hidden screen shows now; OSError where it has ended."""
+    """Returns the current content of a virtual display; raises OSError if the display has ended."""
     return np.asarray(ImageGrab.grab(xdisplay=variables["DISPLAY"]).convert("RGB"))
 
 
 @contextlib.contextmanager
 def hidden_rviz(config: Mapping[str, Any], size: tuple[int, int]) -> Iterator[Callable[[], Picture]]:
-    """Runs RViz, full screen, as the node ``/rviz``, and ends it with the block.
+    """Runs RViz full screen as the node ``/rviz`` for the duration of the block.
 
     Args:
         config: the RViz configuration.
-        size: of the screen, width and height [pixels].
+        size: width and height of the screen [pixels].
 
     Yields:
-        What returns the screen as it is now, or raises RvizError or OSError once RViz or the screen has ended.
+        A function that returns the current screen. It raises RvizError or OSError once RViz or the display has ended.
 
     Raises:
-        RvizError: Xvfb or rviz is not installed, or there is no screen in time.
+        RvizError: Xvfb or rviz is not installed, or no screen opens in time.
     """
     _check_installed("rviz", "rviz")
-    # RViz ends first: without its screen it would die without telling the master.
+    # RViz ends first: without its display it would die without unregistering from the master.
     with TemporaryDirectory(prefix="hidden-rviz-") as name, hidden_screen(size, folder := Path(name)) as variables:
         (folder / "shown.rviz").write_text(yaml.safe_dump(dict(config), allow_unicode=True))
         argv = ["rviz", "--fullscreen", "-d", str(folder / "shown.rviz"), "__name:=rviz"]
@@ -96,7 +96,7 @@ def hidden_rviz(config: Mapping[str, Any], size: tuple[int, int]) -> Iterator[Ca
 
 
 def save(picture: Picture, path: Path) -> None:
-    """Writes a picture as PNG; OSError where that is not possible."""
+    """Writes a picture as PNG; raises OSError on failure."""
     Image.fromarray(picture).save(path, "PNG")
 
 

@@ -1,4 +1,4 @@
-"""Programs that run as long as a block does."""
+"""Subprocesses bound to the duration of a block."""
 
 import contextlib
 import signal
@@ -7,15 +7,15 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 _GRACE = 3.0
-"""For a program to end after SIGINT [s]; then it is killed."""
-# A program must not outlive this process, even one that was killed; and a shell starts background jobs with SIGINT
+"""Time a program has to end after SIGINT before it is killed [s]."""
+# A program must not outlive this process, even if this process is killed. A shell starts background jobs with SIGINT
 # ignored, which a program would inherit.
 _PREFIX = ("env", "--default-signal=INT", "setpriv", "--pdeathsig", "TERM", "--")
 
 
 @contextlib.contextmanager
 def running(argv: Sequence[str], **options: Any) -> Iterator["subprocess.Popen[bytes]"]:
-    """Runs a program in a session of its own and ends it with the block; ``options`` are those of ``Popen``."""
+    """Runs a program in its own session and ends it with the block; ``options`` are passed to ``Popen``."""
     program = subprocess.Popen([*_PREFIX, *argv], start_new_session=True, stdin=subprocess.DEVNULL, **options)
     try:
         yield program

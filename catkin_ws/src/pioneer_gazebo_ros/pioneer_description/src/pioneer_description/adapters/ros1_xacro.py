@@ -1,7 +1,7 @@
-"""xacro 2, which is written for ROS 2, with what ROS 1 files need: ``$(find)`` by rospkg, and tags without ``xacro:``.
+"""Runs xacro 2, written for ROS 2, on ROS 1 files: ``$(find)`` through rospkg, and tags without ``xacro:``.
 
-Files written for Hydro and Indigo leave the ``xacro:`` prefix out (``<macro>``, ``<property>``, a macro's bare name).
-xacro dropped that in Noetic; here it still works, with one warning a file.
+Files written for Hydro and Indigo omit the ``xacro:`` prefix (``<macro>``, ``<property>``, a macro's bare name).
+xacro dropped that in Noetic; here it still works, with one warning per file.
 """
 
 import sys
@@ -20,15 +20,15 @@ _TAGS = {
     "property": ("name",),
     "unless": ("value",),
 }
-"""Tags that Indigo's xacro knew without prefix, and the attributes that tell them from a plugin's own elements."""
+"""Tags that Indigo's xacro accepted without prefix, and the attributes that tell them from a plugin's own elements."""
 _OWN_ELEMENTS = {
     "link", "joint", "inertial", "inertia", "visual", "collision", "geometry", "material", "texture", "transmission",
     "actuator", "gazebo", "sensor", "plugin", "origin", "parent", "child", "axis", "limit", "dynamics", "mimic",
     "safety_controller", "mass", "box", "cylinder", "sphere", "mesh", "color", "robot",
 }  # fmt: skip
-"""URDF elements: never a call of a macro that happens to have the same name."""
+"""URDF elements, which are never treated as calls of a macro of the same name."""
 _DROPPED = frozenset({"--legacy", "--xacro-ns", "--check-order"})
-"""Options of older releases whose effect is the default now, or that chose an order of evaluation nothing relies on."""
+"""Options of older releases: their effect is now the default, or they set an evaluation order nothing relies on."""
 
 _parse, _handle_macro_call = xacro.parse, xacro.handle_macro_call
 _warned: set[str] = set()
@@ -48,7 +48,7 @@ def package_path(name: str) -> str:
 
 
 def parse_with_bare_tags(source: object, filename: str | None = None) -> Document:
-    """Parses as xacro does, then gives Indigo's bare tags their prefix."""
+    """Parses as xacro does, then adds the prefix to Indigo's bare tags."""
     document: Document = _parse(source, filename)
     for name, attributes in _TAGS.items():
         for element in list(document.getElementsByTagName(name)):
@@ -58,7 +58,7 @@ def parse_with_bare_tags(source: object, filename: str | None = None) -> Documen
 
 
 def expand_bare_call(element: Element, macros: object, symbols: object) -> bool:
-    """Expands a macro call as xacro does, also one without the prefix; returns whether it was a call."""
+    """Expands a macro call as xacro does, with or without the prefix; returns whether it was a call."""
     name = element.tagName
     if ":" not in name and name not in _OWN_ELEMENTS and _is_macro(name, macros, symbols):
         _add_prefix(element)

@@ -1,1 +1,1 @@
-"""What an RViz configuration shows, and where it must be seen."""
+"""The content of an RViz configuration, and where in the image it must be visible."""

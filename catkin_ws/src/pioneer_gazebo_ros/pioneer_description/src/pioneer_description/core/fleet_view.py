@@ -1,4 +1,4 @@
-"""The RViz configuration of the robots that there are: a template's groups and tools, renamed, coloured, in view."""
+"""Builds the fleet's RViz configuration: a template's groups and tools, renamed and recoloured, fitted to the view."""
 
 import colorsys
 import dataclasses
@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 NAMES_TOPIC = "/robot_names/markers"
 _PER_ROBOT = {"rviz/SetGoal": "goal", "rviz/SetInitialPose": "pose"}
 _HUE_STEP = 0.065
-"""Between a template's colour and the next robot's that has the same one."""
+"""Hue offset between two robots that share a group of the template."""
 
 
 @dataclasses.dataclass(frozen=True)
 class RobotView:
-    """What RViz has to know of a robot."""
+    """The names that RViz needs to display a robot."""
 
     name: str  #: its namespace and tf prefix
-    laser: str  #: topic of its scans
-    description: str = "robot_description"  #: parameter of its model
+    laser: str  #: topic of its laser scans
+    description: str = "robot_description"  #: parameter that holds its URDF
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,13 +34,13 @@ class Bounds:
 
 
 def known_bounds(cells: NDArray[np.int8], resolution: float, x: float, y: float) -> Bounds | None:
-    """Returns the rectangle of a map's known cells; None where none is known.
+    """Returns the rectangle of a map's known cells; None if no cell is known.
 
     Args:
         cells: [row, col], row 0 at the bottom; -1 for unknown.
-        resolution: edge of a cell [m].
+        resolution: edge length of a cell [m].
         x: of the outer corner of cell (0, 0) [m].
-        y: the same.
+        y: of the same corner [m].
     """
     known = cells >= 0
     rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
@@ -51,16 +51,16 @@ def known_bounds(cells: NDArray[np.int8], resolution: float, x: float, y: float)
 
 
 def fitted_scale(bounds: Bounds, size: tuple[int, int]) -> float:
-    """Returns the scale [pixels/m] at which a rectangle fills a picture of so many pixels, with a little margin."""
+    """Returns the scale [pixels/m] at which a rectangle fills a picture of ``size`` pixels, with a small margin."""
     return 0.94 * min(size[0] / (bounds.right - bounds.left), size[1] / (bounds.top - bounds.bottom))
 
 
 def fleet_config(
     template: Mapping[str, Any], robots: Sequence[RobotView], bounds: Bounds, size: tuple[int, int]
 ) -> dict[str, Any]:
-    """Returns the configuration that shows ``robots``, from above, in a scene of ``size`` [pixels].
+    """Returns the configuration that shows ``robots`` from above in a scene of ``size`` [pixels].
 
-    The template's groups are the robots' in turn; further robots get the same in other colours.
+    The template's groups are assigned to the robots in turn; further robots reuse them in other colours.
     """
     manager = template["Visualization Manager"]
     groups = [one for one in manager["Displays"] if one["Class"] == "rviz/Group"]
@@ -80,7 +80,7 @@ def fleet_config(
 
 
 def tool_name(tool: Mapping[str, Any]) -> str:
-    """Returns what a tool of one robot is called, "pioneer1 goal"; empty for a tool of no robot."""
+    """Returns the name of a robot's tool, such as "pioneer1 goal"; empty for a tool that belongs to no robot."""
     what, topic = _PER_ROBOT.get(tool["Class"], ""), str(tool.get("Topic", ""))
     return f"{topic.split('/')[1]} {what}" if what and topic.count("/") > 1 else ""
 
@@ -108,6 +108,6 @@ def _renamed(value: Any, old: str, new: str) -> Any:
 
 
 def turned(colour: str, hue: float) -> str:
-    """Returns a colour "red; green; blue" with its hue turned by a part of the circle."""
+    """Returns a colour "red; green; blue" with its hue rotated by ``hue``, a fraction of the circle."""
     parts = colorsys.rgb_to_hsv(*(int(part) / 255 for part in colour.split(";")))
     return "; ".join(str(round(255 * part)) for part in colorsys.hsv_to_rgb((parts[0] + hue) % 1, *parts[1:]))

@@ -1,4 +1,4 @@
-"""Where the frames of a robot's links are, and when that is due to be published."""
+"""Computes the frames of a robot's links and when to publish them."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -8,26 +8,26 @@ from pioneer_gazebo.core.pose import Pose, Vector
 
 
 class JointFrames:
-    """The child frames of a robot's joints, each in its parent's, as robot_state_publisher publishes them.
+    """The child frame of each joint in its parent's frame, as published by robot_state_publisher.
 
     Args:
-        joints: the robot's.
-        period: between two messages about a joint, at least [ns].
+        joints: the robot's joints.
+        period: minimum time between two messages about a joint [ns].
     """
 
     def __init__(self, joints: Iterable[Joint], period: int) -> None:
         joints = tuple(joints)
-        self.fixed = tuple(joint for joint in joints if joint.kind == FIXED)  #: joints that do not move
-        #: joints that a position moves, by name
+        self.fixed = tuple(joint for joint in joints if joint.kind == FIXED)  #: fixed joints
+        #: joints moved by a joint position, by name
         self.moving = {joint.name: joint for joint in joints if joint.kind not in (FIXED, FLOATING)}
         self._period = period
         self._published: dict[str, int] = {}
 
     def due(self, time: int, names: Sequence[str]) -> tuple[str, ...]:
-        """Returns the joints to publish of those in a message of this time [ns]; takes note that they are.
+        """Returns the joints of a message with this time stamp [ns] that are due, and marks them as published.
 
-        All or none: they are due where it is time for one of them, or its time has gone back, as when a simulation is
-        reset.
+        Returns all of the message's joints or none: they are due if the period of one has elapsed, or if time has
+        jumped back, as after a simulation reset.
         """
         known = [name for name in names if name in self.moving]
         if not any(self._is_due(time, self._published.get(name)) for name in known):
@@ -36,7 +36,7 @@ class JointFrames:
         return tuple(known)
 
     def pose(self, name: str, position: float) -> Pose:
-        """Returns the child's frame in the parent's where a moving joint is at a position [rad or m]."""
+        """Returns the child frame in the parent frame for a joint position [rad or m]."""
         joint = self.moving[name]
         return joint.pose.compose(_moved(joint, position))
 

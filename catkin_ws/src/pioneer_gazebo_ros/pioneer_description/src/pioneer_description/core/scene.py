@@ -1,7 +1,7 @@
-"""Which marks an RViz configuration leaves in its picture, and which of them a picture lacks.
+"""Finds which displays of an RViz configuration are visible in a picture and which are missing.
 
-A configuration shows each robot in a group of its name; every display of a group that has a colour has one that no
-other display has, so that exact colours tell them apart. RViz draws points, lines and maps unlit.
+A configuration shows each robot in a group named after it. Every coloured display of a group has a unique colour, so
+that exact colours identify displays. RViz draws points, lines and maps unlit.
 """
 
 from collections.abc import Iterator, Mapping
@@ -16,30 +16,30 @@ Image = NDArray[np.uint8]
 Point = tuple[float, float]
 
 FRAME_RATE = 2
-"""Drawn on the processor, more frames than somebody looks at would take a core from the robots [1/s]."""
+"""Frame rate limit [1/s]: with software rendering a higher rate would take a processor core from the robots."""
 TOLERANCE = 6
-"""Of each channel; llvmpipe rounds, and blends lines with their background at the edges."""
+"""Colour tolerance per channel; llvmpipe rounds, and blends lines with their background at the edges."""
 FREE = (253, 253, 253)
-"""What RViz makes of free cells of a map."""
+"""The colour of a map's free cells in RViz."""
 TOP_PLATE = (13, 13, 15)
-"""A Pioneer seen from above."""
+"""The colour of a Pioneer seen from above."""
 NAME_COLOUR = (60, 40, 90)
-"""Of each robot's name."""
+"""The colour of the robots' name labels."""
 
 
 class SceneError(ValueError):
-    """A configuration that is no picture of a fleet from above; the text says what is missing."""
+    """A configuration does not show a fleet from above; the message says what is missing."""
 
 
 @dataclass(frozen=True, slots=True)
 class View:
     """An orthographic view from above, x to the right, y up."""
 
-    centre: Point  #: of the picture, in the fixed frame [m]
+    centre: Point  #: centre of the picture in the fixed frame [m]
     scale: float  #: [pixels/m]
 
     def around(self, image: Image, point: Point, radius: float) -> Image:
-        """Returns the square of half-width `radius` [m] around a point; empty where it is outside."""
+        """Returns the square of half-width `radius` [m] around a point, cropped to the image; empty if outside."""
         height, width = image.shape[:2]
         column = width / 2 + (point[0] - self.centre[0]) * self.scale
         row = height / 2 - (point[1] - self.centre[1]) * self.scale
@@ -51,23 +51,23 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """Something that must be seen."""
+    """A display that must be visible in the picture."""
 
-    robot: str  #: whose; "" for what belongs to all
-    what: str  #: in words, "scan"
+    robot: str  #: the robot it belongs to; "" for one shared by all robots
+    what: str  #: description, such as "scan"
     colour: tuple[int, int, int] | None  #: red, green, blue; None for the many colours of a costmap
-    radius: float = 0.0  #: it must be seen this near to the robot [m]; 0 for anywhere
-    least: int = 8  #: pixels
+    radius: float = 0.0  #: maximum distance from the robot [m]; 0 for anywhere
+    least: int = 8  #: minimum number of pixels
 
     def __str__(self) -> str:
         return f"{self.robot}'s {self.what}" if self.robot else f"the {self.what}"
 
 
 def view_of(config: Mapping[str, Any]) -> View:
-    """Returns the view that a configuration opens with.
+    """Returns the initial view of a configuration.
 
     Raises:
-        SceneError: it is not from above.
+        SceneError: the view is not from above.
     """
     view = config.get("Visualization Manager", {}).get("Views", {}).get("Current", {})
     if view.get("Class") != "rviz/TopDownOrtho" or view.get("Angle", 0) != 0:
@@ -76,9 +76,9 @@ def view_of(config: Mapping[str, Any]) -> View:
 
 
 def marks_of(config: Mapping[str, Any]) -> list[Mark]:
-    """Returns what a configuration shows while its robots drive; displays that are switched off are left out.
+    """Returns what a configuration shows while its robots drive, without disabled displays.
 
-    Goals are not among them: they are gone when a robot has arrived.
+    Goals are left out: they disappear when a robot arrives.
 
     Raises:
         SceneError: it shows no robot, or two displays share a colour.
@@ -114,7 +114,7 @@ def _marks_of_robot(group: Mapping[str, Any]) -> Iterator[Mark]:
 
 
 def topic_of(config: Mapping[str, Any], mark: Mark) -> str:
-    """Returns the topic whose display leaves a mark; empty where it has none, as a robot's model."""
+    """Returns the topic of the display that draws a mark; empty if it has none, such as a robot model."""
     displays = config.get("Visualization Manager", {}).get("Displays", ())
     inner = [one for group in displays if group.get("Name") == mark.robot for one in group.get("Displays", ())]
     for display in inner if mark.robot else displays:
@@ -130,8 +130,8 @@ def size_of(config: Mapping[str, Any]) -> tuple[int, int]:
 
 
 def alone(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the configuration without panels, so that all is scene, drawn `FRAME_RATE` times a second."""
-    # Without a window manager nobody else gives the window its size, in full screen neither.
+    """Returns the configuration without panels, so that the scene fills the window, at `FRAME_RATE` frames a second."""
+    # Without a window manager nothing else sizes the window, not even full-screen mode.
     width, height = size_of(config)
     window = {"Width": width, "Height": height, "X": 0, "Y": 0, "Hide Left Dock": True, "Hide Right Dock": True}
     manager = config.get("Visualization Manager", {})
@@ -141,13 +141,13 @@ def alone(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def missing(image: Image, view: View, marks: list[Mark], positions: Mapping[str, Point]) -> list[Mark]:
-    """Returns what of `marks` the picture lacks.
+    """Returns those of `marks` that are not visible in the picture.
 
     Args:
         image: the picture.
-        view: from where.
-        marks: what must be seen.
-        positions: where the robots are in the fixed frame [m]; of a robot that is not here, nothing near it is seen.
+        view: the view it was taken from.
+        marks: what must be visible.
+        positions: the robots' positions in the fixed frame [m]; marks near a robot that is not listed count as missing.
     """
     return [mark for mark in marks if not _is_seen(image, view, mark, positions.get(mark.robot))]
 
@@ -162,8 +162,8 @@ def _is_seen(image: Image, view: View, mark: Mark, position: Point | None) -> bo
 
 
 def _near(image: Image, colour: tuple[int, int, int]) -> NDArray[np.bool_]:
-    """Returns which pixels are of a colour, shape (pixels that have its green,)."""
-    # One channel leaves few pixels to look at more closely.
+    """Returns which pixels match a colour, shape (pixels with matching green,)."""
+    # Testing one channel first leaves few pixels for the other two.
     few = image[_within(image[..., 1], colour[1])]
     return _within(few[..., 0], colour[0]) & _within(few[..., 2], colour[2])
 

@@ -1,1 +1,1 @@
-"""What needs rospy."""
+"""ROS nodes."""

@@ -1,5 +1,5 @@
-"""``fleet_rviz``: RViz of the robots that there are, in a window of its own (Debian's Python bindings of RViz)."""
-# ruff: noqa: T201 - a command talks to people on standard output
+"""``fleet_rviz``: opens RViz on the fleet's robots, in its own window (uses Debian's Python bindings of RViz)."""
+# ruff: noqa: T201 - a command prints to standard output
 
 import argparse
 import contextlib
@@ -24,26 +24,26 @@ from pioneer_description.nodes.fleet_watch import FleetWatch
 from pioneer_description.nodes.rviz_snapshot import TEMPLATE, names_of, read_config
 
 _POLL = 100
-"""How often the window looks whether its end was asked for [ms]."""
+"""Interval at which the window checks for shutdown [ms]."""
 _NO_SIGINT_HANDLER = 1
-"""Of ``ros::init_options``."""
+"""A flag of ``ros::init_options``."""
 
 
 class _String(ctypes.Structure):
-    """What a C++ ``std::string`` of GCC's library looks like to who only reads it."""
+    """The memory layout of a ``std::string`` of libstdc++, for read-only use."""
 
     _fields_ = (("data", ctypes.c_char_p), ("size", ctypes.c_size_t), ("room", ctypes.c_char * 16))
 
 
 class RosCpp:
-    """The node that RViz's C++ is: its bindings cannot name it, and without a name it makes up ``/rviz_…``.
+    """The C++ node of RViz. RViz's bindings cannot set its name; without one it calls itself ``/rviz_…``.
 
     Args:
-        name: where the command line has no ``__name:=``; rules name the node.
+        name: default name if the command line has no ``__name:=``; rules refer to the node by name.
     """
 
     def __init__(self, name: bytes) -> None:
-        # The library that the bindings have loaded. Its functions are named as C++ names them:
+        # The library loaded by the bindings. Its functions have C++ mangled names:
         # init(int&, char**, const std::string&, uint32_t) and ok().
         library = ctypes.CDLL(ctypes.util.find_library("roscpp"))
         words = [os.fsencode(word) for word in sys.argv]
@@ -55,12 +55,12 @@ class RosCpp:
             ctypes.byref(_String(name, len(name))), ctypes.c_uint32(_NO_SIGINT_HANDLER),
         )  # fmt: skip
         self.is_up = library._ZN3ros2okEv
-        """Whether nobody has asked the node to end."""
+        """Returns False once shutdown was requested."""
         self.is_up.restype = ctypes.c_bool
 
 
 class FleetRviz:
-    """RViz's window on a fleet; ``/rviz`` is its node."""
+    """The RViz window of a fleet; its node is ``/rviz``."""
 
     def __init__(self, title: str) -> None:
         from python_qt_binding.QtCore import QTimer
@@ -75,7 +75,7 @@ class FleetRviz:
         with _without(b"media_export", b"[librospack]: error while executing command"):
             self._frame.initialize()
         self._frame.setWindowTitle(f"{title}[*]")
-        # RViz has taken them; the timer lets Python see them.
+        # RViz has replaced the signal handlers; the timer gives Python a chance to run its own.
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: self._application.quit())
         self._timer = QTimer()
@@ -83,7 +83,7 @@ class FleetRviz:
         self._timer.start(_POLL)
 
     def show(self, config: Mapping[str, Any]) -> None:
-        """Shows a configuration, with each robot's tools under its name."""
+        """Loads a configuration and names each robot's tools after it."""
         with tempfile.NamedTemporaryFile("w", suffix=".rviz") as file:
             yaml.safe_dump(dict(config), file, allow_unicode=True)
             file.flush()
@@ -94,7 +94,7 @@ class FleetRviz:
         for index, tool in enumerate(config["Visualization Manager"]["Tools"]):
             if name := tool_name(tool):
                 tools.getTool(index).setName(name)
-        # Without a window manager nobody else maximises it.
+        # Without a window manager nothing else maximises the window.
         self._frame.setGeometry(self._application.primaryScreen().availableGeometry())
         self._frame.showMaximized()
 
@@ -107,7 +107,7 @@ class FleetRviz:
         return scale
 
     def run(self) -> int:
-        """Returns RViz's exit status once its window is closed or the end was asked for."""
+        """Runs until the window is closed or shutdown is requested; returns RViz's exit status."""
         return int(self._application.exec_())
 
     def _look(self) -> None:
@@ -117,8 +117,8 @@ class FleetRviz:
 
 @contextlib.contextmanager
 def _without(*noise: bytes) -> Iterator[None]:
-    """Leaves lines with ``noise`` out of what is written to standard error meanwhile: RViz asks for a package of icons
-    that Debian does not have.
+    """Filters lines that contain ``noise`` from standard error during the block: RViz looks for a package of icons that
+    Debian does not have.
     """
     sys.stderr.flush()
     error = os.dup(2)
@@ -138,7 +138,7 @@ def _without(*noise: bytes) -> Iterator[None]:
 def main(argv: Sequence[str] | None = None) -> int:
     """Waits for the fleet, shows it, and returns the exit status."""
     options = _options(rospy.myargv(sys.argv)[1:] if argv is None else argv)
-    # The name on the command line is RViz's.
+    # The node name on the command line is meant for RViz.
     rospy.init_node("fleet_rviz", anonymous=True, argv=[])
     watch = FleetWatch()
     try:
@@ -164,7 +164,7 @@ def _options(words: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser("fleet_rviz", description="Opens RViz on the robots of this master.")
     parser.add_argument("--config", type=Path, default=TEMPLATE, help="RViz configuration whose groups are the robots'")
     parser.add_argument("--robots", default="", metavar="N|NAMES",
-        help="wait for pioneer1 … N, or these names with blanks between (default: the fleet's)")  # fmt: skip
+        help="wait for pioneer1 … N, or these space-separated names (default: the fleet's)")  # fmt: skip
     parser.add_argument("--tools", choices=["true", "false"], default="true",
         help="whether goals and poses set in RViz go to the robots, through this master's gateway")  # fmt: skip
     return parser.parse_args(words)

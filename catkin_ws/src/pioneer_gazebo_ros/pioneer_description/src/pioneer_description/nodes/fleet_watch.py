@@ -1,4 +1,4 @@
-"""Which robots there are, where they truly are, and what the world's map covers."""
+"""Finds the fleet's robots, their true positions, and the extent of the world's map."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -14,14 +14,14 @@ from pioneer_description.core.fleet_view import NAMES_TOPIC, Bounds, RobotView, 
 from pioneer_description.core.scene import NAME_COLOUR, Point
 
 ROBOT_NAMES = "/robot_names"
-"""Parameter that step 3 sets: the fleet's robots, in the order of their computers."""
+"""Parameter set by step 3: the fleet's robots, in the order of their computers."""
 LOOK_EVERY = 0.5
-"""Seconds; a picture costs as much as a frame of RViz."""
+"""Polling interval [s]; a picture costs as much as a frame of RViz."""
 REPORT_EVERY = 5.0
-"""Seconds between lines that say what is awaited."""
+"""Interval between progress lines [s]."""
 _NAME_PIXELS = 15.0
 _NAME_HEIGHT = 0.9
-"""Above the floor [m]."""
+"""Height of a name label above the floor [m]."""
 
 
 class FleetWatch:
@@ -54,17 +54,17 @@ class FleetWatch:
         return {name: (pose.position.x, pose.position.y) for name, pose in zip(states.name, states.pose, strict=True)}
 
     def names(self) -> list[str]:
-        """Returns the fleet's robots, whether they stand in the world already or not."""
+        """Returns the fleet's robots, whether already spawned or not."""
         if rospy.has_param(ROBOT_NAMES):
             return list(map(str, rospy.get_param(ROBOT_NAMES)))
         prefixes = [name.split("/")[1] for name in rospy.get_param_names() if name.endswith("/tf_prefix")]
         return sorted(prefixes, key=lambda name: (len(name), name))
 
     def lacking(self, wanted: Sequence[str] = ()) -> str:
-        """Returns what is awaited before RViz can show the fleet, in words; empty once it can.
+        """Describes what is still missing before RViz can show the fleet; empty if nothing is.
 
         Args:
-            wanted: robots that must stand in the world; those that there are without.
+            wanted: robots that must be in the world; by default the fleet's robots.
         """
         names = wanted or self.names()
         if not names:
@@ -75,12 +75,12 @@ class FleetWatch:
         return "" if self._bounds else "a map on /map (step 3)"
 
     def wait(self, wanted: Sequence[str], deadline: float, say: Callable[[str], None]) -> str:
-        """Waits until nothing is lacking, the end is asked for, or it is ``deadline`` (monotonic [s]).
+        """Waits until nothing is missing, shutdown is requested, or ``deadline`` (monotonic [s]) has passed.
 
-        Tells ``say`` what is awaited, at most every few seconds and only what is new.
+        Reports what is missing through ``say`` when it changes, at most every few seconds.
 
         Returns:
-            What is still lacking; empty for nothing.
+            What is still missing; empty for nothing.
         """
         told, before = time.monotonic(), ""
         while (lacking := self.lacking(wanted)) and time.monotonic() < deadline and not rospy.is_shutdown():
@@ -91,7 +91,7 @@ class FleetWatch:
         return lacking
 
     def robots(self, wanted: Sequence[str] = ()) -> list[RobotView]:
-        """Returns the robots that are to be seen, with the topics and models that they have."""
+        """Returns the views of the wanted robots (default: all), with their topics and model parameters."""
         scans = [topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/LaserScan"]
         return [self._view(name, scans) for name in wanted or self.names()]
 
@@ -103,19 +103,19 @@ class FleetWatch:
 
     @property
     def bounds(self) -> Bounds:
-        """The world's rectangle; known once nothing is lacking."""
+        """The extent of the world's map; valid after ``wait`` returned an empty string."""
         assert self._bounds is not None, "only after wait"
         return self._bounds
 
     def name_robots(self, robots: Sequence[RobotView], scale: float) -> None:
-        """Shows each robot's name above it, as high as a line of text at ``scale`` [pixels/m]."""
+        """Labels each robot with its name, at the height of a line of text at ``scale`` [pixels/m]."""
         self._names.publish(MarkerArray([_name(number, robot.name, scale) for number, robot in enumerate(robots)]))
 
 
 def _name(number: int, name: str, scale: float) -> Marker:
     marker = Marker(ns="names", id=number, type=Marker.TEXT_VIEW_FACING, action=Marker.ADD, frame_locked=True)
     marker.header.frame_id = f"{name}/base_link"
-    # The empty lines below keep it above the robot on the screen, from wherever one looks.
+    # The empty lines below keep the label above the robot on the screen from any viewpoint.
     marker.text = f"{name}\n \n "
     marker.pose.position.z, marker.pose.orientation.w = _NAME_HEIGHT, 1.0
     marker.scale.z = _NAME_PIXELS / scale

@@ -1,11 +1,11 @@
 """``robot_state_publishers ROBOT …``: the robot_state_publisher of each robot, all in one process.
 
-Each is a node of its own, ``/ROBOT/robot_state_publisher``, and publishes what ROS's node of that name publishes: the
-frames of the joints in ``/ROBOT/joint_states`` on ``/tf``, those that do not move on ``/tf_static``, prefixed with
-``tf_prefix``. Fifteen of ROS's look at a simulated clock a thousand times a second each, and ask the master for
-``tf_prefix`` three times for every message. Not in it: mimic joints, ``use_tf_static`` and ``ignore_timestamp``.
+Each is its own node, ``/ROBOT/robot_state_publisher``, and publishes what ROS's node of that name publishes: the
+frames of the joints in ``/ROBOT/joint_states`` on ``/tf`` and those of fixed joints on ``/tf_static``, prefixed with
+``tf_prefix``. Fifteen separate ROS nodes would each poll the simulated clock a thousand times a second, and ask the
+master for ``tf_prefix`` three times per message. Not supported: mimic joints, ``use_tf_static``, ``ignore_timestamp``.
 
-Parameters, looked for from each node's name upwards: ``robot_description`` (URDF), ``tf_prefix``; of the node itself
+Parameters, searched from each node's name upwards: ``robot_description`` (URDF), ``tf_prefix``; private:
 ``~publish_frequency`` (50 Hz).
 """
 
@@ -28,18 +28,18 @@ from pioneer_node.adapters.node_process import NodeProcess
 
 NAME = "robot_state_publisher"
 FREQUENCY = 50.0
-"""Messages a second about a joint where nothing else is asked for [Hz]."""
+"""Default publish frequency per joint [Hz]."""
 
 
 class StatePublisher:
-    """One robot's node.
+    """The robot_state_publisher of one robot.
 
     Args:
-        robot: its name and namespace.
-        node: the node.
+        robot: the robot's name and namespace.
+        node: the node to publish with.
 
     Raises:
-        DescriptionError: it has no description, or one that is wrong.
+        DescriptionError: the robot has no description, or an invalid one.
     """
 
     def __init__(self, robot: str, node: NodeHandle) -> None:
@@ -77,7 +77,7 @@ def _joints(description: str) -> tuple[Joint, ...]:
 
 
 def _described(robot: str, node: NodeHandle) -> tuple[JointFrames, str]:
-    """Returns a robot's joints and the prefix of its frames. Raises DescriptionError."""
+    """Returns a robot's joints and the prefix of its frames; raises DescriptionError."""
     description = node.found_parameter("robot_description", None)
     if not description:
         raise DescriptionError(f"there is no parameter robot_description in /{robot} or above")
@@ -87,7 +87,7 @@ def _described(robot: str, node: NodeHandle) -> tuple[JointFrames, str]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the nodes until they are asked to end; returns the exit status."""
+    """Runs the nodes until shutdown; returns the exit status."""
     words = list(argv) if argv is not None else sys.argv
     robots = [word.strip("/") for word in rosgraph.myargv(words)[1:]]
     if not robots or {"-h", "--help"} & set(robots):

@@ -1,5 +1,5 @@
-"""``rviz_snapshot``: what RViz shows of the fleet, as a PNG, with no screen; fails unless all of it is shown."""
-# ruff: noqa: T201 - a command talks to people on standard output
+"""``rviz_snapshot``: saves RViz's view of the fleet as PNG, without a screen; fails unless all displays are visible."""
+# ruff: noqa: T201 - a command prints to standard output
 
 import argparse
 import sys
@@ -23,7 +23,7 @@ TEMPLATE = Path(rospkg.RosPack().get_path("pioneer_description")) / "rviz" / "mu
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Reads the command line, takes the picture, and returns the exit status: 0 if everything is in it."""
+    """Parses the command line and takes the picture; returns the exit status: 0 if everything was visible."""
     options = _options(rospy.myargv(sys.argv)[1:] if argv is None else argv)
     try:
         template = read_config(options.config)
@@ -55,13 +55,13 @@ def _options(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("-o", "--output", type=Path, default=Path("rviz.png"), help="default: %(default)s")
     parser.add_argument("--config", type=Path, default=TEMPLATE, help="RViz configuration whose groups are the robots'")
     parser.add_argument("--robots", default="", metavar="N|NAMES",
-        help="pioneer1 … N, or these names with blanks between, must be seen (default: the fleet's)")  # fmt: skip
+        help="pioneer1 … N, or these space-separated names, must be seen (default: the fleet's)")  # fmt: skip
     parser.add_argument("--timeout", type=float, default=60.0, metavar="S", help="default: %(default)s s")
     return parser.parse_args(words)
 
 
 def names_of(robots: str) -> list[str]:
-    """Returns the names that ``N`` or ``NAME NAME …`` asks for; none for an empty text."""
+    """Returns the robot names given by ``N`` or ``NAME NAME …``; none for an empty text."""
     return [f"pioneer{number}" for number in range(1, int(robots) + 1)] if robots.isdigit() else robots.split()
 
 
@@ -69,13 +69,13 @@ def read_config(path: Path) -> dict[str, Any]:
     """Returns an RViz configuration.
 
     Raises:
-        SceneError: the file has none.
+        SceneError: the file is not an RViz configuration.
         OSError: it cannot be read.
     """
     try:
         config = yaml.safe_load(path.read_text())
     except yaml.YAMLError as error:
-        raise SceneError(f"{path} is no YAML: {' '.join(str(error).split())}") from None
+        raise SceneError(f"{path} is not valid YAML: {' '.join(str(error).split())}") from None
     if not isinstance(config, dict):
         raise SceneError(f"{path} is no RViz configuration")
     return config
@@ -90,26 +90,26 @@ def _check_master() -> None:
         with xmlrpc.client.ServerProxy(running) as node:
             node.getPid("/rviz_snapshot")
     except (rosgraph.MasterError, OSError):
-        return  # there is none, or it has died silently
+        return  # no RViz is running, or it died without unregistering
     raise RvizError(f"an RViz runs at {uri} already ({running}), and the fleet's rules serve only one: close it first")
 
 
 def _reasons(unseen: Sequence[Mark], config: Mapping[str, Any]) -> list[str]:
-    """Returns why marks may be unseen: topics of the configuration without a publisher here."""
+    """Returns why marks may be missing: topics of the configuration without a publisher."""
     published = {name for name, _ in rospy.get_published_topics()}
     silent = [topic for mark in unseen if (topic := topic_of(config, mark)) and topic not in published]
     if not silent:
         return ["all their topics are published here; is the robot driving, and in the view?"]
     return [
-        f"nobody publishes {', '.join(silent)} here: does step 4 run for that robot? 'rosrun rocon_gateway rules' "
-        "shows the state of the flips"
+        f"there is no publisher of {', '.join(silent)} on this master; is step 4 running for that robot? "
+        "'rosrun rocon_gateway rules' shows the state of the flips"
     ]
 
 
 def _take(config: Mapping[str, Any], watch: FleetWatch, options: argparse.Namespace) -> int:
-    """Looks until each mark was seen once, and keeps the picture that had most of them.
+    """Takes pictures until each mark was seen once, and keeps the picture with most of them.
 
-    Not all in one: a robot in the open has no costs around it, and one that has just arrived no plan.
+    One picture may not show all: a robot in the open has no costs around it, and one that has just arrived has no plan.
     """
     view, marks = view_of(config), marks_of(config)
     unseen, fewest, told = marks, len(marks) + 1, list[Mark]()
@@ -125,7 +125,7 @@ def _take(config: Mapping[str, Any], watch: FleetWatch, options: argparse.Namesp
             if unseen and unseen != told and time.monotonic() > said + REPORT_EVERY:
                 said, told = time.monotonic(), unseen
                 _say(f"waiting for {_words(unseen[:6])}{' …' if unseen[6:] else ''}")
-            rospy.rostime.wallsleep(LOOK_EVERY)  # RViz tells nobody when it has drawn
+            rospy.rostime.wallsleep(LOOK_EVERY)  # RViz does not signal when it has drawn
     if unseen:
         print(f"rviz_snapshot: not seen in RViz within {options.timeout:g} s: {_words(unseen)}", file=sys.stderr)
         for reason in _reasons(unseen, config):

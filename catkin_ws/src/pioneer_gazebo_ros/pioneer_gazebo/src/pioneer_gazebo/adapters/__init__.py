@@ -1,1 +1,1 @@
-"""One foreign thing a module: file formats, the engine, the workspace's packages."""
+"""Adapters, one external dependency per module: file formats, the engine, the workspace's packages."""

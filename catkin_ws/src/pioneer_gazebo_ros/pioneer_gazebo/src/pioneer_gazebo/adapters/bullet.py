@@ -1,4 +1,4 @@
-"""The physics engine: pybullet, headless or in its own window, behind core's `Engine`."""
+"""The physics engine: implements core's `Engine` with pybullet, headless or with its viewer."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,23 +14,23 @@ from pioneer_gazebo.core.pose import Pose, Vector, opposite, rotated
 from pioneer_gazebo.core.world import PlacedCollision
 
 _BOTH_WANT = 0
-"""Two bodies meet where each one's mask holds the other's group; pybullet starts with one of the two sufficing."""
+"""Filter mode: bodies collide if each one's mask contains the other's group; by default pybullet needs only one."""
 
 CARRYING = 0.7
-"""A contact whose normal rises by more than this holds a body up."""
+"""A contact supports a body if the z component of its normal exceeds this."""
 
 FARTHEST = 1e3
-"""What is deeper [m] is no support."""
+"""Depth below the origin at which support ray casts end [m]."""
 
 
 class BulletEngine:
-    """Implements `Engine` by pybullet."""
+    """Implements `Engine` with pybullet."""
 
     def __init__(self, physics: Physics | None = None, window: bool = False) -> None:
         """Opens a physics server in this process; ``window`` shows pybullet's viewer.
 
         Raises:
-            EngineError: there is no display for a window.
+            EngineError: there is no display for the window.
         """
         self._client = client_with_window() if window else pybullet.connect(pybullet.DIRECT)
         self._meshes = MeshShapes(self._client)
@@ -51,8 +51,8 @@ class BulletEngine:
             numSolverIterations=physics.iterations,
             numSubSteps=1,
             deterministicOverlappingPairs=1,
-            # A pyramid in the cone's place costs a fifth less and, at as many iterations, a tenth of the error of a
-            # spin: the cone's direction is recomputed in each of them and has not settled by the last.
+            # The friction pyramid costs a fifth less than the cone and, at equal iterations, a tenth of the error of a
+            # spin: the cone's direction is recomputed in every iteration and has not settled by the last.
             enableConeFriction=0,
             collisionFilterMode=_BOTH_WANT,
             physicsClientId=self._client,
@@ -121,7 +121,7 @@ class BulletEngine:
         pybullet.resetBaseVelocity(handle, centre.linear, centre.angular, physicsClientId=self._client)
 
     def lead(self, handle: int, pose: Pose, velocity: Velocity) -> None:
-        """What gravity will add during the step is taken off before."""
+        """Subtracts in advance the velocity that gravity adds during the step."""
         x, y, z = (v - fall for v, fall in zip(velocity.linear, self._fall, strict=True))
         pybullet.resetBasePositionAndOrientation(handle, pose.position, pose.rotation, physicsClientId=self._client)
         pybullet.resetBaseVelocity(handle, (x, y, z), velocity.angular, physicsClientId=self._client)
@@ -175,7 +175,7 @@ class BulletEngine:
         return [self._contact(point) for point in points if not self._carries(point)]
 
     def _carries(self, point: tuple[Any, ...]) -> bool:
-        """Tells whether a contact point is with ground, or with something standing below that holds the body up."""
+        """Returns whether a contact point is with the ground, or with a static body below that supports the body."""
         return point[2] in self._ground_set or (point[7][2] > CARRYING and point[2] not in self._made)
 
     def _contact(self, point: tuple[Any, ...]) -> Contact:
@@ -184,7 +184,7 @@ class BulletEngine:
         return Contact(self._made[point[1]].hosts[point[3] + 1], other, part, point[6], point[7], -point[8], point[9])
 
     def touching(self) -> set[int]:
-        """Asks by link: what rolls touches the ground only, and each contact point costs 6 µs to read."""
+        """Queries by link: wheels touch only the ground, and each contact point costs 6 µs to read."""
         return {
             handle for handle, made in self._made.items() if any(self._is_touched(handle, one) for one in made.solid)
         }
@@ -198,7 +198,7 @@ class BulletEngine:
             [(x, y, top) for x, y in points], [(x, y, -FARTHEST) for x, y in points],
             collisionFilterMask=STANDING | GROUND, physicsClientId=self._client,
         )  # fmt: skip
-        # A ray that begins inside something meets it at once: that is not below.
+        # A ray that starts inside a shape hits it at once (fraction 0); that surface is not below.
         return max((hit[3][2] for hit in hits if hit[0] >= 0 and hit[2] > 0.0), default=None)
 
     def overlap(self, handle: int) -> list[Contact]:

@@ -1,4 +1,4 @@
-"""Bodies in pybullet: a tree of parts as a base and links."""
+"""Builds pybullet multibodies: a tree of parts becomes a base and links."""
 
 import math
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from pioneer_gazebo.core.engine import EngineError
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.world import Inertia
 
-# Bits that Bullet does not give out by itself: 2 is its own for everything that stands, walls too.
+# Collision groups that Bullet does not assign itself: it puts every static body, walls included, into group 2.
 STANDING, GROUND, ROLLING, ALL = 2, 64, 128, -1
 
 _SLIGHT = Inertia(1e-6, 1e-6, 1e-6)
@@ -29,18 +29,18 @@ _KINDS = {
 class Made:
     """A body in the engine. pybullet numbers a base -1 and its links from 0."""
 
-    body: Body  #: what it was made of
-    centres: list[Pose]  #: of each part, the frame seen from its centre of mass
-    links: list[int]  #: pybullet's number of each part
-    hosts: list[int]  #: the part that each of pybullet's numbers belongs to, base first
-    solid: list[int]  #: pybullet's numbers of what meets more than the ground
+    body: Body  #: the description it was made from
+    centres: list[Pose]  #: of each part: the part's frame relative to its centre of mass
+    links: list[int]  #: pybullet's link index of each part
+    hosts: list[int]  #: the part of each pybullet link, base first
+    solid: list[int]  #: pybullet's indices of links that collide with more than the ground
 
 
 def make_body(body: Body, pose: Pose, client: int) -> tuple[int, Made]:
-    """Makes a body with its base's frame at ``pose``, at rest, and returns pybullet's number for it.
+    """Creates a body at rest with its base frame at ``pose``; returns its pybullet handle.
 
     Raises:
-        EngineError: pybullet refuses it.
+        EngineError: pybullet rejects it.
     """
     parts, hosts = spread(body.parts)
     shapes = [compound([(t.collision, t.collision.pose) for t in p.touches], True, client) for p in parts]
@@ -82,10 +82,10 @@ def make_body(body: Body, pose: Pose, client: int) -> tuple[int, Made]:
 
 
 def spread(parts: Sequence[Part]) -> tuple[list[Part], list[int]]:
-    """Returns parts whose shapes pybullet takes, and of each the index of the part it belongs to.
+    """Splits parts into links that pybullet accepts; returns them and, for each, the index of its original part.
 
-    What one link cannot hold is put into further parts, held to theirs by fixed joints and as good as without mass.
-    They stand right behind theirs: pybullet numbers links depth first, whatever order they are given in.
+    Shapes that do not fit on one link go to extra links of negligible mass, attached by fixed joints. These directly
+    follow their part, because pybullet numbers links depth first, whatever order they are given in.
     """
     made: list[Part] = []
     hosts: list[int] = []
@@ -101,7 +101,7 @@ def spread(parts: Sequence[Part]) -> tuple[list[Part], list[int]]:
 
 
 def _rolls(part: Part) -> bool:
-    """Tells whether a part meets nothing but the ground: it only rolls there, or has no shape at all."""
+    """Returns whether a part collides with the ground only: all its shapes roll, or it has none."""
     return all(touch.rolling for touch in part.touches)
 
 
@@ -111,7 +111,7 @@ def _joint(part: Part) -> kinds.Joint:
 
 
 def _finish(handle: int, link: int, part: Part, client: int) -> None:
-    """Sets what `createMultiBody` has no argument for."""
+    """Sets the properties that `createMultiBody` has no argument for."""
     frictions = [touch.collision.friction for touch in part.touches]
     options: dict[str, Any] = {
         "lateralFriction": min([FRICTION_AT_MOST, *frictions]),
@@ -128,7 +128,7 @@ def _finish(handle: int, link: int, part: Part, client: int) -> None:
             options |= {"jointLowerLimit": joint.lower, "jointUpperLimit": joint.upper}
     pybullet.changeDynamics(handle, link, physicsClientId=client, **options)
     if joint is not None and joint.kind != kinds.FIXED:
-        # pybullet starts with a motor in every joint; what is left of it is the joint's friction.
+        # pybullet puts a motor into every joint; its force is reduced to the joint's friction.
         pybullet.setJointMotorControl2(
             handle, link, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=joint.friction, physicsClientId=client
         )

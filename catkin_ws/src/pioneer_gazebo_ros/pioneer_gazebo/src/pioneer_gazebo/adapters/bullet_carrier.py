@@ -1,7 +1,7 @@
-"""What wheels roll on where it is not ground: the tops of obstacles.
+"""Surfaces that wheels roll on besides the ground: the tops of obstacles.
 
-A wheel is a ball that is wider than it looks, so it must not meet the sides of obstacles. Their tops, as thin slabs
-or as the triangles that face up, meet wheels only.
+A wheel is modelled as a ball wider than the real wheel, so it must not collide with the sides of obstacles. Thin slabs
+or upward-facing triangles represent their tops and collide with wheels only.
 """
 
 from collections.abc import Sequence
@@ -14,16 +14,16 @@ from pioneer_gazebo.core.pose import Pose, conjugate, rotated
 from pioneer_gazebo.core.world import Box, Cylinder, Mesh, PlacedCollision
 
 THICKNESS = 0.02
-"""Of a slab [m]."""
+"""Thickness of a slab [m]."""
 
 NARROWEST = 0.2
-"""A top that is narrower [m] carries nothing."""
+"""Minimum width of a top that carries wheels [m]."""
 
 UPRIGHT = 0.9
 
 
 def carriers(placed: Sequence[PlacedCollision], meshes: MeshShapes) -> list[int]:
-    """Makes fixed bodies of all tops and returns pybullet's numbers for them."""
+    """Creates fixed bodies for all tops; returns their pybullet handles."""
     slabs = [slab for one in placed if (slab := _slab(one)) is not None]
     made = [standing_body(batch, meshes) for batch in batches(slabs)]
     for one in placed:
@@ -37,7 +37,7 @@ def carriers(placed: Sequence[PlacedCollision], meshes: MeshShapes) -> list[int]
 
 
 def _slab(one: PlacedCollision) -> PlacedCollision | None:
-    """Returns the top of a box or of an upright cylinder, None for anything else and for what is too narrow."""
+    """Returns the top of a box or upright cylinder; None for other shapes and for tops that are too narrow."""
     shape = one.collision.shape
     up = rotated(conjugate(one.pose.rotation), (0.0, 0.0, 1.0))
     if isinstance(shape, Cylinder):

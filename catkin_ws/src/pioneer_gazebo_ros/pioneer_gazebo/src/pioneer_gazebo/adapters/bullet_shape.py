@@ -1,4 +1,4 @@
-"""Collision shapes in pybullet: one at a time for bodies, in batches for the standing world."""
+"""Collision shapes in pybullet: individual ones for bodies, batches for the static world."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -14,20 +14,20 @@ from pioneer_gazebo.core.wheel import Touch
 from pioneer_gazebo.core.world import Box, Collision, Cylinder, Mesh, PlacedCollision, Plane, Sphere
 
 SHAPES_AT_MOST = 16
-"""pybullet makes compounds of up to so many shapes; more are dropped silently."""
+"""Maximum number of shapes in a pybullet compound; it drops further ones silently."""
 
 FRICTION_AT_MOST = 1.0
-"""ODE takes the smaller coefficient of the two that touch, Bullet the product: no coefficient may be above 1."""
+"""ODE uses the smaller friction coefficient of a pair, Bullet the product: so no coefficient may exceed 1."""
 
 STEEPEST = 0.5
-"""A triangle whose normal rises by less than this is a wall."""
+"""A triangle whose normal has a smaller upward component is a wall."""
 
 _REGION = 4.0
-"""Side [m] of the squares that shapes are sorted by, so that a batch holds neighbours."""
+"""Side [m] of the squares that shapes are sorted into, so that a batch holds neighbours."""
 
 
 def batches(placed: Sequence[PlacedCollision]) -> Iterator[list[PlacedCollision]]:
-    """Yields shapes that one body can hold: neighbours, of the same friction and restitution."""
+    """Yields groups of shapes that fit in one body: neighbours with equal friction and restitution."""
     groups: dict[tuple[Any, ...], list[PlacedCollision]] = {}
     for one in placed:
         alone = id(one) if isinstance(one.collision.shape, Plane | Mesh) else 0
@@ -39,7 +39,7 @@ def batches(placed: Sequence[PlacedCollision]) -> Iterator[list[PlacedCollision]
 
 
 def _region(one: PlacedCollision) -> tuple[int, int]:
-    """Sorts shapes into rows of squares that run to and fro."""
+    """Returns a sort key that walks the squares row by row, alternating direction."""
     x, y, _ = one.pose.position
     row = int(y // _REGION)
     column = int(x // _REGION)
@@ -47,22 +47,24 @@ def _region(one: PlacedCollision) -> tuple[int, int]:
 
 
 def packs(touches: Sequence[Touch]) -> list[list[Touch]]:
-    """Returns shapes in groups that one link of pybullet can hold: a mesh alone, others up to `SHAPES_AT_MOST`."""
+    """Groups shapes so that each group fits on one pybullet link: meshes and planes alone, others up to
+    `SHAPES_AT_MOST`.
+    """
     alone = [[one] for one in touches if isinstance(one.collision.shape, Mesh | Plane)]
     others = [one for one in touches if not isinstance(one.collision.shape, Mesh | Plane)]
     return [others[start : start + SHAPES_AT_MOST] for start in range(0, len(others), SHAPES_AT_MOST)] + alone
 
 
 def compound(shapes: Sequence[tuple[Collision, Pose]], moving: bool, client: int) -> int:
-    """Returns a pybullet collision shape of all ``shapes``, -1 for none.
+    """Returns a pybullet collision shape of all ``shapes``; -1 for none.
 
     Args:
         shapes: each with its pose in the part or body.
-        moving: a mesh becomes its convex hull; else it keeps its hollows.
-        client: pybullet's number of the physics client.
+        moving: whether a mesh becomes its convex hull; otherwise it stays concave.
+        client: pybullet's physics client.
 
     Raises:
-        EngineError: pybullet refuses a shape, or a mesh is one of several.
+        EngineError: pybullet rejects a shape, or a mesh is one of several.
     """
     if not shapes:
         return -1
@@ -95,17 +97,17 @@ def _lone(shapes: Sequence[tuple[Collision, Pose]], moving: bool, client: int) -
 
 
 class MeshShapes:
-    """Shapes of standing meshes, which keep their hollows; bodies with the same mesh share one."""
+    """Concave shapes of static meshes; bodies with the same mesh share one shape."""
 
     def __init__(self, client: int) -> None:
         self.client = client
         self._made: dict[tuple[Any, ...], int] = {}
 
     def of(self, mesh: Mesh, up: NDArray[np.float64] | None = None) -> int:
-        """Returns pybullet's number of a mesh's shape, or of that of its triangles that face ``up``; -1 for none.
+        """Returns pybullet's id of a mesh's shape, or of its triangles that face ``up``; -1 if there are none.
 
         Raises:
-            EngineError: pybullet refuses it.
+            EngineError: pybullet rejects it.
         """
         key = mesh, version(mesh.path), None if up is None else tuple(np.round(up, 3))
         if key not in self._made:
@@ -161,10 +163,10 @@ def _primitive(collision: Collision) -> tuple[int, float, list[float], float]:
 
 
 def standing_body(batch: Sequence[PlacedCollision], meshes: MeshShapes) -> int:
-    """Makes one fixed body of a batch and returns pybullet's number for it.
+    """Makes one fixed body of a batch and returns its pybullet handle.
 
     Raises:
-        EngineError: as `compound`.
+        EngineError: see `compound`.
     """
     alone = len(batch) == 1
     base, mesh = batch[0].pose if alone else IDENTITY, batch[0].collision.shape
@@ -175,7 +177,7 @@ def standing_body(batch: Sequence[PlacedCollision], meshes: MeshShapes) -> int:
 
 
 def fixed_body(shape: int, base: Pose, surface: Collision, client: int) -> int:
-    """Makes a fixed body of a shape, with the friction and restitution of ``surface``; returns pybullet's number."""
+    """Makes a fixed body of a shape, with the friction and restitution of ``surface``; returns its pybullet handle."""
     body = pybullet.createMultiBody(
         baseMass=0.0, baseCollisionShapeIndex=shape, basePosition=base.position, baseOrientation=base.rotation,
         physicsClientId=client,

@@ -1,4 +1,4 @@
-"""Triangles of Collada (.dae) meshes: geometry and node transforms; materials, skins and animations are left out."""
+"""Reads triangles of Collada (.dae) meshes: geometry and node transforms; ignores materials, skins and animations."""
 
 import itertools
 import math
@@ -13,10 +13,10 @@ Triangles = NDArray[np.float64]
 def triangles_from_collada(data: bytes) -> Triangles:
     """Returns all triangles of the scene in metres, shape (n, 3, 3), in the document's axes.
 
-    As in Gazebo classic, ``<up_axis>`` changes nothing: models are made to stand upright without it.
+    ``<up_axis>`` is ignored, as in Gazebo classic; models are designed to stand upright without it.
 
     Raises:
-        ValueError: the document is broken or holds no triangles.
+        ValueError: the document is malformed or contains no triangles.
     """
     try:
         root = etree.fromstring(data, etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True))
@@ -78,7 +78,7 @@ def _transform(node: etree._Element) -> NDArray[np.float64]:
 
 
 def _rotation(axis_angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rodrigues' formula; the angle is in degrees."""
+    """Returns the matrix of a rotation by Rodrigues' formula; the angle is in degrees."""
     x, y, z = axis_angle[:3] / np.linalg.norm(axis_angle[:3])
     angle = math.radians(float(axis_angle[3]))
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -108,7 +108,7 @@ def _geometry(node: etree._Element) -> Triangles:
 
 
 def _corner_indices(primitive: etree._Element, kind: str, stride: int, offset: int) -> NDArray[np.intp]:
-    """Returns corner numbers, shape (n, 3); polygons are cut into fans."""
+    """Returns vertex indices, shape (n, 3); polygons are split into triangle fans."""
     rows = [_numbers(p.text).astype(np.intp).reshape(-1, stride)[:, offset] for p in primitive.iterfind("{*}p")]
     if kind == "triangles":
         return np.concatenate([*rows, np.empty(0, dtype=np.intp)]).reshape(-1, 3)

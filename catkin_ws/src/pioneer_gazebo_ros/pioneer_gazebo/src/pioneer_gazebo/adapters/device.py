@@ -1,4 +1,4 @@
-"""How sensors and plugins are read, whatever file they stand in: settings by their elements' names, names checked."""
+"""Reads the settings of sensors and plugins, from SDF and URDF alike, and checks the names they refer to."""
 
 import difflib
 import typing
@@ -11,30 +11,30 @@ from pioneer_gazebo.adapters.element import Element, Notes
 Config = TypeVar("Config")
 
 QUIET = {"alwaysOn", "always_on", "rosDebugLevel", "robotNamespace", "robotParam", "robotSimType"}
-"""Elements of plugins that are read elsewhere, or change nothing here."""
+"""Plugin elements that are read elsewhere or have no effect here."""
 
 ALIASES = {"torque": "wheelTorque", "jointNames": "jointName"}
-"""Spellings of other releases of the plugins."""
+"""Spellings used by other releases of the plugins."""
 
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """The names that plugins and sensors of a robot may use."""
+    """The link and joint names that a robot's plugins and sensors may refer to."""
 
     links: Collection[str]
     joints: Collection[str]
 
     def check_link(self, element: Element, name: str) -> None:
-        """Raises DescriptionError where the robot has no such link."""
+        """Raises DescriptionError if the robot has no such link."""
         _check(element, "link", name, self.links)
 
     def check_joint(self, element: Element, name: str) -> None:
-        """Raises DescriptionError where the robot has no such joint."""
+        """Raises DescriptionError if the robot has no such joint."""
         _check(element, "joint", name, self.joints)
 
 
 def note_unread(plugin: Element, read: Collection[str], notes: Notes) -> None:
-    """Notes every element of a plugin that is not in ``read``."""
+    """Adds a note for every element of a plugin that is not in ``read``."""
     for child in plugin.children():
         if child.tag not in QUIET and child.tag not in read:
             notes.add(f"<{child.tag}> of plugin lib{library_of(plugin)}.so is not supported and ignored")
@@ -52,17 +52,17 @@ def library_of(plugin: Element) -> str:
 
 
 def filled(config: type[Config], element: Element, notes: Notes, known: Collection[str] = (), **given: Any) -> Config:
-    """Returns ``config`` with every field whose name is a child's tag filled from that child, and ``given``.
+    """Returns a ``config`` whose fields are filled from the child elements of the same name and from ``given``.
 
     Args:
         config: the class.
         element: the plugin.
-        notes: takes each child that is neither a field nor in ``known``.
-        known: tags that the caller reads, or that change nothing.
+        notes: receives a note for each child that is neither a field nor in ``known``.
+        known: tags that the caller reads, or that have no effect.
         **given: further fields.
 
     Raises:
-        DescriptionError: an invalid value.
+        DescriptionError: a value is invalid.
     """
     hints = typing.get_type_hints(config)
     for child in element.children():

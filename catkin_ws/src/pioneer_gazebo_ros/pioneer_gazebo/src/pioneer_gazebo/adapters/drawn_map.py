@@ -1,4 +1,4 @@
-"""Reads the maps that ``world_to_map`` draws, without numpy, whose import would delay every robot's start."""
+"""Reads the maps written by ``world_to_map``, without numpy, whose import would delay every robot's start."""
 
 import re
 from pathlib import Path
@@ -10,10 +10,10 @@ from pioneer_gazebo.core.placement import DrawnMap
 
 
 def read_map(path: Path) -> DrawnMap | None:
-    """Returns the map whose YAML file is ``path``; None where its image is no binary PGM or is turned.
+    """Returns the map whose YAML file is ``path``; None if its image is no binary PGM, is rotated, or is negated.
 
     Raises:
-        DescriptionError: it cannot be read.
+        DescriptionError: the map cannot be read.
     """
     try:
         fields = yaml.safe_load(path.read_text())
@@ -34,5 +34,5 @@ def read_map(path: Path) -> DrawnMap | None:
 
 
 def _darkest(threshold: float) -> int:
-    """Returns the smallest value whose occupancy, (255 - value) / 255, is less than ``threshold``."""
+    """Returns the smallest pixel value whose occupancy, (255 - value) / 255, is below ``threshold``."""
     return next(value for value in range(257) if (255 - value) / 255 < threshold)

@@ -1,4 +1,4 @@
-"""Checked reading of XML descriptions: every error names file, line, element and what is wrong."""
+"""Reads XML descriptions with checks: every error names the file, line and element, and the problem."""
 
 import math
 import re
@@ -14,17 +14,17 @@ TRUE, FALSE = ("true", "1"), ("false", "0")
 
 
 class Notes:
-    """Collects what a reader leaves out: each line once, in the order of its first appearance."""
+    """Collects notes about what a reader ignores: each line once, in order of first appearance."""
 
     def __init__(self) -> None:
         self._lines: dict[str, None] = {}
 
     def add(self, line: str) -> None:
-        """Adds ``line`` unless it exists."""
+        """Adds ``line`` unless already present."""
         self._lines.setdefault(line)
 
     def ignored(self, error: DescriptionError) -> None:
-        """Adds what is wrong with an element that is left out for it."""
+        """Adds the error for which an element is ignored."""
         self.add(f"{error}; it is ignored")
 
     def lines(self) -> tuple[str, ...]:
@@ -33,25 +33,25 @@ class Notes:
 
 
 def _repaired(data: bytes) -> bytes:
-    """Returns the document with every bare ``&`` written out, and without a declaration that is not at its start."""
+    """Returns the document with every bare ``&`` escaped, and without an XML declaration preceded by whitespace."""
     if data[:1].isspace():
         data = re.sub(rb"<\?xml[^>]*\?>", b"", data, count=1)
     return re.sub(rb"&(?!#?\w+;)", b"&amp;", data)
 
 
 class Element:
-    """An XML element that knows which file it is from."""
+    """An XML element that knows its source file."""
 
     def __init__(self, node: etree._Element, source: str) -> None:
         self._node = node
-        self.source = source  #: what errors call the file
-        self.tag = str(node.tag)  #: its name
+        self.source = source  #: name of the file in error messages
+        self.tag = str(node.tag)  #: tag name
 
     @classmethod
     def from_text(cls, text: str | bytes, source: str, notes: Notes | None = None) -> Self:
         """Returns the root element of a document. External entities are not resolved.
 
-        Blanks before the XML declaration and a bare ``&``, which Gazebo reads, are accepted with a note.
+        As in Gazebo, whitespace before the XML declaration and a bare ``&`` are accepted, with a note.
 
         Raises:
             DescriptionError: the text is not well-formed XML.
@@ -68,11 +68,11 @@ class Element:
             return cls.from_text(repaired, source)
 
     def note(self, notes: Notes, message: str) -> None:
-        """Notes something about this element, with file and line."""
+        """Adds a note about this element, with file and line."""
         notes.add(str(self.error(message)))
 
     def error(self, message: str) -> DescriptionError:
-        """Returns, for raising, an error that names this element and the named elements around it."""
+        """Returns an error, to be raised, that names this element and its named ancestors."""
         path = [self._label(self._node)]
         parent = self._node.getparent()
         while parent is not None:
@@ -88,25 +88,25 @@ class Element:
 
     @property
     def text(self) -> str:
-        """The text inside, without the blanks around it."""
+        """The text content, stripped of surrounding whitespace."""
         return (self._node.text or "").strip()
 
     def version(self) -> str:
-        """Returns the ``version`` of the document's root, empty where it names none."""
+        """Returns the ``version`` attribute of the document's root; empty if absent."""
         return str(self._node.getroottree().getroot().get("version", ""))
 
     def children(self, *tags: str) -> Iterator["Element"]:
-        """Yields the child elements with one of ``tags``, all of them when none is given, in the file's order."""
+        """Yields the child elements with one of ``tags`` in document order; all children if no tag is given."""
         for node in self._node.iterchildren(tag=etree.Element):
             if not tags or node.tag in tags:
                 yield Element(node, self.source)
 
     def child(self, tag: str) -> "Element | None":
-        """Returns the first child of that name, or None."""
+        """Returns the first child with this tag, or None."""
         return next(self.children(tag), None)
 
     def at(self, *tags: str) -> "Element | None":
-        """Returns the element below at the path ``tags``, or None."""
+        """Returns the descendant at the path ``tags``, or None."""
         found: Element | None = self
         for tag in tags:
             if found is None:
@@ -115,10 +115,10 @@ class Element:
         return found
 
     def needed(self, tag: str) -> "Element":
-        """Returns the first child of that name.
+        """Returns the first child with this tag.
 
         Raises:
-            DescriptionError: there is none.
+            DescriptionError: there is no such child.
         """
         found = self.child(tag)
         if found is None:
@@ -129,7 +129,7 @@ class Element:
         """Returns an attribute, or ``default``.
 
         Raises:
-            DescriptionError: it is absent or empty and there is no default.
+            DescriptionError: it is absent or empty, and there is no default.
         """
         value = self._node.get(name)
         if value is None or not value.strip():
@@ -139,10 +139,10 @@ class Element:
         return str(value).strip()
 
     def numbers(self, count: int, text: str | None = None, what: str = "") -> tuple[float, ...]:
-        """Returns ``count`` finite numbers from ``text``, by default from the text inside.
+        """Returns ``count`` finite numbers from ``text``, by default from the text content.
 
         Raises:
-            DescriptionError: another count, or something that is no finite number.
+            DescriptionError: the count differs, or a word is not a finite number.
         """
         words = (self.text if text is None else text).split()
         what = f"{what} " if what else ""
@@ -160,10 +160,10 @@ class Element:
         return value
 
     def number(self, tag: str, default: float | None = None) -> float:
-        """Returns the number in child ``tag``, or ``default`` where there is no such child.
+        """Returns the number in child ``tag``, or ``default`` if there is no such child.
 
         Raises:
-            DescriptionError: no finite number, or no child and no default.
+            DescriptionError: the number is not finite, or there is neither a child nor a default.
         """
         found = self.child(tag) if default is not None else self.needed(tag)
         if found is None:
@@ -172,26 +172,26 @@ class Element:
         return found.numbers(1)[0]
 
     def positive(self, tag: str, default: float | None = None) -> float:
-        """Returns the number in child ``tag``, which must be above 0."""
+        """Returns the number in child ``tag``; raises DescriptionError unless it is positive."""
         value = self.number(tag, default)
         if value <= 0:
             raise self.needed(tag).error(f"must be above 0, not {value:g}")
         return value
 
     def integer(self, tag: str, default: int | None = None) -> int:
-        """Returns the whole number in child ``tag``, or ``default`` where there is no such child."""
+        """Returns the integer in child ``tag``, or ``default`` if there is no such child."""
         value = self.number(tag, None if default is None else float(default))
         if value != int(value):
             raise self.needed(tag).error(f"must be a whole number, not {value:g}")
         return int(value)
 
     def vector(self, text: str | None = None, what: str = "") -> Vector:
-        """Returns three numbers."""
+        """Returns three numbers from ``text``, by default from the text content."""
         x, y, z = self.numbers(3, text, what)
         return x, y, z
 
     def direction(self, text: str | None = None, what: str = "") -> Vector:
-        """Returns three numbers as a vector of length 1."""
+        """Returns three numbers normalised to a unit vector."""
         x, y, z = self.vector(text, what)
         length = math.hypot(x, y, z)
         if length < 1e-9:
@@ -199,27 +199,27 @@ class Element:
         return x / length, y / length, z / length
 
     def pose(self) -> Pose:
-        """Returns the pose written inside as x y z roll pitch yaw [m, rad]."""
+        """Returns the pose in the text content, x y z roll pitch yaw [m, rad]."""
         return Pose.from_rpy(*self.numbers(6))
 
     def placed(self) -> Pose:
-        """Returns the pose in child ``<pose>``, the identity where it is absent or empty."""
+        """Returns the pose in child ``<pose>``; the identity if absent or empty."""
         pose = self.child("pose")
         return IDENTITY if pose is None or not pose.text else pose.pose()
 
     def flag(self, tag: str, default: bool = False) -> bool:
-        """Returns the truth value in child ``tag`` (true, 1, false, 0), or ``default``."""
+        """Returns the boolean in child ``tag`` (true, 1, false, 0), or ``default``."""
         found = self.child(tag)
         return default if found is None else found.truth()
 
     def truth(self, text: str | None = None) -> bool:
-        """Returns the truth value of ``text``, by default of the text inside: true, 1, false or 0."""
+        """Returns ``text``, by default the text content, as a boolean: true, 1, false or 0."""
         word = (self.text if text is None else text).lower()
         if word not in TRUE + FALSE:
             raise self.error(f"must be true or false, not {word!r}")
         return word in TRUE
 
     def word(self, tag: str, default: str) -> str:
-        """Returns the text in child ``tag``, or ``default`` where it is absent or empty."""
+        """Returns the text in child ``tag``, or ``default`` if absent or empty."""
         found = self.child(tag)
         return (found.text if found is not None else "") or default

@@ -1,4 +1,4 @@
-"""Reading files that a description names: only regular ones, and none that is too large."""
+"""Reads files named in a description; only regular files of limited size."""
 
 import os
 import stat
@@ -7,11 +7,11 @@ from pathlib import Path
 from pioneer_gazebo.core.error import DescriptionError
 
 LARGEST = 256 << 20
-"""A file may have so many bytes."""
+"""Maximum file size [bytes]."""
 
 
 def content_of(path: str | Path) -> bytes:
-    """Returns a file's content. A pipe or device, which may never end, is neither read nor waited for.
+    """Returns a file's content. Pipes and devices are refused without blocking, since they may never end.
 
     Raises:
         DescriptionError: it cannot be read, is not a regular file, or is too large.

@@ -3,7 +3,7 @@
 ``python3 -m pioneer_gazebo.adapters.learned_driver`` writes ``learned_driver.json`` (weights, learning curve) and
 ``learned_driver.png`` into the current directory.
 """
-# ruff: noqa: T201 - a command talks to people on standard output
+# ruff: noqa: T201 - a command prints to standard output
 
 import json
 import math
@@ -20,7 +20,7 @@ from pioneer_gazebo.core.heading_policy import START, act
 
 ROBOTS, LIMIT, POPULATION, BEST, GENERATIONS = 6, 200, 10, 3, 6
 TRAINED, TESTED = (1, 2), range(1000, 1010)
-"""Seeds of the episodes."""
+"""Seeds of the training and test episodes."""
 STEP_COST = 0.02
 _SPREAD, _LEAST_SPREAD = 0.8, 0.1
 
@@ -28,7 +28,7 @@ _SPREAD, _LEAST_SPREAD = 0.8, 0.1
 def drive(
     env: PioneerParallelEnv, reach: float, weights: NDArray[np.float64], seeds: Iterable[int]
 ) -> NDArray[np.float64]:
-    """Returns the means of return, share of goals reached and steps of all robots; each step costs `STEP_COST`."""
+    """Returns the mean return, share of goals reached and steps over all robots; each step costs `STEP_COST`."""
     return np.mean([_episode(env, reach, weights, seed) for seed in seeds], axis=0)
 
 
@@ -51,7 +51,7 @@ def _action(weights: NDArray[np.float64], seen: NDArray[np.float32], reach: floa
 
 
 def main() -> None:
-    """Trains, and compares with the weights before on worlds that were not trained on."""
+    """Trains, and compares the weights before and after training on unseen worlds."""
     robot, rng, curve = pioneer(), np.random.default_rng(1), list[dict[str, Any]]()
     env, reach = PioneerParallelEnv("small_world", ROBOTS, description=robot, limit=LIMIT), robot.lasers[0].max_range
     mean, spread = np.log(START), np.full(len(START), _SPREAD)

@@ -5,8 +5,8 @@
     env = PioneerParallelEnv(world="small_world", robots=4)
     observations, _ = env.reset(seed=1)
 
-Each robot sees its laser, its goal and its own motion, and commands velocities of its body or its wheels. Both
-packages are optional.
+Each robot observes its laser, its goal and its own motion, and commands body or wheel velocities. Both packages are
+optional.
 """
 
 import dataclasses
@@ -42,40 +42,40 @@ except ImportError as error:
 
 Array = NDArray[np.float32]
 EXTRA = 5
-"""Values of an observation after the laser's: distance, sine and cosine of the goal's direction, speed, turn rate."""
+"""Values after the laser ranges in an observation: goal distance, sine and cosine of its bearing, speed, turn rate."""
 
 _CLEARANCE, _APART = 0.45, 1.2
 
 
 @dataclasses.dataclass(frozen=True)
 class State:
-    """A robot after a step, for rewards."""
+    """A robot's state after a step, for computing rewards."""
 
     pose: Pose  #: in the world
-    distance: float  #: to its goal [m]
-    progress: float  #: by how much that has become less in this step [m]
+    distance: float  #: to the goal [m]
+    progress: float  #: decrease of ``distance`` in this step [m]
     speed: float  #: of the body [m/s]
-    turn: float  #: of the body [rad/s]
-    reached: bool  #: whether it is at its goal
-    collided: bool  #: whether it began to touch something in this step
-    nearest: float  #: smallest range of its scan [m]
+    turn: float  #: yaw rate of the body [rad/s]
+    reached: bool  #: whether the robot is at its goal
+    collided: bool  #: whether a collision started in this step
+    nearest: float  #: smallest range of the scan [m]
 
 
 Reward = Callable[[State], float]
 
 
 def progress_reward(state: State) -> float:
-    """Returns the progress, 10 for the goal and -5 for a collision: what is used where no other is given."""
+    """Returns the default reward: the progress, plus 10 for the goal and -5 for a collision."""
     return state.progress + 10.0 * state.reached - 5.0 * state.collided
 
 
 class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
-    """Several robots in one world, each on its way to a goal of its own.
+    """Several robots in one world, each driving to its own goal.
 
-    An observation is float32: the scan's ranges as parts of the laser's greatest one (1 for nothing met), then `EXTRA`
-    values. An action is two values in -1 … 1: parts of the greatest speed and turn rate, or of the wheels' greatest
-    speed. An agent is terminated at its goal, and truncated with all others after ``limit`` steps. The same seed
-    gives the same bits.
+    An observation is float32: the scan's ranges divided by the laser's maximum range (1 for no hit), then `EXTRA`
+    values. An action is two values in -1 … 1: fractions of the maximum speed and turn rate, or of the maximum wheel
+    speed. An agent is terminated at its goal, and truncated with all others after ``limit`` steps. Runs with the same
+    seed are bit-identical.
     """
 
     metadata = {"name": "pioneer_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012 - PettingZoo's form
@@ -89,22 +89,22 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         """Reads world and robot.
 
         Args:
-            world: name of a world, or path of a ``.world`` file; without ``starts`` and ``goals`` it needs its map.
-            robots: how many.
-            description: of all robots, with a drive and a laser; the Pioneer where None.
-            starts: x, y [m] and heading [rad] of each robot; random where empty.
-            goals: x, y [m] of each robot; random, and within reach, where empty.
-            reward: of a robot's step.
-            step: simulated time of a step [s], a whole number of hundredths.
-            limit: steps of an episode.
+            world: name of a world, or path of a ``.world`` file; without ``starts`` and ``goals`` its map is required.
+            robots: number of robots.
+            description: of all robots, with a drive and a laser; None for the Pioneer.
+            starts: x, y [m] and heading [rad] of each robot; empty for random ones.
+            goals: x, y [m] of each robot; empty for random reachable ones.
+            reward: computes the reward of a robot's step.
+            step: simulated time of a step [s], a multiple of 0.01 s.
+            limit: maximum number of steps of an episode.
             tolerance: distance to a goal at which it is reached [m].
             fastest: speed of the action 1 [m/s].
             quickest: turn rate of the action 1 [rad/s].
-            wheels: whether an action is the left and the right wheel's speed, parts of ``fastest`` at the rim.
+            wheels: whether an action is the left and right wheels' rim speeds, as fractions of ``fastest``.
 
         Raises:
             SimulatorError: there is no such world, or it cannot be read.
-            ValueError: numbers of robots, starts and goals that do not fit.
+            ValueError: the numbers of robots, starts and goals differ.
         """
         for name, given in (("starts", starts), ("goals", goals)):
             if given and len(given) != robots:
@@ -128,18 +128,18 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         self._rng = np.random.default_rng()
 
     def observation_space(self, agent: str) -> spaces.Box:
-        """Returns the space of observations, one for all."""
+        """Returns the observation space, which all robots share."""
         del agent
         return self._observations
 
     def action_space(self, agent: str) -> spaces.Box:
-        """Returns a robot's space of actions."""
+        """Returns a robot's action space."""
         return self._actions[agent]
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Array], dict[str, dict[str, Any]]]:
-        """Starts an episode in a new world; without a seed with one that follows from the last."""
+        """Starts an episode in a new world; without a seed, the random sequence continues."""
         del options
         if seed is not None:
             self._rng = np.random.default_rng(seed)
@@ -166,7 +166,7 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
     def step(
         self, actions: dict[str, Array]
     ) -> tuple[dict[str, Array], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
-        """Moves all robots on; returns observations, rewards, terminations, truncations and infos (``state``)."""
+        """Advances all robots; returns observations, rewards, terminations, truncations and infos (``state``)."""
         for agent in self.agents:
             speed, turn = map(float, np.clip(actions[agent], -1.0, 1.0) * self._most)
             drive = self._entities[agent].drives[0]
@@ -188,7 +188,7 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         return observations, rewards, ended, late, infos
 
     def close(self) -> None:
-        """Frees the world."""
+        """Frees the physics engine."""
         if self._engine is not None:
             self._engine.close()
             self._engine = None
@@ -215,7 +215,7 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
 
 
 class PioneerEnv(Env[Array, Array]):  # type: ignore[misc]
-    """One robot, as Gymnasium has it; arguments as `PioneerParallelEnv`, but for ``robots``."""
+    """A single robot as a Gymnasium environment; arguments as for `PioneerParallelEnv`, without ``robots``."""
 
     def __init__(self, world: str = "small_world", **options: Any) -> None:
         self._env = PioneerParallelEnv(world, 1, **options)
@@ -230,20 +230,20 @@ class PioneerEnv(Env[Array, Array]):  # type: ignore[misc]
         return observations[self._agent], infos[self._agent]
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Moves the robot on."""
+        """Advances the robot by one step."""
         seen, rewards, ended, late, infos = self._env.step({self._agent: action})
         return seen[self._agent], rewards[self._agent], ended[self._agent], late[self._agent], infos[self._agent]
 
     def close(self) -> None:
-        """Frees the world."""
+        """Frees the physics engine."""
         self._env.close()
 
 
 def pioneer() -> Robot:
-    """Returns the Pioneer of pioneer_description, by the workspace's xacro.
+    """Returns the Pioneer of pioneer_description, expanded with the workspace's xacro.
 
     Raises:
-        DescriptionError: there is no such package in this environment.
+        DescriptionError: the package is not found in this environment.
     """
     folder = package_directory("pioneer_description")
     if folder is None:
@@ -253,13 +253,13 @@ def pioneer() -> Robot:
 
 
 class _FreeSpace:
-    """Where robots can stand, as cells of a map."""
+    """The positions that robots can occupy, as cells of a map."""
 
     def __init__(self, xy: NDArray[np.float64], part: NDArray[np.intp]) -> None:
         self._xy, self._part = xy, part
 
     def places(self, rng: np.random.Generator, robots: int) -> list[tuple[tuple[float, float], tuple[float, float]]]:
-        """Returns a start and a goal that it can reach for each robot, all starts and all goals apart."""
+        """Returns a start and a reachable goal for each robot, with all starts and all goals spaced apart."""
         starts, goals = list[int](), list[int]()
         for _ in range(robots):
             starts.append(self._far(rng, starts, np.ones(len(self._xy), bool)))
@@ -277,7 +277,7 @@ class _FreeSpace:
 
 
 def _free_space(world: Path) -> _FreeSpace:
-    """Returns where robots can stand in a world, by its map; cells that a way joins have one part."""
+    """Returns where robots can stand in a world, from its map; connected cells share a part number."""
     drawn = read_map(map_path(world))
     if drawn is None:
         raise DescriptionError(f"{map_path(world)} is no map as world_to_map draws it")

@@ -1,4 +1,4 @@
-"""Writes maps as map_server reads them: NAME.yaml beside NAME.pgm."""
+"""Writes maps in map_server's format: NAME.yaml beside NAME.pgm."""
 
 from pathlib import Path
 
@@ -21,9 +21,9 @@ def write_map(path: Path, grey: NDArray[np.uint8], extent: Extent) -> None:
     """Writes ``path`` with the suffixes .yaml and .pgm.
 
     Args:
-        path: with or without a suffix; its directory is made.
+        path: with or without a suffix; its directory is created.
         grey: shape (rows, cols), row 0 at the smallest y: 0 occupied, 254 free, 205 unknown.
-        extent: where the grid lies.
+        extent: position and resolution of the grid.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     image = path.with_suffix(".pgm")

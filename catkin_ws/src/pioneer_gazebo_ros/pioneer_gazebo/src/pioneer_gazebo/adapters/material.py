@@ -1,4 +1,4 @@
-"""Colours of the materials that Gazebo knows by name."""
+"""Colours of Gazebo's named materials."""
 
 from pioneer_gazebo.core.world import Colour
 
@@ -29,5 +29,5 @@ _COLOURS: dict[str, Colour] = {
 
 
 def colour_of_material(name: str) -> Colour | None:
-    """Returns the colour of ``Gazebo/NAME``, whatever its capitals, or None for a name that is not known."""
+    """Returns the colour of ``Gazebo/NAME``, ignoring case; None for an unknown name."""
     return _COLOURS.get(name.rpartition("/")[2].lower())

@@ -1,6 +1,6 @@
 """Reads triangle meshes: STL (binary and text), Wavefront OBJ, and the triangles of Collada.
 
-What was read and reduced is kept: in memory, and for files that take long in a cache folder, by their content.
+Parsed and reduced meshes are cached in memory; files that are slow to read also on disk, keyed by content.
 """
 
 import functools
@@ -21,7 +21,7 @@ from pioneer_gazebo.core.world import Link, Mesh
 MESHES_KEPT = 256
 
 LARGE = 4 << 20
-"""Reading a file of more bytes takes so long that it is reported."""
+"""Files of more bytes are slow enough to read that this is reported."""
 
 _BINARY_HEADER = 84
 _BINARY_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -31,41 +31,41 @@ def triangles_of_mesh(mesh: Mesh) -> Triangles:
     """Returns the mesh's triangles, scaled, in the mesh's frame: shape (n, 3, 3), float64 [m].
 
     Raises:
-        DescriptionError: the file cannot be read, is too large, of another format, or broken.
+        DescriptionError: the file cannot be read, is too large, malformed, or of an unknown format.
     """
     return _read(mesh.path, version(mesh.path)) * np.asarray(mesh.scale)
 
 
 def solid_of_mesh(mesh: Mesh) -> Triangles:
-    """Returns the mesh's triangles, no more than an engine can carry.
+    """Returns the mesh's triangles, reduced to a number that a physics engine can handle.
 
     Raises:
-        DescriptionError: as `triangles_of_mesh`.
+        DescriptionError: see `triangles_of_mesh`.
     """
     return _reduced(mesh.path, version(mesh.path)) * np.asarray(mesh.scale)
 
 
 def hull_of_mesh(mesh: Mesh) -> Points:
-    """Returns corners of the mesh's convex hull, shape (n, 3), no more than an engine can carry.
+    """Returns the vertices of the mesh's convex hull, shape (n, 3), reduced to what a physics engine can handle.
 
     Raises:
-        DescriptionError: as `triangles_of_mesh`.
+        DescriptionError: see `triangles_of_mesh`.
     """
     return _hull(mesh.path, version(mesh.path)) * np.asarray(mesh.scale)
 
 
 def prepare(links: Iterable[Link], static: bool, report: Callable[[str], None]) -> None:
-    """Reads and reduces the meshes of links, so that adding them to the world takes no time.
+    """Reads and reduces the meshes of links in advance, so that spawning them takes no time.
 
-    Any thread may call this.
+    Thread-safe.
 
     Args:
         links: of one model.
-        static: whether the model never moves.
-        report: is called before a mesh that takes long.
+        static: whether the model is static.
+        report: called before a mesh that is slow to read.
 
     Raises:
-        DescriptionError: as `triangles_of_mesh`.
+        DescriptionError: see `triangles_of_mesh`.
     """
     for shape in {one.shape for link in links for one in link.collisions if isinstance(one.shape, Mesh)}:
         size = version(shape.path)[1]
@@ -85,7 +85,7 @@ def _hull(path: str, version: tuple[int, int]) -> Points:
 
 
 def version(path: str) -> tuple[int, int]:
-    """Returns what changes when a file does: a part of the key of everything that is kept of it.
+    """Returns a file's modification time [ns] and size, used in the keys of everything cached from it.
 
     Raises:
         DescriptionError: the file cannot be read.
@@ -118,7 +118,7 @@ def _read(path: str, version: tuple[int, int]) -> Triangles:
 
 
 def _from_stl(data: bytes) -> Triangles:
-    """A binary file's length follows from its count; whatever has another length must be text."""
+    """Reads STL. A binary file's length follows from its triangle count; any other length means text."""
     if len(data) >= _BINARY_HEADER:
         count = int.from_bytes(data[80:84], "little")
         if len(data) == _BINARY_HEADER + count * _BINARY_TRIANGLE.itemsize:
@@ -132,7 +132,7 @@ def _from_stl(data: bytes) -> Triangles:
 
 
 def _from_obj(data: bytes) -> Triangles:
-    """Faces with more than three corners are cut into fans; everything but corners and faces is left out."""
+    """Reads OBJ vertices and faces, splitting polygons into triangle fans; ignores everything else."""
     corners: list[list[float]] = []
     faces: list[tuple[int, int, int]] = []
     for line in data.decode("utf-8", "replace").splitlines():

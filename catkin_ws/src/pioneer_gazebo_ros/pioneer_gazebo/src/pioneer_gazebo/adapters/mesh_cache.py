@@ -1,4 +1,4 @@
-"""Meshes that take long to read are kept as arrays in a cache folder, named by a hash of their content."""
+"""Caches meshes that are slow to read as arrays on disk, named by a hash of their content."""
 
 import hashlib
 import os
@@ -11,21 +11,21 @@ import numpy as np
 from pioneer_gazebo.core.facet import Triangles
 
 SLOW = 200_000
-"""A file with fewer bytes is read in less than a tenth of a second, and not kept."""
+"""Smaller files [bytes] are read in less than 0.1 s and are not cached."""
 
 FORMAT = "1"
-"""Changes when readers return something else for the same file."""
+"""Cache format version; increment when a reader's result changes for the same file."""
 
 
 def cache_folder() -> Path:
-    """Returns where meshes are kept: below XDG_CACHE_HOME, else ~/.cache."""
+    """Returns the mesh cache folder, below XDG_CACHE_HOME or ~/.cache."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pioneer_gazebo" / "mesh"
 
 
 def cached(data: bytes, kind: str, reader: Callable[[bytes], Triangles]) -> Triangles:
-    """Returns what ``reader`` makes of a file's content, from the cache folder where that has it.
+    """Returns ``reader(data)``, from the cache if present.
 
-    A cache that cannot be read or written is done without.
+    A cache that cannot be read or written is ignored.
     """
     if len(data) < SLOW:
         return reader(data)
@@ -35,18 +35,18 @@ def cached(data: bytes, kind: str, reader: Callable[[bytes], Triangles]) -> Tria
         if found.dtype == np.float64 and found.ndim == 3 and found.shape[1:] == (3, 3):
             return found
     except (OSError, ValueError, EOFError):
-        pass  # not there yet, or not whole: it is made and written below
+        pass  # not cached yet, or incomplete: written below
     made = reader(data)
     _write(path, made)
     return made
 
 
 def _write(path: Path, triangles: Triangles) -> None:
-    """Writes a file that others see whole or not at all."""
+    """Writes a cache file atomically."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
             np.save(file, triangles, allow_pickle=False)
         os.replace(file.name, path)
     except OSError:
-        return  # a read-only or full disk: the mesh is read again next time
+        return  # read-only or full disk: the mesh is read again next time

@@ -1,4 +1,4 @@
-"""A picture of the world from above: solids, robots with scans and names, a scale bar. Drawn with Pillow."""
+"""Top-down image of the world: solids, robots with scans and names, a scale bar. Drawn with Pillow."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -12,34 +12,34 @@ from pioneer_gazebo.core.section import Section
 
 PAPER, WALL, SOLID, INK = (250, 250, 247), (40, 44, 52), (150, 156, 166), (20, 20, 20)
 _MEETS = 1e-6
-"""Two corners so near to each other are one [m]."""
+"""Points closer than this are the same vertex [m]."""
 COLOURS = ((214, 69, 65), (38, 122, 189), (39, 158, 96), (214, 137, 16), (125, 70, 168), (22, 150, 160))
-"""Robots take these in turn."""
+"""Robot colours, used in turn."""
 _FINER = 2
-"""Everything is drawn so many times larger and then reduced, which smooths its edges."""
+"""Supersampling factor; the image is drawn larger and then reduced, which smooths its edges."""
 _BAR_LENGTHS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
-"""Of the scale bar [m]."""
+"""Possible lengths of the scale bar [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """One model that moves."""
+    """A moving model in the image."""
 
-    name: str  #: written beside it
-    #: x, y, yaw: of its base in the world [m, rad]
+    name: str  #: label drawn beside it
+    #: x, y, yaw: pose of its base in the world [m, rad]
     x: float
     y: float
     yaw: float
-    outline: NDArray[np.float64]  #: segments (n, 4) in its base's frame [m], as in `Section`
-    hits: NDArray[np.float64]  #: shape (m, 2), where its beams ended, in the world [m]
-    eye: tuple[float, float]  #: where they began [m]
+    outline: NDArray[np.float64]  #: segments (n, 4) in the frame of its base [m], as in `Section`
+    hits: NDArray[np.float64]  #: shape (m, 2), end points of its beams in the world [m]
+    eye: tuple[float, float]  #: origin of the beams in the world [m]
 
 
 class PlanImage:
     """A canvas in metres: x to the right, y up."""
 
     def __init__(self, solids: Sequence[Section], shown: Sequence[Shown], side: int) -> None:
-        """Makes a canvas that holds everything; its longer side has ``side`` pixels."""
+        """Draws everything on a canvas that fits it; its longer side has ``side`` pixels."""
         self._low, high = _bounds(Section.joined(solids), shown)
         width, height = high - self._low
         scale = (side - 1) / max(width, height)
@@ -70,7 +70,7 @@ class PlanImage:
             self._draw.line([self._at(ax, ay), self._at(ax + ex, ay + ey)], fill=WALL, width=2 * _FINER)
 
     def _bar(self, width: float) -> None:
-        """Draws the longest length that is at most a fifth of the picture, at the lower left."""
+        """Draws the scale bar at the lower left: the longest length within a fifth of the image width."""
         length = max((one for one in _BAR_LENGTHS if one <= width / 5), default=_BAR_LENGTHS[0])
         left, bottom = 8.0 * _FINER, self._size[1] - 8.0 * _FINER
         right = left + length * self._scale
@@ -111,9 +111,9 @@ class PlanImage:
 
 
 def closed_lines(segments: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    """Yields the corners, shape (n, 2), of each run of segments (n, 4) that leads back to where it began.
+    """Yields the vertices, shape (n, 2), of each closed run of consecutive segments (n, 4).
 
-    What lies within is solid. Segments of a mesh come in no order: those are left out.
+    Their insides are solid. Segments of a mesh are unordered and therefore skipped.
     """
     begin = 0
     for number, (ax, ay, ex, ey) in enumerate(segments):
@@ -133,7 +133,7 @@ def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 
 def _bounds(walls: Section, shown: Sequence[Shown]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the least and greatest x, y [m] to be seen, with margins."""
+    """Returns the minimum and maximum x, y [m] of the view, with margins."""
     parts = [walls.segments[:, :2], walls.segments[:, :2] + walls.segments[:, 2:]]
     parts += [walls.circles[:, :2] - walls.circles[:, 2:], walls.circles[:, :2] + walls.circles[:, 2:]]
     parts += [np.array([[one.x - 1.0, one.y - 1.0], [one.x + 1.0, one.y + 1.0]]) for one in shown]
@@ -141,5 +141,5 @@ def _bounds(walls: Section, shown: Sequence[Shown]) -> tuple[NDArray[np.float64]
     if not len(points):
         points = np.array([[-5.0, -5.0], [5.0, 5.0]])
     low, high = points.min(axis=0), points.max(axis=0)
-    # Room for the scale bar, also below a world that is large.
+    # Leaves room for the scale bar, also in large worlds.
     return low - (0.5, max(0.5, 0.04 * (high - low).max())), high + 0.5

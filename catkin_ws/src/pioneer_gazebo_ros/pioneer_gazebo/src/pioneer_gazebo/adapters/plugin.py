@@ -1,4 +1,4 @@
-"""Plugins of a whole model, under the names and with the elements that gazebo_ros gives them."""
+"""Reads model plugins, with the names and elements used by gazebo_ros."""
 
 import dataclasses
 from collections.abc import Callable, Collection
@@ -14,10 +14,10 @@ SIDES = ("left", "right")
 
 
 def read_plugin(element: Element, names: Names, notes: Notes) -> list[Device]:
-    """Returns the device of a ``<plugin>``; none, with a note, where it is not supported.
+    """Returns the device of a ``<plugin>``; empty, with a note, if it is not supported.
 
     Raises:
-        DescriptionError: an invalid value, or a name that the robot does not have.
+        DescriptionError: a value is invalid, or the robot has no link or joint of a given name.
     """
     library = library_of(element)
     reader = _PLUGINS.get(library)
@@ -32,7 +32,7 @@ def _name(element: Element) -> str:
 
 
 def _plain(kind: type[Any], element: Element, names: Names, notes: Notes, known: Collection[str] = ()) -> Any:
-    """Reads a plugin whose elements are the fields of ``kind``; a link and joints that it names must exist."""
+    """Reads a plugin whose elements are the fields of ``kind``; checks the link and joints that it names."""
     if "bodyName" in kind.__dataclass_fields__:
         names.check_link(element, element.needed("bodyName").text)
     device = filled(kind, element, notes, known, name=_name(element))
@@ -46,7 +46,7 @@ def _drive(element: Element, names: Names, notes: Notes) -> DiffDrive:
 
 
 def _skid_steer(element: Element, names: Names, notes: Notes) -> DiffDrive:
-    """Reads a drive of four wheels; as in gazebo_ros its odometry is the true pose."""
+    """Reads a four-wheel skid-steer drive; as in gazebo_ros, its odometry is the true pose."""
     joints: dict[str, Any] = {f"{side}Joint": element.word(f"{side}FrontJoint", f"{side}FrontJoint") for side in SIDES}
     joints |= {f"{side}RearJoint": (f"{side}RearJoint",) for side in SIDES}
     known = {"leftFrontJoint", "rightFrontJoint", "broadcastTF", "covariance_x", "covariance_y", "covariance_yaw"}
@@ -93,7 +93,7 @@ def _imu(element: Element, names: Names, notes: Notes) -> Imu:
 
 
 def imu_of(element: Element, link: str, names: Names | None, notes: Notes) -> Imu:
-    """Returns the IMU of a plugin: of a model's, or of that in a sensor on ``link``."""
+    """Returns the IMU of a plugin, either of a model or of a sensor on ``link``."""
     if names is not None:
         names.check_link(element, link)
     frame = element.word("frameName", element.word("frameId", link))

@@ -1,4 +1,4 @@
-"""Reads files of initial poses, YAML with ``NAME: {x: …, y: …, a: …}``, and fleet files."""
+"""Reads fleet files and files of initial poses, YAML with ``NAME: {x: …, y: …, a: …}``."""
 
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,10 @@ from pioneer_node.core.fleet_file import FleetFileError, RobotEntry
 
 
 def poses_of_world(world: str) -> Path:
-    """Returns the poses file for a world: ``pioneer_poses_WORLD.yaml`` where there is one, else ``pioneer_poses.yaml``.
+    """Returns a world's poses file: ``pioneer_poses_WORLD.yaml`` if it exists, otherwise ``pioneer_poses.yaml``.
 
     Raises:
-        FleetError: there is no package pioneer_description.
+        FleetError: package pioneer_description is not found.
     """
     package = package_directory("pioneer_description")
     if package is None:
@@ -25,10 +25,10 @@ def poses_of_world(world: str) -> Path:
 
 
 def read_poses(path: Path) -> dict[str, Any]:
-    """Returns the file's content, unchecked but for being a mapping.
+    """Returns the file's content; only checks that it is a mapping.
 
     Raises:
-        FleetError: it cannot be read or is no mapping.
+        FleetError: it cannot be read or is not a mapping.
     """
     try:
         content = yaml.safe_load(path.read_text())
@@ -43,7 +43,7 @@ def robots_of_file(path: str) -> tuple[RobotEntry, ...]:
     """Returns the robots of a fleet file.
 
     Raises:
-        FleetError: it is wrong.
+        FleetError: the file is invalid.
     """
     try:
         return read_fleet(Path(path).expanduser())

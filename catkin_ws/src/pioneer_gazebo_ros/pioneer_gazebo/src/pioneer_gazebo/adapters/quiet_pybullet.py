@@ -1,4 +1,4 @@
-"""pybullet, without the line that its import prints to standard error."""
+"""Imports pybullet without the line that it prints to standard error."""
 
 import os
 import sys

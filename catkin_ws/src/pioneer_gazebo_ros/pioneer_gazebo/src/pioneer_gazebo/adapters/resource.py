@@ -1,4 +1,4 @@
-"""Where worlds, models, meshes and maps are found: search paths of the environment and of this workspace."""
+"""Finds worlds, models, meshes and maps on the search paths of the environment and this workspace."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,7 @@ PACKAGE = "pioneer_gazebo"
 
 
 def package_directory(name: str = PACKAGE) -> Path | None:
-    """Returns the source or installed directory of a ROS package, or None where there is no such package."""
+    """Returns the source or install directory of a ROS package; None if there is no such package."""
     try:
         return Path(rospkg.RosPack().get_path(name))
     except rospkg.ResourceNotFound:
@@ -25,24 +25,24 @@ def _directories(value: str) -> list[Path]:
 
 
 def resource_path(environ: Mapping[str, str] = os.environ) -> list[Path]:
-    """Returns where relative paths are looked up: GAZEBO_RESOURCE_PATH."""
+    """Returns the search path for relative paths: GAZEBO_RESOURCE_PATH."""
     return _directories(environ.get("GAZEBO_RESOURCE_PATH", ""))
 
 
 def model_path(environ: Mapping[str, str] = os.environ) -> list[Path]:
-    """Returns where ``model://`` is looked up: GAZEBO_MODEL_PATH, this package's models, ~/.gazebo/models."""
+    """Returns the search path for ``model://``: GAZEBO_MODEL_PATH, this package's models, ~/.gazebo/models."""
     here = package_directory()
     own = [here / "models"] if here else []
     return [*_directories(environ.get("GAZEBO_MODEL_PATH", "")), *own, Path("~/.gazebo/models").expanduser()]
 
 
 def world_path(name: str, environ: Mapping[str, str] = os.environ) -> Path:
-    """Returns the file of a world given by name (``closed_maze``) or by path.
+    """Returns the file of a world given by name (``closed_maze``) or path.
 
-    A name is looked up in this package's ``worlds``, then in ``worlds`` along GAZEBO_RESOURCE_PATH.
+    A name is searched in this package's ``worlds``, then in ``worlds`` along GAZEBO_RESOURCE_PATH.
 
     Raises:
-        DescriptionError: there is no such world; the message lists those of this package.
+        DescriptionError: there is no such world; the message lists this package's worlds.
     """
     direct = Path(name).expanduser()
     if direct.is_file():
@@ -59,10 +59,10 @@ def world_path(name: str, environ: Mapping[str, str] = os.environ) -> Path:
 
 
 def map_path(world: Path) -> Path:
-    """Returns where the map of a world's file belongs: this package's ``map`` for its own worlds, else beside the file.
+    """Returns the map path of a world: in this package's ``map`` for its own worlds, otherwise beside the world file.
 
     Args:
-        world: as ``world_path`` returns it.
+        world: as returned by ``world_path``.
     """
     here = package_directory()
     own = here is not None and world.parent == (here / "worlds").resolve()
@@ -71,16 +71,16 @@ def map_path(world: Path) -> Path:
 
 
 def file_of_uri(uri: str, relative_to: Path, models: Sequence[Path]) -> Path | None:
-    """Returns the file or directory of a URI, or None where nothing is found.
+    """Returns the file or directory of a URI; None if not found.
 
     Args:
         uri: ``model://NAME/…``, ``package://NAME/…``, ``file://…`` or a plain path.
-        relative_to: directory of the file that names it.
+        relative_to: directory of the file that contains the URI.
         models: search path of ``model://``.
 
-    A relative path is looked up beside the file, along GAZEBO_RESOURCE_PATH and ``models``, in the working directory,
-    and in the folders above each: ``file://models/x`` is found where ``x`` is along ``models``. So is ``model://NAME``,
-    after ``models``, in the folders above the file.
+    A relative path is searched beside the file, along GAZEBO_RESOURCE_PATH and ``models``, in the working directory,
+    and in the parent of each of these: ``file://models/x`` finds an ``x`` along ``models``. ``model://NAME`` is
+    searched along ``models``, then in the two folders above the file's directory.
     """
     scheme, separator, rest = unquote(uri).partition("://")
     if not separator:

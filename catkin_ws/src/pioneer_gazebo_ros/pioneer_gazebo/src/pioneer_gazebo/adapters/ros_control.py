@@ -1,4 +1,4 @@
-"""Controllers of ros_control, from the parameters that their YAML files load into a robot's namespace."""
+"""Reads ros_control controllers from the parameters that their YAML files load into a robot's namespace."""
 
 import difflib
 import math
@@ -16,20 +16,20 @@ WITHOUT_EFFECT = {
     "estimate_velocity_from_position", "allow_multiple_cmd_vel_publishers", "publish_cmd",
 }  # fmt: skip
 STRONGEST = 100.0
-"""Torque at a wheel whose joint names no effort [N m]."""
+"""Wheel torque if the joint has no usable effort limit [N m]."""
 
 
 def controlled(owner: Robot | Model, parameters: Any) -> tuple[tuple[Device, ...], list[str]]:
-    """Returns the devices of a robot, controllers in place of ``libgazebo_ros_control.so``, and what is ignored.
+    """Returns a robot's devices, with controllers replacing ``libgazebo_ros_control.so``, and notes on what is ignored.
 
-    Every controller in ``parameters`` runs; ros_control runs those that a spawner names.
+    Every controller in ``parameters`` runs, whereas ros_control runs only those that a spawner names.
 
     Args:
         owner: the robot.
-        parameters: of its namespace.
+        parameters: those in its namespace.
 
     Raises:
-        DescriptionError: an invalid value, or a wheel that the robot does not have.
+        DescriptionError: a value is invalid, or the robot has no such wheel joint.
     """
     devices: list[Any] = [device for device in owner.devices if not isinstance(device, RosControl)]
     notes: list[str] = []
@@ -49,7 +49,7 @@ def controlled(owner: Robot | Model, parameters: Any) -> tuple[tuple[Device, ...
 
 
 class _Settings:
-    """Checked reading of a controller's parameters."""
+    """Reads a controller's parameters with checks."""
 
     def __init__(self, name: str, values: Mapping[str, Any], notes: list[str]) -> None:
         self.name, self.values, self.notes = name, values, notes
@@ -79,7 +79,7 @@ class _Settings:
         return names
 
     def limits(self, group: str, axis: str) -> Limits:
-        """Returns the limits of one axis; as in ros_control, a lower bound is the negative upper one by default."""
+        """Returns the limits of one axis; as in ros_control, a lower bound defaults to the negated upper bound."""
         outer = self.get(group, {})
         inner = _Settings(f"{self.name}/{group}/{axis}", outer.get(axis, {}), self.notes)
         bounds = []
@@ -139,6 +139,6 @@ def _diff_drive(settings: _Settings, owner: Robot | Model) -> DiffDrive:
 
 
 def _radius(wheel: Link) -> float:
-    """Returns the radius of a wheel's cylinder or ball, where no parameter says it; not a number without either."""
+    """Returns the radius of a wheel's cylinder or sphere, the default of ``wheel_radius``; NaN if it has neither."""
     shapes = (collision.shape for collision in wheel.collisions)
     return next((shape.radius for shape in shapes if isinstance(shape, Cylinder | Sphere)), math.nan)

@@ -41,18 +41,18 @@ GROUND_PLANE = Model(
         ),
     ),
 )
-"""What ``model://ground_plane`` is where no such model lies along the search path."""
+"""The model of ``model://ground_plane`` if the search path has no such model."""
 
 
 def world_from_sdf(path: str | Path, model_path: Sequence[str | Path] = ()) -> World:
-    """Returns the world in a ``.world`` or ``.sdf`` file.
+    """Returns the world in a ``.world`` or ``.sdf`` file. Invalid elements are ignored with a note.
 
     Args:
         path: the file.
-        model_path: directories in which ``model://NAME`` is looked up, first match first.
+        model_path: directories searched for ``model://NAME``, first match wins.
 
     Raises:
-        DescriptionError: the file cannot be read, or is not a world. An invalid element in it is noted and left out.
+        DescriptionError: the file cannot be read, or is not a world.
     """
     return world_from_sdf_text(content_of(path), model_path, str(path), Path(path).resolve().parent, tolerant=True)
 
@@ -64,17 +64,17 @@ def world_from_sdf_text(
     directory: Path | None = None,
     tolerant: bool = False,
 ) -> World:
-    """Returns the world in SDF text; text that holds one bare ``<model>`` gives a world with that model alone.
+    """Returns the world in SDF text; a document with a single ``<model>`` gives a world with that model alone.
 
     Args:
         text: the XML.
-        model_path: directories in which ``model://NAME`` is looked up, first match first.
-        source: what errors call the text.
-        directory: for relative paths; the working directory by default.
-        tolerant: whether an invalid element is noted and left out.
+        model_path: directories searched for ``model://NAME``, first match wins.
+        source: name of the text in error messages.
+        directory: base of relative paths; the working directory by default.
+        tolerant: whether invalid elements are ignored with a note.
 
     Raises:
-        DescriptionError: the text is not SDF, or, unless ``tolerant``, it holds an invalid value.
+        DescriptionError: the text is not SDF or, unless ``tolerant``, has an invalid value.
     """
     models = [Path(folder).expanduser() for folder in model_path]
     scope = Scope(directory or Path.cwd(), models, Notes(), tolerant)
@@ -134,7 +134,7 @@ _MODELS: dict[str, Callable[[Element, Frames, Scope], Model | None]] = {
 
 
 def _note_what_cannot_stand(element: Element, world: World, notes: Notes) -> None:
-    """Notes that a world is empty to touch, or that all of it falls."""
+    """Adds a note if a world has no collision shapes, or if all of its models would fall."""
     if world.models and not any(True for _ in world.collisions()):
         element.note(notes, "no model has a collision shape: robots fall, and lasers see nothing")
     elif any(not model.static and model.script is None for model in world.models) and not any(
@@ -144,7 +144,7 @@ def _note_what_cannot_stand(element: Element, world: World, notes: Notes) -> Non
 
 
 def _without_planes(model: Model, scope: Scope) -> Model:
-    """Returns a model that moves without planes, which no engine can move."""
+    """Returns the model with its planes removed unless it is static; the engine cannot move planes."""
     if model.static:
         return model
     links = []
@@ -165,7 +165,7 @@ def _unused(name: str, models: dict[str, Model], scope: Scope) -> str:
 
 
 def _posed_by_frames(model: Model, world: Element, frames: Frames) -> Model:
-    """Returns the model with a ``relative_to`` of its pose resolved against the world's other models and frames."""
+    """Returns the model with its pose's ``relative_to`` resolved against the world's other models and frames."""
     for child in world.children("model"):
         if child.attribute("name", "") == model.name:
             return dataclasses.replace(model, pose=frames.pose(child))
@@ -173,7 +173,7 @@ def _posed_by_frames(model: Model, world: Element, frames: Frames) -> Model:
 
 
 def _gravity(world: Element) -> tuple[float, float, float]:
-    """Gravity stands in the world (from 1.6) or in its physics (before)."""
+    """Returns gravity, which is in ``<world>`` since SDF 1.6 and in its ``<physics>`` before."""
     for element in (world.child("gravity"), world.at("physics", "gravity")):
         if element is not None:
             return element.vector()
@@ -181,7 +181,7 @@ def _gravity(world: Element) -> tuple[float, float, float]:
 
 
 def _moved_by_state(model: Model, state: Element | None) -> Model:
-    """Returns the model where ``<state>``, which Gazebo's "save world" writes, has put it and its links."""
+    """Returns the model with the poses of ``<state>``, from Gazebo's "save world", applied to it and its links."""
     if state is None:
         return model
     pose = state.placed() if state.child("pose") is not None else model.pose
@@ -196,7 +196,7 @@ def _moved_by_state(model: Model, state: Element | None) -> Model:
 
 
 def _lone_model(root: Element, scope: Scope, depth: int) -> Model | None:
-    """Returns the model or actor that is all of a document; None where there is none."""
+    """Returns the model or actor of a document without a world; None if there is none."""
     model, actor = root.child("model"), root.child("actor")
     if model is not None:
         return _model(model, scope, depth)
@@ -220,7 +220,7 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
             nested = _model(child, scope, depth) if child.tag == "model" else _include(child, frames, scope, depth)
             if nested is not None:
                 nested = dataclasses.replace(nested, pose=frames.pose(child)) if child.tag == "model" else nested
-                # sdformat puts all that a nested model holds, but for its pose, into the model around it.
+                # Like sdformat, merges all content of a nested model, except its pose, into the outer model.
                 static = static or nested.static
                 inner = _flattened(nested)
                 links += inner.links
@@ -235,7 +235,7 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
             joints.append(joint_from_sdf(child, poses, frames, scope))
     tree, closing = tree_of(poses, joints) if joints else ((), ())
     for joint in closing:
-        scope.notes.add(f"joint {joint} of model {name} closes a ring, which is not supported, and is left out")
+        scope.notes.add(f"joint {joint} of model {name} closes a kinematic loop, which is not supported; it is ignored")
     devices += _devices(element, [link.name for link in links], [joint.name for joint in joints], scope)
     for plugin in element.children("plugin"):
         namespace = namespace or plugin.word("robotNamespace", "").strip("/")
@@ -246,7 +246,7 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
 
 
 def _devices(element: Element, links: list[str], joints: list[str], scope: Scope) -> list[Device]:
-    """Returns sensors and plugins of a model's own links."""
+    """Returns the sensors and plugins of a model's own links."""
     devices: list[Device] = []
     for link in element.children("link"):
         for sensor in link.children("sensor"):
@@ -259,11 +259,11 @@ def _devices(element: Element, links: list[str], joints: list[str], scope: Scope
 
 
 NAMING = ("link", "bodyName", "leftJoint", "rightJoint", "leftRearJoint", "rightRearJoint", "jointName")
-"""Fields of devices that hold names of links or joints."""
+"""Fields of devices that hold link or joint names."""
 
 
 def _flattened(nested: Model) -> Model:
-    """Returns a nested model with its parts as the outer model's, named ``nested::link`` as Gazebo does."""
+    """Returns a nested model with its parts in the outer model's frame, named ``nested::link`` as in Gazebo."""
 
     def outer(name: str) -> str:
         return name if name == WORLD else f"{nested.name}::{name}"
@@ -290,7 +290,7 @@ def _flattened(nested: Model) -> Model:
 
 
 def _include(element: Element, frames: Frames, scope: Scope, depth: int) -> Model | None:
-    """Returns the model of an ``<include>``, or None for one that has no body or is not found (with a note)."""
+    """Returns the model of an ``<include>``; None if it has no body or, with a note, if it is not found."""
     uri = element.needed("uri")
     if depth >= DEEPEST_INCLUDE:
         raise element.error(f"includes are nested deeper than {DEEPEST_INCLUDE}: does {uri.text} include itself?")
@@ -331,7 +331,7 @@ def _model_from_directory(path: Path, uri: Element, scope: Scope, depth: int) ->
 
 
 def _model_file(directory: Path, notes: Notes) -> Path:
-    """Returns the newest file that ``model.config`` names in a version read here, or ``model.sdf``."""
+    """Returns the file with the newest supported version in ``model.config``, or ``model.sdf``."""
     manifest = directory / "model.config"
     if not manifest.is_file():
         return directory / "model.sdf"

@@ -1,4 +1,4 @@
-"""SDF actors: scripted models. Skins and animations are looks, and are passed over."""
+"""Reads SDF actors as scripted models. Skins and animations are ignored."""
 
 import itertools
 
@@ -12,20 +12,20 @@ QUIET = {"pose", "static", "skin", "animation", "script", "link", "joint", "fram
 SCRIPT_QUIET = {"loop", "delay_start", "auto_start", "trajectory"}
 
 PERSON_RADIUS, PERSON_HEIGHT = 0.25, 1.8
-"""The upright cylinder that stands for an actor without collisions of its own [m]."""
+"""The upright cylinder that replaces an actor without collisions of its own [m]."""
 
 HIPS = (0.5, 1.5)
-"""Waypoints at such heights [m] are those of a skin whose origin is at its hips: the feet stand at height 0."""
+"""Waypoint heights [m] in this range belong to a skin with its origin at the hips: the feet are at height 0."""
 
 
 def actor_from_sdf(element: Element, scope: Scope) -> Model:
     """Returns the scripted model of an ``<actor>``.
 
-    An actor whose links have collisions moves with those and takes all of its waypoints' rotations; any other is a
-    person, who stays upright.
+    An actor whose links have collisions keeps them and follows the full rotations of its waypoints; any other actor is
+    a person and stays upright.
 
     Raises:
-        DescriptionError: a script without waypoints or with times that do not rise.
+        DescriptionError: a script has no waypoints, or waypoint times do not increase.
     """
     for child in element.children():
         if child.tag not in QUIET:

@@ -1,4 +1,4 @@
-"""Poses of SDF that are given relative to another element (``relative_to`` of 1.7, ``frame`` of 1.5 and 1.6)."""
+"""Resolves SDF poses relative to other elements (``relative_to`` in 1.7, ``frame`` in 1.5 and 1.6)."""
 
 from pioneer_gazebo.adapters.element import Element
 from pioneer_gazebo.core.pose import Pose
@@ -7,7 +7,7 @@ _OWN_FRAME = ("", "world", "__model__")
 
 
 class Frames:
-    """The named frames inside one ``<world>`` or ``<model>``."""
+    """The named frames in one ``<world>`` or ``<model>``."""
 
     def __init__(self, parent: Element) -> None:
         self._named = {
@@ -17,10 +17,10 @@ class Frames:
         }
 
     def pose(self, element: Element) -> Pose:
-        """Returns the element's pose in the world or model around it.
+        """Returns the element's pose in its world or model.
 
         Raises:
-            DescriptionError: the pose refers to a name that is not there, or in a circle.
+            DescriptionError: the pose refers to an unknown name or, directly or indirectly, to itself.
         """
         return self._pose(element, ())
 
@@ -28,7 +28,7 @@ class Frames:
         """Returns the pose of the frame, link, joint or model of that name.
 
         Raises:
-            DescriptionError: there is none; the error names ``asker``.
+            DescriptionError: the name is unknown; the error is located at ``asker``.
         """
         if name not in self._named:
             raise asker.error(f"there is no frame {name!r}")
@@ -45,7 +45,7 @@ class Frames:
         if base in _OWN_FRAME:
             return own
         if base in seen:
-            raise element.error(f"poses refer to each other in a circle: {' → '.join((*seen, base))}")
+            raise element.error(f"poses refer to each other in a loop: {' → '.join((*seen, base))}")
         if base not in self._named:
             raise element.error(f"the pose is relative to unknown frame {base!r}")
         return self._pose(self._named[base], (*seen, base)).compose(own)

@@ -1,4 +1,4 @@
-"""SDF joints between the links of a world's model."""
+"""Reads SDF joints between a model's links."""
 
 import math
 from collections.abc import Mapping
@@ -11,20 +11,20 @@ from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector, conjugate, rotated
 
 KINDS = (FIXED, REVOLUTE, PRISMATIC, CONTINUOUS)
 UNLIMITED = 1e15
-"""SDF writes no limit as ±1e16."""
+"""SDF writes ±1e16 for no limit."""
 
 
 def joint_from_sdf(element: Element, links: Mapping[str, Pose], frames: Frames, scope: Scope) -> Joint:
-    """Returns the joint of a ``<joint>`` element; one of a kind that is not supported is fixed, with a note.
+    """Returns the joint of a ``<joint>`` element; an unsupported type becomes a fixed joint, with a note.
 
     Args:
         element: the ``<joint>``.
         links: each link's pose in the model.
-        frames: the model's.
+        frames: the model's named frames.
         scope: of the file.
 
     Raises:
-        DescriptionError: a value that makes no sense, a link that is not there.
+        DescriptionError: a value is invalid, or a link is unknown.
     """
     name, kind = element.attribute("name"), element.attribute("type")
     ends = [element.needed(tag).text.removeprefix("__model__::") for tag in ("parent", "child")]
@@ -76,7 +76,7 @@ def _limits(axis: Element, kind: str) -> tuple[float, float]:
 
 
 def _axis(element: Element, joint: Pose, frames: Frames, owner: Element) -> Vector:
-    """Returns the axis in the joint's frame. SDF 1.4 gave it in the model's, 1.5 and 1.6 did so on request."""
+    """Returns the axis in the joint frame. SDF 1.4 gives it in the model frame, 1.5 and 1.6 optionally."""
     xyz = element.child("xyz")
     vector = (0.0, 0.0, 1.0) if xyz is None else xyz.direction()
     named = "" if xyz is None else xyz.attribute("expressed_in", "")

@@ -1,4 +1,4 @@
-"""SDF links: inertia, collisions, visuals and their geometry."""
+"""Reads SDF links: inertia, collisions, visuals and their geometry."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -37,21 +37,21 @@ QUIET = {
 }
 
 RADIUS_OF_GYRATION = 0.1
-"""Of a link whose inertia cannot be right [m]."""
+"""Assumed for a link with invalid inertia [m]."""
 
 
 @dataclass(frozen=True)
 class Scope:
-    """What the reading of one file needs to know."""
+    """The context for reading one file."""
 
-    directory: Path  #: of the file, for relative paths
+    directory: Path  #: of the file, base of relative paths
     models: Sequence[Path]  #: search path of ``model://``
-    notes: Notes  #: takes what is left out
-    tolerant: bool = False  #: whether an invalid element is noted and left out, as Gazebo does with worlds, or an error
+    notes: Notes  #: collects what is ignored
+    tolerant: bool = False  #: whether invalid elements are ignored with a note, as in Gazebo's worlds, or are errors
 
     @contextmanager
     def leaving_out(self) -> Iterator[None]:
-        """Notes a DescriptionError that is raised within, where the scope is tolerant."""
+        """Turns a DescriptionError raised in the block into a note if the scope is tolerant."""
         try:
             yield
         except DescriptionError as error:
@@ -67,7 +67,7 @@ def link_from_sdf(element: Element, pose: Pose, scope: Scope, prefix: str = "") 
         element: the ``<link>``.
         pose: of the link in the model, resolved by the caller.
         scope: of the file.
-        prefix: what nested models put before the name.
+        prefix: prepended to the name for nested models.
     """
     mass, inertia = _inertial(element.child("inertial"), scope.notes)
     _note_foreign_frames(element, scope)
@@ -90,7 +90,7 @@ def link_from_sdf(element: Element, pose: Pose, scope: Scope, prefix: str = "") 
 
 
 def _note_foreign_frames(link: Element, scope: Scope) -> None:
-    """Notes poses of shapes that are given in a frame other than the link's."""
+    """Adds a note for each pose of a shape in a frame other than the link's."""
     for child in link.children("collision", "visual", "inertial"):
         pose = child.child("pose")
         frame = "" if pose is None else pose.attribute("relative_to", pose.attribute("frame", ""))
@@ -99,7 +99,7 @@ def _note_foreign_frames(link: Element, scope: Scope) -> None:
 
 
 def _inertial(element: Element | None, notes: Notes) -> tuple[float, Inertia]:
-    """Returns mass and inertia; values that no body has are noted, and the defaults of SDF taken."""
+    """Returns mass and inertia; physically impossible values are replaced by defaults, with a note."""
     if element is None:
         return 1.0, Inertia()
     pose = element.placed()
@@ -132,7 +132,7 @@ def _collision(element: Element, shape: Shape) -> Collision:
 
 
 def _shape(element: Element, scope: Scope) -> Shape | None:
-    """Returns the shape in ``<geometry>``, or None, with a note, for one that is not supported."""
+    """Returns the shape in ``<geometry>``; None for an empty one or, with a note, an unsupported one."""
     geometry = element.needed("geometry")
     inner = next(geometry.children(), None)
     if inner is None or inner.tag == "empty":

@@ -1,4 +1,4 @@
-"""Writes worlds as SDF 1.6, readable by Gazebo and by this package."""
+"""Writes worlds as SDF 1.6 for Gazebo and this package."""
 
 from xml.sax.saxutils import quoteattr
 
@@ -16,7 +16,7 @@ _HEAD = """<?xml version="1.0"?>
 def sdf_from_world(world: World) -> str:
     """Returns the world as SDF text: sun, ground plane, and every other model of the world.
 
-    Masses and inertias are not written: it is for worlds of static models.
+    Masses and inertias are not written, as it is meant for worlds of static models.
     """
     models = "".join(_model(model) for model in world.models if model.name != "ground_plane")
     return _HEAD.format(name=quoteattr(world.name)) + models + "  </world>\n</sdf>\n"

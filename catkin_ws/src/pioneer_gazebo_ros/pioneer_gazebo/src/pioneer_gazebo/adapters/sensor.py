@@ -1,4 +1,4 @@
-"""Sensors of a link, under the names and with the elements that Gazebo and gazebo_ros give them."""
+"""Reads a link's sensors, with the names and elements used by Gazebo and gazebo_ros."""
 
 from collections.abc import Callable
 from typing import Any
@@ -17,16 +17,16 @@ READ = {
     "distortionK1", "distortionK2", "distortionK3", "distortionT1", "distortionT2", "Cx", "CxPrime", "Cy",
     "focalLength", "baseline",
 }  # fmt: skip
-"""Elements of sensors' plugins that are read, or change nothing here: pictures have no distortion."""
+"""Elements of sensor plugins that are read or have no effect here; images have no distortion."""
 DEPTH_PLUGINS = ("gazebo_ros_depth_camera", "gazebo_ros_openni_kinect")
 PIXEL_FORMATS = ("R8G8B8", "B8G8R8", "L8", "RGB_INT8", "BGR_INT8", "L_INT8")
 
 
 def read_sensor(element: Element, link: str, notes: Notes) -> list[Device]:
-    """Returns the device of a ``<sensor>`` on ``link``; none, with a note, where it is not supported.
+    """Returns the device of a ``<sensor>`` on ``link``; empty, with a note, if it is not supported.
 
     Raises:
-        DescriptionError: an invalid value.
+        DescriptionError: a value is invalid.
     """
     for child in element.children():
         if child.tag not in QUIET:
@@ -58,7 +58,7 @@ def _common(element: Element, link: str) -> dict[str, Any]:
 
 
 def _ray(element: Element) -> tuple[Element, Element, dict[str, Any]]:
-    """Returns ``<horizontal>``, ``<range>`` and the settings every ray sensor shares."""
+    """Returns ``<horizontal>``, ``<range>`` and the settings common to all ray sensors."""
     ray = element.needed("ray")
     horizontal = ray.needed("scan").needed("horizontal")
     reach = ray.needed("range")
@@ -91,7 +91,7 @@ def _laser(element: Element, plugin: Element, link: str) -> LaserSensor:
 
 
 def _remapped(plugin: Element) -> str:
-    """Returns the topic that ``libgazebo_ros_ray_sensor.so`` is remapped to, empty for none."""
+    """Returns the topic that ``libgazebo_ros_ray_sensor.so`` is remapped to; empty for none."""
     ros = plugin.child("ros")
     names = [] if ros is None else [child.text for child in ros.children("remapping")]
     return next((name.partition(":=")[2] for name in names if name.startswith("~/out:=")), "")

@@ -1,6 +1,6 @@
-"""Pictures by pybullet's TinyRenderer: on the processor, without a display, in a world of its own that only looks.
+"""Camera images by pybullet's TinyRenderer: software rendering without a display, in a separate pybullet world.
 
-The engine's world has no looks, and keeps none for those who never ask: this one is made at the first picture.
+The physics world has no visuals. This world is created at the first image, so that it costs nothing without cameras.
 """
 
 import math
@@ -17,15 +17,15 @@ from pioneer_gazebo.core.section import Triangles
 from pioneer_gazebo.core.world import Box, Cylinder, Mesh, Model, Plane, Shape, Sphere, Visual
 
 LIGHT = (0.5, -0.3, 1.0)
-"""Where the light comes from."""
+"""Direction of the light source."""
 
 PLANE_THICKNESS = 0.02
 SKY = (178, 178, 178)
-"""Gazebo's default background."""
+"""Gazebo's default background colour."""
 
 
 class TinyRenderer:
-    """Draws with pybullet's software renderer."""
+    """Renders images with pybullet's software renderer."""
 
     def __init__(self, triangles: Triangles) -> None:
         """Opens an empty world; ``triangles`` reads meshes."""

@@ -26,11 +26,11 @@ def robot_from_urdf(text: str | bytes, source: str = "robot_description") -> Rob
 
     Args:
         text: the XML.
-        source: what errors call it.
+        source: its name in error messages.
 
     Raises:
-        DescriptionError: not well-formed, a value that makes no sense, a joint or plugin that names what is not
-            there, or links that are not one tree.
+        DescriptionError: the XML is malformed, a value is invalid, a joint or plugin refers to an unknown name, or the
+            links do not form a single tree.
     """
     notes = Notes()
     root = Element.from_text(text, source, notes)
@@ -103,7 +103,7 @@ def _link(element: Element, materials: dict[str, Colour], extensions: Extensions
 
 
 def _inertial(element: Element | None, notes: Notes) -> tuple[float, Inertia]:
-    """Returns mass and inertia: none, as for a frame, where they are invalid, which is noted."""
+    """Returns mass and inertia: zero if absent, as for a frame, or (with a note) for an invalid mass."""
     frame = 0.0, Inertia(0.0, 0.0, 0.0)
     if element is None:
         return frame
@@ -123,7 +123,7 @@ def _inertial(element: Element | None, notes: Notes) -> tuple[float, Inertia]:
 
 
 def _shape(element: Element, notes: Notes) -> Shape | None:
-    """Returns the shape, or None, with a note, for one that is not found or has no extent."""
+    """Returns the shape; None, with a note, if its mesh is not found or its size is not positive."""
     geometry = element.needed("geometry")
     inner = next(geometry.children(), None)
     if inner is None:
@@ -144,7 +144,7 @@ def _shape(element: Element, notes: Notes) -> Shape | None:
         inner.note(notes, f"sizes must be > 0 (got {least:g}); it is ignored")
         return None
     if inner.tag != "mesh":
-        raise inner.error("is no geometry of URDF (box, cylinder, sphere, mesh)")
+        raise inner.error("is not a URDF geometry; use box, cylinder, sphere or mesh")
     path = file_of_uri(inner.attribute("filename"), Path.cwd(), ())
     if path is None:
         notes.add(f"mesh {inner.attribute('filename')} is not found and left out")
@@ -197,7 +197,7 @@ def _joint(element: Element, links: dict[str, Link]) -> Joint:
 
 
 def _poses_in_root(root: Element, links: dict[str, Link], joints: tuple[Joint, ...]) -> dict[str, Pose]:
-    """Returns each link's pose in the root link; raises when the joints do not make one tree of all links."""
+    """Returns each link's pose in the root link; raises if the joints do not form a single tree of all links."""
     by_child: dict[str, Joint] = {}
     for joint in joints:
         if joint.child in by_child:
@@ -207,13 +207,13 @@ def _poses_in_root(root: Element, links: dict[str, Link], joints: tuple[Joint, .
         by_child[joint.child] = joint
     roots = [name for name in links if name not in by_child]
     if len(roots) != 1:
-        raise root.error(f"needs one link that is no joint's child, not {len(roots)}: {', '.join(roots[:5]) or 'none'}")
+        raise root.error(f"must have exactly one root link, found {len(roots)}: {', '.join(roots[:5]) or 'none'}")
     poses = {roots[0]: IDENTITY}
     pending = list(joints)
     while pending:
         ready = [joint for joint in pending if joint.parent in poses]
         if not ready:
-            raise root.error(f"joints make a circle: {', '.join(joint.name for joint in pending[:5])}")
+            raise root.error(f"joints form a loop: {', '.join(joint.name for joint in pending[:5])}")
         for joint in ready:
             poses[joint.child] = poses[joint.parent].compose(joint.pose)
             pending.remove(joint)

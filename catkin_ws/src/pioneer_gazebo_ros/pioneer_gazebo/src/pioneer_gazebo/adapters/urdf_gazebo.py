@@ -1,4 +1,4 @@
-"""The ``<gazebo>`` elements of URDF: surfaces of links, and sensors and plugins."""
+"""Reads URDF's ``<gazebo>`` elements: link surfaces, sensors and plugins."""
 
 import dataclasses
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ SURFACE_QUIET = {"mu2", "kp", "kd", "fdir1", "minDepth", "maxVel", "maxContacts"
 
 @dataclass(frozen=True)
 class Surface:
-    """What ``<gazebo reference=LINK>`` says of a link's surface."""
+    """The surface properties of a link in ``<gazebo reference=LINK>``."""
 
     friction: float = 1.0
     colour: Colour | None = None
@@ -32,15 +32,15 @@ class Extensions:
     namespace: str = ""
 
     def surface(self, link: str) -> Surface:
-        """Returns the surface of a link, the default one where nothing is said."""
+        """Returns the surface of a link, or the default surface."""
         return self.surfaces.get(link, Surface())
 
 
 def read_extensions(root: Element, notes: Notes) -> Extensions:
-    """Returns what all ``<gazebo>`` elements of a ``<robot>`` say; unsupported elements go into ``notes``.
+    """Returns the content of a ``<robot>``'s ``<gazebo>`` elements; adds unsupported elements to ``notes``.
 
     Raises:
-        DescriptionError: an invalid value, or a name that the robot does not have.
+        DescriptionError: a value is invalid, or the robot has no link or joint of a given name.
     """
     extensions = Extensions()
     names = Names(*({element.attribute("name") for element in root.children(tag)} for tag in ("link", "joint")))
@@ -71,7 +71,7 @@ def _read_reference(element: Element, link: str, extensions: Extensions, names: 
 
 
 def _said(element: Element) -> str:
-    """Returns what an element says: URDF's readers take ``<mu1>1</mu1>`` and ``<mu1 value="1"/>``."""
+    """Returns an element's value: URDF parsers accept ``<mu1>1</mu1>`` and ``<mu1 value="1"/>``."""
     return element.attribute("value", element.text)
 
 

@@ -1,1 +1,1 @@
-"""What the simulator computes: values and algorithms that know no ROS and no engine."""
+"""The simulator's values and algorithms, independent of ROS and of the physics engine."""

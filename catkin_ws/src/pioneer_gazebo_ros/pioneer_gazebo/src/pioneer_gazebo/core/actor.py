@@ -1,4 +1,4 @@
-"""Scripted models in the engine: led along their scripts, whatever stands in their way."""
+"""Moves scripted models in the engine along their scripts, regardless of obstacles."""
 
 import math
 
@@ -9,35 +9,35 @@ from pioneer_gazebo.core.schedule import TICK_RATE
 from pioneer_gazebo.core.script import Script
 
 FASTEST = 10.0
-"""A script that moves faster than this [m/s], as from its end back to its beginning, leaps: it pushes nothing away."""
+"""Faster script motion [m/s], such as from its end back to its start, is a jump: the model pushes nothing away."""
 
 
 class Actors:
-    """All that follows a script. Where each is depends on the tick alone."""
+    """All models that follow a script. The pose of each depends on the tick alone."""
 
     def __init__(self, engine: Engine) -> None:
-        """Takes what pushes others out of their way."""
+        """Takes the engine, in which scripted models push other bodies aside."""
         self._engine = engine
         self._entities: list[Entity] = []
 
     def add(self, entity: Entity, script: Script, tick: int) -> None:
-        """Has an entity follow a script that begins at ``tick``."""
-        # Physics has no say in where it is: it never sleeps.
+        """Makes an entity follow a script that begins at ``tick``."""
+        # Its pose does not depend on physics, so it is never put to sleep.
         entity.script, entity.began, entity.at_rest = script, tick, True
         self._entities.append(entity)
 
     def remove(self, entity: Entity) -> None:
-        """Forgets an entity, whether it follows a script or not."""
+        """Removes an entity, whether or not it follows a script."""
         self._entities = [one for one in self._entities if one is not entity]
 
     def lead(self, following: int, step: float) -> None:
-        """Has each move during the coming step [s] to where it is at the tick ``following``."""
+        """Sets each model's motion during the coming step [s] so that it ends at its pose at tick ``following``."""
         for entity in self._entities:
             entity.motion = velocity_between(entity.after, _pose(entity, following), step)
             self._engine.lead(entity.handle, entity.after, entity.motion)
 
     def follow(self, tick: int) -> None:
-        """Notes where each is after a step that ended at ``tick``."""
+        """Records each model's pose after a step that ended at ``tick``."""
         for entity in self._entities:
             entity.after, entity.seen = _pose(entity, tick), tick
 
@@ -54,7 +54,7 @@ def _pose(entity: Entity, tick: int) -> Pose:
 
 
 def velocity_between(a: Pose, b: Pose, seconds: float) -> Velocity:
-    """Returns the velocity that takes ``a`` to ``b`` in so many ``seconds``; none where that is a leap."""
+    """Returns the velocity that moves ``a`` to ``b`` in ``seconds``; zero if that is a jump."""
     x, y, z = ((q - p) / seconds for p, q in zip(a.position, b.position, strict=True))
     if math.hypot(x, y, z) > FASTEST:
         return STILL

@@ -1,4 +1,4 @@
-"""Command lines of the form ``name:=value``, as roslaunch and rosrun know them."""
+"""Parses command lines of the form ``name:=value``, as used by roslaunch and rosrun."""
 
 import dataclasses
 import typing
@@ -12,27 +12,27 @@ Options = TypeVar("Options")
 
 
 class ArgumentError(SimulatorError):
-    """A command line that makes no sense."""
+    """Invalid command line."""
 
 
 def option(default: Any, doc: str, variable: str = "") -> Any:
-    """Returns a field of options: its default, what `usage` says of it, and an environment variable with its value."""
+    """Returns an options field with its default, its text in `usage`, and an environment variable that can set it."""
     return dataclasses.field(default=default, metadata={"doc": doc, "variable": variable})
 
 
 def options_from_arguments(
     options: type[Options], arguments: Iterable[str], environ: Mapping[str, str], **defaults: Any
 ) -> Options:
-    """Returns the dataclass ``options`` filled from ``name:=value`` words, and from the environment.
+    """Returns the dataclass ``options`` filled from ``name:=value`` words and from the environment.
 
     Args:
         options: a dataclass whose fields are str, int, float or bool, each made by `option`.
-        arguments: the words of the command line; remappings of roslaunch (``__name:=…``) are left out.
-        environ: the environment, for what no word names; an empty variable does not count.
-        defaults: values of fields that neither names.
+        arguments: the words of the command line; roslaunch's special arguments (``__name:=…``) are ignored.
+        environ: environment variables, overridden by words; empty variables are ignored.
+        defaults: values of fields set by neither.
 
     Raises:
-        ArgumentError: a word of another form, a name that is no field, a value of the wrong type.
+        ArgumentError: a word is not of this form, a name is unknown, or a value has the wrong type.
     """
     hints = typing.get_type_hints(options)
     values = dict(defaults)
@@ -56,7 +56,7 @@ def value_from_text(kind: type, text: str, name: str) -> Any:
     """Returns ``text`` as a str, int, float or bool.
 
     Raises:
-        ArgumentError: it is none; the message names ``name``.
+        ArgumentError: the text is not of this type; the message contains ``name``.
     """
     if kind is bool:
         if text.lower() not in ("true", "false", "1", "0"):
@@ -69,7 +69,7 @@ def value_from_text(kind: type, text: str, name: str) -> Any:
 
 
 def usage(options: type) -> str:
-    """Returns one line a field: its name, what it means, its variable and its default."""
+    """Returns one line per field: its name, meaning, environment variable and default."""
     lines = []
     for field in dataclasses.fields(options):
         variable = f"; environment: {field.metadata['variable']}" if field.metadata["variable"] else ""

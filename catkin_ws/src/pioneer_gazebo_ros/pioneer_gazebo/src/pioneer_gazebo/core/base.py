@@ -1,4 +1,4 @@
-"""What a real Pioneer's driver reports of its base, from the state of the simulated one."""
+"""Computes what a real Pioneer's driver reports about its base from the simulated robot's state."""
 
 import math
 
@@ -28,7 +28,7 @@ def pressed_bumpers(simulation: Simulation, entity: Entity) -> tuple[list[bool],
 
 
 def sonar_points(simulation: Simulation, entity: Entity) -> list[Vector]:
-    """Returns each sonar's reading as a point on its axis, in the frame of the base [m]."""
+    """Returns each sonar reading as a point on the sonar's axis, in the base frame [m]."""
     back = simulation.pose(entity).inverse()
     points = []
     for mounted in entity.sonars:

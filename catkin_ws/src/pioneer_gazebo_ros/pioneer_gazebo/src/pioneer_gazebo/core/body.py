@@ -1,6 +1,6 @@
-"""What the engine simulates: a robot's links lumped over fixed joints into a tree of rigid parts.
+"""Rigid bodies for the engine: a robot's links, merged over fixed joints into a tree of rigid parts.
 
-As in Gazebo, a link behind a fixed joint becomes part of the link before it: its shapes and its mass move there.
+As in Gazebo, a link behind a fixed joint is merged into its parent link, with its shapes and its mass.
 """
 
 import math
@@ -21,38 +21,38 @@ from pioneer_gazebo.core.wheel import Touch, as_balls, is_wheel
 from pioneer_gazebo.core.world import Box, Collision, Cylinder, Inertia, Link, Mesh, Model, Plane, Shape, Sphere, Visual
 
 LEAST_MASS = 1e-3
-"""A part lighter than this [kg] gets this mass: no solver works with none."""
+"""Minimum mass [kg], also given to lighter parts: no solver works with zero mass."""
 
 LED_MASS = 1e5
-"""What a body that is led weighs [kg]: enough that nothing it meets slows it down."""
+"""Mass of a scripted (led) body [kg], large enough that nothing it collides with slows it down."""
 
 LED_INERTIA = Inertia(LED_MASS, LED_MASS, LED_MASS)
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One rigid part."""
+    """One rigid part of a body."""
 
-    name: str  #: of its first link
-    parent: int  #: index of the part that carries it; -1 for the base
-    joint: Joint | None  #: what connects it to its parent; None for the base. Its pose is in the parent part's frame.
-    mass: float  #: [kg]; 0 for a base that is held where it stands
-    inertia: Inertia  #: principal moments; its pose is that of the centre of mass and the principal axes in the part
-    touches: tuple[Touch, ...]  #: the shapes
-    frames: tuple[tuple[str, Pose], ...]  #: (link name, pose in the part) of every link that is lumped here
-    visuals: tuple[Visual, ...] = ()  #: what cameras see; poses are in the part's frame
+    name: str  #: name of its first link
+    parent: int  #: index of the parent part; -1 for the base
+    joint: Joint | None  #: the joint to its parent, with its pose in the parent part's frame; None for the base
+    mass: float  #: [kg]; 0 for a fixed base
+    inertia: Inertia  #: principal moments; the pose is that of the centre of mass and the principal axes in the part
+    touches: tuple[Touch, ...]  #: collision shapes
+    frames: tuple[tuple[str, Pose], ...]  #: (link name, pose in the part) of every link merged into it
+    visuals: tuple[Visual, ...] = ()  #: shapes seen by cameras; poses are in the part's frame
 
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """A tree of parts, base first and depth first: behind each part stands all that it carries."""
+    """A tree of parts, base first and depth first: each part is directly followed by its descendants."""
 
-    name: str  #: of the model
-    parts: tuple[Part, ...]  #: the tree
-    led: bool = False  #: pushes and is not pushed: it goes where it is led, through all that stands
+    name: str  #: name of the model
+    parts: tuple[Part, ...]  #: all parts
+    led: bool = False  #: whether it is scripted: it pushes bodies, is not pushed, and passes through static ones
 
     def part_of(self, link: str) -> tuple[int, Pose]:
-        """Returns the index of the part that holds ``link`` and the link's pose in it.
+        """Returns the index of the part that contains ``link``, and the link's pose in it.
 
         Raises:
             KeyError: there is no such link.
@@ -76,7 +76,7 @@ class Body:
 
 
 def body_from_model(model: Model, triangles: Triangles) -> Body:
-    """Returns a dynamic model as one body whose frame is the model's: what no joint moves is held together.
+    """Returns a dynamic model as one body in the model's frame; links without joints are merged.
 
     Args:
         model: the model.
@@ -97,10 +97,10 @@ def body_from_model(model: Model, triangles: Triangles) -> Body:
 
 
 def body_from_robot(robot: Robot, triangles: Triangles) -> Body:
-    """Returns the robot as the engine simulates it; ``triangles`` reads meshes.
+    """Returns the robot as a body for the engine; ``triangles`` reads meshes.
 
     Raises:
-        DescriptionError: a floating joint, which a tree of parts has no room for.
+        DescriptionError: the robot has a floating joint, which is not supported.
     """
     groups = _groups(robot.name, robot.root, IDENTITY, robot.link, robot.joints)
     parts = _parts(groups, robot.joints, _wheels_of(robot.devices, triangles), robot.static)
@@ -108,7 +108,7 @@ def body_from_robot(robot: Robot, triangles: Triangles) -> Body:
 
 
 def _gliding(parts: tuple[Part, ...]) -> tuple[Part, ...]:
-    """Returns parts without friction: a base that is moved in the plane is not held back by its wheels."""
+    """Returns the parts without friction, so that wheels do not resist a planar-move base."""
     return tuple(
         replace(part, touches=tuple(replace(t, collision=replace(t.collision, friction=0.0)) for t in part.touches))
         for part in parts
@@ -116,7 +116,7 @@ def _gliding(parts: tuple[Part, ...]) -> tuple[Part, ...]:
 
 
 def _wheels_of(devices: Iterable[object], triangles: Triangles) -> "_Wheels":
-    """Returns what makes wheels of parts: of those that drives turn, and of those that roll by themselves."""
+    """Returns a function that converts wheel parts: driven ones and passive ones."""
     drives = [device for device in devices if isinstance(device, DiffDrive)]
     driven = {joint for drive in drives for side in drive.joints() for joint in side}
 
@@ -128,13 +128,13 @@ def _wheels_of(devices: Iterable[object], triangles: Triangles) -> "_Wheels":
 
 
 _Group = list[tuple[Link, Pose]]
-"""Links that are held together, each with its pose in the part."""
+"""Links merged into one part, each with its pose in the part."""
 
 _Rolling = tuple[list[Touch], list[Touch]]
-"""A wheel's shapes, and those that its parent takes over."""
+"""A wheel's shapes, and those handed over to its parent."""
 
 _Wheels = Callable[[Sequence[Touch], Joint, Pose], _Rolling | None]
-"""Returns what a part becomes that is a wheel, by its shapes, joint and parent's pose."""
+"""Returns the conversion of a part by its shapes, joint and parent's pose; None if it is not a wheel."""
 
 
 def _parts(
@@ -143,7 +143,7 @@ def _parts(
     rolling: _Wheels,
     static: bool = False,
 ) -> tuple[Part, ...]:
-    """Returns a part for each group; ``rolling`` returns what wheels become, by shapes, joint, parent's pose."""
+    """Returns a part for each group; ``rolling`` converts wheels (shapes, joint, parent's pose)."""
     index = {group[0][0].name: number for number, group in enumerate(groups)}
     home = {link.name: (index[group[0][0].name], pose) for group in groups for link, pose in group}
     movable = {joint.child: joint for joint in joints if joint.kind != kinds.FIXED}
@@ -169,9 +169,9 @@ def _parts(
 
 
 def _groups(name: str, root: Link, at: Pose, link_of: Callable[[str], Link], joints: Iterable[Joint]) -> list[_Group]:
-    """Returns, base first and depth first, the links that fixed joints hold together, with poses in their part.
+    """Groups links connected by fixed joints, base first and depth first, with their poses in the part.
 
-    A part's frame is that of the joint which moves it; the base's is the one that ``root`` stands ``at``.
+    A part's frame is that of the joint that moves it; the base's frame is the one in which ``root`` has pose ``at``.
     """
     children: dict[str, list[Joint]] = {}
     for joint in joints:
@@ -211,7 +211,7 @@ def _tensor(inertia: Inertia) -> NDArray[np.float64]:
 
 
 def _lumped(group: list[tuple[Link, Pose]]) -> tuple[float, Inertia]:
-    """Returns the mass and principal inertia of links held together, in the first link's frame."""
+    """Returns the combined mass and principal inertia of rigidly connected links, in the part's frame."""
     heavy = [(link, pose.compose(link.inertia.pose)) for link, pose in group if link.mass > 0]
     mass = sum(link.mass for link, _ in heavy)
     if mass < LEAST_MASS:
@@ -237,7 +237,7 @@ def _ball_inertia(mass: float, radius: float) -> Inertia:
 
 
 def lowest_points(body: Body, pose: Pose, triangles: Triangles) -> list[Vector]:
-    """Returns x, y [m] of each of the body's shapes at ``pose``, joints at 0, and z of its lowest point."""
+    """Returns for each shape of the body at ``pose``, joints at 0, its x, y and the z of its lowest point [m]."""
     frames = [pose]
     points = []
     for number, part in enumerate(body.parts):
@@ -252,7 +252,7 @@ def lowest_points(body: Body, pose: Pose, triangles: Triangles) -> list[Vector]:
 
 
 def heights(shape: Shape, pose: Pose, triangles: Triangles) -> tuple[float, float]:
-    """Returns the heights [m] of the lowest and highest point of a shape at ``pose``; a plane's are its origin's."""
+    """Returns the heights [m] of a shape's lowest and highest point at ``pose``; for a plane, of its origin."""
     up = pose.matrix()[2, :3]
     z = pose.position[2]
     match shape:

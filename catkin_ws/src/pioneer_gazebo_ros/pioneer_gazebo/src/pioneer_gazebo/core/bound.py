@@ -1,4 +1,4 @@
-"""Bounds on every number that enters the engine: beyond them it fails, or computes what no longer means anything."""
+"""Checks bounds of all values passed to the engine; beyond them it fails or computes meaningless results."""
 
 import math
 from collections.abc import Iterable
@@ -11,25 +11,25 @@ from pioneer_gazebo.core.pose import Pose, Vector
 from pioneer_gazebo.core.world import Box, Collision, Cylinder, Mesh, PlacedCollision, Sphere
 
 FARTHEST = 1e6
-"""From the origin [m]."""
+"""Maximum distance from the origin [m]."""
 
 FASTEST = 1e3
-"""[m/s and rad/s]."""
+"""Maximum speed [m/s and rad/s]."""
 
 STRONGEST = 1e9
-"""Of forces [N] and torques [N m]."""
+"""Maximum force [N] and torque [N m]."""
 
 HEAVIEST = 1e9
-"""Of masses [kg] and moments of inertia [kg m²]."""
+"""Maximum mass [kg] and moment of inertia [kg m²]."""
 
 LARGEST = 1e5
-"""Of shapes, in every direction [m]."""
+"""Maximum shape size in any direction [m]."""
 
 SMALLEST = 1e-6
-"""Of shapes, in every direction [m]."""
+"""Minimum shape size in any direction [m]."""
 
 GREATEST_GRAVITY = 1e3
-"""[m/s²]."""
+"""Maximum gravity [m/s²]."""
 
 MOST_ITERATIONS = 1000
 
@@ -38,20 +38,20 @@ def check_pose(pose: Pose) -> None:
     """Checks a pose in the world.
 
     Raises:
-        BoundError: it is not finite or too far away.
+        BoundError: it is not finite, or too far away.
     """
     _check("position", pose.position, FARTHEST, "m")
     _check("rotation", pose.rotation, 2.0, "")
 
 
 def check_velocity(velocity: Velocity) -> None:
-    """Checks a velocity; raises BoundError where it is not finite or too fast."""
+    """Checks a velocity; raises BoundError if it is not finite or too fast."""
     _check("velocity", velocity.linear, FASTEST, "m/s")
     _check("turn rate", velocity.angular, FASTEST, "rad/s")
 
 
 def check_wrench(force: Vector, torque: Vector, point: Vector) -> None:
-    """Checks a force, a torque, and the point it acts at; raises BoundError."""
+    """Checks a force, a torque, and the point of application; raises BoundError."""
     _check("force", force, STRONGEST, "N")
     _check("torque", torque, STRONGEST, "N m")
     _check("point", point, FARTHEST, "m")
@@ -73,7 +73,7 @@ def check_body(body: Body) -> None:
     """Checks masses, inertias, shapes and joints of a body.
 
     Raises:
-        BoundError: the message names the part.
+        BoundError: a value is out of bounds; the message names the part.
     """
     for part in body.parts:
         inertia = part.inertia
@@ -100,9 +100,9 @@ def check_placed(placed: Iterable[PlacedCollision]) -> None:
 
 
 def is_sound(pose: Pose) -> bool:
-    """Tells whether the engine may still simulate what has come to this pose."""
+    """Returns whether a body at this pose can still be simulated."""
     x, y, z = pose.position
-    # A comparison with what is not a number is false.
+    # Comparisons with NaN are false.
     return -FARTHEST < x < FARTHEST and -FARTHEST < y < FARTHEST and -FARTHEST < z < FARTHEST
 
 

@@ -4,14 +4,14 @@ import math
 from collections.abc import Iterable
 
 SEGMENTS = 5
-"""Of each ring, from the robot's left to its right; they share its half evenly."""
+"""Number of segments per ring, evenly spaced from the robot's left to its right."""
 
 
 def pressed(bearings: Iterable[float]) -> tuple[list[bool], list[bool]]:
-    """Returns the front and the rear ring's segments.
+    """Returns the pressed segments of the front and the rear ring.
 
     Args:
-        bearings: of the contacts from the robot's middle [rad], 0 ahead, to the left positive.
+        bearings: of the contacts as seen from the robot's centre [rad], 0 ahead, positive to the left.
     """
     rings = [False] * SEGMENTS, [False] * SEGMENTS
     for bearing in bearings:

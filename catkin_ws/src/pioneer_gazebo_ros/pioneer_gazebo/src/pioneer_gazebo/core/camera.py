@@ -1,4 +1,4 @@
-"""What a camera's numbers mean, and what draws its pictures."""
+"""Camera model: pinhole intrinsics, depth to points, noise, and the renderer interface."""
 
 import math
 from collections.abc import Iterable
@@ -17,31 +17,31 @@ Picture = NDArray[np.uint8]
 """Shape (height, width, 3): red, green, blue; row 0 is the top."""
 
 Depth = NDArray[np.float32]
-"""Shape (height, width) [m]: along the camera's axis; +inf where nothing is near enough."""
+"""Shape (height, width) [m]: depth along the camera's axis; +inf for no hit within range."""
 
 
 class Renderer(Protocol):
-    """Draws the world. Used from one thread."""
+    """Renders the world. Used from one thread."""
 
     def picture(
         self, camera: Camera, eye: Pose, standing: Iterable[Model], moving: Iterable[tuple[Entity, list[Pose]]]
     ) -> tuple[Picture, Depth]:
-        """Returns what ``camera`` sees from ``eye``, looking along x.
+        """Returns the image and depth seen by ``camera`` from ``eye``, looking along x.
 
         Args:
-            camera: opening, size and depths.
+            camera: field of view, image size and clip distances.
             eye: pose in the world.
             standing: all static models.
-            moving: all others, with the pose of each part.
+            moving: all other entities, with the pose of each part.
         """
 
     def close(self) -> None:
-        """Frees what it holds."""
+        """Frees its resources."""
 
 
 @dataclass(frozen=True, slots=True)
 class Intrinsics:
-    """A pinhole camera with square pixels: focal length and principal point [pixel], pixels' centres whole numbers."""
+    """Pinhole camera with square pixels: focal length and principal point [pixel]; pixel centres are at integers."""
 
     focal: float
     x: float
@@ -49,18 +49,18 @@ class Intrinsics:
 
 
 def intrinsics_of(camera: Camera) -> Intrinsics:
-    """Returns the projection: the horizontal opening spans the whole width, from edge to edge."""
+    """Returns the intrinsics; the horizontal field of view spans the image from edge to edge."""
     focal = camera.width / (2.0 * math.tan(camera.horizontal_fov / 2.0))
     return Intrinsics(focal, (camera.width - 1) / 2.0, (camera.height - 1) / 2.0)
 
 
 def vertical_fov(camera: Camera) -> float:
-    """Returns the vertical opening [rad]."""
+    """Returns the vertical field of view [rad]."""
     return 2.0 * math.atan(math.tan(camera.horizontal_fov / 2.0) * camera.height / camera.width)
 
 
 def points_of(depth: Depth, camera: Camera) -> NDArray[np.float32]:
-    """Returns what each pixel shows as x to the right, y down, z ahead [m], shape (height, width, 3)."""
+    """Returns the 3D point of each pixel: x to the right, y down, z ahead [m], shape (height, width, 3)."""
     lens = intrinsics_of(camera)
     x = (np.arange(camera.width, dtype=np.float32) - np.float32(lens.x)) / np.float32(lens.focal)
     y = (np.arange(camera.height, dtype=np.float32) - np.float32(lens.y)) / np.float32(lens.focal)
@@ -69,7 +69,7 @@ def points_of(depth: Depth, camera: Camera) -> NDArray[np.float32]:
 
 
 def noisy(picture: Picture, stddev: float, generator: np.random.Generator) -> Picture:
-    """Returns the picture with gaussian noise on every value; ``stddev`` is a part of the full scale."""
+    """Returns the picture with Gaussian noise on every value; ``stddev`` is a fraction of full scale."""
     if stddev <= 0:
         return picture
     noise = generator.standard_normal(picture.shape, dtype=np.float32) * np.float32(stddev * 255.0)

@@ -1,18 +1,18 @@
-"""Counting collisions: episodes of touching, not contact points."""
+"""Counts collisions as contact episodes, not contact points."""
 
 GAP = 0.5
-"""A new episode begins after so much simulated time [s] without contact."""
+"""A new episode begins after this simulated time [s] without contact."""
 
 
 class CollisionCounter:
-    """Counts one body's episodes of contact."""
+    """Counts the contact episodes of one body."""
 
     def __init__(self) -> None:
         self.count = 0
         self._last: float | None = None
 
     def touched(self, time: float) -> bool:
-        """Notes a contact at ``time`` [s]; returns whether it began a new episode."""
+        """Records a contact at ``time`` [s]; returns whether it began a new episode."""
         new = self._last is None or time - self._last >= GAP
         self._last = time
         self.count += new

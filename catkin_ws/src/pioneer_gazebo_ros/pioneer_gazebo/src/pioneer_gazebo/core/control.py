@@ -1,11 +1,11 @@
-"""What commands do to a body before each step: wheels turn, bases move, and what is at rest may sleep."""
+"""Applies commands to a body before each step: turns wheels, moves bases, and lets bodies at rest sleep."""
 
 from pioneer_gazebo.core.engine import Engine, Velocity
 from pioneer_gazebo.core.entity import Entity
 
 
 def control(engine: Engine, entity: Entity, tick: int, step: float) -> None:
-    """Has an entity obey the commands that have come by ``tick``, for the next ``step`` [s]."""
+    """Applies the commands an entity received by ``tick`` for the next ``step`` [s]."""
     for driven in entity.drives:
         driven.obey(tick)
     speeds = [driven.drive.wheel_speeds(step) for driven in entity.drives]
@@ -21,7 +21,7 @@ def control(engine: Engine, entity: Entity, tick: int, step: float) -> None:
 
 
 def _move(engine: Engine, entity: Entity, tick: int) -> bool:
-    """Moves a base in the plane; returns whether it is to stand."""
+    """Moves a base in the plane; returns whether it is to stand still."""
     fall = engine.velocity(entity.handle).linear[2]
     rotation = engine.pose(entity.handle).rotation
     motions = [mover.obey(tick, rotation, fall) for mover in entity.movers]

@@ -1,4 +1,4 @@
-"""Differential drive: from a commanded motion to wheel speeds, and from wheel angles to odometry."""
+"""Differential drive: converts commanded motion to wheel speeds, and wheel angles to odometry."""
 
 import math
 from dataclasses import dataclass
@@ -7,28 +7,28 @@ from pioneer_gazebo.core.error import SimulatorError
 from pioneer_gazebo.core.robot import DiffDrive
 
 GRIP_ACCELERATION = 4.0
-"""A wheel's rim speed changes by at most this [m/s²] where the robot names no limit: more would make it slip."""
+"""Default limit of a wheel's rim acceleration [m/s²]; more would make it slip."""
 
 TRIM_GAIN = 5.0
-"""How hard a wheel's speed is trimmed [rad/s] for each rad it is behind where its speeds should have brought it."""
+"""Wheel speed correction [rad/s] for each rad that the wheel lags behind its commanded rotation."""
 
 TRIM_REACH = 0.05
-"""A wheel that is held up, by a wall say, is taken to be at most this far behind [rad]: it does not catch up later."""
+"""Limit of the lag [rad]: a wheel that is blocked, for example by a wall, does not catch up later."""
 
 SAME_SPEED = 1e-5
-"""Speeds that differ by less [rad/s] are not sent to the engine again."""
+"""Smaller speed changes [rad/s] are not sent to the engine."""
 
 FASTEST = 100.0
-"""No command may be faster [m/s and rad/s]."""
+"""Maximum commanded speed [m/s and rad/s]."""
 
 
 class CommandError(SimulatorError):
-    """A command that no robot can follow."""
+    """A velocity command or drive setting is invalid."""
 
 
 @dataclass(frozen=True, slots=True)
 class Odometry:
-    """Where the robot believes it is, in its odom frame."""
+    """The robot's estimated pose and velocity in its odom frame."""
 
     x: float = 0.0  #: [m]
     y: float = 0.0  #: [m]
@@ -37,7 +37,7 @@ class Odometry:
     turn: float = 0.0  #: [rad/s]
 
     def towards(self, other: "Odometry", part: float) -> "Odometry":
-        """Returns the state at ``part`` (0 … 1) of the way to ``other``."""
+        """Interpolates the pose towards ``other`` by ``part`` (0 … 1), with the velocity of ``other``."""
         turned = math.remainder(other.yaw - self.yaw, math.tau)
         return Odometry(
             self.x + part * (other.x - self.x), self.y + part * (other.y - self.y), self.yaw + part * turned,
@@ -46,19 +46,19 @@ class Odometry:
 
 
 class Drive:
-    """Two driven wheels: ramps their speeds to what was commanded last and integrates their angles.
+    """Two driven wheels: ramps their speeds to the last command and integrates their angles.
 
-    As in a real drive, an integral term holds the wheels to their speeds: without it a robot at rest creeps by
-    millimetres a second, because the engine's solver ends before the last bit of weight is balanced.
-    The last command holds until the next, as with gazebo_ros' plugin, unless ``commandTimeout`` ends it first, as in
-    a real base, whose computer may die while it drives.
+    As in a real drive, an integral term holds the wheels at their speeds: without it a robot at rest creeps by
+    millimetres a second, because the engine's solver stops before the weight is exactly balanced.
+    A command holds until the next one, as with gazebo_ros' plugin, unless ``commandTimeout`` ends it earlier, as in a
+    real base, whose computer may fail while it drives.
     """
 
     def __init__(self, config: DiffDrive, left_scale: float = 1.0, right_scale: float = 1.0) -> None:
-        """Takes the plugin's settings; the scales are what odometry believes of each wheel's true diameter.
+        """Takes the plugin's settings; the scales are the ratios of assumed to true wheel diameter in odometry.
 
         Raises:
-            CommandError: a separation or diameter that is not positive.
+            CommandError: the separation or diameter is not positive.
         """
         if not (config.wheelSeparation > 0 and config.wheelDiameter > 0):
             raise CommandError(f"{config.name}: wheelSeparation and wheelDiameter must be above 0")
@@ -75,10 +75,10 @@ class Drive:
         self.odometry = Odometry()
 
     def command(self, speed: float, turn: float) -> None:
-        """Takes a motion [m/s, rad/s] to hold from the next step on.
+        """Sets the motion [m/s, rad/s] to hold from the next step on.
 
         Raises:
-            CommandError: a value that is not finite; the previous command holds.
+            CommandError: a value is not finite or too large; the previous command remains in force.
         """
         check_motion(speed, turn)
         self._silence = 0.0
@@ -86,13 +86,13 @@ class Drive:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the wheels stand and shall stand."""
+        """Whether the wheels are standing still and are commanded to."""
         return self._target == (0.0, 0.0) == self._speeds
 
     def wheel_speeds(self, step: float) -> tuple[float, float] | None:
-        """Returns the wheels' speeds [rad/s], left and right, for the next ``step`` [s]; None where nothing changes.
+        """Returns the left and right wheel speeds [rad/s] for the next ``step`` [s]; None if they are unchanged.
 
-        Both wheels ramp in proportion, so that an arc stays the same arc while the robot gains speed.
+        Both wheels ramp in proportion, so that the robot stays on the same arc while it accelerates.
         """
         if self.config.commandTimeout:
             self._silence += step
@@ -108,7 +108,7 @@ class Drive:
         return trimmed
 
     def _steer(self, step: float) -> None:
-        """Brings the motion that is asked of the wheels nearer to the commanded one, within the limits."""
+        """Moves the target motion closer to the commanded one, within the limits."""
         (speed, turn), config = self._motion, self.config
         speed = config.speedLimits.towards(speed, self._wanted[0], step)
         turn = config.turnLimits.towards(turn, self._wanted[1], step)
@@ -127,10 +127,10 @@ class Drive:
         self._speeds = self._target if part == 1.0 else (left + part * left_gap, right + part * right_gap)
 
     def measure(self, left: float, right: float, step: float) -> None:
-        """Takes the wheels' angles [rad], 0 at the start, after a ``step`` [s] and moves the odometry on.
+        """Updates the odometry from the wheel angles [rad], 0 at the start, after a ``step`` [s].
 
-        The way is laid along the heading before the step, as the engine does it; the mean heading would add a
-        systematic error of half a step's turn that no wheel causes.
+        Displacement is along the heading before the step, as in the engine; using the mean heading would add a
+        systematic error of half a step's turn that the wheels do not cause.
         """
         before = self._angles
         self._angles = left, right
@@ -148,14 +148,14 @@ class Drive:
         )  # fmt: skip
 
     def reset(self) -> None:
-        """Stops the wheels and puts the odometry back to the origin."""
+        """Stops the wheels and resets the odometry to the origin."""
         self._wanted = self._motion = self._target = self._speeds = self._sent = self._behind = (0.0, 0.0)
         self._angles = (0.0, 0.0)
         self.odometry = Odometry()
 
 
 def _behind(before: float, wanted: float, turned: float) -> float:
-    """Returns how far a wheel is behind [rad] after a step in which it should have turned by ``wanted``."""
+    """Returns a wheel's lag [rad] after a step in which it should have turned by ``wanted``."""
     return min(max(before + wanted - turned, -TRIM_REACH), TRIM_REACH)
 
 
@@ -163,7 +163,7 @@ def check_motion(speed: float, turn: float) -> None:
     """Checks a motion [m/s, rad/s].
 
     Raises:
-        CommandError: a value that is not finite or too great.
+        CommandError: a value is not finite or too large.
     """
     if not (abs(speed) <= FASTEST and abs(turn) <= FASTEST):
         raise CommandError(

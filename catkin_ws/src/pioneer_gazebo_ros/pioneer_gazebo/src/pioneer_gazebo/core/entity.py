@@ -1,4 +1,4 @@
-"""One thing that moves in the simulated world: a robot or a dynamic model."""
+"""A moving entity of the simulated world: a robot or a dynamic model."""
 
 import math
 from collections import deque
@@ -19,40 +19,40 @@ COMMANDS_KEPT = 100
 
 @dataclass(slots=True)
 class Driven:
-    """A drive together with what it turns."""
+    """A drive and the wheels it turns."""
 
     drive: Drive  #: wheel speeds and odometry
-    parts: tuple[int, ...]  #: of the left wheels, then of as many right ones
-    torque: float  #: at each wheel [N m]
+    parts: tuple[int, ...]  #: parts of the left wheels, then of as many right wheels
+    torque: float  #: maximum torque per wheel [N m]
     handle: int = -1  #: of the body in the engine
-    before: Odometry = field(default_factory=Odometry)  #: odometry after the step before the last one
-    #: what is still to be obeyed: tick, speed [m/s], turn [rad/s]. The newest counts, so few are kept.
+    before: Odometry = field(default_factory=Odometry)  #: odometry before the last step
+    #: pending commands: tick, speed [m/s], turn [rad/s]. The newest one counts, so only a few are kept.
     commands: deque[tuple[int, float, float]] = field(default_factory=lambda: deque(maxlen=COMMANDS_KEPT))
 
     def command(self, tick: int, speed: float, turn: float) -> None:
-        """Takes a motion [m/s, rad/s] that came at ``tick``, for the first step that begins then or later.
+        """Queues a motion [m/s, rad/s] received at ``tick``; it applies to the first step that begins then or later.
 
-        Any thread may call this.
+        Thread-safe.
 
         Raises:
-            CommandError: a value that is not finite; the previous command holds.
+            CommandError: a value is not finite or too large; the previous command remains in force.
         """
         check_motion(speed, turn)
         self.commands.append((tick, speed, turn))
 
     def obey(self, tick: int) -> None:
-        """Hands the drive what has come by ``tick``."""
+        """Passes the commands received by ``tick`` to the drive."""
         while self.commands and self.commands[0][0] <= tick:
             self.drive.command(*self.commands.popleft()[1:])
 
     def turn(self, engine: Engine, speeds: tuple[float, float]) -> None:
-        """Turns the left and the right wheels at these speeds [rad/s]."""
+        """Sets the speeds of the left and the right wheels [rad/s]."""
         side = len(self.parts) // 2
         each = (speeds[0],) * side + (speeds[1],) * side
         engine.turn(self.handle, self.parts, each, (self.torque,) * len(self.parts))
 
     def angles(self, engine: Engine) -> tuple[float, float]:
-        """Returns how far the left and the right wheels have turned [rad], on the average."""
+        """Returns the mean rotation of the left and of the right wheels [rad]."""
         states = engine.joints(self.handle, self.parts)
         if len(states) == 2:
             return states[0][0], states[1][0]
@@ -61,7 +61,7 @@ class Driven:
         return sum(turned[:side]) / side, sum(turned[side:]) / side
 
     def reset(self) -> None:
-        """Stops the wheels, forgets commands, and puts the odometry back to the origin."""
+        """Stops the wheels, clears pending commands, and resets the odometry to the origin."""
         self.commands.clear()
         self.drive.reset()
         self.before = Odometry()
@@ -69,16 +69,16 @@ class Driven:
 
 @dataclass(frozen=True, slots=True)
 class Mounted:
-    """A fan of beams on a robot."""
+    """A ray sensor mounted on a robot."""
 
-    device: LaserSensor | SonarSensor  #: the sensor it stands for
+    device: LaserSensor | SonarSensor  #: the sensor's configuration
     laser: Laser  #: casts the beams
-    part: int  #: of the body that carries it
-    pose: Pose  #: in that part
+    part: int  #: index of the body's part that carries it
+    pose: Pose  #: pose in that part
 
 
 def mounted_on(body: Body, name: str, device: LaserSensor | SonarSensor, seed: int) -> Mounted:
-    """Returns a sensor's beams on the robot ``name``, with noise of their own."""
+    """Returns the ray sensor ``device`` of the robot ``name``, with its own noise generator."""
     part, at = body.part_of(device.link)
     config = laser_of_sonar(device) if isinstance(device, SonarSensor) else device
     return Mounted(device, Laser(config, generator_for(seed, name, config.name)), part, at.compose(device.pose))
@@ -88,12 +88,12 @@ def driven_on(body: Body, name: str, config: DiffDrive, seed: int, error: float,
     """Returns a drive of the robot ``name``.
 
     Args:
-        body: the robot's.
-        name: the robot's.
+        body: the robot's body.
+        name: the robot's name.
         config: of the drive.
-        seed: of what encoders believe of the wheels' diameters.
-        error: standard deviation of that, as a part of the diameter.
-        scale: mean of that, as a part of the true diameter.
+        seed: of the errors in the wheel diameters assumed by odometry.
+        error: standard deviation of these errors, relative to the diameter.
+        scale: mean ratio of assumed to true diameter.
     """
     errors = generator_for(seed, name, config.name, "odometry").standard_normal(2) * error
     drive = Drive(config, *(scale * (1.0 + float(error)) for error in errors))
@@ -103,7 +103,7 @@ def driven_on(body: Body, name: str, config: DiffDrive, seed: int, error: float,
 
 
 def _y(body: Body, number: int) -> float:
-    """Returns how far to the left of the base a part lies [m], joints at 0."""
+    """Returns the y coordinate of a part in the base frame [m], joints at 0."""
     part = body.parts[number]
     pose = IDENTITY
     while part.joint is not None:
@@ -114,25 +114,25 @@ def _y(body: Body, number: int) -> float:
 
 @dataclass(slots=True)
 class Mover:
-    """What moves a base in the plane, in any direction."""
+    """Moves a base in the plane, in any direction."""
 
-    config: PlanarMove  #: names of topics and frames
-    #: what is still to be obeyed: tick, velocity ahead and to the left [m/s], turn rate [rad/s]
+    config: PlanarMove  #: topics and frames
+    #: pending commands: tick, velocity ahead and to the left [m/s], turn rate [rad/s]
     commands: deque[tuple[int, float, float, float]] = field(default_factory=lambda: deque(maxlen=COMMANDS_KEPT))
-    motion: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: what is obeyed now
+    motion: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: the command in force
 
     def command(self, tick: int, ahead: float, left: float, turn: float) -> None:
-        """Takes a motion that came at ``tick``; any thread may call this. Raises CommandError."""
+        """Queues a motion received at ``tick``; thread-safe. Raises CommandError."""
         check_motion(math.hypot(ahead, left), turn)
         self.commands.append((tick, ahead, left, turn))
 
     def obey(self, tick: int, rotation: Quaternion, fall: float) -> Velocity | None:
-        """Returns the velocity for the step that begins at ``tick``, in the world; None where it is to stand.
+        """Returns the world velocity for the step that begins at ``tick``; None to stand still.
 
         Args:
-            tick: the present.
+            tick: the current tick.
             rotation: of the base.
-            fall: its vertical velocity [m/s], which stays.
+            fall: its vertical velocity [m/s], which is kept.
         """
         while self.commands and self.commands[0][0] <= tick:
             self.motion = self.commands.popleft()[1:]
@@ -144,35 +144,35 @@ class Mover:
         return Velocity((c * ahead - s * left, s * ahead + c * left, fall), (0.0, 0.0, turn))
 
     def reset(self) -> None:
-        """Forgets all commands."""
+        """Clears all commands."""
         self.commands.clear()
         self.motion = (0.0, 0.0, 0.0)
 
 
 @dataclass(slots=True, eq=False)
 class Entity:
-    """A body in the engine and what the simulator keeps of it."""
+    """A body in the engine with the simulator's data about it."""
 
-    name: str  #: of the model
-    namespace: str  #: of its topics, without slashes at the ends; empty for none
-    body: Body  #: as the engine knows it
-    handle: int  #: the engine's number
-    initial: Pose  #: where it was spawned, and returns to on a reset
-    robot: Robot | None = None  #: what it was read from; None for a model without sensors and plugins
+    name: str  #: name of the model
+    namespace: str  #: namespace of its topics, without leading and trailing slashes; empty for none
+    body: Body  #: the body passed to the engine
+    handle: int  #: handle of the body in the engine
+    initial: Pose  #: spawn pose, restored by a reset
+    robot: Robot | None = None  #: the robot's description; None for a model without sensors and plugins
     drives: list[Driven] = field(default_factory=list)
     movers: list[Mover] = field(default_factory=list)
     lasers: list[Mounted] = field(default_factory=list)
     sonars: list[Mounted] = field(default_factory=list)
-    before: Pose = IDENTITY  #: pose before the last step; kept only where something between the two is asked for
-    after: Pose = IDENTITY  #: pose after the step ``seen``
-    seen: int = 0  #: tick that `after` was read at
+    before: Pose = IDENTITY  #: pose before the last step; kept only if poses between steps are needed
+    after: Pose = IDENTITY  #: pose at tick `seen`
+    seen: int = 0  #: tick at which `after` was read
     collisions: CollisionCounter = field(default_factory=CollisionCounter)
-    number: int = 0  #: its row among all that moves
-    at_rest: bool = False  #: whether the engine may let it sleep
-    script: Script | None = None  #: what moves it in place of physics; None for a body of its own
+    number: int = 0  #: row in the array of moving entities
+    at_rest: bool = False  #: whether the engine may put it to sleep
+    script: Script | None = None  #: script that moves it instead of physics; None for ordinary bodies
     began: int = 0  #: tick at which its script began
-    motion: Velocity = STILL  #: velocity that the script gave it in the last step
-    #: what lasers see where its base is; the parts that swing apart from it are `Swinging`
+    motion: Velocity = STILL  #: velocity given by its script in the last step
+    #: outline of its base for lasers; parts that move relative to the base are `Swinging`
     outline: Body = field(init=False)
 
     def touch_name(self, part: int) -> str:
@@ -189,13 +189,13 @@ class Entity:
         return next(one for one in (*self.lasers, *self.sonars) if one.device is device)
 
     def __post_init__(self) -> None:
-        """Robots look as if their joints stood at 0, models of a world do not."""
+        """Sets the outline: lasers see robots with all joints at 0, but of other models only the base."""
         self.outline = self.body if self.robot is not None else Body(self.body.name, self.body.parts[:1])
 
 
 @dataclass(frozen=True, slots=True)
 class Swinging:
-    """A part of a world's model that a joint moves, with what lasers see of it in the part's frame."""
+    """A jointed part of a world's model, with the outline that lasers see, in the part's frame."""
 
     entity: Entity
     part: int
@@ -203,7 +203,7 @@ class Swinging:
 
 
 def swinging_parts(entity: Entity) -> list[Swinging]:
-    """Returns the parts of an entity that lasers see apart from its base: a robot has none."""
+    """Returns the parts of an entity that lasers see separately from its base; none for a robot."""
     if entity.robot is not None:
         return []
     return [
@@ -214,7 +214,7 @@ def swinging_parts(entity: Entity) -> list[Swinging]:
 
 
 def equip(entity: Entity, robot: Robot, seed: int, error: float, scale: float) -> None:
-    """Gives an entity the drives, lasers and sonars of ``robot``; seed, error and scale as for `driven_on`."""
+    """Adds the drives, lasers and sonars of ``robot`` to an entity; seed, error and scale as for `driven_on`."""
     body, name = entity.body, entity.name
     entity.drives = [driven_on(body, name, config, seed, error, scale) for config in robot.drives]
     for driven in entity.drives:

@@ -1,21 +1,21 @@
-"""The errors of this package: one tree, so that a caller can catch them all or one kind."""
+"""The errors of this package: one class hierarchy, so that callers can catch all of them or one kind."""
 
 
 class SimulatorError(Exception):
-    """Root of every error that the simulator raises on purpose."""
+    """Base class of all errors raised by the simulator."""
 
 
 class ModelError(SimulatorError):
-    """A model that does not exist, or cannot be where it was asked to be."""
+    """A model does not exist, or cannot have the requested pose."""
 
 
 class BoundError(SimulatorError):
-    """A number that the engine cannot simulate."""
+    """A value is outside the range that the engine can simulate."""
 
 
 class SpawnError(SimulatorError):
-    """A model that could not be added to the running simulator."""
+    """A model could not be spawned."""
 
 
 class DescriptionError(SimulatorError):
-    """A world or robot file that cannot be used: the message names file, element and what is wrong."""
+    """A world or robot file is invalid; the message gives file, element and reason."""

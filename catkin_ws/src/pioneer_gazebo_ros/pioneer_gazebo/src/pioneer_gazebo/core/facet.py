@@ -1,4 +1,4 @@
-"""Triangle meshes made small enough for an engine."""
+"""Simplifies triangle meshes for a physics engine."""
 
 import math
 
@@ -12,27 +12,27 @@ Points = NDArray[np.float64]
 """Shape (n, 3) [m]."""
 
 TRIANGLES_AT_MOST = 20_000
-"""An engine holds a standing mesh of so many triangles."""
+"""Maximum number of triangles of a static mesh."""
 
 CORNERS_AT_MOST = 64
-"""An engine holds a moving mesh as the convex hull of so many corners."""
+"""Maximum number of vertices of a moving mesh's convex hull."""
 
 FINEST, COARSER = 1 / 4000, 1.4
-"""Corners of a mesh that has too many triangles are joined in grids: the smallest cell, as a part of the mesh's extent,
-and by how much the cells of each further grid are larger."""
+"""Vertices of a mesh with too many triangles are merged on a grid: the smallest cell size relative to the mesh's
+extent, and the factor by which cells grow from one attempt to the next."""
 
 
 def reduced(triangles: Triangles, most: int = TRIANGLES_AT_MOST) -> Triangles:
-    """Returns the mesh with at most ``most`` triangles: corners that share a cell of a grid become one.
+    """Returns the mesh with at most ``most`` triangles by merging vertices that share a cell of a grid.
 
-    The grid is as fine as that allows; no corner moves further than a cell's diagonal.
+    It uses the finest grid that achieves this; no vertex moves further than a cell's diagonal.
     """
     if len(triangles) <= most:
         return triangles
     corners = triangles.reshape(-1, 3)
     sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     area = float(np.linalg.norm(sides, axis=1).sum()) / 2
-    # Where the surface is smooth, a cell that it passes through leaves two triangles.
+    # On a smooth surface, each cell it passes through leaves two triangles.
     cell = max(float(np.ptp(corners, axis=0).max()) * FINEST, math.sqrt(2 * area / most))
     found = triangles
     while len(found) > most:
@@ -53,9 +53,9 @@ def _joined(corners: Points, cell: float) -> Triangles:
 
 
 def hull_points(triangles: Triangles, most: int = CORNERS_AT_MOST) -> Points:
-    """Returns the mesh's corners, or, where there are more than ``most``, those that are outermost in many directions.
+    """Returns the mesh's vertices or, if there are more than ``most``, the outermost ones in evenly spread directions.
 
-    The hull of these lies inside the mesh's; in each direction it ends where the mesh does.
+    Their hull lies inside the mesh's hull and touches it in each of these directions.
     """
     corners = triangles.reshape(-1, 3)
     if len(corners) <= 100 * most:
@@ -67,7 +67,7 @@ def hull_points(triangles: Triangles, most: int = CORNERS_AT_MOST) -> Points:
 
 
 def _directions(most: int) -> NDArray[np.float64]:
-    """Returns so many unit vectors spread evenly over all directions, the axes' among them."""
+    """Returns ``most`` unit vectors spread evenly over all directions, including the axes."""
     count = most - 6
     height = 1.0 - (2.0 * np.arange(count) + 1.0) / count
     turn = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0))

@@ -10,12 +10,12 @@ from pioneer_node.core.fleet_file import RobotEntry
 
 
 class FleetError(SimulatorError):
-    """A robot that has no name or no initial pose."""
+    """A robot has no valid name or initial pose."""
 
 
 @dataclass(frozen=True, slots=True)
 class InitialPose:
-    """Where a robot starts in the map: x, y [m] and heading a [rad]."""
+    """A robot's start in the map: x, y [m] and heading a [rad]."""
 
     x: float
     y: float
@@ -34,7 +34,7 @@ def robot_names(count: int) -> tuple[str, ...]:
 
 
 def robot_of_host(host: str) -> str | None:
-    """Returns the robot that a computer drives: ``pioneerX`` for ``aadiX``, None for a host of another name."""
+    """Returns the robot of a computer, ``pioneerX`` for ``aadiX``; None for other host names."""
     match = re.fullmatch(r"aadi(\d+)", host.split(".")[0])
     return f"pioneer{int(match[1])}" if match else None
 
@@ -43,7 +43,7 @@ def initial_pose(poses: Mapping[str, Any], robot: str, source: str) -> InitialPo
     """Returns a robot's initial pose from the content of a poses file.
 
     Raises:
-        FleetError: the robot is not in it, or its entry lacks a number; ``source`` names the file.
+        FleetError: the robot is not in it, or its entry is incomplete; ``source`` names the file.
     """
     entry = poses.get(robot)
     if not isinstance(entry, Mapping):
@@ -55,10 +55,10 @@ def initial_pose(poses: Mapping[str, Any], robot: str, source: str) -> InitialPo
 
 
 def pose_of_entry(robot: RobotEntry, number: int, poses: Mapping[str, Any], source: str) -> InitialPose:
-    """Returns where a robot of a fleet starts: its own pose, else the one of its name, else of its ``number``.
+    """Returns the start of a fleet's robot: its own pose, or the pose of its name, or that of pioneer``number``.
 
     Raises:
-        FleetError: it has none.
+        FleetError: none of these exists.
     """
     if robot.pose:
         return initial_pose({robot.name: robot.pose}, robot.name, "the fleet file")

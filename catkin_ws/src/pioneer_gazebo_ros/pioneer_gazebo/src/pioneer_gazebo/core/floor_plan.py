@@ -1,14 +1,14 @@
-"""Floor plans drawn with characters, and the worlds they stand for.
+"""Converts floor plans drawn with characters to worlds.
 
-A drawing has a corner every ``4`` characters across and every ``2`` lines down; between corners runs a wall or not::
+A drawing has a grid corner every ``4`` characters across and every ``2`` lines down; walls run between corners::
 
     +---+---+
     |   | o |      |  and  ---   a wall on the side of a cell
     +   +---+      o             a round pillar in the middle of a cell
-    |     # |      #             a cell that is solid
+    |     # |      #             a solid cell
     +---+---+
 
-Before it stand lines ``name: value``; between both one line ``---``. The first line of the drawing is the north.
+Lines ``name: value`` precede the drawing, separated from it by a line ``---``. The top of the drawing is north.
 """
 
 from dataclasses import dataclass, fields
@@ -22,26 +22,26 @@ ACROSS, DOWN = 4, 2
 
 @dataclass(frozen=True, slots=True)
 class Measures:
-    """What the head of a plan says, all in metres."""
+    """The measures in the head of a plan, all in metres."""
 
     cell: float = 1.0  #: side of a cell
-    x: float = 0.0  #: of the drawing's lower left corner
-    y: float = 0.0  #: of the drawing's lower left corner
-    thickness: float = 0.1  #: of a wall
-    height: float = 0.8  #: of walls, pillars and solid cells
+    x: float = 0.0  #: x of the drawing's lower left corner
+    y: float = 0.0  #: y of the drawing's lower left corner
+    thickness: float = 0.1  #: wall thickness
+    height: float = 0.8  #: height of walls, pillars and solid cells
     pillar: float = 0.2  #: radius of a pillar
 
 
 @dataclass(frozen=True, slots=True)
 class FloorPlan:
-    """A drawing and its measures: ``rows`` from north to south."""
+    """A drawing and its measures; ``rows`` run from north to south."""
 
     measures: Measures
     rows: tuple[str, ...]
 
     @property
     def cells(self) -> tuple[int, int]:
-        """Number of cells down and across."""
+        """Number of rows and columns of cells."""
         return len(self.rows) // DOWN, max((len(row) for row in self.rows), default=0) // ACROSS
 
     def _character(self, row: int, col: int) -> str:
@@ -49,15 +49,15 @@ class FloorPlan:
         return line[col] if col < len(line) else " "
 
     def wall_above(self, row: int, col: int) -> bool:
-        """Whether a wall runs along the upper side of a cell; ``row`` may be one past the last."""
+        """Returns whether a wall runs along the upper side of a cell; ``row`` may be one past the last."""
         return self._character(row * DOWN, col * ACROSS + ACROSS // 2) == "-"
 
     def wall_left(self, row: int, col: int) -> bool:
-        """Whether a wall runs along the left side of a cell; ``col`` may be one past the last."""
+        """Returns whether a wall runs along the left side of a cell; ``col`` may be one past the last."""
         return self._character(row * DOWN + 1, col * ACROSS) == "|"
 
     def content(self, row: int, col: int) -> str:
-        """Returns what stands in the middle of a cell: blank, ``o`` or ``#``."""
+        """Returns the character in the middle of a cell: blank, ``o`` or ``#``."""
         return self._character(row * DOWN + 1, col * ACROSS + ACROSS // 2)
 
 
@@ -65,7 +65,7 @@ def plan_from_text(text: str, source: str = "plan") -> FloorPlan:
     """Returns the plan written in ``text``.
 
     Raises:
-        DescriptionError: an unknown measure, a bad number, or no drawing.
+        DescriptionError: a measure is unknown or not a number, or there is no drawing.
     """
     lines = text.splitlines()
     if "---" not in lines:
@@ -92,9 +92,9 @@ def plan_from_text(text: str, source: str = "plan") -> FloorPlan:
 
 
 def world_of_plan(plan: FloorPlan, name: str, ground: Model) -> World:
-    """Returns the plan's world: ``ground`` and one static model ``walls`` of boxes and pillars on it.
+    """Returns the plan's world: ``ground``, and a static model ``walls`` of boxes and pillars.
 
-    Walls in one line are one box, which reaches over the corners at its ends.
+    Collinear adjoining walls become one box, which extends over the corners at its ends.
     """
     solids = [*_horizontal_walls(plan), *_vertical_walls(plan), *_blocks(plan), *_pillars(plan)]
     if not solids:
@@ -111,7 +111,7 @@ Solid = tuple[Pose, Shape]
 
 
 def _box(plan: FloorPlan, west: float, south: float, east: float, north: float) -> Solid:
-    """Returns a box over a rectangle given in cells from the drawing's lower left corner, grown by half a wall."""
+    """Returns a box over a rectangle, in cells from the drawing's lower left corner, extended by half a wall."""
     m = plan.measures
     size = ((east - west) * m.cell + m.thickness, (north - south) * m.cell + m.thickness, m.height)
     x, y = m.x + (west + east) / 2 * m.cell, m.y + (south + north) / 2 * m.cell
@@ -119,7 +119,7 @@ def _box(plan: FloorPlan, west: float, south: float, east: float, north: float) 
 
 
 def _runs(flags: list[bool]) -> list[tuple[int, int]]:
-    """Returns the half-open ranges in which ``flags`` holds."""
+    """Returns the half-open ranges in which ``flags`` is true."""
     edges = [i for i in range(len(flags) + 1) if (i > 0 and flags[i - 1]) != (i < len(flags) and flags[i])]
     return list(zip(edges[::2], edges[1::2], strict=True))
 
@@ -143,7 +143,7 @@ def _vertical_walls(plan: FloorPlan) -> list[Solid]:
 
 
 def _blocks(plan: FloorPlan) -> list[Solid]:
-    """Solid cells, each row's neighbours as one box that ends on the cells' borders."""
+    """Returns solid cells, with neighbours in a row merged to one box that ends at the cell borders."""
     rows, cols = plan.cells
     m = plan.measures
     blocks: list[Solid] = []

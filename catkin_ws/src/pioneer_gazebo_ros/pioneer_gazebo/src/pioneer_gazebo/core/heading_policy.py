@@ -1,4 +1,4 @@
-"""A small learned driver: it scores headings by a few features of scan and goal, and drives along the best one."""
+"""A small learned driver: scores headings by a few features of scan and goal, and drives along the best one."""
 
 import math
 
@@ -6,29 +6,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 SECTORS = 36
-"""Directions that are distinguished."""
+"""Number of directions."""
 REACH = 4.0
-"""Ranges count up to here [m]."""
+"""Ranges are clipped to this [m]."""
 _EXACT = 1.0e-6
 _WIDE = 0.30
-"""Half the width that a way must have [m]."""
+"""Half the width required for a path [m]."""
 
 START = (0.1, 0.1, 0.5, 0.3, 1.0)
-"""Weights before training: of a heading's clearance and of straight on, beside 1 of the goal's direction; gains of turn
-and speed; distance over which it slows down before something [m]."""
+"""Weights before training: of a heading's clearance and of straight ahead, relative to 1 for the goal's direction;
+gains of turn and speed; distance at which it slows down for an obstacle [m]."""
 
 
 def sectors(ranges: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the smallest range [m] of each of `SECTORS` directions, the first one straight behind.
+    """Returns the smallest range [m] in each of `SECTORS` directions, starting straight behind.
 
     Args:
-        ranges: of a scan all round, from straight behind anticlockwise [m].
+        ranges: of a 360° scan, anticlockwise from straight behind [m].
     """
     return np.minimum(np.minimum.reduceat(ranges, np.arange(SECTORS) * len(ranges) // SECTORS), REACH)
 
 
 def directions() -> NDArray[np.float64]:
-    """Returns the middle of each sector, in the robot's frame [rad]."""
+    """Returns the centre of each sector, in the robot's frame [rad]."""
     return (np.arange(SECTORS) + 0.5) * 2.0 * math.pi / SECTORS - math.pi
 
 
@@ -39,16 +39,16 @@ _BETWEEN = np.abs((_ANGLES[:, None] - _ANGLES[None, :] + math.pi) % (2.0 * math.
 def act(
     weights: NDArray[np.float64], ranges: NDArray[np.float64], distance: float, bearing: float
 ) -> tuple[float, float]:
-    """Returns parts of the greatest speed and turn rate, -1 … 1.
+    """Returns fractions of the maximum speed and turn rate, -1 … 1.
 
     Args:
-        weights: as `START`.
-        ranges: of a scan all round, from straight behind anticlockwise [m].
-        distance: of the goal [m].
+        weights: see `START`.
+        ranges: of a 360° scan, anticlockwise from straight behind [m].
+        distance: to the goal [m].
         bearing: of the goal, in the robot's frame [rad].
     """
     near = sectors(ranges)
-    # A way is as clear as the nearest thing that a robot of this width would touch on it.
+    # A direction is clear up to the nearest obstacle that a robot of this width would hit.
     beside = near[None, :] * np.sin(np.minimum(_BETWEEN, math.pi / 2.0)) < _WIDE
     along = np.where(beside & (math.pi / 2.0 > _BETWEEN), near[None, :] * np.cos(_BETWEEN), REACH)
     clear = np.minimum(along.min(axis=1), max(distance, 0.5))

@@ -1,4 +1,4 @@
-"""What inertial and satellite sensors report of a link."""
+"""Simulates inertial and satellite navigation sensors of a link."""
 
 import math
 
@@ -13,11 +13,11 @@ from pioneer_gazebo.core.state import link_motion
 
 EARTH = 6_378_137.0
 FLATTENING = 1 / 298.257223563
-"""Of WGS 84: the radius at the equator [m], and by how much the poles are nearer."""
+"""WGS 84: equatorial radius [m] and flattening."""
 
 
 class InertialUnit:
-    """Reports orientation, rates and accelerations of a link in its own axes; at rest, it feels gravity's opposite."""
+    """Measures a link's orientation, angular rates and acceleration in its own axes; at rest it reports -gravity."""
 
     def __init__(self, simulation: Simulation, entity: Entity, config: Imu) -> None:
         self._simulation, self._entity, self._config = simulation, entity, config
@@ -43,7 +43,7 @@ class InertialUnit:
 
 
 class Receiver:
-    """Reports where on the globe a link is, on a plane that touches it at the world's origin."""
+    """Computes a link's geodetic position, using the tangent plane at the world's origin."""
 
     def __init__(self, simulation: Simulation, entity: Entity, config: Gps) -> None:
         self._simulation, self._entity, self._config = simulation, entity, config
@@ -68,6 +68,6 @@ class Receiver:
         return *self._turned(velocity.linear), velocity.linear[2]
 
     def _turned(self, vector: Vector) -> tuple[float, float]:
-        """Returns the parts to north and west."""
+        """Returns a vector's components to north and west."""
         c, s = self._heading
         return c * vector[0] + s * vector[1], -s * vector[0] + c * vector[1]

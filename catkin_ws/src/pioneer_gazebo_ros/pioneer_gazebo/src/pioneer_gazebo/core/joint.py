@@ -1,4 +1,4 @@
-"""Joints between links, and how links and joints make one tree."""
+"""Joints, and the kinematic tree of links and joints."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
 FIXED, CONTINUOUS, REVOLUTE, PRISMATIC, FLOATING = "fixed", "continuous", "revolute", "prismatic", "floating"
 
 WORLD = "world"
-"""The link that SDF joints name to hold a model where it stands."""
+"""The link by which SDF joints attach a model to the world."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,15 +19,15 @@ class Joint:
     kind: str  #: fixed, continuous, revolute, prismatic or floating
     parent: str  #: name of the link towards the root
     child: str  #: name of the link that this joint moves
-    pose: Pose = IDENTITY  #: of the joint's frame in the parent's frame, at position 0
-    axis: Vector = (1.0, 0.0, 0.0)  #: unit vector in the joint's frame
-    lower: float = float("-inf")  #: smallest position [rad or m]; -inf where there is no limit
-    upper: float = float("inf")  #: largest position
-    effort: float = float("inf")  #: largest force or torque [N or N m]; inf where there is none
-    velocity: float = float("inf")  #: largest speed [rad/s or m/s]
+    pose: Pose = IDENTITY  #: joint frame in the parent's frame, at position 0
+    axis: Vector = (1.0, 0.0, 0.0)  #: unit vector in the joint frame
+    lower: float = float("-inf")  #: lower limit [rad or m]; -inf for none
+    upper: float = float("inf")  #: upper limit [rad or m]; inf for none
+    effort: float = float("inf")  #: maximum force or torque [N or N m]; inf for none
+    velocity: float = float("inf")  #: maximum speed [rad/s or m/s]
     damping: float = 0.0  #: [N m s/rad or N s/m]
     friction: float = 0.0  #: static friction [N m or N]
-    offset: Pose = IDENTITY  #: of the child's frame in the joint's frame; URDF has none
+    offset: Pose = IDENTITY  #: child frame in the joint frame; the identity in URDF
 
     def reversed(self) -> "Joint":
         """Returns the same joint with parent and child exchanged."""
@@ -42,10 +42,10 @@ class Joint:
 
 
 def tree_of(links: Mapping[str, Pose], joints: Iterable[Joint]) -> tuple[tuple[Joint, ...], tuple[str, ...]]:
-    """Returns joints that make one tree of all links, turned away from its root, and the names of those left over.
+    """Returns joints that form a tree of all links, directed away from the root, and the names of those left over.
 
-    The root is the world where a joint names it, else the first link. A joint that would close a ring is left over;
-    links that no joint connects to the root are held to it by a fixed joint without a name.
+    The root is the world if a joint refers to it, otherwise the first link. A joint that would close a loop is left
+    over; links without a connection to the root are attached to it by an unnamed fixed joint.
 
     Args:
         links: each link's pose in the model.

@@ -1,4 +1,4 @@
-"""Planar laser: distances from a level sensor to walls and to outlines that move, with SDF's gaussian noise."""
+"""Planar laser: ray casts from a level sensor against walls and moving outlines, with SDF's Gaussian noise."""
 
 import math
 import zlib
@@ -12,14 +12,14 @@ from pioneer_gazebo.kernels import laser as kernel
 from pioneer_gazebo.kernels.laser import Fan, Sensor
 
 CELLS_AT_MOST = 1 << 20
-"""The grid's cells grow where the world is so large that it would have more."""
+"""Maximum number of grid cells; larger worlds get larger cells."""
 
 CELL = 1.0
-"""Side of a grid cell [m] where the world allows it."""
+"""Default side of a grid cell [m]."""
 
 
 class WallIndex:
-    """A section of the standing world in a grid, ready to be cast against. Does not change once made."""
+    """Immutable grid index of a section of the static world, for ray casts."""
 
     def __init__(self, section: Section, cell: float = CELL) -> None:
         low, high = _bounds(section)
@@ -36,18 +36,18 @@ class WallIndex:
         kernel.fill_items(self._walls, self._starts[:-1].copy(), self._items)
 
     def cast(self, sensor: Sensor, fan: Fan, out: NDArray[np.float64]) -> None:
-        """Writes each beam's distance [m] to ``out``, ``fan.reach`` where nothing is met.
+        """Writes each beam's distance [m] to ``out``; ``fan.reach`` for no hit.
 
         Args:
             sensor: in the section's frame.
             fan: the beams.
-            out: float64, one value a beam.
+            out: float64, one value per beam.
         """
         kernel.cast(self._walls, self._starts, self._items, sensor, fan, out)
 
 
 def _bounds(section: Section) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the least and greatest x, y [m] of a section, the origin for an empty one."""
+    """Returns the minimum and maximum x, y [m] of a section; the origin for an empty one."""
     corners = [section.segments[:, :2], section.segments[:, :2] + section.segments[:, 2:]]
     corners += [section.circles[:, :2] - section.circles[:, 2:], section.circles[:, :2] + section.circles[:, 2:]]
     points = np.concatenate(corners)
@@ -55,10 +55,10 @@ def _bounds(section: Section) -> tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 class Movers:
-    """Outlines of everything that moves, at one height; poses are rows of an array that the owner updates."""
+    """Outlines of all moving entities at one height; poses are rows of an array that the owner updates."""
 
     def __init__(self, outlines: list[NDArray[np.float64]]) -> None:
-        """Takes one outline a mover: segments (n, 4) in the mover's frame."""
+        """Takes one outline per mover: segments (n, 4) in the mover's frame."""
         self._outlines = kernel.Outlines(
             np.ascontiguousarray(np.concatenate([np.empty((0, 4)), *outlines])),
             np.cumsum([0] + [len(outline) for outline in outlines]).astype(np.int32),
@@ -66,14 +66,14 @@ class Movers:
         )
 
     def shorten(self, poses: NDArray[np.float64], own: int, sensor: Sensor, fan: Fan, out: NDArray[np.float64]) -> None:
-        """Shortens the beams in ``out`` that an outline cuts.
+        """Shortens the beams in ``out`` that hit an outline.
 
         Args:
             poses: (movers, 3) x, y, yaw [m, rad], C-contiguous.
-            own: the mover that carries the sensor, which does not see itself; -1 for none.
-            sensor: where the beams start.
+            own: index of the mover that carries the sensor, which its beams ignore; -1 for none.
+            sensor: origin of the beams.
             fan: the beams.
-            out: distances [m] so far.
+            out: distances [m], updated in place.
         """
         kernel.cast_movers(self._outlines, poses, own, sensor, fan, out)
 
@@ -84,12 +84,12 @@ def _radius(outline: NDArray[np.float64]) -> float:
 
 
 def generator_for(seed: int, *names: str) -> np.random.Generator:
-    """Returns a generator of its own for what ``names`` name: adding others changes nothing for it."""
+    """Returns a random generator that depends on seed and ``names`` only, so that other entities do not affect it."""
     return np.random.default_rng([seed & 0xFFFFFFFF, *(zlib.crc32(name.encode()) for name in names)])
 
 
 def laser_of_sonar(config: SonarSensor) -> LaserSensor:
-    """Returns the fan of beams that stands for a sonar's cone: its reading is that of the nearest thing met."""
+    """Returns the fan of beams that models a sonar's cone; the sonar reads its shortest beam."""
     return LaserSensor(
         config.name, config.link, config.pose, config.update_rate, config.frame,
         samples=max(2, config.samples), min_angle=-config.fov / 2, max_angle=config.fov / 2,
@@ -98,10 +98,10 @@ def laser_of_sonar(config: SonarSensor) -> LaserSensor:
 
 
 class Laser:
-    """One laser on one robot: turns distances into ranges as Gazebo's ray sensor does.
+    """One laser on one robot; converts distances to ranges like Gazebo's ray sensor.
 
-    Noise comes on what was met only and is kept within the range limits. What is farther than the greatest range
-    is +inf, nearer than the least −inf (REP 117, Gazebo 11).
+    Only hits get noise, and stay within the range limits. A distance beyond the maximum range becomes +inf, one below
+    the minimum range −inf (REP 117, Gazebo 11).
     """
 
     def __init__(self, config: LaserSensor, generator: np.random.Generator) -> None:
@@ -127,11 +127,11 @@ class Laser:
         return self.measured(out)
 
     def reseed(self, generator: np.random.Generator) -> None:
-        """Restarts the noise."""
+        """Restarts the noise sequence."""
         self._generator = generator
 
     def measured(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Turns true distances into ranges in place: resolution, noise, limits."""
+        """Converts true distances to ranges in place: resolution, noise, limits."""
         config = self.config
         if config.noise_stddev > 0:
             self._generator.standard_normal(out=self._noise)

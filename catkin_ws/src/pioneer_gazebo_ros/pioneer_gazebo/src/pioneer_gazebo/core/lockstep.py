@@ -1,4 +1,4 @@
-"""Lockstep: which rings of nodes take part, whom a period waits for, and which message goes where (no ROS)."""
+"""Lockstep core (no ROS): which rings take part, which of them a period waits for, and how messages are routed."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -7,15 +7,15 @@ from typing import Protocol
 from pioneer_gazebo.core.error import SimulatorError
 
 LOCKSTEP = "lockstep"
-"""In the place of a real-time factor."""
+"""Given in place of a real-time factor."""
 
 
 class LockstepError(SimulatorError):
-    """A member of lockstep does not answer."""
+    """A member of the lockstep does not respond."""
 
 
 class Message(Protocol):
-    """What a token carries: a serialised message, its topic and its sender."""
+    """A message carried by a token: serialised, with its topic and sender."""
 
     sender: str
     topic: str
@@ -23,60 +23,60 @@ class Message(Protocol):
 
 @dataclass(eq=False)
 class Ring:
-    """Nodes that pass a token on, one to the next."""
+    """Nodes that pass a token from one to the next."""
 
-    name: str  #: its namespace; empty for the root
-    members: tuple[str, ...] = ()  #: its nodes, in the order in which they act; empty until it has joined
-    wants: frozenset[str] = frozenset()  #: topics that they subscribe to
-    #: what its members and those of other rings published last and it subscribes to, for its next token
+    name: str  #: namespace; empty for the root
+    members: tuple[str, ...] = ()  #: its nodes, in the order in which they act; empty until it joins
+    wants: frozenset[str] = frozenset()  #: topics that its nodes subscribe to
+    #: messages for its next token: the last ones published by its own and other rings that it subscribes to
     kept: list[Message] = field(default_factory=list)
-    waiting: bool = False  #: whether its token is on the way
-    told: bool = False  #: whether it knows who takes part and what is wanted
-    awaited: bool = True  #: whether time stands until it has joined
+    waiting: bool = False  #: whether its token has not returned yet
+    told: bool = False  #: whether it has the current lists of members and wanted topics
+    awaited: bool = True  #: whether time waits for it to join
     returned: list[Message] = field(default_factory=list)
 
     @property
     def joined(self) -> bool:
-        """Whether its nodes take part."""
+        """Whether the ring takes part."""
         return bool(self.members)
 
 
 class Lockstep:
-    """All rings and the period that they are in."""
+    """All rings and the current period."""
 
     def __init__(self, wanted: Iterable[str] = ()) -> None:
         """Takes the topics that the simulator itself subscribes to."""
-        self.period = 0  #: serial number of the period under way; 0 before the first
-        self.begun = False  #: whether the first period has begun: all expected rings had joined
-        self.rings: dict[str, Ring] = {}  #: by name, in the order in which their messages are taken
-        #: topics of which no token has messages, and rings to and from which nothing passes
+        self.period = 0  #: number of the current period; 0 before the first
+        self.begun = False  #: whether the first period has begun, once all expected rings had joined
+        self.rings: dict[str, Ring] = {}  #: by name, in the order in which their messages are processed
+        #: topics excluded from all tokens, and rings that exchange no messages with others
         self.withheld: frozenset[str] = frozenset()
         self._own = frozenset(wanted)
 
     def expect(self, names: Iterable[str]) -> None:
-        """Has these rings take part, and no others; the next period waits for those that are new."""
+        """Sets the rings that take part; the next period waits for new ones."""
         self.rings = {name: self.rings.get(name) or Ring(name) for name in sorted(names)}
         self._tell_all()
 
     def subscribe(self, topics: Iterable[str]) -> None:
-        """Takes the topics that the simulator itself subscribes to by now."""
+        """Updates the topics that the simulator itself subscribes to."""
         if self._own != (own := frozenset(topics)):
             self._own = own
             self._tell_all()
 
     @property
     def absent(self) -> list[Ring]:
-        """The rings that are expected and do not take part."""
+        """The expected rings that have not joined."""
         return [ring for ring in self.rings.values() if not ring.joined]
 
     @property
     def stands(self) -> bool:
-        """Whether time stands: a token is on the way, or a ring that is waited for has not joined."""
+        """Whether time stands still: a token has not returned, or an awaited ring has not joined."""
         return not self.rings or any(ring.waiting or (ring.awaited and not ring.joined) for ring in self.rings.values())
 
     @property
     def late(self) -> list[Ring]:
-        """The rings whose token is on the way."""
+        """The rings whose token has not returned."""
         return [ring for ring in self.rings.values() if ring.waiting]
 
     @property
@@ -86,11 +86,11 @@ class Lockstep:
 
     @property
     def wants(self) -> frozenset[str]:
-        """The topics that anybody subscribes to."""
+        """All subscribed topics."""
         return self._own.union(*(ring.wants for ring in self.rings.values()))
 
     def join(self, name: str, members: Sequence[str], wants: Iterable[str]) -> bool:
-        """Lets a ring take part; returns whether it did not before, and is expected."""
+        """Adds a ring's members; returns whether it is expected and had not joined before."""
         ring = self.rings.get(name)
         if ring is None or ring.joined:
             return False
@@ -99,7 +99,7 @@ class Lockstep:
         return True
 
     def drop(self, ring: Ring) -> None:
-        """Takes a ring out; it may join again."""
+        """Removes a ring's members; it may join again."""
         ring.members, ring.wants, ring.waiting, ring.awaited = (), frozenset(), False, False
         ring.kept, ring.returned = [], []
 
@@ -107,7 +107,7 @@ class Lockstep:
         """Begins the next period; returns each ring with the messages of its token.
 
         Args:
-            own: what the simulator has published.
+            own: messages published by the simulator.
         """
         self.period += 1
         self.begun = True
@@ -119,7 +119,7 @@ class Lockstep:
         return rounds
 
     def take(self, name: str, period: int, messages: Sequence[Message]) -> bool:
-        """Takes a token that has come back; returns whether it was the last of the period."""
+        """Accepts a returned token; returns whether it was the last of the period."""
         ring = self.rings.get(name)
         if ring is None or not ring.waiting or period != self.period:
             return False
@@ -128,7 +128,7 @@ class Lockstep:
         return not self.late
 
     def end_period(self) -> list[Message]:
-        """Keeps for each ring what it subscribes to; returns what the simulator does. Order: by ring, then as sent."""
+        """Keeps the messages each ring subscribes to; returns the simulator's. Order: by ring, then as sent."""
         outside = [ring for ring in self.rings.values() if ring.name not in self.withheld]
         sent = [(ring, one) for ring in outside for one in ring.returned]
         for ring in self.rings.values():
@@ -139,7 +139,7 @@ class Lockstep:
         return [one for _, one in sent if one.topic in self._own]
 
     def _reaches(self, message: Message, ring: Ring) -> bool:
-        """Returns whether a ring gets a message from outside."""
+        """Returns whether a ring receives a message from outside."""
         return message.topic in ring.wants and not self.withheld & {message.topic, ring.name}
 
     def _tell_all(self) -> None:

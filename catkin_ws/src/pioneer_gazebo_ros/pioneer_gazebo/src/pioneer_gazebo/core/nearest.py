@@ -1,4 +1,4 @@
-"""Which shape a point belongs to: names what was touched where shapes are batched."""
+"""Finds the shape that a point belongs to, to name the touched collision among batched shapes."""
 
 import math
 from collections.abc import Iterable
@@ -8,7 +8,7 @@ from pioneer_gazebo.core.world import Box, Cylinder, PlacedCollision, Plane, Sha
 
 
 def distance_to(shape: Shape, pose: Pose, point: Vector) -> float:
-    """Returns the distance [m] from a point to a shape, 0 inside; to a mesh's origin where it is a mesh."""
+    """Returns the distance [m] from a point to a shape, 0 inside; for a mesh, to its origin."""
     x, y, z = pose.inverse().transform(point)
     match shape:
         case Box(size=size):
@@ -24,7 +24,7 @@ def distance_to(shape: Shape, pose: Pose, point: Vector) -> float:
 
 
 def nearest(placed: Iterable[PlacedCollision], point: Vector) -> PlacedCollision | None:
-    """Returns the collision that is nearest to a point, None where there are none."""
+    """Returns the collision nearest to a point; None if there are none."""
     distances = [(distance_to(one.collision.shape, one.pose, point), number, one) for number, one in enumerate(placed)]
     return min(distances)[2] if distances else None
 

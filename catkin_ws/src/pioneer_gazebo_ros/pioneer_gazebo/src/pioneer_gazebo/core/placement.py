@@ -1,31 +1,31 @@
-"""Whether a robot can start at a place of a map."""
+"""Checks whether a robot can start at a position in a map."""
 
 from dataclasses import dataclass
 
 from pioneer_gazebo.core.error import SimulatorError
 
 CLEARANCE = 0.2
-"""Half a Pioneer's width [m]: nearer to a wall its centre cannot be."""
+"""Half a Pioneer's width [m]: the minimum distance of its centre from walls."""
 
 
 class PlacementError(SimulatorError):
-    """An initial pose at which no robot can start."""
+    """A robot cannot start at its initial pose."""
 
 
 @dataclass(frozen=True, slots=True)
 class DrawnMap:
-    """A map's image as its file has it."""
+    """The content of a map's image."""
 
-    #: x, y: its lower left corner in ``map`` [m]
+    #: x, y: lower left corner in ``map`` [m]
     x: float
     y: float
     resolution: float  #: side of a cell [m]
-    #: rows, cols: its size
+    #: rows, cols: size
     rows: int
     cols: int
-    pixels: bytes  #: a byte a cell, the row of the largest y first
-    free: int  #: a cell with this value or a larger one is free
-    occupied: int  #: a cell with this value or a smaller one is occupied; between the two nothing is known
+    pixels: bytes  #: one byte per cell, row with the largest y first
+    free: int  #: minimum value of a free cell
+    occupied: int  #: maximum value of an occupied cell; values in between are unknown
 
     def value_at(self, row: int, col: int) -> int | None:
         """Returns the value of a cell, counted from the smallest x and y; None outside the map."""
@@ -38,7 +38,7 @@ def check_place(drawn: DrawnMap, robot: str, x: float, y: float, world: str) -> 
     """Checks that ``robot`` can start at x, y [m] in ``map``.
 
     Raises:
-        PlacementError: the place is outside the map, inside a wall, or where the map knows nothing.
+        PlacementError: the position is outside the map, too close to a wall, or in unknown space.
     """
     pose = f"{robot} cannot start at ({x:g}, {y:g}) in the world {world}"
     row, col = int((y - drawn.y) // drawn.resolution), int((x - drawn.x) // drawn.resolution)

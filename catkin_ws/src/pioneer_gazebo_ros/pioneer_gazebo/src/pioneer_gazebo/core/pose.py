@@ -1,4 +1,4 @@
-"""Rigid poses in space: position and rotation, and the forms that files and engines write them in."""
+"""Rigid poses: position and rotation, with conversions to the forms used by files and engines."""
 
 import math
 from collections.abc import Iterable
@@ -15,7 +15,7 @@ IDENTITY_ROTATION: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
 
 def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """Returns the quaternion (x, y, z, w) of turns about the fixed axes x, then y, then z [rad], as in SDF and URDF."""
+    """Returns the quaternion (x, y, z, w) of rotations about fixed x, then y, then z [rad], as in SDF and URDF."""
     cr, sr = math.cos(roll / 2), math.sin(roll / 2)
     cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
     cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
@@ -28,7 +28,7 @@ def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> Quaternion:
 
 
 def rpy_from_quaternion(rotation: Quaternion) -> Vector:
-    """Returns roll, pitch, yaw [rad] about fixed axes; at a pitch of ±π/2 the roll is 0 and the yaw takes all."""
+    """Returns roll, pitch, yaw [rad] about fixed axes; at a pitch of ±π/2 the roll is 0."""
     x, y, z, w = rotation
     sin_pitch = 2.0 * (w * y - z * x)
     if abs(sin_pitch) > 1.0 - 1e-12:
@@ -40,7 +40,7 @@ def rpy_from_quaternion(rotation: Quaternion) -> Vector:
 
 
 def rotated(rotation: Quaternion, vector: Vector) -> Vector:
-    """Returns ``vector`` turned by ``rotation``."""
+    """Returns ``vector`` rotated by ``rotation``."""
     x, y, z, w = rotation
     vx, vy, vz = vector
     tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
@@ -53,7 +53,7 @@ def added(a: Vector, b: Vector) -> Vector:
 
 
 def opposite(a: Vector) -> Vector:
-    """Returns the vector that points the other way."""
+    """Returns the negated vector."""
     return -a[0], -a[1], -a[2]
 
 
@@ -63,7 +63,7 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 def conjugate(rotation: Quaternion) -> Quaternion:
-    """Returns the rotation that undoes ``rotation``."""
+    """Returns the inverse rotation."""
     x, y, z, w = rotation
     return -x, -y, -z, w
 
@@ -75,7 +75,7 @@ def heading(rotation: Quaternion) -> float:
 
 
 def planar_pose(x: float, y: float, yaw: float) -> "Pose":
-    """Returns the pose at x, y [m] in the plane, turned by yaw [rad]."""
+    """Returns the pose at x, y [m] in the plane with heading yaw [rad]."""
     return Pose((x, y, 0.0), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
 
 
@@ -100,7 +100,7 @@ def _normalised(rotation: Quaternion) -> Quaternion:
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A frame seen from its parent frame, or what takes points of it into the parent."""
+    """A frame's pose in its parent frame; transforms points of the frame to the parent."""
 
     position: Vector = (0.0, 0.0, 0.0)  #: x, y, z [m] of the frame's origin
     rotation: Quaternion = IDENTITY_ROTATION  #: unit quaternion (x, y, z, w)
@@ -109,15 +109,15 @@ class Pose:
     def from_rpy(
         cls, x: float = 0.0, y: float = 0.0, z: float = 0.0, roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0
     ) -> Self:
-        """Returns the pose at x, y, z [m], turned by roll, pitch, yaw [rad] about fixed axes."""
+        """Returns the pose at x, y, z [m] with roll, pitch, yaw [rad] about fixed axes."""
         return cls((x, y, z), quaternion_from_rpy(roll, pitch, yaw))
 
     @classmethod
     def from_quaternion(cls, position: Iterable[float], rotation: Iterable[float]) -> Self:
-        """Returns the pose with ``rotation`` (x, y, z, w) brought to length 1.
+        """Returns the pose with ``rotation`` (x, y, z, w) normalised.
 
         Raises:
-            ValueError: the quaternion's length is 0 or not a number.
+            ValueError: the quaternion's length is 0 or NaN.
         """
         x, y, z = (float(value) for value in position)
         qx, qy, qz, qw = (float(value) for value in rotation)
@@ -154,20 +154,20 @@ class Pose:
 
     @property
     def yaw(self) -> float:
-        """The heading [rad]: the turn about z of `rpy`."""
+        """The heading [rad], as in `rpy`."""
         return self.rpy()[2]
 
     def compose(self, other: "Pose") -> "Pose":
-        """Returns ``other``, given in this frame, in this frame's parent: ``a_from_c = a_from_b.compose(b_from_c)``."""
+        """Returns ``other``, a pose in this frame, in the parent frame: ``a_from_c = a_from_b.compose(b_from_c)``."""
         return Pose(self.transform(other.position), _normalised(_product(self.rotation, other.rotation)))
 
     def inverse(self) -> "Pose":
-        """Returns the parent frame seen from this frame."""
+        """Returns the parent frame's pose in this frame."""
         back = conjugate(self.rotation)
         return Pose(opposite(rotated(back, self.position)), back)
 
     def transform(self, point: Vector) -> Vector:
-        """Returns ``point`` [m], given in this frame, in the parent frame."""
+        """Transforms ``point`` [m] from this frame to the parent frame."""
         return added(rotated(self.rotation, point), self.position)
 
 
@@ -176,7 +176,7 @@ IDENTITY = Pose()
 
 
 def between(a: Pose, b: Pose, part: float) -> Pose:
-    """Returns the pose at ``part`` of the short way from ``a`` to ``b``: straight, and turning nearly evenly."""
+    """Interpolates from ``a`` to ``b`` by ``part`` (0 … 1): linear position, normalised-lerp rotation the short way."""
     (ax, ay, az), (bx, by, bz) = a.position, b.position
     ra, rb = a.rotation, b.rotation
     sign = 1.0 if sum(p * q for p, q in zip(ra, rb, strict=True)) >= 0 else -1.0

@@ -1,4 +1,4 @@
-"""Cross-sections of a world drawn into a grid of cells: the occupancy map of what a laser at one height can see."""
+"""Rasterises cross-sections of a world: the occupancy map of what a laser at one height can see."""
 
 import math
 from collections.abc import Iterable
@@ -14,14 +14,14 @@ OCCUPIED, FREE, UNKNOWN = 0, 254, 205
 """Grey values of map_server's trinary maps."""
 
 _TOUCH = 1e-6
-"""Overlaps below this [m] do not count: a wall whose face lies on a cell's border does not fill the cell beside it."""
+"""Overlaps below this [m] do not count: a wall flush with a cell border does not fill the adjacent cell."""
 
 Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """Where a grid lies: its lower left corner [m], its cells' side [m] and its shape."""
+    """A grid's lower left corner [m], cell side [m] and shape."""
 
     x: float
     y: float
@@ -31,9 +31,9 @@ class Extent:
 
     @classmethod
     def around(cls, sections: Iterable[Section], resolution: float, margin: float) -> "Extent | None":
-        """Returns the smallest grid of whole cells with ``margin`` [m] around all sections, None where they are empty.
+        """Returns the smallest grid with ``margin`` [m] around all sections; None if all are empty.
 
-        The corner is a whole multiple of ``resolution``.
+        The corner is an integer multiple of ``resolution``.
         """
         boxes = [_bounds(section) for section in sections if len(section.segments) or len(section.circles)]
         if not boxes:
@@ -48,7 +48,7 @@ class Extent:
         )
 
     def cells(self, low: float, high: float, origin: float, count: int) -> tuple[int, int]:
-        """Returns the half-open range of cells that an interval of one axis [m] overlaps, cut to the grid."""
+        """Returns the half-open range of cells that an interval [m] of one axis overlaps, clipped to the grid."""
         first = math.floor((low - origin) / self.resolution + _TOUCH)
         last = math.ceil((high - origin) / self.resolution - _TOUCH)
         return max(0, first), min(count, max(last, first + 1))
@@ -62,9 +62,9 @@ def _bounds(section: Section) -> tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def occupied_cells(sections: Iterable[Section], extent: Extent) -> Mask:
-    """Returns which cells any solid overlaps, shape (rows, cols), row 0 at the smallest y.
+    """Returns which cells a solid overlaps, shape (rows, cols), row 0 at the smallest y.
 
-    Each section is the outline of one solid; its inside counts as occupied by the even-odd rule.
+    Each section is the outline of one solid; its interior is found by the even-odd rule.
     """
     grid = np.zeros((extent.rows, extent.cols), dtype=np.bool_)
     for section in sections:
@@ -79,7 +79,7 @@ def occupied_cells(sections: Iterable[Section], extent: Extent) -> Mask:
 def _window(
     extent: Extent, low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> tuple[slice, slice, NDArray[np.float64], NDArray[np.float64]] | None:
-    """Returns rows and columns of the cells in a rectangle with their centres' x (1, n) and y (m, 1) [m]."""
+    """Returns the rows and columns of the cells in a rectangle, and their centres' x (1, n) and y (m, 1) [m]."""
     col, col_end = extent.cells(low[0], high[0], extent.x, extent.cols)
     row, row_end = extent.cells(low[1], high[1], extent.y, extent.rows)
     if col >= col_end or row >= row_end:
@@ -90,7 +90,7 @@ def _window(
 
 
 def _draw_segment(segment: NDArray[np.float64], extent: Extent, grid: Mask) -> None:
-    """Marks every cell whose inside the segment passes through (separating axes of segment and square)."""
+    """Marks every cell whose interior the segment passes through (separating axis test of segment and square)."""
     start, along = segment[:2], segment[2:]
     end = start + along
     low, high = np.minimum(start, end), np.maximum(start, end)
@@ -142,8 +142,8 @@ def grey_map(occupied: Mask, outside_unknown: bool = True) -> NDArray[np.uint8]:
 
     Args:
         occupied: from `occupied_cells`.
-        outside_unknown: whether free cells that a walk from the grid's border reaches are unknown. A world that
-            encloses nothing has no outside: there they are free.
+        outside_unknown: whether free cells connected to the grid's border become unknown. If the world encloses no
+            area, they stay free.
     """
     free = ~occupied
     grey = np.where(free, FREE, OCCUPIED).astype(np.uint8)

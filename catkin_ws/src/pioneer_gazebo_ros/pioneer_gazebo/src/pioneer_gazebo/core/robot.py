@@ -1,10 +1,10 @@
-"""What a robot is made of: links and joints as in URDF, sensors and plugins as gazebo_ros names them.
+"""Robot descriptions: links and joints as in URDF, sensors and plugins as in gazebo_ros.
 
-Configuration classes carry the names of the ``<gazebo>`` elements they come from, so that a user of gazebo_ros
-finds each setting again. Lengths [m], angles [rad], masses [kg], rates [Hz].
+Configuration classes use the names of the ``<gazebo>`` elements they come from, as known to users of gazebo_ros.
+Lengths [m], angles [rad], masses [kg], rates [Hz].
 """
 
-# ruff: noqa: N815 - fields are named as the plugins' elements are
+# ruff: noqa: N815 - fields are named after the plugins' elements
 
 import math
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from pioneer_gazebo.core.world import Link
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Bounds of a velocity and of its change, in m or rad a second; infinite for none."""
+    """Bounds of a velocity and of its rate of change, in m or rad per second; infinite for none."""
 
     least: float = -math.inf
     most: float = math.inf
@@ -26,7 +26,7 @@ class Limits:
     rise: float = math.inf
 
     def towards(self, now: float, wanted: float, step: float) -> float:
-        """Returns the velocity after a ``step`` [s] in which ``now`` shall become ``wanted``."""
+        """Returns the velocity after ramping from ``now`` towards ``wanted`` for a ``step`` [s]."""
         wanted = min(max(wanted, self.least), self.most)
         return min(max(wanted, now + self.fall * step), now + self.rise * step)
 
@@ -36,18 +36,18 @@ NO_LIMITS = Limits()
 
 @dataclass(frozen=True, slots=True)
 class DiffDrive:
-    """``libgazebo_ros_diff_drive.so``: drives two wheels by a Twist and publishes odometry."""
+    """``libgazebo_ros_diff_drive.so``: drives two wheels as commanded by a Twist and publishes odometry."""
 
     name: str = "diff_drive"
-    leftJoint: str = "left_joint"  #: wheel joint on the left, and so on; every other name is the plugin's element
+    leftJoint: str = "left_joint"  #: left wheel joint; all fields except ``name`` are named after the plugin's elements
     rightJoint: str = "right_joint"
-    wheelSeparation: float = 0.34  #: between the wheels' contact points [m]
+    wheelSeparation: float = 0.34  #: distance between the wheels' contact points [m]
     wheelDiameter: float = 0.15  #: [m]
-    wheelAcceleration: float = 0.0  #: largest change of a wheel's rim speed [m/s²]; 0 for no limit
-    wheelTorque: float = 5.0  #: largest torque at a wheel [N m]
-    #: without a command for longer the wheels stop [s]; 0 for never (ours, not gazebo_ros')
+    wheelAcceleration: float = 0.0  #: maximum rim acceleration of a wheel [m/s²]; 0 for the default limit
+    wheelTorque: float = 5.0  #: maximum torque per wheel [N m]
+    #: the wheels stop after this time without a command [s]; 0 for never (ours, not gazebo_ros')
     commandTimeout: float = 0.0
-    updateRate: float = 100.0  #: of commands and odometry [Hz]; 0 for every step
+    updateRate: float = 100.0  #: rate of commands and odometry [Hz]; 0 for every step
     commandTopic: str = "cmd_vel"
     odometryTopic: str = "odom"
     odometryFrame: str = "odom"
@@ -57,41 +57,41 @@ class DiffDrive:
     publishOdomTF: bool = True
     publishWheelTF: bool = False
     publishWheelJointState: bool = False
-    legacyMode: str = ""  #: ``true`` if the joint called left is on the right; empty: as the joints lie
-    #: further wheels on the left, as ``libgazebo_ros_skid_steer_drive.so`` has; so ``rightRearJoint``
+    legacyMode: str = ""  #: ``true`` if the joint called left is on the right; empty: by the joints' positions
+    #: leftRearJoint, rightRearJoint: further wheels, as in ``libgazebo_ros_skid_steer_drive.so``
     leftRearJoint: tuple[str, ...] = ()
     rightRearJoint: tuple[str, ...] = ()
-    speedLimits: Limits = NO_LIMITS  #: of the commanded speed, as ``diff_drive_controller`` has; so ``turnLimits``
+    speedLimits: Limits = NO_LIMITS  #: of the commanded speed, as in ``diff_drive_controller``; likewise ``turnLimits``
     turnLimits: Limits = NO_LIMITS
 
     def joints(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Returns the names of the joints that are called left and right."""
+        """Returns the names of the joints called left and of those called right."""
         return (self.leftJoint, *self.leftRearJoint), (self.rightJoint, *self.rightRearJoint)
 
 
 @dataclass(frozen=True, slots=True)
 class LinkSensor:
-    """What all sensors of a link have."""
+    """Settings common to all sensors of a link."""
 
-    name: str  #: the sensor's
+    name: str  #: name of the sensor
     link: str  #: the link that carries it
-    pose: Pose = IDENTITY  #: of the sensor in that link; it looks along x, and its beams lie in the x-y plane
-    update_rate: float = 10.0  #: measurements a second; 0 for every step
-    frame: str = ""  #: ``frame_id``, before the prefix
+    pose: Pose = IDENTITY  #: pose of the sensor in that link; it looks along x, and its beams lie in the x-y plane
+    update_rate: float = 10.0  #: measurements per second [Hz]; 0 for every step
+    frame: str = ""  #: ``frame_id``, without the tf prefix
 
 
 @dataclass(frozen=True, slots=True)
 class LaserSensor(LinkSensor):
-    """A planar laser: ``<sensor type="ray">`` with ``libgazebo_ros_laser.so`` (or the gpu one)."""
+    """A planar laser: ``<sensor type="ray">`` with ``libgazebo_ros_laser.so`` (or the GPU variant)."""
 
-    samples: int = 180  #: beams a scan, the first at ``min_angle``, the last at ``max_angle``
+    samples: int = 180  #: beams per scan, the first at ``min_angle``, the last at ``max_angle``
     min_angle: float = -1.5707963267948966
     max_angle: float = 1.5707963267948966
-    min_range: float = 0.1  #: nearest distance that is reported [m]
-    max_range: float = 30.0  #: farthest distance that is reported [m]
-    resolution: float = 0.0  #: step of a range [m]; 0 for none
-    noise_mean: float = 0.0  #: of the gaussian noise [m]
-    noise_stddev: float = 0.0  #: of the gaussian noise [m]
+    min_range: float = 0.1  #: minimum reported distance [m]
+    max_range: float = 30.0  #: maximum reported distance [m]
+    resolution: float = 0.0  #: range resolution [m]; 0 for none
+    noise_mean: float = 0.0  #: mean of the Gaussian noise [m]
+    noise_stddev: float = 0.0  #: standard deviation of the Gaussian noise [m]
     topic: str = "base_scan"  #: relative to the robot's namespace
 
 
@@ -99,10 +99,10 @@ class LaserSensor(LinkSensor):
 class SonarSensor(LinkSensor):
     """A range finder with a cone about x: ``<sensor type="ray">`` with ``libgazebo_ros_range.so``."""
 
-    samples: int = 5  #: rays across the cone (horizontal) that find the nearest thing
+    samples: int = 5  #: horizontal rays across the cone; the shortest counts
     fov: float = 0.3490658503988659  #: full opening angle [rad]
     min_range: float = 0.1  #: [m]
-    max_range: float = 5.0  #: [m]; also what is published when nothing is met
+    max_range: float = 5.0  #: [m]; also published if nothing is hit
     radiation: str = "ultrasound"  #: ``ultrasound`` or ``infrared``
     gaussianNoise: float = 0.0  #: standard deviation [m]
     topic: str = "sonar"  #: relative to the robot's namespace
@@ -115,14 +115,14 @@ class Camera(LinkSensor):
     horizontal_fov: float = 1.3962634  #: [rad]
     width: int = 320  #: [pixel]
     height: int = 240  #: [pixel]
-    near: float = 0.02  #: nearest depth that is drawn [m]
-    far: float = 300.0  #: farthest [m]
+    near: float = 0.02  #: minimum rendered depth [m]
+    far: float = 300.0  #: maximum rendered depth [m]
     format: str = "R8G8B8"  #: SDF's name of the pixel format, ``R8G8B8`` or ``L8``
-    noise_stddev: float = 0.0  #: gaussian, of a pixel's value in 0 … 1
-    image_topic: str = "image_raw"  #: relative to ``name``; so the other topics
+    noise_stddev: float = 0.0  #: Gaussian, of pixel values in 0 … 1
+    image_topic: str = "image_raw"  #: relative to ``name``, like the other topics
     info_topic: str = "camera_info"
-    depth_topic: str = ""  #: of the picture's distances [m]; empty for none
-    cloud_topic: str = ""  #: of the same as points; empty for none
+    depth_topic: str = ""  #: topic of the depth image [m]; empty for none
+    cloud_topic: str = ""  #: topic of the depth image as points; empty for none
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,9 +132,9 @@ class GroundTruth:
     name: str
     bodyName: str  #: the link
     topicName: str = "base_pose_ground_truth"  #: relative to the robot's namespace
-    frameName: str = "map"  #: ``frame_id``: ``map`` and ``world`` both mean the world's origin
+    frameName: str = "map"  #: ``frame_id``; both ``map`` and ``world`` mean the world's origin
     updateRate: float = 10.0  #: [Hz]; 0 for every step
-    gaussianNoise: float = 0.0  #: standard deviation of the velocities, as the plugin does it
+    gaussianNoise: float = 0.0  #: standard deviation of the velocities, as in the plugin
     xyzOffset: Vector = (0.0, 0.0, 0.0)  #: added to the position [m]
     rpyOffset: Vector = (0.0, 0.0, 0.0)  #: added to the rotation [rad]
 
@@ -143,12 +143,12 @@ class GroundTruth:
 class Bumper:
     """``<sensor type="contact">`` with ``libgazebo_ros_bumper.so``."""
 
-    name: str  #: the sensor's
+    name: str  #: name of the sensor
     link: str  #: the link whose contacts are published
-    #: SDF's name of the collision; empty for all of the link and of what is fixed to it, as Gazebo lumps them
+    #: name of the SDF collision; empty for all of the link and of links fixed to it, which Gazebo merges
     collision: str = ""
     bumperTopicName: str = "bumper"  #: relative to the robot's namespace
-    frameName: str = "map"  #: ``frame_id``: ``map`` and ``world`` both mean the world's origin
+    frameName: str = "map"  #: ``frame_id``; both ``map`` and ``world`` mean the world's origin
     update_rate: float = 10.0  #: [Hz]
 
 
@@ -157,27 +157,27 @@ class JointStatePublisher:
     """``libgazebo_ros_joint_state_publisher.so``."""
 
     name: str = "joint_state_publisher"
-    jointName: tuple[str, ...] = ()  #: joints that are published, in this order; empty for every joint that moves
+    jointName: tuple[str, ...] = ()  #: published joints, in this order; empty for all movable joints
     updateRate: float = 100.0  #: [Hz]; 0 for every step
     topicName: str = "joint_states"  #: relative to the robot's namespace
 
 
 @dataclass(frozen=True, slots=True)
 class BaseDriver:
-    """``libpioneer_base_driver.so``, ours: what the maker's driver (rosaria) publishes about the robot's base."""
+    """``libpioneer_base_driver.so``, ours: publishes base data like the manufacturer's driver (rosaria)."""
 
     name: str = "base_driver"
-    updateRate: float = 2.0  #: of the topics [Hz]
-    frameName: str = "base_link"  #: ``frame_id`` of bumpers and sonar points, before the prefix
-    capacity: float = 21.6  #: of the battery [A h]
-    fullVoltage: float = 12.9  #: of a full battery without load [V]
-    emptyVoltage: float = 11.4  #: of an empty one [V]
-    resistance: float = 0.05  #: inside the battery [Ω]
-    initialCharge: float = 1.0  #: 0 … 1
-    idlePower: float = 15.0  #: what electronics and sensors draw [W]
-    rollingResistance: float = 3.0  #: force that rolling takes [N]
-    driveEfficiency: float = 0.5  #: of motors and gears, above 0, at most 1
-    windingLoss: float = 3.0  #: what torque costs a motor [W/(N m)²]
+    updateRate: float = 2.0  #: rate of the topics [Hz]
+    frameName: str = "base_link"  #: ``frame_id`` of bumpers and sonar points, without the tf prefix
+    capacity: float = 21.6  #: battery capacity [A h]
+    fullVoltage: float = 12.9  #: open-circuit voltage of a full battery [V]
+    emptyVoltage: float = 11.4  #: open-circuit voltage of an empty battery [V]
+    resistance: float = 0.05  #: internal resistance of the battery [Ω]
+    initialCharge: float = 1.0  #: initial charge, 0 … 1
+    idlePower: float = 15.0  #: consumption of electronics and sensors [W]
+    rollingResistance: float = 3.0  #: rolling resistance force [N]
+    driveEfficiency: float = 0.5  #: efficiency of motors and gears, above 0, at most 1
+    windingLoss: float = 3.0  #: winding loss of a motor per squared torque [W/(N m)²]
 
 
 Device = (
@@ -201,25 +201,25 @@ Kind = TypeVar("Kind")
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """A whole robot."""
+    """A complete robot description."""
 
-    name: str  #: as the file names it
-    #: in the file's order. A link's pose is that of its frame in the root link's frame, all joints at 0.
+    name: str  #: name in the file
+    #: in file order. A link's pose is its frame in the root link's frame with all joints at 0.
     links: tuple[Link, ...]
-    joints: tuple[Joint, ...] = ()  #: in the file's order; they make one tree over all links
-    devices: tuple[Device, ...] = ()  #: sensors and plugins, in the file's order
-    static: bool = False  #: the model never moves (``<gazebo><static>``)
-    #: one line for each kind of thing in the file that is not supported and was left out
+    joints: tuple[Joint, ...] = ()  #: in file order; they form a single tree of all links
+    devices: tuple[Device, ...] = ()  #: sensors and plugins, in file order
+    static: bool = False  #: whether the model is static (``<gazebo><static>``)
+    #: one line for each kind of unsupported element that was ignored
     warnings: tuple[str, ...] = ()
-    namespace: str = ""  #: that a plugin names for its topics; it counts where the robot is spawned without one
+    namespace: str = ""  #: topic namespace set by a plugin; used if the robot is spawned without a namespace
 
     def of(self, kind: type[Kind]) -> tuple[Kind, ...]:
-        """Returns the devices of one kind, in the file's order."""
+        """Returns the devices of one kind, in file order."""
         return tuple(device for device in self.devices if isinstance(device, kind))
 
     @property
     def drives(self) -> tuple[DiffDrive, ...]:
-        """The drives that turn wheels."""
+        """The wheel drives."""
         return self.of(DiffDrive)
 
     @property
@@ -234,7 +234,7 @@ class Robot:
 
     @property
     def root(self) -> Link:
-        """The one link that is no joint's child."""
+        """The root link, which is not the child of any joint."""
         children = {joint.child for joint in self.joints}
         return next(link for link in self.links if link.name not in children)
 
@@ -242,6 +242,6 @@ class Robot:
         """Returns the link of that name.
 
         Raises:
-            KeyError: there is none.
+            KeyError: there is no such link.
         """
         return {one.name: one for one in self.links}[name]

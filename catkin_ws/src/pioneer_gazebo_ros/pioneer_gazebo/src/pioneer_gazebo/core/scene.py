@@ -1,4 +1,4 @@
-"""What lasers see: the standing world's sections by height, and the outlines of all that moves."""
+"""The scene for lasers: sections of the static world by height, and outlines of moving bodies."""
 
 from collections.abc import Callable, Sequence
 
@@ -12,20 +12,20 @@ from pioneer_gazebo.core.section import Section, Triangles, section_of
 from pioneer_gazebo.core.world import PlacedCollision
 
 LAYER = 0.02
-"""Heights are rounded to this [m]: lasers within it share a section."""
+"""Heights are rounded to this [m], so that lasers of similar height share a section."""
 
 SECTIONS_AT_MOST = 16
 
 
 Seen = tuple[Body, float]
-"""A body that lasers see, and the height [m] of its base's frame."""
+"""A body seen by lasers, and the height [m] of its base frame."""
 
 
 class Scene:
-    """Keeps sections and outlines as long as they hold."""
+    """Caches sections and outlines while they are valid."""
 
     def __init__(self, triangles: Triangles) -> None:
-        """Takes what reads meshes."""
+        """Takes the function that reads meshes."""
         self._triangles = triangles
         self._standing: Sequence[PlacedCollision] = ()
         self._walls: dict[int, WallIndex] = {}
@@ -33,12 +33,12 @@ class Scene:
         self._outlines: dict[tuple[int, int], NDArray[np.float64]] = {}
 
     def set_standing(self, standing: Sequence[PlacedCollision]) -> None:
-        """Replaces the standing world."""
+        """Replaces the static world."""
         self._standing = standing
         self._walls.clear()
 
     def walls(self, height: float) -> WallIndex:
-        """Returns the standing world's section at ``height`` [m]."""
+        """Returns the static world's section at ``height`` [m]."""
         layer = round(height / LAYER)
         found = self._walls.get(layer)
         if found is None:
@@ -52,9 +52,9 @@ class Scene:
         return found
 
     def movers(self, height: float, seen: Sequence[Seen]) -> Movers:
-        """Returns the outlines at ``height`` [m] of all bodies, each in its base's frame.
+        """Returns the outlines at ``height`` [m] of all bodies, each in its base frame.
 
-        A body's outline is that of its shapes with joints at 0 and its base level.
+        Outlines assume joints at 0 and a level base.
         """
         layer = round(height / LAYER)
         keys = tuple((id(body), layer - round(base / LAYER)) for body, base in seen)
@@ -74,13 +74,13 @@ class Scene:
         return self._outlines[key]
 
     def forget(self, body: Body) -> None:
-        """Drops what is kept of a body that has gone."""
+        """Removes a body's data from the cache."""
         self._movers.clear()
         self._outlines = {key: outline for key, outline in self._outlines.items() if key[0] != id(body)}
 
 
 def outline_of(body: Body, height: float, triangles: Callable[..., NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Returns segments (n, 4) [m] where the plane z = ``height`` of the base's frame cuts the body's shapes."""
+    """Returns segments (n, 4) [m] where the plane z = ``height`` of the base frame cuts the body's shapes."""
     frames = [IDENTITY]
     sections = []
     for number, part in enumerate(body.parts):

@@ -1,4 +1,4 @@
-"""When things happen: ticks of simulated time, and what is due at each."""
+"""Schedules periodic tasks in ticks of simulated time."""
 
 import math
 from collections.abc import Callable
@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from pioneer_gazebo.core.error import SimulatorError
 
 TICK_RATE = 600
-"""Ticks a simulated second. Every rate has to divide it: 10, 15, 20, 24, 25, 30, 40, 50, 60, 75, 100, 120 … Hz do."""
+"""Ticks per simulated second. Every rate must divide it, such as 10, 20, 24, 25, 30, 40, 50, 60, 75, 100, 120 Hz."""
 
 NANOSECONDS = 1_000_000_000
 
 
 class RateError(SimulatorError):
-    """A rate that is not a whole part of the tick rate."""
+    """A rate does not divide the tick rate."""
 
 
 def period_of(rate: float, what: str) -> int:
-    """Returns how many ticks lie between two events of ``rate`` [Hz].
+    """Returns the period of ``rate`` [Hz] in ticks.
 
     Raises:
         RateError: the rate does not divide the tick rate; the message names both.
@@ -44,19 +44,19 @@ def _always() -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """Something that happens every ``period`` ticks, at whole multiples of it."""
+    """A periodic task, run at multiples of ``period`` ticks."""
 
-    owner: str  #: what it is, for messages
+    owner: str  #: name in messages
     period: int  #: [ticks]
-    action: Callable[[int], None]  #: gets the tick
-    wanted: Callable[[], bool] = _always  #: whether anybody needs it at present
-    needs_state: bool = True  #: whether it looks at the simulated world, or at the time only
+    action: Callable[[int], None]  #: called with the tick
+    wanted: Callable[[], bool] = _always  #: returns whether the task is needed at present
+    needs_state: bool = True  #: whether it reads the simulated world, or only the time
 
 
 class Schedule:
-    """Tasks by their period. Tasks of one period run in the order they were added, shorter periods first.
+    """Tasks by their period. Shorter periods run first, tasks of one period in the order they were added.
 
-    A task that nobody wants is as if it were not there: nothing wakes up for it.
+    A task that is not wanted is ignored, also by `next_after`.
     """
 
     def __init__(self) -> None:
@@ -72,10 +72,10 @@ class Schedule:
         wanted: Callable[[], bool] = _always,
         needs_state: bool = True,
     ) -> Task:
-        """Has ``action`` called at ``rate`` [Hz] while it is ``wanted``, which is asked at each `review` only.
+        """Calls ``action`` at ``rate`` [Hz] while ``wanted`` returns true; this is only checked after a `review`.
 
         Raises:
-            RateError: as `period_of`.
+            RateError: see `period_of`.
         """
         task = Task(owner, period_of(rate, owner), action, wanted, needs_state)
         self._tasks.append(task)
@@ -83,12 +83,12 @@ class Schedule:
         return task
 
     def remove(self, task: Task) -> None:
-        """Takes a task out."""
+        """Removes a task."""
         self._tasks.remove(task)
         self.review()
 
     def review(self) -> None:
-        """Has every task asked whether it is wanted, before anything else is answered. Any thread may call this."""
+        """Makes the schedule check again which tasks are wanted, before its next answer. Thread-safe."""
         self._stale = True
 
     def _by_period(self) -> dict[int, list[Task]]:
@@ -102,14 +102,14 @@ class Schedule:
         return self._wanted
 
     def next_after(self, tick: int) -> int:
-        """Returns the first tick after ``tick`` at which something is due; the next second where nothing ever is."""
+        """Returns the first tick after ``tick`` at which a task is due; one second later if there are no tasks."""
         return min((tick - tick % period + period for period in self._by_period()), default=tick + TICK_RATE)
 
     def due(self, tick: int) -> list[Task]:
-        """Returns all that is due at ``tick``, in the order it is to run in."""
+        """Returns all tasks due at ``tick``, in execution order."""
         return [task for period, tasks in self._by_period().items() if tick % period == 0 for task in tasks]
 
     def run(self, tick: int) -> None:
-        """Runs all that is due at ``tick``."""
+        """Runs all tasks due at ``tick``."""
         for task in self.due(tick):
             task.action(tick)

@@ -1,6 +1,6 @@
-"""Where a scripted model is at a time: SDF's ``<actor><script>``, as Gazebo plays it.
+"""Computes the pose of a scripted model over time: SDF's ``<actor><script>``, as played by Gazebo.
 
-Positions run along a cardinal spline through the waypoints, rotations turn the short way between them.
+Positions follow a cardinal spline through the waypoints; rotations are interpolated the short way.
 """
 
 import math
@@ -12,7 +12,7 @@ from pioneer_gazebo.core.pose import Pose, Vector, between
 
 @dataclass(frozen=True, slots=True)
 class Waypoint:
-    """Where the model is [world frame] at ``time`` [s] after its trajectory's start."""
+    """The model's pose in the world at ``time`` [s] after the start of its trajectory."""
 
     time: float
     pose: Pose
@@ -20,19 +20,19 @@ class Waypoint:
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """A way through waypoints; it stands at the first until that one's time."""
+    """A path through waypoints; the model waits at the first waypoint until its time."""
 
-    waypoints: tuple[Waypoint, ...]  #: one or more, times rising from 0 or above
-    #: 0 (Catmull-Rom, which may swing past a corner) … 1 (straight lines, slowing down at each waypoint)
+    waypoints: tuple[Waypoint, ...]  #: one or more, with increasing times >= 0
+    #: 0 (Catmull-Rom, which may overshoot corners) … 1 (straight lines, slowing down at each waypoint)
     tension: float = 0.0
 
     @property
     def duration(self) -> float:
-        """The last waypoint's time [s]."""
+        """The time of the last waypoint [s]."""
         return self.waypoints[-1].time
 
     def pose(self, time: float) -> Pose:
-        """Returns where it leads at ``time`` [s] after its start."""
+        """Returns the pose at ``time`` [s] after the trajectory's start."""
         points = self.waypoints
         after = bisect_right(points, time, key=lambda point: point.time)
         if after == 0:
@@ -45,7 +45,7 @@ class Trajectory:
         return Pose(self._position(after - 1, part), rotation)
 
     def _position(self, index: int, part: float) -> Vector:
-        """Returns the Hermite curve's point at ``part`` (0 … 1) behind waypoint ``index``."""
+        """Returns the point of the Hermite curve at ``part`` (0 … 1) of the segment after waypoint ``index``."""
         p, q = self.waypoints[index].pose.position, self.waypoints[index + 1].pose.position
         u, v = self._tangent(index), self._tangent(index + 1)
         s, c = part * part, part * part * part
@@ -54,7 +54,7 @@ class Trajectory:
         return x, y, z
 
     def _tangent(self, index: int) -> Vector:
-        """Returns the curve's direction at a waypoint; one whose ends meet is closed there."""
+        """Returns the curve's tangent at a waypoint; if the path's ends coincide, it is smooth there."""
         points = [point.pose.position for point in self.waypoints]
         last = len(points) - 1
         before, after = points[max(index - 1, 0)], points[min(index + 1, last)]
@@ -66,16 +66,16 @@ class Trajectory:
 
 @dataclass(frozen=True, slots=True)
 class Script:
-    """A model's whole motion, one trajectory after the other."""
+    """A model's complete motion, a sequence of trajectories."""
 
-    trajectories: tuple[Trajectory, ...]  #: in the order they are played
-    home: Pose  #: where it stands before the first begins, and always without ``auto_start``
-    loop: bool = True  #: whether it begins again at the end
-    delay_start: float = 0.0  #: waits so long [s] before each round
-    auto_start: bool = True  #: whether it begins by itself; nothing else starts it here
+    trajectories: tuple[Trajectory, ...]  #: in playing order
+    home: Pose  #: pose before the first trajectory, and always without ``auto_start``
+    loop: bool = True  #: whether to repeat from the start
+    delay_start: float = 0.0  #: delay before each round [s]
+    auto_start: bool = True  #: whether it starts by itself; nothing else can start it here
 
     def moved(self, base: Pose) -> "Script":
-        """Returns the script with all of it, given in ``base``'s frame, in the frame that ``base`` is given in."""
+        """Returns the script transformed from ``base``'s frame to the parent frame of ``base``."""
         trajectories = tuple(
             replace(one, waypoints=tuple(replace(point, pose=base.compose(point.pose)) for point in one.waypoints))
             for one in self.trajectories
@@ -83,7 +83,7 @@ class Script:
         return replace(self, trajectories=trajectories, home=base.compose(self.home))
 
     def pose(self, time: float) -> Pose:
-        """Returns where the model is at ``time`` [s] after the script's beginning."""
+        """Returns the model's pose at ``time`` [s] after the start of the script."""
         length = sum(trajectory.duration for trajectory in self.trajectories)
         if not self.auto_start or not self.trajectories:
             return self.home

@@ -1,7 +1,7 @@
-"""Cross-sections of shapes at one height: what a level laser can meet.
+"""Cross-sections of shapes at one height, as seen by a level laser.
 
-A section is a set of segments, rows (ax, ay, ex, ey) [m] of one end and the vector to the other, and a set of
-circles, rows (x, y, radius) [m], in the frame that the shapes' poses are given in.
+A section consists of segments, rows (ax, ay, ex, ey) [m] of one end and the vector to the other, and circles, rows
+(x, y, radius) [m], in the frame in which the shapes' poses are given.
 """
 
 import math
@@ -18,7 +18,7 @@ Triangles = Callable[[Mesh], NDArray[np.float64]]
 """Returns a mesh's triangles, shape (n, 3, 3) [m], scaled, in the mesh's frame."""
 
 PRISM_SIDES = 32
-"""A cylinder that does not stand upright is cut as a prism of so many sides."""
+"""Number of sides of the prism that replaces a tilted cylinder."""
 
 _UPRIGHT = 1e-6
 _BOX_EDGES = tuple((i, j) for i in range(8) for j in range(i + 1, 8) if (i ^ j) in (1, 2, 4))
@@ -26,14 +26,14 @@ _BOX_EDGES = tuple((i, j) for i in range(8) for j in range(i + 1, 8) if (i ^ j) 
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """Segments, shape (n, 4), and circles, shape (m, 3), of one plane; float64."""
+    """Segments, shape (n, 4), and circles, shape (m, 3), in one plane; float64."""
 
     segments: NDArray[np.float64]
     circles: NDArray[np.float64]
 
     @classmethod
     def joined(cls, parts: "Iterable[Section]") -> "Section":
-        """Returns all parts as one section."""
+        """Returns all parts combined into one section."""
         parts = list(parts)
         segments = [part.segments for part in parts if len(part.segments)]
         circles = [part.circles for part in parts if len(part.circles)]
@@ -43,7 +43,7 @@ class Section:
         )
 
     def as_segments(self, sides: int = 24) -> NDArray[np.float64]:
-        """Returns the segments with each circle as a polygon of ``sides`` sides of the same area."""
+        """Returns the segments, with each circle replaced by a polygon with ``sides`` sides and the same area."""
         parts = [self.segments]
         angles = np.arange(sides) * math.tau / sides
         stretch = math.sqrt(math.tau / (sides * math.sin(math.tau / sides)))
@@ -58,7 +58,7 @@ EMPTY = Section(np.empty((0, 4)), np.empty((0, 3)))
 
 
 def section_of(shape: Shape, pose: Pose, height: float, triangles: Triangles) -> Section:
-    """Returns where the plane z = ``height`` [m] cuts ``shape`` at ``pose``; a plane shape is never cut."""
+    """Returns the cross-section of ``shape`` at ``pose`` with the plane z = ``height`` [m]; empty for a plane shape."""
     match shape:
         case Box():
             return _box(shape, pose, height)
@@ -73,7 +73,7 @@ def section_of(shape: Shape, pose: Pose, height: float, triangles: Triangles) ->
 
 
 def _closed(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the sides of the polygon with these corners, shape (n, 2)."""
+    """Returns the sides of the closed polygon with these corners, shape (n, 2)."""
     return np.hstack([corners, np.roll(corners, -1, axis=0) - corners])
 
 
@@ -82,7 +82,7 @@ def _polygon(corners: NDArray[np.float64]) -> Section:
 
 
 def _hull(points: NDArray[np.float64]) -> Section:
-    """Returns the outline of points that lie on a convex curve."""
+    """Returns the outline through points on a convex curve."""
     if len(points) < 2:
         return EMPTY
     centre = points.mean(axis=0)
@@ -148,7 +148,7 @@ def _cylinder(cylinder: Cylinder, pose: Pose, height: float) -> Section:
 
 
 def _mesh(triangles: NDArray[np.float64], pose: Pose, height: float) -> Section:
-    """Cuts each triangle: two of its sides cross the plane, or none."""
+    """Cuts each triangle; a triangle that meets the plane has exactly two sides that cross it."""
     corners = _placed(triangles.reshape(-1, 3), pose).reshape(-1, 3, 3)
     above = corners[:, :, 2] > height
     cut = corners[above.any(axis=1) & ~above.all(axis=1)]

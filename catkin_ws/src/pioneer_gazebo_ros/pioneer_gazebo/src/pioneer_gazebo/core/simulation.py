@@ -1,8 +1,8 @@
-"""The simulated world as it moves: bodies, drives, lasers and collisions, over an engine.
+"""The running simulation: bodies, drives, lasers and collisions, on top of a physics engine.
 
-Time runs in ticks (see `schedule`). The engine steps every so many ticks; what is asked at a tick between two steps
-lies between their states, so that sensors may run at any rate. The engine is therefore ahead of such a tick by less
-than a step, and commands act from the next step on.
+Time is counted in ticks (see `schedule`). A physics step takes several ticks. States at a tick between two steps are
+interpolated, so that sensors can have any rate. The engine may therefore be ahead of the current tick by less than a
+step, and commands take effect from the next step on.
 """
 
 from collections.abc import Iterator, Sequence
@@ -33,7 +33,7 @@ from pioneer_gazebo.core.wrench import Wrench, Wrenches
 
 
 class Simulation:
-    """Everything that is simulated. Used from one thread."""
+    """The simulation. Used from one thread."""
 
     def __init__(
         self, engine: Engine, triangles: Triangles, physics: Physics, seed: int = 0,
@@ -42,12 +42,12 @@ class Simulation:
         """Starts an empty world at tick 0.
 
         Args:
-            engine: moves the bodies.
+            engine: the physics engine.
             triangles: reads meshes.
-            physics: settings; its step has to be whole ticks.
+            physics: engine settings; the step must be an integer number of ticks.
             seed: of all noise.
-            odometry_error: standard deviation of what an encoder believes of its wheel's diameter, as a part of it.
-            odometry_scale: what encoders believe of every wheel's diameter, as a part of the true one.
+            odometry_error: standard deviation of the wheel diameters assumed by odometry, relative to the diameter.
+            odometry_scale: mean ratio of assumed to true wheel diameter.
         """
         self._engine = engine
         scene = Scene(triangles)
@@ -60,7 +60,7 @@ class Simulation:
         self._wrenches = Wrenches(engine)
         self._collided: list[Entity] = []
         self._lost: dict[str, Pose] = {}
-        self.spawn_search = 0.5  # [m] that a robot which would overlap something static is moved at most
+        self.spawn_search = 0.5  # maximum shift [m] of a robot that would overlap something static
         self.tick = self._stepped = self._inspected = 0
         self._part = 1.0
         self._period = 1
@@ -68,10 +68,10 @@ class Simulation:
         self.configure(physics)
 
     def configure(self, physics: Physics) -> None:
-        """Takes new engine settings.
+        """Applies new engine settings.
 
         Raises:
-            RateError: a step that is not whole ticks.
+            RateError: the step is not an integer number of ticks.
             BoundError: gravity or solver iterations out of bounds.
         """
         bound.check_physics(physics)
@@ -83,7 +83,7 @@ class Simulation:
         """Adds all models of a world.
 
         Raises:
-            SimulatorError: a model cannot be made.
+            SimulatorError: a model cannot be created.
         """
         self._standing.add(*(model for model in world.models if model.static))
         for model in world.models:
@@ -97,14 +97,14 @@ class Simulation:
         return [*self._standing.models, *self._roster.names()]
 
     def entities(self) -> Iterator[Entity]:
-        """Yields all that moves, in the order of spawning."""
+        """Yields all moving entities in the order of spawning."""
         yield from self._roster.entities
 
     def entity(self, name: str) -> Entity:
-        """Returns what moves under that name.
+        """Returns the moving entity of that name.
 
         Raises:
-            ModelError: nothing does.
+            ModelError: there is none.
         """
         found = self._roster.get(name)
         if found is None:
@@ -112,7 +112,7 @@ class Simulation:
         return found
 
     def standing(self, name: str) -> Model | None:
-        """Returns the static model of that name, None where there is none."""
+        """Returns the static model of that name; None if there is none."""
         return self._standing.models.get(name)
 
     def standing_models(self) -> Iterator[Model]:
@@ -120,11 +120,11 @@ class Simulation:
         yield from self._standing.models.values()
 
     def add_model(self, model: Model, namespace: str = "", anywhere: bool = False) -> None:
-        """Adds a model without sensors and plugins; ``anywhere``: also inside something else, as a world may have it.
+        """Adds a model without sensors and plugins; ``anywhere`` allows overlaps, as for the models of a world file.
 
         Raises:
             ModelError: its name is taken, or it would overlap something.
-            EngineError: a shape cannot be made.
+            EngineError: a shape cannot be created.
         """
         self._roster.check_name(model.name, self._standing.models)
         if model.static:
@@ -158,7 +158,7 @@ class Simulation:
         return entity
 
     def _equip(self, entity: Entity, robot: Robot) -> None:
-        """Gives an entity its drives and sensors."""
+        """Adds drives and sensors to an entity."""
         errors = self._seed, self._odometry_error, self._odometry_scale
         equip(entity, robot, *errors)
         for driven in entity.drives:
@@ -186,7 +186,7 @@ class Simulation:
         """Removes a model.
 
         Raises:
-            ModelError: there is none of that name.
+            ModelError: there is no model of that name.
         """
         if name in self._standing.models:
             self._standing.remove(name)
@@ -203,7 +203,7 @@ class Simulation:
     # Time.
 
     def advance(self, tick: int) -> None:
-        """Moves on to ``tick``, stepping the engine as often as that takes."""
+        """Advances to ``tick`` in as many physics steps as necessary."""
         while self._stepped < tick:
             if tick < self._stepped + self._period:
                 for entity in self._roster.entities:
@@ -232,14 +232,14 @@ class Simulation:
                 self._collided.append(entity)
 
     def collided(self) -> list[Entity]:
-        """Returns what began to touch something since this was asked last."""
+        """Returns the entities that started to touch something since the last call."""
         collided, self._collided = self._collided, []
         return collided
 
-    # States at the present tick.
+    # States at the current tick.
 
     def _settled(self, entity: Entity) -> Pose:
-        """Returns the pose of the base's frame after the last step, which the engine is asked for once."""
+        """Returns the pose of the base frame after the last step, querying the engine once per step."""
         if entity.seen != self._stepped:
             pose = self._engine.pose(entity.handle)
             if bound.is_sound(pose):
@@ -250,7 +250,7 @@ class Simulation:
         return entity.after
 
     def lost(self) -> list[str]:
-        """Returns the names of models that have left the world or whose state is not finite."""
+        """Returns the names of models that have left the world's bounds or whose state is not finite."""
         if self._stepped - self._inspected >= TICK_RATE:
             self._inspected = self._stepped
             for entity in self._roster.entities:
@@ -258,7 +258,7 @@ class Simulation:
         return list(self._lost)
 
     def pose(self, entity: Entity) -> Pose:
-        """Returns the pose of the base's frame."""
+        """Returns the pose of the base frame."""
         after = self._settled(entity)
         return after if self._part >= 1.0 else between(entity.before, after, self._part)
 
@@ -285,7 +285,7 @@ class Simulation:
         return self._engine.velocity(entity.handle, part)
 
     def odometry(self, driven: Driven) -> Odometry:
-        """Returns what the encoders say."""
+        """Returns the wheel odometry."""
         now = driven.drive.odometry
         return now if self._part >= 1.0 else driven.before.towards(now, self._part)
 
@@ -294,15 +294,15 @@ class Simulation:
         return self._engine.joints(entity.handle, parts)
 
     def efforts(self, entity: Entity, parts: Sequence[int]) -> list[float]:
-        """Returns what the motors of the joints that move ``parts`` applied in the last step [N m or N]."""
+        """Returns the efforts applied in the last step by the motors of the joints that move ``parts`` [N m or N]."""
         return self._engine.efforts(entity.handle, parts)
 
     def contacts(self, entity: Entity) -> list[Contact]:
-        """Returns what the entity touches but the ground."""
+        """Returns the entity's contacts, except those that support it."""
         return self._engine.contacts(entity.handle)
 
     def touched_name(self, contact: Contact) -> str:
-        """Returns ``model::link::collision`` of what a contact is with."""
+        """Returns ``model::link::collision`` of the other side of a contact."""
         if contact.other is not None:
             return self._roster.of_handle(contact.other).touch_name(contact.other_part)
         return self._standing.name_at(contact.position)
@@ -319,18 +319,18 @@ class Simulation:
         return self._view.ranges(base.compose(mounted.pose), mounted, entity.number, seen)
 
     def distance(self, entity: Entity, mounted: Mounted) -> float:
-        """Returns a sonar's reading [m]: the distance to the nearest thing in its cone, within its limits."""
+        """Returns a sonar's reading [m]: the distance to the nearest hit in its cone, within its limits."""
         nearest = float(self.ranges(entity, mounted).min())
         return min(max(nearest, mounted.device.min_range), mounted.device.max_range)
 
-    # What is done to it.
+    # Actions.
 
     def place(self, name: str, pose: Pose, velocity: Velocity | None = None) -> None:
-        """Moves a model at once; ``velocity`` None keeps the one it has.
+        """Moves a model instantly; if ``velocity`` is None, it keeps its velocity.
 
         Raises:
-            ModelError: there is none of that name, or it follows a script.
-            BoundError: a number that the engine cannot simulate.
+            ModelError: there is no model of that name, or it follows a script.
+            BoundError: a value is out of bounds.
         """
         bound.check_pose(pose)
         bound.check_velocity(velocity or STILL)
@@ -347,7 +347,7 @@ class Simulation:
         self._view.outdate()
 
     def set_joint(self, entity: Entity, joint: str, position: float) -> None:
-        """Puts a joint to a position [rad or m], at rest.
+        """Sets a joint to a position [rad or m], at rest.
 
         Raises:
             KeyError: there is no such joint, or it is fixed.
@@ -356,7 +356,7 @@ class Simulation:
         self._engine.set_joint(entity.handle, entity.body.joint_index(joint), position)
 
     def push(self, wrench: Wrench) -> None:
-        """Applies a wrench while it lasts; raises BoundError where it is out of bounds."""
+        """Applies a wrench for its duration; raises BoundError if it is out of bounds."""
         bound.check_wrench(wrench.force, wrench.torque, wrench.point)
         self._wrenches.add(wrench)
 
@@ -365,7 +365,7 @@ class Simulation:
         self._wrenches.clear(entity, part)
 
     def reset_poses(self) -> None:
-        """Puts every model back to where it began, at rest, with odometry at the origin. Time continues."""
+        """Returns every model to its initial pose, at rest, with odometry at the origin. Time continues."""
         self._standing.reset()
         self._wrenches.clear()
         self._actors.restart(self._stepped)
@@ -382,7 +382,7 @@ class Simulation:
                 mover.reset()
 
     def reset(self) -> None:
-        """Does `reset_poses` and puts time, noise and collision counts back to the beginning."""
+        """Does `reset_poses`, and resets time, noise and collision counts."""
         self.tick = self._stepped = self._inspected = 0
         self.reset_poses()
         self._part = 1.0

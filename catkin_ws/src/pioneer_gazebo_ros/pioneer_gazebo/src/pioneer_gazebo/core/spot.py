@@ -1,4 +1,4 @@
-"""Where a model may be added: on what is below it, and clear of everything else."""
+"""Spawns bodies on the surface below them and clear of other bodies."""
 
 import math
 from collections.abc import Sequence
@@ -11,16 +11,16 @@ from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.section import Triangles
 
 DEEPEST_START = 0.02
-"""A model may be spawned at most this far [m] inside something else."""
+"""Maximum penetration [m] of a newly spawned model."""
 
 GROUND_GAP = 0.0005
-"""What is spawned in the ground is lifted until it is this far [m] above."""
+"""A body spawned in the ground is lifted to this height [m] above it."""
 
 STEP_UP = 0.3
-"""What is spawned at most this far [m] below the top of something is lifted on to it."""
+"""A body spawned at most this far [m] below the top of something is lifted onto it."""
 
 SEARCH_STEP, DIRECTIONS = 0.05, 16
-"""A free pose is looked for in rings that are this far [m] apart, in so many directions."""
+"""Spacing [m] of the rings searched for a free pose, and number of directions per ring."""
 
 
 class OverlapError(ModelError):
@@ -28,31 +28,31 @@ class OverlapError(ModelError):
 
     def __init__(self, contact: Contact) -> None:
         super().__init__(f"would overlap by {contact.depth:.2f} m")
-        self.contact = contact  #: where it would overlap most
+        self.contact = contact  #: the deepest contact
 
 
 def added(
     engine: Engine, body: Body, pose: Pose, triangles: Triangles, anywhere: bool, search: float
 ) -> tuple[int, Pose]:
-    """Adds a body to the engine, and returns its handle and where it stands.
+    """Adds a body to the engine; returns its handle and final pose.
 
     Args:
         engine: the engine.
         body: the body.
         pose: of its base.
         triangles: reads meshes.
-        anywhere: whether it may overlap anything, as in a world's file.
-        search: how far it may be moved to overlap nothing static [m].
+        anywhere: whether it may overlap anything, as for the models of a world file.
+        search: maximum shift to resolve an overlap with something static [m].
 
     Raises:
-        OverlapError: it overlaps something at ``pose``, and is not added.
+        OverlapError: it overlaps something at ``pose``; it was not added.
     """
     pose = _lifted(engine, body, pose, triangles, DEEPEST_START if anywhere else STEP_UP)
     handle = engine.add(body, pose)
     worst = None if anywhere else _deepest(engine.overlap(handle))
     if worst is None:
         return handle, pose
-    # A pose that is a little inside a wall is not quite right; one inside another model is a mistake.
+    # A pose slightly inside a wall is inaccurate and can be corrected; one inside another model is an error.
     found = _free_pose(engine, handle, pose, search) if worst.other is None else None
     if found is None:
         engine.remove(handle)
@@ -61,7 +61,7 @@ def added(
 
 
 def _lifted(engine: Engine, body: Body, pose: Pose, triangles: Triangles, most: float) -> Pose:
-    """Returns ``pose`` raised by at most ``most`` [m], so that the body stands on what it would overlap."""
+    """Returns ``pose`` raised by at most ``most`` [m], so that the body stands on the surface it would penetrate."""
     points = lowest_points(body, pose, triangles)
     if not points or body.parts[0].mass <= 0:
         return pose
@@ -74,10 +74,10 @@ def _lifted(engine: Engine, body: Body, pose: Pose, triangles: Triangles, most: 
 
 
 def _free_pose(engine: Engine, handle: int, pose: Pose, bound: float) -> Pose | None:
-    """Moves a body to the nearest pose, at most ``bound`` [m] beside ``pose``, where it overlaps nothing.
+    """Moves a body to the nearest pose without overlaps, at most ``bound`` [m] from ``pose`` in the plane.
 
     Returns:
-        That pose, None where there is none; the body stands at one that was tried then.
+        That pose; None if there is none, which leaves the body at the last pose tried.
     """
     x, y, z = pose.position
     for ring in range(1, round(bound / SEARCH_STEP) + 1):
@@ -92,6 +92,6 @@ def _free_pose(engine: Engine, handle: int, pose: Pose, bound: float) -> Pose | 
 
 
 def _deepest(contacts: Sequence[Contact]) -> Contact | None:
-    """Returns the contact in which something overlaps too much to start with, None where there is none."""
+    """Returns the deepest contact if it is too deep to spawn there, otherwise None."""
     worst = max(contacts, key=lambda contact: contact.depth, default=None)
     return worst if worst is not None and worst.depth > DEEPEST_START else None

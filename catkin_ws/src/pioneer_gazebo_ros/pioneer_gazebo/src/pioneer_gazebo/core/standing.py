@@ -1,4 +1,4 @@
-"""The standing world: static models, what of them is ground, and what obstructs."""
+"""The static world: static models, divided into ground and obstacles."""
 
 from dataclasses import replace
 
@@ -12,11 +12,11 @@ from pioneer_gazebo.core.section import Triangles
 from pioneer_gazebo.core.world import Model, PlacedCollision, Plane, World
 
 GROUND_TOP = 0.03
-"""A standing shape whose top is not above this [m] is ground: wheels roll on it, and touching it is no collision."""
+"""Maximum top height [m] of static shapes that count as ground: wheels roll on it, touching it is no collision."""
 
 
 class Standing:
-    """Static models by name; every change is passed to engine and scene, which rebuild what it affects."""
+    """Static models by name; changes are passed to engine and scene."""
 
     def __init__(self, engine: Engine, scene: Scene, triangles: Triangles) -> None:
         self._engine, self._scene, self._triangles = engine, scene, triangles
@@ -36,11 +36,11 @@ class Standing:
         self.models, self._obstacles = models, obstacles
 
     def add(self, *models: Model) -> None:
-        """Adds static models.
+        """Adds static models; nothing changes if this fails.
 
         Raises:
-            EngineError: a shape cannot be made; nothing has changed then.
-            BoundError: a number that the engine cannot simulate; nothing has changed then.
+            EngineError: a shape cannot be created.
+            BoundError: a value is out of bounds.
         """
         added = {model.name: model for model in models}
         self._set({**self.models, **added})
@@ -56,7 +56,7 @@ class Standing:
         self._set({**self.models, name: replace(self.models[name], pose=pose)})
 
     def reset(self) -> None:
-        """Puts every model back to where it was added."""
+        """Moves every model back to the pose it was added with."""
         if self.models != self._first:
             self._set(dict(self._first))
 
@@ -67,6 +67,6 @@ class Standing:
 
 
 def is_ground(one: PlacedCollision, triangles: Triangles) -> bool:
-    """Tells whether a standing shape is ground."""
+    """Returns whether a static shape is ground."""
     shape = one.collision.shape
     return isinstance(shape, Plane) or heights(shape, one.pose, triangles)[1] <= GROUND_TOP

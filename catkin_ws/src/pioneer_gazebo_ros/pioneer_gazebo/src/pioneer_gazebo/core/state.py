@@ -1,4 +1,4 @@
-"""States of models and links by Gazebo's names: ``model`` and ``model::link``."""
+"""States of models and links by their Gazebo names, ``model`` and ``model::link``."""
 
 from pioneer_gazebo.core.engine import STILL, Velocity
 from pioneer_gazebo.core.entity import Entity
@@ -10,7 +10,7 @@ WORLD_NAMES = ("", "world", "map", "/map", "/world")
 
 
 def split_name(name: str) -> tuple[str, str]:
-    """Returns model and link of ``model::link``; the link is empty where only a model is named."""
+    """Splits ``model::link`` into model and link; the link is empty if only a model is named."""
     model, _, link = name.partition("::")
     return model, link
 
@@ -60,7 +60,7 @@ def link_motion(simulation: Simulation, model: str, link: str) -> tuple[Pose, Ve
 
 
 def part_of(entity: Entity, link: str) -> tuple[int, Pose]:
-    """Returns the part that holds a link, and the link's pose in it.
+    """Returns the part that contains a link, and the link's pose in it.
 
     Raises:
         ModelError: there is no such link.
@@ -72,10 +72,10 @@ def part_of(entity: Entity, link: str) -> tuple[int, Pose]:
 
 
 def motion(simulation: Simulation, name: str) -> tuple[Pose, Velocity]:
-    """Returns pose and velocity of a model, of a link as ``model::link``, or of the world itself.
+    """Returns pose and velocity of a model, of a link (``model::link``), or of the world itself.
 
     Raises:
-        ModelError: there is nothing of that name.
+        ModelError: there is no model or link of that name.
     """
     if name in WORLD_NAMES:
         return IDENTITY, STILL
@@ -84,10 +84,10 @@ def motion(simulation: Simulation, name: str) -> tuple[Pose, Velocity]:
 
 
 def relative(simulation: Simulation, name: str, reference: str) -> tuple[Pose, Velocity]:
-    """Returns the pose and velocity of what ``name`` names, seen from ``reference``.
+    """Returns pose and velocity of ``name`` relative to ``reference``.
 
     Raises:
-        ModelError: there is nothing of either name.
+        ModelError: there is no model or link of either name.
     """
     pose, velocity = motion(simulation, name)
     base, base_velocity = motion(simulation, reference)
@@ -97,10 +97,10 @@ def relative(simulation: Simulation, name: str, reference: str) -> tuple[Pose, V
 
 
 def place(simulation: Simulation, name: str, pose: Pose, velocity: Velocity, reference: str) -> None:
-    """Puts a model, by its own frame or by that of one of its links, to a pose and velocity seen from ``reference``.
+    """Moves a model so that it, or its link, has this pose and velocity relative to ``reference``.
 
     Raises:
-        ModelError: there is nothing of either name.
+        ModelError: there is no model or link of either name.
     """
     model, link = split_name(name)
     base, _ = motion(simulation, reference)

@@ -1,4 +1,4 @@
-"""Ground truth: the true pose and velocity of one link, as ``libgazebo_ros_p3d.so`` reports them."""
+"""Ground truth: the true pose and velocity of one link, as reported by ``libgazebo_ros_p3d.so``."""
 
 import numpy as np
 

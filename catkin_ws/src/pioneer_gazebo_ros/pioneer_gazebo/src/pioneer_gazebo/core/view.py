@@ -1,4 +1,4 @@
-"""What lasers see of the world as it is at the present tick."""
+"""The world as seen by lasers at the current tick."""
 
 from collections.abc import Iterable, Sequence
 
@@ -13,7 +13,7 @@ from pioneer_gazebo.kernels.laser import Sensor
 
 
 class View:
-    """Sections of what stands, and outlines of what moves, with the poses of one tick."""
+    """Sections of static and outlines of moving bodies, with the poses of one tick."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
@@ -21,27 +21,27 @@ class View:
         self.swinging: list[Swinging] = []
 
     def add(self, entity: Entity) -> None:
-        """Shows an entity to all lasers."""
+        """Makes an entity visible to all lasers."""
         self.swinging += swinging_parts(entity)
         self.outdate()
 
     def remove(self, entity: Entity) -> None:
-        """Hides an entity."""
+        """Removes an entity."""
         for outline in (entity.outline, *(one.outline for one in self.swinging if one.entity is entity)):
             self._scene.forget(outline)
         self.swinging = [one for one in self.swinging if one.entity is not entity]
         self.outdate()
 
     def outdate(self) -> None:
-        """Forgets the poses: something was moved by hand."""
+        """Discards the poses after something was moved externally."""
         self._poses = (-1, self._poses[1])
 
     def knows(self, tick: int) -> bool:
-        """Returns whether it has the poses of a tick."""
+        """Returns whether the poses are those of ``tick``."""
         return self._poses[0] == tick
 
     def update(self, tick: int, poses: Iterable[Pose]) -> None:
-        """Takes the poses of all entities, then of all swinging parts, at a tick."""
+        """Sets the poses at a tick: of all entities, then of all swinging parts."""
         rows = [(*pose.position[:2], heading(pose.rotation)) for pose in poses]
         self._poses = tick, np.array(rows).reshape(-1, 3)
 
@@ -52,7 +52,7 @@ class View:
 
         Args:
             sensor: pose in the world.
-            mounted: its beams.
+            mounted: the ray sensor.
             own: row of the entity that carries it.
             seen: outline and height [m] of each row.
         """

@@ -1,7 +1,7 @@
-"""Wheels for the engine: balls that roll on the ground, and drums that meet obstacles in their place.
+"""Wheels for the engine: balls that roll on the ground, and drums that collide with obstacles in their place.
 
-A ball touches the ground at one point, which makes an engine's wheels exact; what is wide about it would touch walls
-beside the wheel, so that it meets the ground only.
+A ball touches the ground at a single point, which makes the simulated wheel exact. As it is wider than the wheel, it
+would hit walls beside the wheel, so it collides with the ground only.
 """
 
 import math
@@ -18,32 +18,32 @@ from pioneer_gazebo.core.section import Triangles
 from pioneer_gazebo.core.world import Collision, Cylinder, Mesh, Sphere
 
 CLEARANCE = 0.004
-"""The drum that stands for a wheel against obstacles ends this much [m] above the ground."""
+"""Height of a wheel's drum above the ground [m]; the drum collides with obstacles."""
 
 DRUM_FRICTION = 0.2
 
 OFF_AXIS = 1e-3
-"""A shape turns in place if its middle is this close to the joint's axis [m]."""
+"""A shape rotates in place if its centre is within this distance of the joint's axis [m]."""
 
 SECTORS, ROUNDNESS = 12, 0.9
-"""A mesh is round if its radius in each of so many sectors is at least this part of the largest."""
+"""A mesh is round if its radius in each of the sectors is at least this fraction of the maximum radius."""
 
 LEVEL = 0.1
-"""A wheel's axis rises by at most this part of its length."""
+"""Maximum vertical component of a wheel axis (unit vector)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """A shape of a part."""
+    """A collision shape of a part."""
 
-    link: str  #: name of the link it came from
+    link: str  #: name of the link it belongs to
     collision: Collision  #: the shape; its pose is in the part's frame
-    rolling: bool = False  #: meets the ground only
+    rolling: bool = False  #: whether it collides with the ground only
 
 
 @dataclass(frozen=True, slots=True)
 class Round:
-    """A shape that turns in place: its radius and its extent along the axis, from the part's origin [m]."""
+    """A shape that rotates in place: its radius, and its extent along the axis from the part's origin [m]."""
 
     radius: float
     low: float
@@ -51,11 +51,11 @@ class Round:
 
 
 def is_wheel(touches: Iterable[Touch], joint: Joint, parent: Pose, triangles: Triangles) -> bool:
-    """Tells whether a part rolls although no drive turns it: round about a level axis, but not a ball as it is.
+    """Returns whether a part is a passive wheel: round about a level axis, but not already a sphere.
 
     Args:
         touches: the part's shapes.
-        joint: moves the part.
+        joint: the joint that moves the part.
         parent: pose of the parent part in the base.
         triangles: reads meshes.
     """
@@ -70,9 +70,9 @@ def is_wheel(touches: Iterable[Touch], joint: Joint, parent: Pose, triangles: Tr
 
 
 def as_balls(touches: Iterable[Touch], joint: Joint, triangles: Triangles) -> tuple[list[Touch], list[Touch]]:
-    """Returns a wheel's shapes as balls that roll, and the drums for its parent that meet obstacles in their place.
+    """Returns a wheel's shapes as rolling balls, and the drums that its parent gets to collide with obstacles.
 
-    What is round about the joint's axis becomes a ball of its radius; any other shape stays as it is.
+    Shapes that are round about the joint's axis become balls of that radius; others are kept.
     """
     balls, drums = [], []
     for touch in touches:
@@ -92,7 +92,7 @@ def as_balls(touches: Iterable[Touch], joint: Joint, triangles: Triangles) -> tu
 
 
 def _round(collision: Collision, axis: Vector, triangles: Triangles) -> Round | None:
-    """Returns the round that a shape is about ``axis`` through the part's origin, None for any other shape."""
+    """Returns radius and extent of a shape that is round about ``axis`` through the part's origin; otherwise None."""
     shape, pose = collision.shape, collision.pose
     if isinstance(shape, Mesh):
         return _round_mesh(pose, triangles(shape).reshape(-1, 3), np.array(axis))
@@ -130,7 +130,7 @@ def _along(axis: Vector, distance: float) -> Vector:
 
 
 def _from_z(axis: Vector) -> tuple[float, float, float, float]:
-    """Returns a rotation that turns z to ``axis``."""
+    """Returns a rotation that takes the z axis to ``axis``."""
     x, y, z = axis
     if z < -0.999999:
         return 1.0, 0.0, 0.0, 0.0

@@ -1,4 +1,4 @@
-"""What a world is made of, free of any file format and any engine. Lengths [m], masses [kg], SI throughout."""
+"""Data model of a world, independent of file formats and engine. SI units: lengths [m], masses [kg]."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -13,14 +13,14 @@ Colour = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A box about its own origin; ``size`` is its whole extent along x, y, z."""
+    """A box centred on its origin; ``size`` is its full extent along x, y, z."""
 
     size: Vector
 
 
 @dataclass(frozen=True, slots=True)
 class Cylinder:
-    """A cylinder along z about its own origin; ``length`` is its whole height."""
+    """A cylinder along z, centred on its origin; ``length`` is its full height."""
 
     radius: float
     length: float
@@ -28,17 +28,17 @@ class Cylinder:
 
 @dataclass(frozen=True, slots=True)
 class Sphere:
-    """A ball about its own origin."""
+    """A sphere centred on its origin."""
 
     radius: float
 
 
 @dataclass(frozen=True, slots=True)
 class Plane:
-    """The half space below a plane through its own origin."""
+    """The half space below a plane through its origin."""
 
     normal: Vector = (0.0, 0.0, 1.0)  #: points out of the solid
-    #: extent along x and y that is drawn; as in Gazebo the collision knows no border
+    #: visible extent along x and y; as in Gazebo, the collision shape is infinite
     size: tuple[float, float] = (100.0, 100.0)
 
 
@@ -55,10 +55,10 @@ Shape = Box | Cylinder | Sphere | Plane | Mesh
 
 @dataclass(frozen=True, slots=True)
 class Collision:
-    """A shape that is touched and that lasers see."""
+    """A collision shape, which lasers also see."""
 
     name: str  #: unique in its link
-    pose: Pose  #: of the shape in the link
+    pose: Pose  #: pose of the shape in the link
     shape: Shape  #: the shape
     friction: float = 1.0  #: Coulomb coefficient along the first direction (SDF's ``mu``, URDF's ``mu1``)
     restitution: float = 0.0  #: 0 (no bounce) … 1
@@ -66,7 +66,7 @@ class Collision:
 
 @dataclass(frozen=True, slots=True)
 class Visual:
-    """A shape that is only looked at; ``colour`` is red, green, blue, alpha, each 0 … 1."""
+    """A shape visible to cameras only; ``colour`` is red, green, blue, alpha, each 0 … 1."""
 
     name: str
     pose: Pose
@@ -84,16 +84,16 @@ class Inertia:
     ixy: float = 0.0
     ixz: float = 0.0
     iyz: float = 0.0
-    pose: Pose = IDENTITY  #: of the centre of mass, and of the axes, in the link
+    pose: Pose = IDENTITY  #: pose of the centre of mass and the axes in the link
 
 
 UNIT_INERTIA = Inertia()
-"""What SDF gives a link that says nothing of its inertia."""
+"""SDF's default inertia."""
 
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A rigid body: its pose is in the model's frame."""
+    """A rigid body with its pose in the model's frame."""
 
     name: str
     pose: Pose = IDENTITY
@@ -109,23 +109,23 @@ class Model:
 
     name: str  #: unique in the world
     pose: Pose = IDENTITY  #: in the world
-    static: bool = False  #: whether it never moves
+    static: bool = False  #: whether it is static
     links: tuple[Link, ...] = ()  #: poses are in the model's frame, all joints at 0
-    script: Script | None = None  #: what moves it in place of physics
-    #: one tree of all links (see `joint.tree_of`); none where all links are held together
+    script: Script | None = None  #: script that moves it instead of physics
+    #: form a tree of all links (see `joint.tree_of`); empty if all links are rigidly connected
     joints: tuple[Joint, ...] = ()
     devices: tuple[Any, ...] = ()  #: sensors and plugins (see `robot.Device`)
-    namespace: str = ""  #: that a plugin names for its topics; it counts where the model is spawned without one
+    namespace: str = ""  #: topic namespace set by a plugin; used if the model is spawned without a namespace
 
     def moved(self, base: Pose) -> "Model":
-        """Returns the model with its pose and script, given in ``base``'s frame, in the frame of ``base``'s parent."""
+        """Returns the model with pose and script transformed from ``base``'s frame to the parent frame of ``base``."""
         script = None if self.script is None else self.script.moved(base)
         return replace(self, pose=base.compose(self.pose), script=script)
 
 
 @dataclass(frozen=True, slots=True)
 class PlacedCollision:
-    """A collision of a world's model together with its pose in the world."""
+    """A collision of a world's model with its pose in the world."""
 
     model: Model
     link: Link
@@ -135,16 +135,16 @@ class PlacedCollision:
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """A whole world."""
+    """A complete world."""
 
-    name: str  #: as the file names it
-    models: tuple[Model, ...] = ()  #: in the file's order, names unique
+    name: str  #: name in the file
+    models: tuple[Model, ...] = ()  #: in file order, with unique names
     gravity: Vector = (0.0, 0.0, -9.81)  #: acceleration along x, y, z [m/s²]
-    #: one line for each kind of thing in the file that is not supported and was left out
+    #: one line for each kind of unsupported element that was ignored
     warnings: tuple[str, ...] = field(default=(), compare=False)
 
     def collisions(self, static_only: bool = False) -> Iterator[PlacedCollision]:
-        """Yields every collision with its pose in the world, in the file's order."""
+        """Yields every collision with its pose in the world, in file order."""
         for model in self.models:
             if static_only and not model.static:
                 continue

@@ -1,4 +1,4 @@
-"""Forces and torques that a client has applied to a body for a while."""
+"""Forces and torques applied to bodies for a limited time."""
 
 from dataclasses import dataclass
 
@@ -21,24 +21,24 @@ class Wrench:
 
 
 class Wrenches:
-    """All wrenches that still last."""
+    """All active and pending wrenches."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
         self._wrenches: list[Wrench] = []
 
     def add(self, wrench: Wrench) -> None:
-        """Takes one more."""
+        """Adds a wrench."""
         self._wrenches.append(wrench)
 
     def clear(self, entity: Entity | None = None, part: int | None = None) -> None:
-        """Ends all, those on an entity, or those on one part of it."""
+        """Ends all wrenches, those on an entity, or those on one of its parts."""
         self._wrenches = [
             one for one in self._wrenches if not (entity in (None, one.entity) and part in (None, one.part))
         ]
 
     def push(self, tick: int) -> None:
-        """Applies to the step that begins at ``tick`` what is due, and forgets what has ended by then."""
+        """Applies the active wrenches to the step that begins at ``tick``, and removes those that have ended."""
         if self._wrenches:
             self._wrenches = [one for one in self._wrenches if one.last > tick]
         for one in self._wrenches:

@@ -1,10 +1,10 @@
-"""Ray casting in the plane: segments and circles in a uniform grid, and moving outlines.
+"""Planar ray casting against segments and circles in a uniform grid, and against moving outlines.
 
 A segment is a row (ax, ay, ex, ey): one end and the vector to the other [m]. A circle is a row (x, y, radius) [m].
-The grid has square cells of side ``cell`` from the corner (x0, y0); cell ``row * cols + col`` holds
-``items[starts[k]:starts[k + 1]]``: numbers below the count of segments are segments, the rest are circles.
+The grid has square cells of side ``cell`` from the corner (x0, y0); cell ``k = row * cols + col`` holds
+``items[starts[k]:starts[k + 1]]``: numbers below the number of segments are segments, the others circles.
 
-The walk through the grid is that of Amanatides and Woo, "A fast voxel traversal algorithm" (1987).
+The grid traversal is that of Amanatides and Woo, "A fast voxel traversal algorithm" (1987).
 """
 
 import math
@@ -16,7 +16,7 @@ from pioneer_kernels.declaration import Array1, Array2, kernel, njit
 
 
 class Walls(NamedTuple):
-    """Segments and circles, and the grid over them: corner, side of a cell [m], numbers of rows and columns."""
+    """Segments and circles with their grid: corner and cell side [m], number of rows and columns."""
 
     segments: Array2[np.float64]
     circles: Array2[np.float64]
@@ -28,9 +28,9 @@ class Walls(NamedTuple):
 
 
 class Outlines(NamedTuple):
-    """Outlines that move: outline ``k`` is ``segments[starts[k]:starts[k + 1]]``, in its mover's frame.
+    """Moving outlines: outline ``k`` is ``segments[starts[k]:starts[k + 1]]``, in its mover's frame.
 
-    ``radii`` [m] are those of circles about the movers' origins that hold their outlines.
+    ``radii`` [m] are those of bounding circles about the movers' origins.
     """
 
     segments: Array2[np.float64]
@@ -39,7 +39,7 @@ class Outlines(NamedTuple):
 
 
 class Sensor(NamedTuple):
-    """Where a sensor is and where it looks [m, rad]."""
+    """Pose of a sensor in the plane [m, rad]."""
 
     x: float
     y: float
@@ -47,7 +47,7 @@ class Sensor(NamedTuple):
 
 
 class Fan(NamedTuple):
-    """A scan's beams: angle of the first from the sensor's heading, from beam to beam [rad], their length [m]."""
+    """A scan's beams: angle of the first one relative to the sensor's heading, increment [rad], and length [m]."""
 
     first: float
     increment: float
@@ -55,13 +55,13 @@ class Fan(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """How distances become ranges."""
+    """Parameters for converting distances to ranges."""
 
-    mean: float  #: of the noise [m]
-    deviation: float  #: of the noise [m]
-    resolution: float  #: ranges are whole multiples of it [m]; 0 for any
-    least: float  #: least range [m]; what is nearer becomes -inf
-    most: float  #: greatest range [m]; what is farther becomes +inf
+    mean: float  #: mean of the noise [m]
+    deviation: float  #: standard deviation of the noise [m]
+    resolution: float  #: ranges are multiples of it [m]; 0 for no rounding
+    least: float  #: minimum range [m]; smaller distances become -inf
+    most: float  #: maximum range [m]; larger distances become +inf
 
 
 @njit(inline="always")
@@ -71,7 +71,7 @@ def _clamped(value: int, low: int, high: int) -> int:
 
 @njit
 def _segment_meets_cell(ax: float, ay: float, ex: float, ey: float, left: float, bottom: float, cell: float) -> bool:
-    """Tells whether a segment touches a cell, by the two box axes (done by the caller) and the segment's normal."""
+    """Tests whether a segment touches a cell, on the segment's normal only; the caller has tested the box axes."""
     margin = 1e-9 + 1e-9 * cell
     half = 0.5 * cell
     cx, cy = left + half, bottom + half
@@ -81,7 +81,7 @@ def _segment_meets_cell(ax: float, ay: float, ex: float, ey: float, left: float,
 
 @njit
 def _visit(walls: Walls, starts: Array1[np.int32], items: Array1[np.int32], store: int) -> None:
-    """Counts (store 0) or stores (store 1) each item in every cell it may touch; ``starts`` is the running position."""
+    """Counts (store 0) or stores (store 1) each item in every cell it may touch; advances ``starts``."""
     segments, circles, x0, y0, cell, rows, cols = walls
     margin = 1e-7
     for k in range(segments.shape[0]):
@@ -111,19 +111,19 @@ def _visit(walls: Walls, starts: Array1[np.int32], items: Array1[np.int32], stor
 
 @kernel
 def count_items(walls: Walls, counts: Array1[np.int32]) -> None:
-    """Adds to ``counts``, shape (rows * cols,), how many items each cell holds."""
+    """Adds the number of items per cell to ``counts``, shape (rows * cols,)."""
     _visit(walls, counts, counts, 0)
 
 
 @kernel
 def fill_items(walls: Walls, cursors: Array1[np.int32], items: Array1[np.int32]) -> None:
-    """Writes the items of each cell from position ``cursors[cell]`` on, which moves along."""
+    """Writes each cell's items from position ``cursors[cell]`` on, advancing the cursor."""
     _visit(walls, cursors, items, 1)
 
 
 @njit(inline="always")
 def _circle_distance(px: float, py: float, dx: float, dy: float, x: float, y: float, radius: float) -> float:
-    """Returns the distance along the ray to the circle's rim, infinity where there is none ahead."""
+    """Returns the distance along the ray to the circle's rim; infinity if it is not hit."""
     mx, my = px - x, py - y
     b = mx * dx + my * dy
     c = mx * mx + my * my - radius * radius
@@ -218,7 +218,7 @@ def cast(
     fan: Fan,
     out: Array1[np.float64],
 ) -> None:
-    """Writes to ``out`` the distance [m] along each beam, ``fan.reach`` where nothing is met before.
+    """Writes the distance [m] along each beam to ``out``; ``fan.reach`` for no hit.
 
     Beam ``i`` points along ``sensor.yaw + fan.first + i * fan.increment`` [rad].
     """
@@ -238,7 +238,7 @@ def _shorten(
     turn_beams: float,
     out: Array1[np.float64],
 ) -> None:
-    """Shortens the beams that cross a segment given relative to the sensor; only those between its ends are tried."""
+    """Shortens the beams that cross a segment, given relative to the sensor; tests only beams between its ends."""
     start = math.atan2(ay, ax)
     sweep = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
     if sweep < 0.0:
@@ -259,7 +259,7 @@ def _shorten(
         low, high = math.floor(offset), math.ceil(offset + span)
         shift = math.ceil(turn_beams)
     n = out.shape[0]
-    # The beams may begin anywhere in the turn: the interval may wrap once.
+    # The first beam can have any direction, so the interval may wrap once.
     for wrap in range(2):
         first, last = low, high
         if wrap:
@@ -287,15 +287,15 @@ def cast_movers(
     fan: Fan,
     out: Array1[np.float64],
 ) -> None:
-    """Shortens the beams in ``out`` by outlines that move.
+    """Shortens the beams in ``out`` that hit moving outlines.
 
     Args:
         outlines: of the movers.
         poses: (movers, 3) x, y, yaw [m, rad] in the world.
-        own: number of the mover that carries the sensor and is not seen; -1 for none.
+        own: index of the mover that carries the sensor, which is ignored; -1 for none.
         sensor: as in ``cast``.
         fan: as in ``cast``.
-        out: distances, as ``cast`` left them.
+        out: distances from ``cast``, updated in place.
     """
     segments, starts, radii = outlines
     turn_beams = math.tau / abs(fan.increment) if fan.increment != 0.0 else 1.0
@@ -317,11 +317,11 @@ def cast_movers(
 
 @kernel
 def measure(out: Array1[np.float64], noise: Array1[np.float64], reading: Reading) -> None:
-    """Turns true distances into ranges in place: noise, resolution, limits.
+    """Converts true distances to ranges in place: noise, resolution, limits.
 
     Args:
         out: distances [m].
-        noise: standard normal draws, one a beam.
+        noise: standard normal samples, one per beam.
         reading: of the sensor.
     """
     mean, deviation, resolution, least, most = reading

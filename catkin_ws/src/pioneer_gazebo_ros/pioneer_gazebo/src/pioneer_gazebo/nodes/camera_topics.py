@@ -1,4 +1,4 @@
-"""A robot's camera: pictures and their intrinsics, drawn only while something subscribes."""
+"""Publishes a camera's images and intrinsics; renders only while there are subscribers."""
 
 from collections.abc import Callable
 from typing import Any
@@ -15,10 +15,10 @@ from pioneer_gazebo.nodes.topic import Topic
 
 
 def camera_topics(port: Port, config: Camera) -> None:
-    """Publishes ``image_raw`` (Image) and ``camera_info`` (CameraInfo) below the camera's name, with the same stamps.
+    """Publishes ``image_raw`` (Image) and ``camera_info`` (CameraInfo) below the camera's name, with equal stamps.
 
-    A depth camera publishes distances (Image, 32FC1) and points (PointCloud2), too. The simulation waits for each
-    picture; where pictures take too much time, some are left out (`Budget`).
+    A depth camera also publishes depth (Image, 32FC1) and points (PointCloud2). The simulation waits for each image; if
+    rendering takes too much time, images are dropped (`Budget`).
     """
     simulation, frame = port.simulation, port.frame(config.frame)
     noise = generator_for(0, port.entity.name, config.name)

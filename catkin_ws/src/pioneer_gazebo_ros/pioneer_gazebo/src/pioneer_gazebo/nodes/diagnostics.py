@@ -1,4 +1,4 @@
-"""How the simulator does, on ``/diagnostics``."""
+"""Publishes the simulator's state on ``/diagnostics``."""
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -6,7 +6,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from pioneer_gazebo.nodes.topic import publish_while_alive
 
 SLOW = 0.9
-"""Below this part of the real-time factor that was asked for, the status is a warning."""
+"""Below this fraction of the requested real-time factor, the status is a warning."""
 
 
 class Diagnostics:
@@ -16,13 +16,13 @@ class Diagnostics:
         self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=1)
 
     def publish(self, simulated: float, measured: float, asked: float, paused: bool, models: int, robots: int) -> None:
-        """Publishes one status; costs nothing without subscribers.
+        """Publishes one status; does nothing without subscribers.
 
         Args:
             simulated: simulated time [s].
             measured: real-time factor of the last second.
-            asked: real-time factor asked for; 0: as fast as possible.
-            paused: whether time stands.
+            asked: requested real-time factor; 0: as fast as possible.
+            paused: whether the simulation is paused.
             models: number of all models.
             robots: number of robots.
         """

@@ -17,7 +17,7 @@ from pioneer_gazebo.nodes.sensor_topics import joint_state_topics
 
 
 def _wheel_transforms(port: Port, driven: Driven) -> None:
-    """Publishes the transforms of the driven wheels, from the links that carry them."""
+    """Publishes the transforms of the driven wheels relative to their parent links."""
     body, simulation, transforms = port.entity.body, port.simulation, port.context.transforms
     wheels = []
     for part in driven.parts:
@@ -47,7 +47,7 @@ def odometry_topics(
     motion: Callable[[], tuple[Pose, Velocity]],
     tf: bool = True,
 ) -> None:
-    """Publishes ``motion`` on ``odometryTopic`` (Odometry) at ``rate`` [Hz] and, where ``tf``, its transform."""
+    """Publishes ``motion`` on ``odometryTopic`` (Odometry) at ``rate`` [Hz] and, if ``tf``, its transform."""
     transforms, topic = port.context.transforms, port.topic(config.odometryTopic, Odometry)
     odom, base = port.frame(config.odometryFrame), port.frame(config.robotBaseFrame)
     template = conversions.OdometryTemplate(odom, base, conversions.POSE_COVARIANCE)

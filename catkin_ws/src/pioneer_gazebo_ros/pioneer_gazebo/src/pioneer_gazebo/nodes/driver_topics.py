@@ -1,4 +1,4 @@
-"""What a real Pioneer's driver reports of its base: battery, bumpers, motors, sonar ring, under rosaria's names."""
+"""Publishes what a real Pioneer's driver reports: battery, bumpers, motors, sonar ring, under rosaria's names."""
 
 import math
 from collections.abc import Callable
@@ -17,16 +17,16 @@ from pioneer_gazebo.core.schedule import nanoseconds
 from pioneer_gazebo.nodes.port import Port
 
 NOT_CHARGING = 0
-"""Of rosaria's ``battery_recharge_state``."""
+"""A value of rosaria's ``battery_recharge_state``."""
 
 
 def driver_topics(port: Port, config: BaseDriver) -> None:
-    """Publishes what the driver of one robot's base reports.
+    """Publishes the base data of one robot.
 
     ``battery_state`` (sensor_msgs/BatteryState), ``battery_voltage`` (std_msgs/Float64), ``battery_state_of_charge``
     (std_msgs/Float32, 0 … 1), ``battery_recharge_state`` (std_msgs/Int8, latched), ``motors_state`` (std_msgs/Bool,
     latched), ``bumper_state`` (pioneer_msgs/BumperState) and, if the robot has sonars, ``sonar``
-    (sensor_msgs/PointCloud). The battery drains whether or not anything subscribes.
+    (sensor_msgs/PointCloud). The battery drains whether or not there are subscribers.
     """
     simulation, entity, frame = port.simulation, port.entity, port.frame(config.frameName)
     battery = Battery(config)
@@ -68,7 +68,7 @@ def driver_topics(port: Port, config: BaseDriver) -> None:
 
 
 def battery_state(battery: Battery) -> BatteryState:
-    """Returns the message of a battery, without a header."""
+    """Returns the BatteryState of a battery, without a header."""
     config = battery.config
     return BatteryState(
         voltage=battery.voltage,

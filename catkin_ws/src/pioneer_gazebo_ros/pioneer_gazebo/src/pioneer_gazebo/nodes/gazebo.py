@@ -1,4 +1,4 @@
-"""The simulator as the node ``/gazebo``."""
+"""The simulator node ``/gazebo``."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -30,7 +30,7 @@ from pioneer_node.core.parameter import ParameterError, config_from_mapping
 from pioneer_node.nodes import entry
 
 REPORT_PERIOD = 1.0
-"""The real-time factor is measured and published every so many seconds of wall time."""
+"""Interval at which the real-time factor is measured and published [s of wall time]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class GazeboConfig:
     lockstep: dict[str, Any] | None = None
 
     def __post_init__(self) -> None:
-        """Refuses what makes no sense."""
+        """Rejects invalid values; raises ParameterError."""
         if not 0 <= self.real_time_factor < float("inf"):
             raise ParameterError(
                 f"~real_time_factor must be 0 (as fast as possible) or more, not {self.real_time_factor}"
@@ -73,19 +73,20 @@ class GazeboConfig:
 class GazeboNode:
     """The simulator.
 
-    Subscribes: ``/gazebo/set_model_state``, ``/gazebo/set_link_state``, and what each robot's drive listens to.
+    Subscribes: ``/gazebo/set_model_state``, ``/gazebo/set_link_state``, and the command topics of each robot's drives.
 
     Publishes: ``/clock``, ``/tf``, ``/gazebo/model_states``, ``/gazebo/link_states``, ``/gazebo/ready`` (latched),
         ``/gazebo/real_time_factor``, ``/diagnostics``, and each robot's topics (see `RobotTopics`).
 
-    Services: gazebo_ros' and ``/gazebo/step``: `SpawnServices`, `TimeServices`, `ModelServices`, `LinkServices`.
+    Services: those of gazebo_ros, and ``/gazebo/step`` (`SpawnServices`, `TimeServices`, `ModelServices`,
+        `LinkServices`).
 
     Parameters: `GazeboConfig`.
 
-    Threads: `spin` owns the simulation; services and subscribers hand it their work through a `Mailbox`, velocity
-        commands through a queue of their drive, with the tick that they came at.
+    Threads: `spin` owns the simulation. Services and subscribers pass work to it through a `Mailbox`; velocity
+        commands go through the drive's queue, with their arrival tick.
 
-    On error: bad input is answered or logged in one line, and the simulation continues.
+    On error: invalid input is answered or logged in one line, and the simulation continues.
     """
 
     def __init__(self, config: GazeboConfig) -> None:
@@ -128,7 +129,7 @@ class GazeboNode:
         rospy.loginfo("world %s: %d models", world.name, len(world.models))
 
     def _gate(self, parameters: dict[str, Any], mailbox: Mailbox) -> LockstepGate:
-        """Returns what holds time in lockstep; before any publisher: it replaces rospy's."""
+        """Returns the lockstep gate. Must run before any publisher is created, because it replaces rospy's."""
 
         def namespaces() -> set[str]:
             return {entity.namespace for entity in self._simulation.entities() if entity.robot is not None}

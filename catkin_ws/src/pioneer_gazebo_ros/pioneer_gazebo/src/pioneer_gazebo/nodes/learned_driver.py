@@ -1,4 +1,4 @@
-"""``learned_driver``: drives a robot to goals by weights that were learned in the simulator's environments."""
+"""``learned_driver``: drives a robot to goals with weights learned in the simulator's learning environments."""
 
 import argparse
 import json
@@ -16,19 +16,19 @@ from pioneer_gazebo.adapters.resource import package_directory
 from pioneer_gazebo.core.heading_policy import act
 
 FASTEST, QUICKEST = 0.7, 1.5
-"""As in training [m/s, rad/s]."""
+"""Maximum speed and turn rate, as in training [m/s, rad/s]."""
 
 
 class LearnedDriver:
-    """Turns each scan into a command, until all goals are reached.
+    """Answers each scan with a velocity command until all goals are reached.
 
-    Subscribes: ``base_scan`` (sensor_msgs/LaserScan, all round), /tf from map to the robot's base_link.
+    Subscribes: ``base_scan`` (sensor_msgs/LaserScan, 360°), /tf from map to the robot's base_link.
 
     Publishes: ``cmd_vel`` (geometry_msgs/Twist).
     """
 
     def __init__(self, weights: NDArray[np.float64], goals: list[tuple[float, float]], tolerance: float) -> None:
-        """``goals`` are x, y [m] in map, and count as reached within ``tolerance`` [m]."""
+        """Takes the policy's weights, and goals x, y [m] in map, which are reached within ``tolerance`` [m]."""
         self._weights, self._goals, self._tolerance = weights, goals, tolerance
         self._base = f"{rospy.get_namespace().strip('/')}/base_link".lstrip("/")
         self._buffer = tf2_ros.Buffer()
@@ -59,7 +59,7 @@ class LearnedDriver:
 
 
 def main() -> int:
-    """Drives to the goals of the command line; returns its exit status."""
+    """Drives to the goals given on the command line; returns the exit status."""
     shipped = (package_directory("pioneer_gazebo") or Path()) / "config" / "learned_driver.json"
     parser = argparse.ArgumentParser(
         prog="learned_driver", description="Drives a robot to goals in map by a learned policy."

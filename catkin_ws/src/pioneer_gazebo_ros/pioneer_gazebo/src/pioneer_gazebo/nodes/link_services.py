@@ -1,4 +1,4 @@
-"""The services of gazebo_ros on links and joints, and on forces that act on links."""
+"""The services of gazebo_ros for links, joints, and forces on links."""
 
 import math
 
@@ -26,7 +26,7 @@ _TYPES = {
 
 
 class LinkServices:
-    """Asks, sets and pushes links."""
+    """Reads and sets link states, and applies wrenches to links."""
 
     def __init__(self, mailbox: Mailbox, simulation: Simulation) -> None:
         """Starts the services."""
@@ -39,7 +39,7 @@ class LinkServices:
         serve("clear_body_wrenches", srv.BodyRequest, self._clear, mailbox)
 
     def _moving(self, name: str) -> tuple[Entity, int, Pose]:
-        """Returns the entity, part and pose in the part of ``model::link``."""
+        """Returns entity, part and pose in the part of ``model::link``."""
         model, link = state.split_name(_checked(name))
         entity = self._simulation.entity(model)
         return (entity, *state.part_of(entity, link))
@@ -71,7 +71,7 @@ class LinkServices:
             ixx=inertia.ixx,
             iyy=inertia.iyy,
             izz=inertia.izz,
-            status_message="of all links that fixed joints hold together here",
+            status_message="values are for all links merged by fixed joints",
         )
 
     def _joint(self, request: srv.GetJointPropertiesRequest) -> srv.GetJointPropertiesResponse:
@@ -85,7 +85,7 @@ class LinkServices:
         )
 
     def _find_joint(self, name: str) -> tuple[Entity, int, Joint]:
-        """Finds ``joint`` in the first model that has it, as Gazebo does, or ``model::joint``."""
+        """Finds ``model::joint`` or, like Gazebo, ``joint`` in the first model that has it."""
         model, _, rest = name.rpartition("::")
         for entity in self._simulation.entities():
             if model and entity.name != model:
@@ -115,7 +115,7 @@ class LinkServices:
 
 
 def _checked(name: str) -> str:
-    """Returns a link's name; raises ModelError where it is not ``model::link``."""
+    """Returns a link's name; raises ModelError if it does not have the form ``model::link``."""
     if not name.partition("::")[2]:
         raise ModelError(f"{name!r} does not name a link as model::link")
     return name

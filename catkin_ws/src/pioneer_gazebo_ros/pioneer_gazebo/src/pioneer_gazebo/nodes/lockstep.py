@@ -1,4 +1,4 @@
-"""Lockstep: simulated time waits at each period's end until every member has done its work (docs/lockstep.md)."""
+"""Lockstep: simulated time waits at the end of each period until every member is done (docs/lockstep.md)."""
 
 import time
 from collections.abc import Callable, Collection
@@ -19,27 +19,27 @@ from pioneer_node.nodes.exchange import Exchange
 from pioneer_node.nodes.lockstep import RINGS, WITHHELD, Link, ring_publisher
 
 _ASK_EVERY = 0.2
-"""How often rings that are absent are asked to join [s of wall time]."""
+"""Interval at which absent rings are asked to join [s of wall time]."""
 _RESEND_AFTER, _RESEND_PAUSE = 1.0, 8.0
-"""When a token that has not come back is sent again, and the longest pause until the next time [s of wall time]."""
+"""Delay before an unreturned token is resent, and maximum pause between resends [s of wall time]."""
 _ANSWER = 2.0
-"""How long members may take to answer a probe [s of wall time]."""
+"""Time limit for members to answer a probe [s of wall time]."""
 _SAY_AFTER = 5.0
-"""How often a start that waits for rings is reported [s of wall time]."""
+"""Interval between reports of a start that waits for rings [s of wall time]."""
 
 
 @dataclass(frozen=True, slots=True)
 class LockstepConfig:
     """Parameters ``~lockstep/…``."""
 
-    #: names of the rings that the first period waits for, with blanks between; empty for those of all robots
+    #: names of the rings that the first period waits for, separated by blanks; empty for the rings of all robots
     rings: str = ""
-    rate: float = 20.0  #: periods a simulated second [Hz]
-    deadline: float = 60.0  #: how long a period may take [s of wall time]; 0 for any time
-    silence: str = "abort"  #: what follows then: ``abort`` ends the simulator, ``drop`` continues without that ring
+    rate: float = 20.0  #: periods per simulated second [Hz]
+    deadline: float = 60.0  #: time limit of a period [s of wall time]; 0 for none
+    silence: str = "abort"  #: after the deadline ``abort`` ends the simulator, ``drop`` continues without that ring
 
     def __post_init__(self) -> None:
-        """Refuses what makes no sense."""
+        """Rejects invalid values; raises ParameterError."""
         if self.silence not in ("abort", "drop"):
             raise ParameterError(f"~lockstep/silence must be abort or drop, not {self.silence!r}")
         if not self.deadline >= 0:
@@ -50,11 +50,11 @@ class LockstepGate:
     """Holds simulated time at the end of each period until all rings have returned their tokens.
 
     Subscribes: ``RING/lockstep/done`` of each ring; ``/lockstep/rings``, ``/lockstep/withheld`` (std_msgs/String): the
-        rings that take part from the next period on, and what tokens do not carry then, with blanks between.
+            rings that take part, and what tokens do not carry, from the next period on; separated by blanks.
 
     Publishes: ``RING/lockstep/period``, ``RING/lockstep/probe``.
 
-    Threads: that of the simulation, but for `Exchange` and subscribers, which put tokens into the mailbox.
+    Threads: the simulation's, except for `Exchange` and subscribers, which put tokens into the mailbox.
     """
 
     def __init__(self, config: LockstepConfig, mailbox: Mailbox, namespaces: Callable[[], Collection[str]]) -> None:
@@ -63,16 +63,16 @@ class LockstepGate:
         Args:
             config: parameters.
             mailbox: of the simulation.
-            namespaces: returns those of the robots in the world.
+            namespaces: returns the namespaces of the robots in the world.
 
         Raises:
-            RateError: a rate that does not divide the tick rate.
+            RateError: the rate does not divide the tick rate.
         """
         self.exchange = Exchange(rospy.get_name()).install(follows=False)
-        #: until: the tick at which the period under way ends
+        #: until: the tick at which the current period ends
         self.period = self.until = period_of(config.rate, "~lockstep/rate")
         self._config, self._mailbox, self._namespaces = config, mailbox, namespaces
-        self.changed: Callable[[], None] = lambda: None  #: called when other topics are wanted than before
+        self.changed: Callable[[], None] = lambda: None  #: called when the set of wanted topics has changed
         self._state = Lockstep()
         self._expected: list[str] | None = None
         self._inlets: dict[str, rospy.Publisher] = {}
@@ -87,10 +87,10 @@ class LockstepGate:
         rospy.Subscriber(WITHHELD, String, lambda message: mailbox.post(partial(self._withhold, message.data.split())))
 
     def holds(self, tick: int) -> bool:
-        """Returns whether time stands at ``tick``; asks absent rings to join, and members that are late to answer.
+        """Returns whether time stands still at ``tick``; asks absent rings to join, and probes late members.
 
         Raises:
-            LockstepError: a member is silent, which ends the run.
+            LockstepError: a member does not respond, and the run must end.
         """
         state = self._state
         if not state.begun and not state.rings:
@@ -104,7 +104,7 @@ class LockstepGate:
         if state.late:
             self._watch()
         if not state.stands and not state.begun:
-            self._want()  # what the first period's token is to carry
+            self._want()  # wanted topics, for the first period's tokens
         return state.stands
 
     def reached(self, tick: int) -> None:
@@ -132,7 +132,7 @@ class LockstepGate:
             self.changed()
 
     def restart(self) -> None:
-        """Begins again at tick 0; members see time jump back."""
+        """Restarts at tick 0; members see time jump back."""
         self.until = self.period
 
     def _expect(self, names: list[str]) -> None:
@@ -142,7 +142,7 @@ class LockstepGate:
         self._state.withheld = frozenset(names)
 
     def _listen(self, names: Collection[str]) -> None:
-        """Connects the rings that are to take part."""
+        """Connects to the rings that are to take part."""
         self._state.expect(names)
         for name in self._state.rings.keys() - self._inlets.keys():
             self._inlets[name] = ring_publisher(ring_topic(name, INLET))
@@ -171,7 +171,7 @@ class LockstepGate:
             rospy.loginfo("lockstep waits for %s", ", ".join(ring.name or "/" for ring in self._state.absent))
 
     def _watch(self) -> None:
-        """Sends late rings their tokens again; after the deadline probes them, and then decides on them."""
+        """Resends tokens to late rings; probes them after the deadline, and then decides how to proceed."""
         now, deadline = time.monotonic(), self._config.deadline
         if now - self._began > self._resend_after:
             self._resend_after += min(self._resend_after + _RESEND_AFTER, _RESEND_PAUSE)
@@ -188,17 +188,17 @@ class LockstepGate:
             self._decide()
 
     def _resend(self) -> None:
-        """Sends the tokens again that have not come back: each member that has done the period passes on its own."""
+        """Resends tokens that have not returned; members that have finished the period pass their own token on."""
         for ring in self._state.late:
             rospy.loginfo("lockstep: sending %s the token of period %d again", ring.name or "/", self._state.period)
             self._outlets[ring.name].keep_connected()
             self._inlets[ring.name].publish(self._tokens[ring.name])
 
     def _decide(self) -> None:
-        """Ends the run, or continues without the rings that are late.
+        """Ends the run, or continues without the late rings.
 
         Raises:
-            LockstepError: the run is to end.
+            LockstepError: the run must end.
         """
         late = self._state.late
         text = "; ".join(self._fault(ring) for ring in late)
@@ -211,7 +211,7 @@ class LockstepGate:
         self.exchange.deliver(self._state.end_period())
 
     def _fault(self, ring: Ring) -> str:
-        """Returns which member of a ring is at fault, and how."""
+        """Returns which member of a ring failed, and how."""
         for member in ring.members:
             answer = self._answers.get(member)
             if answer is None:

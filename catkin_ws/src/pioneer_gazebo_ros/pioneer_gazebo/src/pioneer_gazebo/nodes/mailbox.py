@@ -1,4 +1,4 @@
-"""Work for the one thread that owns the simulation, handed over by the threads of services and subscribers."""
+"""Work queue of the thread that owns the simulation, filled by the threads of services and subscribers."""
 
 import contextlib
 import threading
@@ -11,14 +11,14 @@ Result = TypeVar("Result")
 
 
 class ClosedError(Exception):
-    """The simulator has ended and does no more work."""
+    """The simulator has shut down and accepts no more work."""
 
 
 class Mailbox:
-    """A queue of work with a bell that the owner sleeps on.
+    """A work queue with a bell on which the owner sleeps.
 
-    The bell is a lock that is released to ring: waiting for it costs a tenth of what waiting for a condition does, and
-    the owner waits at every tick.
+    The bell is a lock that is released to ring it. Waiting for a lock costs a tenth of waiting for a condition, and the
+    owner waits at every tick.
     """
 
     def __init__(self) -> None:
@@ -29,15 +29,15 @@ class Mailbox:
         self._closed = False
 
     def call(self, work: Callable[[], Result]) -> Result:
-        """Has the owner do ``work``, waits for it, and returns its result or raises what it raised.
+        """Runs ``work`` in the owner's thread; waits for it, and returns its result or raises its exception.
 
         Raises:
-            ClosedError: the owner has ended.
+            ClosedError: the owner has shut down.
         """
         return self._put(work).result()
 
     def post(self, work: Callable[[], Any]) -> None:
-        """Has the owner do ``work`` and does not wait; what it raises is lost, and so is work after the end."""
+        """Queues ``work`` for the owner without waiting; its exceptions are discarded, as is work after `close`."""
         with contextlib.suppress(ClosedError):
             self._put(work)
 
@@ -51,24 +51,24 @@ class Mailbox:
         return future
 
     def _ring(self) -> None:
-        """Rings the bell; called with the guard held."""
+        """Rings the bell; the caller must hold the guard."""
         if self._bell.locked():
             self._bell.release()
 
     def wait(self, timeout: float) -> bool:
-        """Sleeps until there is new work, until `close`, or until ``timeout`` [s] has passed: returns False then.
+        """Sleeps until new work, `close`, or ``timeout`` [s]; returns False after a timeout.
 
-        May return True once for work that has been done already.
+        May return True once for work that has already been done.
         """
         return self._bell.acquire(timeout=timeout)
 
     @property
     def pending(self) -> bool:
-        """Whether work waits."""
+        """Whether work is queued."""
         return bool(self._waiting)
 
     def serve(self) -> None:
-        """Does all work that has come in; called by the owner."""
+        """Does all queued work; called by the owner."""
         while self._waiting:
             future, work = self._waiting.popleft()
             try:
@@ -77,7 +77,7 @@ class Mailbox:
                 future.set_exception(error)
 
     def close(self) -> None:
-        """Refuses further work and gives up what is waiting."""
+        """Rejects further work and cancels queued work."""
         with self._guard:
             self._closed = True
             while self._waiting:

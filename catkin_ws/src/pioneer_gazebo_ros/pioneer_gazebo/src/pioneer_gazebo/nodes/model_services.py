@@ -1,4 +1,4 @@
-"""The services of gazebo_ros on models and on the world's list of them."""
+"""The services of gazebo_ros for models and the world's model list."""
 
 from gazebo_msgs import srv
 from std_msgs.msg import Header
@@ -13,7 +13,7 @@ from pioneer_gazebo.nodes.service import serve
 
 
 class ModelServices:
-    """Asks and sets models."""
+    """Reads and sets model states and properties."""
 
     def __init__(self, mailbox: Mailbox, simulation: Simulation) -> None:
         """Starts the services."""

@@ -1,4 +1,4 @@
-"""Topics of devices that the Pioneer does not have: planar moves, IMU, GPS."""
+"""Topics of devices that the Pioneer does not have: planar move, IMU, GPS."""
 
 from geometry_msgs.msg import Quaternion, Twist, Vector3, Vector3Stamped
 from sensor_msgs.msg import Imu as ImuMessage
@@ -24,7 +24,7 @@ def planar_topics(port: Port, config: PlanarMove) -> None:
 
 
 def imu_topics(port: Port, config: Imu) -> None:
-    """Publishes a link's rotation, rates and accelerations (Imu)."""
+    """Publishes a link's orientation, angular rates and acceleration (Imu)."""
     unit = InertialUnit(port.simulation, port.entity, config)
     message = ImuMessage()
     frame_id = port.frame(config.frame)
@@ -42,7 +42,7 @@ def imu_topics(port: Port, config: Imu) -> None:
 
 
 def gps_topics(port: Port, config: Gps) -> None:
-    """Publishes a link's place on the globe (NavSatFix) and its velocity to north, west and up (Vector3Stamped)."""
+    """Publishes a link's geodetic position (NavSatFix) and its velocity to north, west and up (Vector3Stamped)."""
     fixes = port.topic(config.topicName, NavSatFix)
     velocities = port.topic(config.velocityTopicName, Vector3Stamped)
     receiver = Receiver(port.simulation, port.entity, config)

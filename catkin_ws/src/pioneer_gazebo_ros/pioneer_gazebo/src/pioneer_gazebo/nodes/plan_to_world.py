@@ -1,5 +1,5 @@
-"""``plan_to_world``: a world from a floor plan drawn with characters."""
-# ruff: noqa: T201 - a command talks to people on standard output
+"""``plan_to_world``: creates worlds from floor plans drawn with characters."""
+# ruff: noqa: T201 - a command prints to standard output
 
 import argparse
 import sys
@@ -13,10 +13,10 @@ from pioneer_gazebo.core.floor_plan import plan_from_text, world_of_plan
 
 
 def world_text(plan: Path) -> str:
-    """Returns the SDF text of the world drawn in the file ``plan``, named as the file is.
+    """Returns the SDF text of the world drawn in the file ``plan``, named after the file.
 
     Raises:
-        DescriptionError: the file cannot be read or is no plan.
+        DescriptionError: the file cannot be read or is not a plan.
     """
     try:
         text = plan.read_text()
@@ -26,7 +26,7 @@ def world_text(plan: Path) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Reads the command line, writes the worlds, and returns the exit status."""
+    """Parses the command line and writes the worlds; returns the exit status."""
     parser = argparse.ArgumentParser("plan_to_world", description="Turns drawn floor plans into Gazebo worlds.")
     parser.add_argument("plan", nargs="+", type=Path, help="file with the drawing; worlds/plan/ has examples")
     parser.add_argument(

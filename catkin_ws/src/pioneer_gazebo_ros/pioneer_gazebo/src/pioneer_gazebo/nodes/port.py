@@ -1,4 +1,4 @@
-"""What a device of a robot needs to publish and subscribe: names, frames, the schedule, and the world."""
+"""The interface of a robot's devices to ROS: names, frames, topics, schedule, and the simulation."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,26 +20,26 @@ from pioneer_node.nodes.standing_warning import StandingWarning
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """What all robots share."""
+    """Data shared by all robots."""
 
-    simulation: Simulation  #: the world
-    schedule: Schedule  #: when something is due
+    simulation: Simulation  #: the simulation
+    schedule: Schedule  #: schedule of periodic tasks
     transforms: TransformTopic  #: ``/tf``
-    now: Callable[[], int]  #: returns the tick that a command arrives at; any thread may call it
-    renderer: Callable[[], Renderer]  #: returns what draws pictures, made at the first call
-    budget: Budget  #: the wall time that pictures may take
+    now: Callable[[], int]  #: returns the tick at which a command arrives; thread-safe
+    renderer: Callable[[], Renderer]  #: returns the renderer, created on first use
+    budget: Budget  #: wall time budget for rendering
 
 
 class Port:
-    """One robot's connection to ROS; `close` removes all that was made through it.
+    """One robot's connection to ROS; `close` removes everything created through it.
 
     Parameters: ``tf_prefix`` in the robot's namespace or above, read once.
     """
 
     def __init__(self, context: Context, entity: Entity) -> None:
-        #: simulation: the world's
+        #: simulation: the shared simulation
         #: entity: the robot
-        #: context: what all robots share
+        #: context: data shared by all robots
         self.context, self.entity, self.simulation = context, entity, context.simulation
         self.on_reset: list[Callable[[], None]] = []  #: called when simulated time restarts
         self._base = f"/{entity.namespace}" if entity.namespace else ""
@@ -49,15 +49,15 @@ class Port:
         self._connections: list[rospy.Publisher | rospy.Subscriber] = []
 
     def name(self, name: str) -> str:
-        """Returns a topic's name in the robot's namespace."""
+        """Returns the full name of a topic in the robot's namespace."""
         return name if name.startswith("/") else f"{self._base}/{name}"
 
     def frame(self, frame: str) -> str:
-        """Returns a frame's name with the robot's prefix."""
+        """Returns a frame id with the robot's tf prefix."""
         return resolved(self._prefix, frame)
 
     def topic(self, name: str, message_class: type) -> Topic:
-        """Advertises a topic of frames."""
+        """Advertises a topic of serialised frames."""
         topic = Topic(self.name(name), message_class, self.context.schedule.review)
         self._topics.append(topic)
         return topic
@@ -70,7 +70,7 @@ class Port:
         return publisher
 
     def take_commands(self, name: str, message_class: type, take: Callable[[Any], None]) -> None:
-        """Subscribes to a topic of commands; only the newest is kept. ``take`` may raise ``CommandError``."""
+        """Subscribes to a command topic with queue size 1. ``take`` may raise ``CommandError``."""
         refusing = StandingWarning(f"{self.entity.name}: commands are valid again")
 
         def callback(message: Any) -> None:
@@ -96,15 +96,15 @@ class Port:
         """Runs ``action`` while any of ``topics``, or ``/tf``, has subscribers.
 
         Args:
-            rate: [Hz]; 0: every step of the engine.
-            what: for messages.
-            action: takes the tick.
-            topics: that it publishes.
-            transforms: whether it makes transforms as well.
-            always: whether it runs without subscribers, too.
+            rate: [Hz]; 0: every physics step.
+            what: name in messages.
+            action: called with the tick.
+            topics: those it publishes.
+            transforms: whether it also publishes transforms.
+            always: whether it also runs without subscribers.
 
         Raises:
-            RateError: the rate does not divide the simulator's.
+            RateError: the rate does not divide the tick rate.
         """
 
         def wanted() -> bool:
@@ -114,7 +114,7 @@ class Port:
         self._tasks.append(self.context.schedule.add(f"{self.entity.name}: {what}", rate, action, wanted))
 
     def stream(self, name: str, message_class: type, rate: float, frame: Callable[[int], bytes | bytearray]) -> None:
-        """Publishes a topic at ``rate`` [Hz] while it has subscribers; ``frame`` makes each frame, of a time [ns]."""
+        """Publishes a topic at ``rate`` [Hz] while it has subscribers; ``frame`` makes the frame for a time [ns]."""
         topic = self.topic(name, message_class)
         self.every(rate, name, lambda tick: topic.send(frame(nanoseconds(tick))), topic)
 
@@ -129,7 +129,7 @@ class Port:
 
 
 def _tf_prefix(base: str) -> str:
-    """Returns ``tf_prefix`` of the namespace, or of one above it."""
+    """Returns ``tf_prefix`` from the namespace ``base`` or the nearest one above it."""
     while True:
         value = rospy.get_param(f"{base}/tf_prefix", None)
         if value is not None:

@@ -1,4 +1,4 @@
-"""What one robot publishes and subscribes to, each topic at its own rate and only while it has subscribers."""
+"""Topics of one robot, each published at its own rate and only while it has subscribers."""
 
 from collections.abc import Callable
 from typing import Any
@@ -36,22 +36,22 @@ TOPICS: dict[type, Callable[[Port, Any], object]] = {
     kinds.JointStatePublisher: joint_state_topics,
     kinds.BaseDriver: driver_topics,
 }
-"""What starts the topics of each kind of device."""
+"""Maps device types to the functions that start their topics."""
 
 
 class RobotTopics:
-    """One robot's topics.
+    """The topics of one robot.
 
-    Subscribes, publishes: what each of its devices does (`TOPICS`), and ``collisions`` (std_msgs/UInt32, latched).
-    Threads: all but the subscribers' callbacks, which only store a command, run in the simulation's thread.
-    On error: a command that is not finite is logged at most once a second, and the last one holds.
+    Subscribes, publishes: the topics of its devices (`TOPICS`), and ``collisions`` (std_msgs/UInt32, latched).
+    Threads: everything runs in the simulation's thread, except for subscriber callbacks, which only store a command.
+    On error: a non-finite command is logged at most once a second; the previous command remains in force.
     """
 
     def __init__(self, context: Context, entity: Entity) -> None:
-        """Starts the topics of every device of the robot.
+        """Starts the topics of all devices of the robot.
 
         Raises:
-            RateError: a rate does not divide the simulator's; nothing is left behind.
+            RateError: a rate does not divide the tick rate; all topics are removed again.
         """
         assert entity.robot is not None, "only a robot has topics"
         self._entity = entity
@@ -69,11 +69,11 @@ class RobotTopics:
         self._port.close()
 
     def reset(self) -> None:
-        """Restarts what depends on time."""
+        """Resets devices whose state depends on time, and republishes the collision count."""
         for restart in self._port.on_reset:
             restart()
         self.publish_collisions()
 
     def publish_collisions(self) -> None:
-        """Publishes how often the robot has collided since it was spawned."""
+        """Publishes the number of collisions since the robot was spawned."""
         publish_while_alive(self._collisions, UInt32(self._entity.collisions.count))

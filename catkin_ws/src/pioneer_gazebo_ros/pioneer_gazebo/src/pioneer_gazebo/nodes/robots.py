@@ -1,4 +1,4 @@
-"""The robots in the world, each with its topics."""
+"""Manages the robots in the world and their topics."""
 
 import math
 from dataclasses import replace
@@ -26,7 +26,7 @@ Owner = TypeVar("Owner", Robot, Model)
 
 
 def with_controllers(owner: Owner, namespace: str = "") -> Owner:
-    """Returns a robot with the controllers that its namespace's parameters configure, where it has ros_control.
+    """Returns a robot with its ros_control plugin replaced by the controllers configured in its namespace.
 
     Raises:
         DescriptionError: a controller's parameter is invalid.
@@ -55,16 +55,16 @@ class Robots:
         return len(self._topics)
 
     def _renderer(self) -> TinyRenderer:
-        """Returns what draws cameras' pictures, made when the first is asked for."""
+        """Returns the renderer for cameras, created on first use."""
         if self._drawing is None:
             self._drawing = TinyRenderer(triangles_of_mesh)
         return self._drawing
 
     def spawn(self, name: str, namespace: str, robot: Robot, pose: Pose) -> None:
-        """Adds a robot and its topics.
+        """Spawns a robot and starts its topics.
 
         Raises:
-            SimulatorError: it cannot be added; nothing is left of it.
+            SimulatorError: it cannot be spawned; nothing remains of it.
         """
         for line in robot.warnings:
             rospy.logwarn("%s: %s", name, line)
@@ -81,10 +81,10 @@ class Robots:
             raise
 
     def add_model(self, model: Model, namespace: str) -> None:
-        """Adds a model, and its topics where it has sensors or plugins.
+        """Adds a model, with topics if it has sensors or plugins.
 
         Raises:
-            SimulatorError: it cannot be added; nothing is left of it.
+            SimulatorError: it cannot be added; nothing remains of it.
         """
         self._simulation.add_model(with_controllers(model, namespace), namespace)
         try:
@@ -94,10 +94,10 @@ class Robots:
             raise
 
     def start_topics(self) -> None:
-        """Starts the topics of all models with sensors or plugins that have none yet, as a world's file brings them.
+        """Starts the topics of models with sensors or plugins that have none yet, such as those of a world file.
 
         Raises:
-            RateError: a rate does not divide the simulator's.
+            RateError: a rate does not divide the tick rate.
         """
         for entity in self._simulation.entities():
             if entity.robot is not None and entity.name not in self._topics:
@@ -110,7 +110,7 @@ class Robots:
         """Removes a model and its topics.
 
         Raises:
-            ModelError: there is none of that name.
+            ModelError: there is no model of that name.
         """
         topics = self._topics.pop(name, None)
         if topics is not None:
@@ -118,23 +118,23 @@ class Robots:
         self._simulation.remove(name)
 
     def reset(self) -> None:
-        """Restarts all topics that depend on time."""
+        """Resets all topics that depend on time."""
         for topics in self._topics.values():
             topics.reset()
 
     def remove_lost(self) -> None:
-        """Removes models that have left the world or whose state is not finite."""
+        """Removes models that have left the world's bounds or whose state is not finite."""
         for name in self._simulation.lost():
             rospy.logerr("model %s has left the world or its state is not finite: it is removed", name)
             self.delete(name)
 
     def publish_collisions(self) -> None:
-        """Publishes the counters of all robots that began to touch something."""
+        """Publishes the collision counts of all robots that started to touch something."""
         for entity in self._simulation.collided():
             if entity.name in self._topics:
                 self._topics[entity.name].publish_collisions()
 
     def close(self) -> None:
-        """Frees what draws pictures."""
+        """Frees the renderer."""
         if self._drawing is not None:
             self._drawing.close()

@@ -1,4 +1,4 @@
-"""``run-pioneer-nav-local``: one robot's topics and its localisation and navigation, on the robot's computer."""
+"""``run-pioneer-nav-local``: starts one robot's topics, localisation and navigation on the robot's computer."""
 
 import os
 import sys
@@ -21,15 +21,15 @@ from pioneer_node.core.fleet_file import RobotEntry
 
 NAME = "run-pioneer-nav-local"
 CORRECTION = "AMCL_CORRECTION_FILE"
-"""Variable with the file in which amcl keeps where the robot's odometry begins in the map."""
+"""Environment variable: the file in which amcl stores the pose of the odometry frame in the map."""
 GATEWAY: LaunchFile = ("pioneer_networking", "pioneer_gateway.launch", {})
 WORLD = "/world_name"
-"""Parameter with the name of the world that the base station simulates."""
+"""Parameter with the name of the world simulated by the base station."""
 
 
 @dataclass(frozen=True, slots=True)
 class NavigationOptions:
-    """The command line."""
+    """Command line options."""
 
     robot_name: str = option("", "the robot driven from here, else pioneerX on a host aadiX", "ROBOT_NAME")
     world_name: str = option("", "the world it stands in, for its initial pose; empty for the base station's", "WORLD")
@@ -45,22 +45,22 @@ class NavigationOptions:
 
 
 def options_from(arguments: Sequence[str], environ: Mapping[str, str], host: str) -> NavigationOptions:
-    """Returns the options of a command line; environment and host give defaults.
+    """Returns the options of a command line; environment and host provide defaults.
 
     Raises:
-        ArgumentError: an unknown name, a bad value, or no robot's name anywhere.
+        ArgumentError: unknown name, invalid value, or no robot name.
     """
     options = options_from_arguments(NavigationOptions, arguments, environ, robot_name=robot_of_host(host) or "")
     if not options.robot_name:
-        raise ArgumentError(f"which robot? Give robot_name:= or ROBOT_NAME: host {host} is not called aadiX")
+        raise ArgumentError(f"no robot name; set robot_name:= or ROBOT_NAME (host {host} is not named aadiX)")
     return options
 
 
 def entry_of(options: NavigationOptions) -> tuple[RobotEntry, int]:
-    """Returns what the fleet file has on the robot, and its place in it; a Pioneer of that name without a file.
+    """Returns the robot's entry in the fleet file and its position there; without a file, a Pioneer of that name.
 
     Raises:
-        FleetError: the file is wrong, or does not have the robot.
+        FleetError: the file is invalid, or does not contain the robot.
     """
     if not options.fleet:
         return RobotEntry(options.robot_name), 0
@@ -81,7 +81,7 @@ def launch_files(
     parameters: str = "",
     lockstep: bool = False,
 ) -> list[LaunchFile]:
-    """Returns the launch files of one robot's computer."""
+    """Returns the launch files for one robot's computer."""
     start = {"robot_name": robot.name, "x": str(pose.x), "y": str(pose.y), "yaw": str(pose.a)}
     start |= {"laser": robot.laser, "navigation": robot.navigation, "traffic": str(traffic).lower()}
     start |= {"parameters": parameters}
@@ -94,10 +94,10 @@ def launch_files(
 
 
 def start_pose(options: NavigationOptions, world: str) -> tuple[InitialPose, Path]:
-    """Returns the robot's initial pose in a world, checked against the world's map where that is here, and its file.
+    """Returns the robot's initial pose and its file; the pose is checked against the world's map if that is available.
 
     Raises:
-        FleetError: there is none.
+        FleetError: there is no initial pose.
         PlacementError: no robot can start there.
     """
     poses = Path(options.poses).expanduser() if options.poses else poses_of_world(world)
@@ -110,25 +110,25 @@ def start_pose(options: NavigationOptions, world: str) -> tuple[InitialPose, Pat
 
 
 def navigate(session: Session, options: NavigationOptions) -> None:
-    """Brings the robot's navigation up and keeps it running until the end is asked for.
+    """Starts the robot's navigation and keeps it running until shutdown is requested.
 
     Raises:
-        SessionError: the base station simulates another world than ``options`` name.
+        SessionError: the base station simulates another world than ``options`` specify.
     """
     wanted = Path(options.world_name).stem
     if wanted:
-        start_pose(options, wanted)  # fails before anything is awaited
+        start_pose(options, wanted)  # fails early, before waiting
     if options.start_gateway:
         session.launch([GATEWAY])
     session.wait_for_master()
     master = rosgraph.Master(f"/{NAME}")
     if not wanted and options.gateway:
         session.run("rocon_flip", "pull-from-hub")
-    # Who names the world need not wait for the base station.
+    # If the world is given, there is no need to wait for the base station.
     world = _world_here(session, master) if not wanted or master.hasParam(WORLD) else wanted
     _check_world(wanted or world, world)
     pose, poses = start_pose(options, world)
-    # Before any node starts: a node reads it once.
+    # Must precede all nodes, which read it once.
     master.setParam("/use_sim_time", True)
     session.say(f"starting the navigation of {options.robot_name} in {world}")
     robot, _ = entry_of(options)
@@ -146,7 +146,7 @@ def navigate(session: Session, options: NavigationOptions) -> None:
 
 
 def _world_here(session: Session, master: rosgraph.Master) -> str:
-    """Waits for the base station's world, which the gateway copies to this master."""
+    """Waits for the name of the base station's world, which the gateway copies to this master."""
     session.wait_for(lambda: master.hasParam(WORLD), "the base station's world (step 3)")
     return str(master.getParam(WORLD))
 
@@ -160,7 +160,7 @@ def _check_world(wanted: str, simulated: str) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command and returns its exit status."""
+    """Runs the command; returns the exit status."""
     words = list(sys.argv[1:] if argv is None else argv)
     if {"-h", "--help"} & set(words):
         sys.stdout.write(f"usage: {NAME} [name:=value …]\n{usage(NavigationOptions)}\n")
@@ -171,6 +171,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stderr.write(f"{NAME}: {error}\n")
         return 2
     with tempfile.TemporaryDirectory(prefix=f"{NAME}-") as folder:
-        # An amcl that dies is started again: it resumes where the robot is by then.
+        # amcl is restarted if it dies; it then resumes at the robot's current pose.
         os.environ.setdefault(CORRECTION, f"{folder}/correction.json")
         return run_session(NAME, lambda session: navigate(session, options))

@@ -1,4 +1,4 @@
-"""``run-multi-pioneer-gazebo-master``: the world, its robots, its map, and their topics on the network."""
+"""``run-multi-pioneer-gazebo-master``: starts the world, robots and map, and puts their topics on the network."""
 
 import os
 import shlex
@@ -32,7 +32,7 @@ FACTOR = "REAL_TIME_FACTOR"
 
 @dataclass(frozen=True, slots=True)
 class SimulationOptions:
-    """The command line."""
+    """Command line options."""
 
     world_name: str = option("utm_0", "name of a world or path of a .world file", "WORLD")
     robots: int = option(15, "number of robots", "ROBOTS")
@@ -63,16 +63,14 @@ class SimulationOptions:
         "", "YAML file of parameters that replace those of the simulator; names without namespaces inside"
     )
     lockstep: bool = option(False, "the same as real_time_factor:=lockstep")
-    lockstep_rings: str = option(
-        "", "rings of nodes that lockstep waits for, with blanks between; empty for the robots"
-    )
+    lockstep_rings: str = option("", "space-separated rings of nodes that lockstep waits for; empty for the robots")
 
 
 def options_from(arguments: Sequence[str], environ: Mapping[str, str]) -> SimulationOptions:
-    """Returns the options of a command line; the environment gives defaults.
+    """Returns the options of a command line; the environment provides defaults.
 
     Raises:
-        ArgumentError: an unknown name, a bad value, or two maps.
+        ArgumentError: unknown name, invalid value, or two maps.
     """
     defaults = {}
     if environ.get(FACTOR) == LOCKSTEP:
@@ -85,10 +83,10 @@ def options_from(arguments: Sequence[str], environ: Mapping[str, str]) -> Simula
 
 
 def fleet_robots(options: SimulationOptions) -> tuple[RobotEntry, ...]:
-    """Returns the robots: those of the fleet file, else so many Pioneers.
+    """Returns the robots of the fleet file or, without one, the requested number of Pioneers.
 
     Raises:
-        FleetError: the fleet file is wrong.
+        FleetError: the fleet file is invalid.
     """
     if not options.fleet:
         return tuple(map(RobotEntry, robot_names(options.robots)))
@@ -103,7 +101,7 @@ def fleet_poses(options: SimulationOptions, world: str, robots: Sequence[RobotEn
 
 
 def launch_files(options: SimulationOptions, world: Path, grid: Path, robots: Sequence[RobotEntry]) -> list[LaunchFile]:
-    """Returns all launch files: the world, paused until the robots stand in it, descriptions, robots and the map.
+    """Returns all launch files: the world (paused until the robots are spawned), descriptions, robots and map.
 
     Args:
         options: the command line.
@@ -113,7 +111,7 @@ def launch_files(options: SimulationOptions, world: Path, grid: Path, robots: Se
     """
     given_by_path = Path(options.world_name).expanduser().is_file()
     simulator = {
-        # Nodes run in another directory than this command.
+        # Nodes have a different working directory.
         "world_name": str(world) if given_by_path else options.world_name,
         "real_time_factor": LOCKSTEP if options.lockstep else str(options.real_time_factor),
         "lockstep_rings": options.lockstep_rings,
@@ -140,10 +138,10 @@ def _robot_arguments(robot: RobotEntry) -> dict[str, str]:
 
 
 def map_file(options: SimulationOptions, world: Path) -> Path:
-    """Returns the YAML file of the map that the command line asks for, else of the world's.
+    """Returns the YAML file of the map given on the command line, or of the world's map.
 
     Raises:
-        SessionError: there is none; the message says how to get one.
+        SessionError: there is no such map; the message says how to get one.
     """
     if options.map_file:
         path = Path(options.map_file).expanduser().resolve()
@@ -161,7 +159,7 @@ def map_file(options: SimulationOptions, world: Path) -> Path:
 
 
 def simulate(session: Session, options: SimulationOptions) -> None:
-    """Brings everything up in order and keeps it running until the end is asked for."""
+    """Starts everything in order and keeps it running until shutdown is requested."""
     path = world_path(options.world_name)
     world, grid = path.stem, map_file(options, path)
     robots = fleet_robots(options)
@@ -177,7 +175,7 @@ def simulate(session: Session, options: SimulationOptions) -> None:
     session.wait_for_master()
     if options.gateway:
         _check_master(session)
-    # Robots' computers read it through the gateways, and choose their initial poses by it.
+    # Robots' computers read the world name through the gateways, to choose their initial poses.
     master = rosgraph.Master(f"/{NAME}")
     master.setParam("/world_name", world)
     master.setParam("/robot_names", list(poses))
@@ -210,10 +208,10 @@ def _possible(
     session: Session, options: SimulationOptions, poses: Mapping[str, InitialPose],
     do: Callable[[str, InitialPose], None],
 ) -> dict[str, InitialPose]:  # fmt: skip
-    """Does something to each robot; returns those for which it was possible, and reports the others.
+    """Applies ``do`` to each robot; returns the robots for which it succeeded, and reports the others.
 
     Raises:
-        SimulatorError: it was possible for none, or, with ``skip:=false``, not for all.
+        SimulatorError: it succeeded for no robot or, with ``skip:=false``, failed for one.
     """
     done: dict[str, InitialPose] = {}
     for number, (robot, pose) in enumerate(poses.items(), 1):
@@ -229,10 +227,10 @@ def _possible(
 
 
 def _check_master(session: Session) -> None:
-    """Raises SessionError on the hub's own master, and where the gateway is another than the robots pull from."""
+    """Raises SessionError if this is the hub's own master, or if its gateway is not the one that robots pull from."""
     uri, master = rosgraph.get_master_uri(), rosgraph.Master(f"/{NAME.replace('-', '_')}")
     parameter = f"{GATEWAY}/name"
-    # Of a gateway that has ended the parameter is left.
+    # The parameter outlives its gateway.
     name = str(master.getParam(parameter)) if master.hasParam(parameter) and _has_node(master, GATEWAY) else ""
     if not name and _has_node(master, "/hub"):
         port = (urllib.parse.urlsplit(uri).port or 11311) + 1
@@ -241,7 +239,7 @@ def _check_master(session: Session) -> None:
             f"export ROS_MASTER_URI=http://localhost:{port} and start this again"
         )
     if name and name != HUB_GATEWAY:
-        # A simulator on a robot's master would replace the clock that its navigation runs by.
+        # A simulator on a robot's master would replace the clock that its navigation uses.
         raise SessionError(
             f"the gateway on {uri} is '{name}', and robots pull from {HUB_GATEWAY}: "
             f"export ROS_MASTER_URI to that one's master (http://localhost:11312) and start this again"
@@ -262,7 +260,7 @@ def _connect(session: Session, robots: Sequence[str]) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command and returns its exit status."""
+    """Runs the command; returns the exit status."""
     words = list(sys.argv[1:] if argv is None else argv)
     if {"-h", "--help"} & set(words):
         sys.stdout.write(f"usage: {NAME} [name:=value …]\n{usage(SimulationOptions)}\n")

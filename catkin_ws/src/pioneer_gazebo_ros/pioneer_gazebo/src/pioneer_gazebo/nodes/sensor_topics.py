@@ -61,7 +61,7 @@ def joint_state_topics(port: Port, config: JointStatePublisher) -> None:
 
 
 def bumper_topics(port: Port, config: Bumper) -> None:
-    """Publishes the contacts of a link (ContactsState) while there are any."""
+    """Publishes a link's contacts (ContactsState) while there are any."""
     topic = port.topic(config.bumperTopicName, ContactsState)
     part, _ = port.entity.body.part_of(config.link)
     own = f"{port.entity.name}::{config.link}::{config.collision or config.link}"

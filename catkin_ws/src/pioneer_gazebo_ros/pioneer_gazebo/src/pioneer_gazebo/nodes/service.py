@@ -1,4 +1,4 @@
-"""How a service of ``/gazebo`` is answered."""
+"""Serves the services of ``/gazebo``."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,15 +9,15 @@ from pioneer_gazebo.core.error import SimulatorError
 from pioneer_gazebo.nodes.mailbox import ClosedError, Mailbox
 
 LONGEST = 400
-"""Characters of a refusal: names that a client sends may have millions."""
+"""Maximum length of an error text [characters]; names sent by clients may have millions."""
 
 
 def serve(name: str, kind: Any, handler: Callable[[Any], Any], mailbox: Mailbox | None = None) -> None:
-    """Serves ``/gazebo/NAME`` by ``handler``, in the thread that serves ``mailbox``, or in the service's own without.
+    """Serves ``/gazebo/NAME`` with ``handler``, in the thread of ``mailbox`` or, without one, in the service's own.
 
-    The handler returns a response, the text of one that has nothing else to tell, or nothing; ``success`` and "ok" are
-    added. An invalid request is answered with ``success`` false and one line in ``status_message``, which is logged as
-    well; a service whose response has no such field fails with that line.
+    The handler returns a response, the text of an otherwise default response, or None; ``success`` and "ok" are filled
+    in. For an invalid request, ``success`` is false and ``status_message`` has one line, which is also logged; if the
+    response type has no such field, the call fails with that line.
     """
 
     def answer(request: Any) -> Any:
@@ -35,10 +35,10 @@ def serve(name: str, kind: Any, handler: Callable[[Any], Any], mailbox: Mailbox 
 
 
 def _stated(response: Any, success: bool, text: str) -> Any:
-    """Returns the response with its fields of success and text filled, where it has them and no text yet.
+    """Returns the response with its success and text fields set, if it has them; keeps an existing text.
 
     Raises:
-        rospy.ServiceException: it has none, and is to say that the request failed.
+        rospy.ServiceException: the request failed and the response has no such fields.
     """
     for field in ("status_message", "message"):
         if hasattr(response, field):

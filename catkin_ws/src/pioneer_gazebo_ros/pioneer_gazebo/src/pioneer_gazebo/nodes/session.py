@@ -1,4 +1,4 @@
-"""A running set of launch files and commands that starts together and ends together."""
+"""A set of launch files and commands that start and end together."""
 
 import contextlib
 import os
@@ -22,37 +22,37 @@ from pioneer_gazebo.core.error import SimulatorError
 from pioneer_node.adapters.end_request import EndRequest
 from pioneer_node.nodes import launcher
 
-# A node gets SIGINT, after so many seconds SIGTERM, after so many more SIGKILL.
+# A node gets SIGINT, then SIGTERM after the first time limit, then SIGKILL after the second [s].
 SIGINT_TIMEOUT, SIGTERM_TIMEOUT = 2.0, 1.0
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 POLL = 0.1
-"""How often conditions are looked at [s]."""
+"""Polling interval of conditions [s]."""
 LONGEST = 2.0
-"""Likewise, where the end of a node ends the wait [s]."""
+"""Polling interval where the end of a node also ends the wait [s]."""
 RUN_ID_PATIENCE = 5.0
-"""How long a master may go without a run id [s]."""
+"""Maximum time to wait for a master's run id [s]."""
 PATIENCE = 1.0
-"""A wait is reported once it has taken so long [s]."""
+"""Waits longer than this are reported [s]."""
 
 LaunchFile = tuple[str, str, dict[str, str]]
 """Package, file in its ``launch`` folder, arguments."""
 
 
 class SessionError(SimulatorError):
-    """Something that the session needs failed or ended."""
+    """Something that the session needs has failed or ended."""
 
 
-class Interrupted(Exception):  # noqa: N818 - no error: somebody asked for the end
+class Interrupted(Exception):  # noqa: N818 - not an error: shutdown was requested
     """Ctrl-C or SIGTERM."""
 
 
 class Session(roslaunch.pmon.ProcessListener):
-    """Launch files in one roslaunch, commands beside it, and one orderly end for all of them.
+    """One roslaunch for several launch files, additional commands, and an orderly shutdown of all of them.
 
-    To be used as a context manager in the main thread: from entry on, SIGINT and SIGTERM raise `Interrupted` out of
-    `wait_for`, `run` and `spin`; on exit everything that was started ends, within `SIGINT_TIMEOUT` and
-    `SIGTERM_TIMEOUT`. The former signal handlers are back then, unless the end was asked for: the process is about to
-    end, and signals are ignored.
+    To be used as a context manager in the main thread. From entry on, SIGINT and SIGTERM raise `Interrupted` in
+    `wait_for`, `run` and `spin`. On exit all started processes are ended within `SIGINT_TIMEOUT` and
+    `SIGTERM_TIMEOUT`. The previous signal handlers are then restored, unless shutdown was requested: the process is
+    about to exit, and signals are ignored.
     """
 
     def __init__(self, name: str) -> None:
@@ -70,11 +70,11 @@ class Session(roslaunch.pmon.ProcessListener):
         return self
 
     def __exit__(self, *exception: object) -> None:
-        # Ctrl-C a second time must not leave processes behind.
+        # A second Ctrl-C must not leave processes behind.
         for parent in self._parents:
             parent.shutdown()
         for number, handler in self._handlers.items():
-            # Of a key that is held, the next Ctrl-C must not be a KeyboardInterrupt between here and the end.
+            # If Ctrl-C is held down, it must not cause a KeyboardInterrupt between here and the exit.
             signal.signal(number, signal.SIG_IGN if self._stop.is_set() else handler)  # type: ignore[arg-type]
 
     def say(self, line: str) -> None:
@@ -83,10 +83,10 @@ class Session(roslaunch.pmon.ProcessListener):
         sys.stdout.flush()
 
     def launch(self, files: Sequence[LaunchFile]) -> None:
-        """Starts launch files, and first the master of ROS_MASTER_URI if none answers there.
+        """Starts launch files, after the master of ROS_MASTER_URI if none is running there.
 
         Raises:
-            SessionError: a file is missing or wrong.
+            SessionError: a file is missing or invalid.
         """
         self.check()
         paths = [(_launch_path(package, file), _words(arguments)) for package, file, arguments in files]
@@ -104,19 +104,19 @@ class Session(roslaunch.pmon.ProcessListener):
         except roslaunch.RLException as error:
             raise SessionError(f"cannot launch: {error}") from None
         finally:
-            # roslaunch puts its own handlers in place when it makes its first process.
+            # roslaunch installs its own handlers when it creates its first process.
             self._stop.take_signals(*SIGNALS)
         self._required |= {_process_name(node) for node in parent.config.nodes if node.required}
 
     def process_died(self, process_name: str, exit_code: int | None) -> None:
-        """Called by roslaunch, in its thread, when a node ended."""
+        """Called by roslaunch, in its thread, when a node has ended."""
         name = process_name.rpartition("-")[0].strip("/")
         if name in self._required:
             self._ended.append(f"/{name} ended with exit status {exit_code}; its log is in {get_log_dir()}/latest")
         self._stop.wake()
 
     def check(self) -> None:
-        """Raises Interrupted when the end was asked for, SessionError when a required node has ended."""
+        """Raises Interrupted if shutdown was requested, SessionError if a required node has ended."""
         if self._stop.is_set():
             raise Interrupted
         if self._ended:
@@ -126,7 +126,7 @@ class Session(roslaunch.pmon.ProcessListener):
                 raise SessionError(f"a required node has ended; the logs are in {get_log_dir()}/latest")
 
     def wait_for(self, condition: Callable[[], bool], what: str) -> None:
-        """Returns once ``condition`` holds; says what it waits for when that takes longer than a moment."""
+        """Waits until ``condition`` holds; prints ``what`` it waits for if that takes longer than `PATIENCE`."""
         started, told = time.monotonic(), False
         while not condition():
             self.check()
@@ -137,10 +137,10 @@ class Session(roslaunch.pmon.ProcessListener):
         self.check()
 
     def wait_for_master(self) -> None:
-        """Returns once the ROS master of ROS_MASTER_URI answers and has its run id.
+        """Waits until the ROS master of ROS_MASTER_URI responds and has its run id.
 
-        The roslaunch that starts a master gives it a run id a moment later, and refuses one that somebody else gave
-        meanwhile. A master that got none within ``RUN_ID_PATIENCE`` was started by other means and needs none.
+        A roslaunch that starts a master sets the run id a moment later, and fails if another process has set one in the
+        meantime. A master without one after ``RUN_ID_PATIENCE`` was started by other means and needs none.
         """
         master = rosgraph.Master(f"/{self._name}")
         self.wait_for(lambda: _answers(master), f"the ROS master at {master.master_uri}")
@@ -148,13 +148,13 @@ class Session(roslaunch.pmon.ProcessListener):
         self.wait_for(lambda: master.hasParam("/run_id") or time.monotonic() > deadline, "the master's run id")
 
     def run(self, package: str, program: str, *arguments: str) -> None:
-        """Runs a package's program beside the session until it ends; an interrupted session ends it first.
+        """Runs a package's program until it ends; if the session is interrupted, the program is ended first.
 
         Raises:
-            SessionError: there is none of that name, or its exit status is not 0.
+            SessionError: there is no such program, or its exit status is not 0.
         """
         self.check()
-        # As rosrun does, which takes ten processes for it.
+        # Same as rosrun, which starts ten processes for it.
         try:
             paths = roslib.packages.find_node(package, program)
         except ResourceNotFound:
@@ -173,14 +173,14 @@ class Session(roslaunch.pmon.ProcessListener):
             raise SessionError(f"{' '.join(command)} failed with exit status {status}")
 
     def spin(self) -> None:
-        """Keeps everything running until the end is asked for or a required node ends."""
+        """Waits until shutdown is requested or a required node ends."""
         while True:
             self.check()
             self._stop.wait(LONGEST)
 
 
 def run_session(name: str, body: Callable[[Session], None]) -> int:
-    """Runs ``body`` in a session and returns the exit status: 0 when it was asked to end, 1 on any failure."""
+    """Runs ``body`` in a session; returns the exit status: 0 after a requested shutdown, 1 on any failure."""
     try:
         with Session(name) as session:
             body(session)
@@ -215,12 +215,12 @@ def _answers(master: rosgraph.Master) -> bool:
 
 
 def _process_name(node: roslaunch.core.Node) -> str:
-    """Returns what roslaunch's process monitor calls a node, without the number behind."""
+    """Returns the name of a node in roslaunch's process monitor, without its number."""
     return rosgraph.names.ns_join(node.namespace, node.name).strip("/")
 
 
 def _end_group(process: launcher.Started) -> None:
-    """Ends a command and what it started: SIGINT, then SIGKILL."""
+    """Ends a command and its child processes: SIGINT, then SIGKILL."""
     for number in (signal.SIGINT, signal.SIGKILL):
         if process.poll() is not None:
             return
@@ -231,5 +231,5 @@ def _end_group(process: launcher.Started) -> None:
 
 
 def host_name() -> str:
-    """Returns HOSTNAME of the environment, which the tutorial has users export, else the system's."""
+    """Returns the environment's HOSTNAME, which the tutorial has users export, or the system's host name."""
     return os.environ.get("HOSTNAME") or socket.gethostname()

@@ -1,4 +1,4 @@
-"""What a program asks of a running simulator: is it ready, spawn a robot, unpause."""
+"""A client of a running simulator: waits for readiness, spawns robots, unpauses."""
 
 import threading
 
@@ -20,12 +20,12 @@ class SimulatorClient:
     """A client of the simulator at ``/gazebo``; the process must be a ROS node.
 
     Subscribes:
-        /gazebo/ready (std_msgs/Bool): whether the world is loaded and steps.
+        /gazebo/ready (std_msgs/Bool): whether the world is loaded and running.
 
     Services called:
         /gazebo/spawn_urdf_model, /gazebo/unpause_physics.
 
-    Threads: rospy's; `ready` may be called from any.
+    Threads: rospy's; `ready` is thread-safe.
     """
 
     def __init__(self) -> None:
@@ -40,11 +40,11 @@ class SimulatorClient:
             self._ready.clear()
 
     def ready(self) -> bool:
-        """Whether the world is loaded and steps."""
+        """Returns whether the world is loaded and running."""
         return self._ready.is_set()
 
     def serving(self) -> bool:
-        """Whether robots can be spawned."""
+        """Returns whether robots can be spawned."""
         try:
             self._master.lookupService(SPAWN_SERVICE)
         except (OSError, rosgraph.MasterException):
@@ -52,10 +52,10 @@ class SimulatorClient:
         return True
 
     def spawn(self, robot: str, description: str, pose: InitialPose) -> None:
-        """Puts a robot into the world, in the namespace of its name.
+        """Spawns a robot in the namespace of its name.
 
         Raises:
-            SpawnError: the simulator refused it or did not answer.
+            SpawnError: the simulator refused the request or did not respond.
         """
         orientation = Quaternion(*quaternion_from_rpy(0.0, 0.0, pose.a))
         try:
@@ -71,7 +71,7 @@ class SimulatorClient:
         """Unpauses simulated time.
 
         Raises:
-            SpawnError: the simulator did not answer.
+            SpawnError: the simulator did not respond.
         """
         try:
             rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()

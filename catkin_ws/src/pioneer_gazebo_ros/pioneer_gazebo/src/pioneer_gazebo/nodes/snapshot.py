@@ -1,5 +1,5 @@
-"""``snapshot``: a PNG of the running simulation from above."""
-# ruff: noqa: T201 - a command talks to people on standard output
+"""``snapshot``: saves a top-down image of the running simulation as PNG."""
+# ruff: noqa: T201 - a command prints to standard output
 
 import argparse
 import sys
@@ -27,18 +27,18 @@ from pioneer_gazebo.core.section import Section, section_of
 from pioneer_gazebo.nodes.world_to_map import LASER_HEIGHT
 
 PATIENCE = 3.0
-"""Wall seconds that a service or a scan may take."""
+"""Time limit for a service or a scan [s of wall time]."""
 
 BLIND: NDArray[np.float64] = np.empty((0, 2))
 NO_OUTLINE: NDArray[np.float64] = np.empty((0, 4))
 
 
 class SnapshotError(SimulatorError):
-    """There is no simulation to take a picture of."""
+    """There is no simulation to draw."""
 
 
 class Snapshot:
-    """Asks the simulation for all that is drawn.
+    """Queries everything to be drawn from the simulation.
 
     Subscribes: every sensor_msgs/LaserScan below a model's name, for one message.
 
@@ -47,7 +47,7 @@ class Snapshot:
 
     Parameters: ``/gazebo/world_name``, ``/robot_description``.
 
-    On error: `SnapshotError`, `DescriptionError`; a scan that does not come is named and left out.
+    On error: `SnapshotError`, `DescriptionError`; a missing scan is reported, and scans are omitted.
     """
 
     def __init__(self) -> None:
@@ -68,14 +68,14 @@ class Snapshot:
         return rospy.ServiceProxy(f"/gazebo/{name}", kind)
 
     def solids(self) -> list[Section]:
-        """Returns the section of each solid in the world's file at the height of the laser."""
+        """Returns the section at laser height of each solid in the world file."""
         return [
             section_of(one.collision.shape, one.pose, LASER_HEIGHT, triangles_of_mesh)
             for one in self._file.collisions(static_only=True)
         ]
 
     def shown(self) -> list[Shown]:
-        """Returns all that moves, in the order of spawning."""
+        """Returns all moving models in the order of spawning."""
         names = self._world().model_names
         moving = [name for name in names if not self._properties(name).is_static]
         text = rospy.get_param("/robot_description", "")
@@ -84,7 +84,7 @@ class Snapshot:
         return [self._shown(name) for name in moving]
 
     def _outline(self, name: str, z: float) -> NDArray[np.float64]:
-        """Returns a model's outline at the height of the laser, a robot's at that of its own; empty if unknown."""
+        """Returns a model's outline at laser height, of a robot at that of its own laser; empty if unknown."""
         if name in self._bodies:
             return outline_of(self._bodies[name], LASER_HEIGHT - z, triangles_of_mesh)
         return NO_OUTLINE if self._robot is None else outline_of(self._robot, LASER_HEIGHT, triangles_of_mesh)
@@ -105,13 +105,13 @@ class Snapshot:
         return Shown(name, x, y, pose.yaw, self._outline(name, z), hits, eye)
 
     def _sensor(self, name: str, frame: str, base: Pose) -> Pose:
-        """Returns the pose of a scan's frame, the base's where no link has that name."""
+        """Returns the pose of a scan's frame, or that of the base if no link has that name."""
         answer = self._link(f"{name}::{frame.rpartition('/')[2]}", "")
         return conversions.pose_from_message(answer.link_state.pose) if answer.success else base
 
 
 def ends(scan: LaserScan, sensor: Pose) -> NDArray[np.float64]:
-    """Returns where a scan's beams ended, shape (n, 2) in the world [m]; beams that met nothing are left out."""
+    """Returns the end points of a scan's beams, shape (n, 2) in the world [m], without beams that hit nothing."""
     ranges = np.asarray(scan.ranges)
     angles = sensor.yaw + scan.angle_min + np.arange(len(ranges)) * scan.angle_increment
     met = np.isfinite(ranges)
@@ -120,7 +120,7 @@ def ends(scan: LaserScan, sensor: Pose) -> NDArray[np.float64]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Reads the command line, writes the picture, and returns the exit status."""
+    """Parses the command line and writes the image; returns the exit status."""
     words = rospy.myargv(sys.argv)[1:] if argv is None else argv
     parser = argparse.ArgumentParser("snapshot", description="Draws the running simulation from above.")
     parser.add_argument("-o", "--output", type=Path, default=Path("snapshot.png"), help="default: %(default)s")

@@ -18,11 +18,11 @@ from pioneer_gazebo.core.placement import check_place
 from pioneer_gazebo.core.pose import quaternion_from_rpy
 
 WAIT_WORDS_PERIOD = 5.0
-"""While it waits, it says for what every so many seconds."""
+"""Interval between log lines while waiting [s]."""
 
 
 def parser() -> argparse.ArgumentParser:
-    """Returns the command line's grammar."""
+    """Returns the argument parser."""
     result = argparse.ArgumentParser(prog="spawn_model", description=__doc__)
     form = result.add_mutually_exclusive_group(required=True)
     form.add_argument("-urdf", action="store_true", help="the model is URDF")
@@ -46,7 +46,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def place_of(options: argparse.Namespace) -> InitialPose:
-    """Returns where the model is to stand.
+    """Returns the pose at which to spawn the model.
 
     Raises:
         SimulatorError: with ``-world``, no robot can start there.
@@ -67,10 +67,10 @@ def place_of(options: argparse.Namespace) -> InitialPose:
 
 
 def model_xml(options: argparse.Namespace) -> str:
-    """Returns the model's text.
+    """Returns the model's XML text.
 
     Raises:
-        SpawnError: there is no such file or parameter.
+        SpawnError: the file or parameter does not exist or cannot be read.
     """
     if options.stdin:
         return sys.stdin.read()
@@ -86,7 +86,7 @@ def model_xml(options: argparse.Namespace) -> str:
 
 
 def request_of(options: argparse.Namespace) -> SpawnModelRequest:
-    """Returns the service's request.
+    """Returns the service request.
 
     Raises:
         SpawnError: the model's text cannot be read.
@@ -107,10 +107,10 @@ def request_of(options: argparse.Namespace) -> SpawnModelRequest:
 
 
 def wait_for_service(name: str, timeout: float) -> None:
-    """Waits for a service; reports that it waits.
+    """Waits for a service, logging that it waits.
 
     Raises:
-        SpawnError: it did not come within ``timeout`` [s].
+        SpawnError: the service did not appear within ``timeout`` [s].
     """
     waited = 0.0
     while waited < timeout:
@@ -128,7 +128,7 @@ def wait_for_service(name: str, timeout: float) -> None:
 
 
 def wait_for_model(options: argparse.Namespace) -> None:
-    """Waits until the model of ``-wait`` is in the world."""
+    """Waits until the model given by ``-wait`` is in the world."""
     name = f"{options.gazebo_namespace}/get_world_properties"
     wait_for_service(name, options.timeout)
     world = rospy.ServiceProxy(name, GetWorldProperties, persistent=True)
@@ -142,7 +142,7 @@ def spawn(options: argparse.Namespace) -> None:
     """Spawns the model.
 
     Raises:
-        SpawnError: the simulator refuses.
+        SpawnError: the simulator refused the request.
     """
     request = request_of(options)
     if options.wait:
@@ -158,7 +158,7 @@ def spawn(options: argparse.Namespace) -> None:
 
 
 def main() -> int:
-    """Runs the script; returns the exit status: 0 once the model is in the world."""
+    """Runs the script; returns the exit status: 0 if the model was spawned."""
     options = parser().parse_args(rospy.myargv()[1:])
     rospy.init_node("spawn_model", anonymous=True, disable_rostime=True)
     try:

@@ -1,4 +1,4 @@
-"""The services of gazebo_ros that add and remove models."""
+"""The services of gazebo_ros that spawn and delete models."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ from pioneer_gazebo.nodes.robots import Robots
 from pioneer_gazebo.nodes.service import serve
 
 LONGEST_NAMESPACE = 200
-"""Characters."""
+"""Maximum length of a namespace [characters]."""
 
 
 class SpawnServices:
@@ -29,7 +29,7 @@ class SpawnServices:
     def __init__(self, mailbox: Mailbox, simulation: Simulation, robots: Robots) -> None:
         """Starts the services."""
         self._mailbox, self._simulation, self._robots = mailbox, simulation, robots
-        # Models are read in the service's own thread, so that the simulation continues meanwhile.
+        # Models are read in the service's own thread, so that the simulation keeps running.
         serve("spawn_urdf_model", srv.SpawnModel, self._spawn_urdf)
         serve("spawn_sdf_model", srv.SpawnModel, self._spawn_sdf)
         serve("delete_model", srv.DeleteModel, self._delete, mailbox)
@@ -70,10 +70,10 @@ def _spawned(name: str) -> str:
 
 
 def _namespace(request: srv.SpawnModelRequest) -> str:
-    """Returns the namespace a request asks for, without slashes at the ends; empty for none.
+    """Returns the requested namespace without leading and trailing slashes; empty for none.
 
     Raises:
-        ModelError: it is no name that ROS allows.
+        ModelError: it is not a legal ROS name.
     """
     namespace = request.robot_namespace.strip("/")
     if namespace and not (len(namespace) <= LONGEST_NAMESPACE and rosgraph.names.is_legal_name(namespace)):

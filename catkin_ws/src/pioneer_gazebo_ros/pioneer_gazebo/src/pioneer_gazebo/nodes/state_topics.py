@@ -1,4 +1,4 @@
-"""``/gazebo``'s own topics: the states of all models and links, and the topics that set them."""
+"""Topics of ``/gazebo``: states of all models and links, and the topics that set them."""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -17,7 +17,7 @@ from pioneer_gazebo.nodes.topic import Topic
 
 
 class StateTopics:
-    """Publishes ``/gazebo/model_states`` and ``/gazebo/link_states`` and listens to their setters.
+    """Publishes ``/gazebo/model_states`` and ``/gazebo/link_states``, and subscribes to their setters.
 
     An invalid message is logged in one line and ignored.
     """
@@ -42,7 +42,7 @@ class StateTopics:
                 yield f"{name}::{link}", state.link_motion(self._simulation, name, link)
 
     def _publish(self, topic: Topic, kind: type, things: Callable[[], Iterator[Any]], tick: int) -> None:
-        del tick  # these messages carry no time
+        del tick  # these messages have no time stamp
         message: Any = kind()
         for name, (pose, velocity) in things():
             message.name.append(name)

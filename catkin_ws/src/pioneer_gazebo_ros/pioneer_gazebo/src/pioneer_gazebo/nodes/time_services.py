@@ -1,4 +1,4 @@
-"""The services of gazebo_ros on time and physics: pause, reset, step, engine settings."""
+"""The services of gazebo_ros for time and physics: pause, reset, step, engine settings."""
 
 import math
 
@@ -17,7 +17,7 @@ from pioneer_gazebo.nodes.timeline import Timeline
 
 
 class TimeServices:
-    """Pauses, resumes, steps and resets simulated time, and sets physics."""
+    """Pauses, resumes, steps and resets simulated time, and configures physics."""
 
     def __init__(self, timeline: Timeline, robots: Robots) -> None:
         """Starts the services."""
@@ -49,7 +49,7 @@ class TimeServices:
             raise ValueError(f"time_step must be above 0, not {request.time_step}")
         iterations = request.ode_config.sor_pgs_iters or self._simulation.physics.iterations
         gravity = vector_from_message(request.gravity)
-        # Steps are whole ticks: a step that the caller read and rounded must come out as the same one.
+        # Steps are integer numbers of ticks: a step that was read and rounded by a caller must not change.
         ticks = round(request.time_step * TICK_RATE)
         step = ticks / TICK_RATE if abs(ticks - request.time_step * TICK_RATE) < 1e-3 and ticks else request.time_step
         self._simulation.configure(Physics(step, iterations, gravity))

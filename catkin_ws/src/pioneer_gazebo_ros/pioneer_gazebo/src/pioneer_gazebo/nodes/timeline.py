@@ -1,4 +1,4 @@
-"""Simulated time: when the world moves on, and what is published when."""
+"""Advances simulated time and runs the tasks that are due."""
 
 from collections.abc import Callable
 
@@ -13,36 +13,36 @@ from pioneer_gazebo.nodes.pace import Pacer
 from pioneer_gazebo.nodes.topic import Topic
 
 LONGEST = TICK_RATE // 10
-"""The world advances at least this often [ticks of simulated time], whether or not anything looks at it."""
+"""Maximum interval between world updates [ticks of simulated time], even if nothing reads the state."""
 
 GATE_PATIENCE = 0.1
-"""How often a period in lockstep that is under way is looked at [s of wall time]."""
+"""Interval at which the current lockstep period is checked [s of wall time]."""
 
 
 class Timeline:
-    """Advances simulated time at the pace asked for and runs what is due; publishes ``/clock``.
+    """Advances simulated time at the requested pace, runs due tasks, and publishes ``/clock``.
 
-    Used from the simulation's thread, but for `present`.
+    Used from the simulation's thread, except for `present`.
     """
 
     def __init__(
         self, simulation: Simulation, mailbox: Mailbox, factor: float, paused: bool, clock_rate: float,
         after_tick: Callable[[], None], gate: LockstepGate | None = None,
     ) -> None:  # fmt: skip
-        """Starts at tick 0; ``after_tick`` is called when all tasks of a tick have run, and ``gate`` holds time.
+        """Starts at tick 0; ``after_tick`` is called after all tasks of a tick, and ``gate`` holds time.
 
         Raises:
-            RateError: a clock rate that does not divide the tick rate.
+            RateError: the clock rate does not divide the tick rate.
         """
-        #: simulation: the world
+        #: simulation: the simulation
         #: paused: whether simulated time stands still
         #: mailbox: work from other threads, done between two ticks
         self.mailbox, self.simulation, self.paused = mailbox, simulation, paused
-        self.pacer = Pacer(factor)  #: simulated time against wall time
-        self.schedule = Schedule()  #: what is done at which tick
+        self.pacer = Pacer(factor)  #: paces simulated time by wall time
+        self.schedule = Schedule()  #: tasks by tick
         if gate is not None:
             gate.changed = self.schedule.review
-        #: tick: the present
+        #: tick: the current tick
         self.tick = self._target = 0
         self._after_tick = after_tick
         self._gate = gate
@@ -50,14 +50,14 @@ class Timeline:
         self.schedule.add("/clock", clock_rate, self._publish_clock, lambda: self._clock.wanted, False)
 
     def present(self) -> int:
-        """Returns the tick that it is now, or the target of the current step if simulation lags. Any thread may ask."""
+        """Returns the current tick, or the target of the current step if the simulation lags. Thread-safe."""
         if self._gate is not None:
             return self.tick
         reached = self.pacer.reached() * TICK_RATE
         return 0 if self.paused else int(min(reached, self._target))
 
     def serve(self) -> None:
-        """Does the work in the mailbox, in the world as it is by now."""
+        """Does the work in the mailbox, on the world's current state."""
         if self.mailbox.pending:
             if not self.paused and self._gate is None:
                 self.tick = max(self.tick, min(self.present(), self._target - 1))
@@ -65,7 +65,7 @@ class Timeline:
             self.mailbox.serve()
 
     def turn(self, patience: float) -> None:
-        """Waits for the next tick at which something is due, for ``patience`` [s] or until work arrives; runs it."""
+        """Waits for the next tick with due tasks, at most ``patience`` [s] or until work arrives; runs it."""
         if self.paused:
             self.mailbox.wait(patience)
             return
@@ -81,7 +81,7 @@ class Timeline:
         self._run_to(tick)
 
     def _run_to(self, tick: int) -> None:
-        """Advances time to a tick and runs what is due then; the world advances only if something looks at it."""
+        """Advances time to a tick and runs the tasks due; advances the world only if one of them needs its state."""
         due = self.schedule.due(tick)
         if tick - self.simulation.tick >= LONGEST or any(task.needs_state for task in due):
             self.simulation.advance(tick)
@@ -119,7 +119,7 @@ class Timeline:
         self.tick = end
 
     def restart(self) -> None:
-        """Sets time back to 0."""
+        """Resets time to 0."""
         self.tick = self._target = 0
         self.pacer.restart()
         if self._gate is not None:

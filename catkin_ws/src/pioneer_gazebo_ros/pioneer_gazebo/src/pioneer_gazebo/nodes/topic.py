@@ -1,8 +1,8 @@
-"""Publishing whole frames without ever waiting for a subscriber.
+"""Publishes serialised frames without blocking on subscribers.
 
-rospy's own publisher hands each message to a thread per subscriber, or, without a queue, writes and waits. Here the
-simulator's thread writes each frame itself, as much as the socket takes at once; what it does not take is kept in a
-short queue per subscriber, from which the oldest frame goes when it is full.
+rospy's own publisher passes each message to a thread per subscriber or, without a queue, blocks while writing. Here the
+simulator's thread writes each frame itself, as much as the socket accepts at once. The rest is kept in a short queue
+per subscriber, which drops its oldest frame when it is full.
 """
 
 import contextlib
@@ -17,14 +17,14 @@ from pioneer_node.nodes.exchange import Exchange
 
 FRAMES_KEPT = 5
 _LENGTH = 4
-"""Bytes of a frame before its message."""
+"""Length of the frame header [bytes]."""
 
 
 def _bear_late_goodbyes(implementation: Any) -> None:
-    """Has a publisher that was closed accept that a subscriber leaves.
+    """Makes a closed publisher accept that a subscriber disconnects.
 
-    rospy closes publishers, in whatever thread the signal met, while connections of theirs are still being taken down;
-    the goodbye of such a connection fails in rospy 1.15 on what closing has set to None.
+    rospy closes publishers, in whichever thread received the signal, while other threads are still removing their
+    connections. In rospy 1.15 such a removal fails on attributes that closing has set to None.
     """
     remove = implementation.remove_connection
 
@@ -57,10 +57,10 @@ class _Outlet:
             return 0
 
     def send(self, frame: bytes | bytearray) -> bool:
-        """Writes a frame or queues it; returns False where an older one had to go for it.
+        """Writes a frame or queues it; returns False if an older frame was dropped for it.
 
         Raises:
-            OSError: the subscriber has gone.
+            OSError: the subscriber has disconnected.
         """
         if self._rest or self._queue:
             return self._queued(frame)
@@ -87,7 +87,7 @@ class _Outlet:
 
 
 def publish_while_alive(publisher: rospy.Publisher, message: Any) -> None:
-    """Publishes by rospy, unless the node shuts down in this moment: rospy closes publishers in another thread then."""
+    """Publishes through rospy; ignores errors during shutdown, when rospy closes publishers in another thread."""
     try:
         publisher.publish(message)
     except rospy.ROSException:
@@ -96,48 +96,48 @@ def publish_while_alive(publisher: rospy.Publisher, message: Any) -> None:
 
 
 class Topic(rospy.SubscribeListener):
-    """A publisher of frames. Used from one thread; rospy tells in its own of subscribers that come and go."""
+    """A publisher of serialised frames. Used from one thread; rospy reports subscribers in its own threads."""
 
     def __init__(self, name: str, message_class: type, changed: Callable[[], None] = lambda: None) -> None:
-        """Advertises ``name``; ``changed`` is called, by any thread, when a subscriber has come or gone."""
+        """Advertises ``name``; ``changed`` is called, in any thread, when a subscriber connects or disconnects."""
         self._changed = changed
         self._outlets: dict[Any, _Outlet] = {}
         self._stale = True
-        self.dropped = 0  #: frames that a slow subscriber did not get
-        self.exchange = Exchange.current  #: what carries messages to nodes in lockstep; None without
+        self.dropped = 0  #: number of frames dropped because of slow subscribers
+        self.exchange = Exchange.current  #: carries messages to nodes in lockstep; None without lockstep
         self._name = rospy.resolve_name(name)
-        # A queue size keeps rospy from writing, and so from waiting, in this thread; its queues stay empty.
+        # With a queue size, rospy does not write, and thus never blocks, in this thread; its queues stay empty.
         self._publisher = rospy.Publisher(name, message_class, subscriber_listener=self, queue_size=FRAMES_KEPT)
         _bear_late_goodbyes(self._publisher.impl)
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
-        """Notes a new subscriber."""
+        """Called by rospy when a subscriber connects."""
         del topic_name, topic_publish, peer_publish
         self._stale = True
         self._changed()
 
     def peer_unsubscribe(self, topic_name: str, num_peers: int) -> None:
-        """Notes that a subscriber has gone."""
+        """Called by rospy when a subscriber disconnects."""
         del topic_name, num_peers
         self._stale = True
         self._changed()
 
     @property
     def wanted(self) -> bool:
-        """Whether anybody subscribes."""
+        """Whether there are subscribers."""
         if self.exchange is not None and self.exchange.wants(self._name):
             return True
         implementation = self._publisher.impl
         return implementation is not None and bool(implementation.connections)
 
     def send(self, frame: bytes | bytearray) -> None:
-        """Sends a frame (length and message) to every subscriber, and to those in lockstep."""
+        """Sends a frame (length and message) to all subscribers, including those in lockstep."""
         if self.exchange is not None and self.exchange.wants(self._name):
             self.exchange.sample(self._name, bytes(frame[_LENGTH:]))
         self.write(frame)
 
     def write(self, frame: bytes | bytearray) -> None:
-        """Sends a frame to every subscriber that has a connection."""
+        """Sends a frame to all connected subscribers."""
         if self._stale:
             self._renew()
         gone = []
@@ -151,7 +151,7 @@ class Topic(rospy.SubscribeListener):
             self._drop(connection)
 
     def _renew(self) -> None:
-        """Takes over rospy's connections; one that rospy closes in this moment has no socket."""
+        """Updates the outlets from rospy's connections; one that is just being closed has no socket."""
         self._stale = False
         implementation = self._publisher.impl
         connections = implementation.connections if implementation is not None else ()
@@ -169,6 +169,6 @@ class Topic(rospy.SubscribeListener):
             implementation.remove_connection(connection)
 
     def close(self) -> None:
-        """Takes the topic back."""
+        """Unregisters the topic."""
         self._outlets.clear()
         self._publisher.unregister()

@@ -1,4 +1,4 @@
-"""``/tf``: the transforms of all robots at a tick in one message."""
+"""``/tf``: publishes the transforms of all robots at a tick in one message."""
 
 from collections.abc import Callable
 
@@ -12,21 +12,21 @@ class TransformTopic:
     """Collects transforms and sends them together. Used from one thread."""
 
     def __init__(self, changed: Callable[[], None]) -> None:
-        """Advertises ``/tf``; ``changed`` as for `Topic`."""
+        """Advertises ``/tf``; ``changed`` as in `Topic`."""
         self._topic = Topic("/tf", TFMessage, changed)
         self._transforms: list[bytes] = []
 
     @property
     def wanted(self) -> bool:
-        """Whether anybody subscribes."""
+        """Whether there are subscribers."""
         return self._topic.wanted
 
     def add(self, transform: bytes) -> None:
-        """Takes the bytes of one transform for the next message."""
+        """Adds a serialised transform to the next message."""
         self._transforms.append(transform)
 
     def send(self) -> None:
-        """Sends what has been collected, if anything has."""
+        """Sends the collected transforms, if any."""
         if self._transforms:
             if self._topic.exchange is not None:
                 for one in self._transforms:

@@ -1,5 +1,5 @@
-"""``world_to_map``: the occupancy map of a world, as map_server reads it."""
-# ruff: noqa: T201 - a command talks to people on standard output
+"""``world_to_map``: draws the occupancy map of a world in map_server's format."""
+# ruff: noqa: T201 - a command prints to standard output
 
 import argparse
 import sys
@@ -19,9 +19,9 @@ from pioneer_gazebo.core.section import section_of
 from pioneer_gazebo.core.world import World
 
 LASER_HEIGHT = 0.27
-"""Height of the Pioneer's scan plane over the floor [m]."""
+"""Height of the Pioneer's scan plane above the floor [m]."""
 EMPTY_SIDE = 50.0
-"""Side of the map of a world in which nothing stands [m]."""
+"""Side of the map of an empty world [m]."""
 
 
 def map_of_world(
@@ -33,16 +33,16 @@ def map_of_world(
     outside_unknown: bool = True,
     static_only: bool = False,
 ) -> tuple[NDArray[np.uint8], Extent]:
-    """Returns the grey values and the extent of a world's map: its models cut at ``height`` [m] where they start.
+    """Returns grey values and extent of a world's map: a section at ``height`` [m], with models at their initial poses.
 
     Args:
         world: the world.
-        height: of the cut over the world's origin [m].
+        height: of the section above the world's origin [m].
         resolution: side of a cell [m].
-        margin: left free around everything that stands [m]; not used where ``extent`` is given.
-        extent: the grid, instead of one that fits.
-        outside_unknown: whether what lies outside closed walls is unknown rather than free.
-        static_only: whether models that can move are left out. Actors always are.
+        margin: free space around all models [m]; ignored if ``extent`` is given.
+        extent: the grid; by default one that fits.
+        outside_unknown: whether space outside closed walls is unknown rather than free.
+        static_only: whether to omit dynamic models. Actors are always omitted.
     """
     placed = [one for one in world.collisions(static_only) if one.model.script is None]
     sections = [section_of(item.collision.shape, item.pose, height, triangles_of_mesh) for item in placed]
@@ -56,7 +56,7 @@ def _empty_extent(resolution: float) -> Extent:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Reads the command line, writes the map, and returns the exit status."""
+    """Parses the command line and writes the map; returns the exit status."""
     options = _parser().parse_args(sys.argv[1:] if argv is None else argv)
     try:
         path = world_path(options.world)

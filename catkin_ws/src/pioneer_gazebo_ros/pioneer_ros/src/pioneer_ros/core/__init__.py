@@ -1,1 +1,1 @@
-"""What needs no ROS: the gains, and the watch over a source of commands."""
+"""The ROS-free part: gains, and the watchdog of a command source."""

@@ -1,4 +1,4 @@
-"""Scales velocity commands, and notices when their source stops sending."""
+"""Scales velocity commands, and detects when their source stops sending."""
 
 import math
 from collections.abc import Mapping
@@ -14,21 +14,21 @@ ZERO: Command = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class CommandError(ValueError):
-    """A command that is not finite."""
+    """A command is not finite."""
 
 
 @dataclass(frozen=True)
 class Gains:
-    """Factors between a commanded velocity and the one passed on."""
+    """Factors from commanded to forwarded velocity."""
 
-    linear: float = 1.0  #: of the linear parts
-    angular: float = 1.0  #: of the angular parts
+    linear: float = 1.0  #: for linear velocity
+    angular: float = 1.0  #: for angular velocity
 
     def scaled(self, command: Command) -> Command:
-        """Returns ``command`` scaled.
+        """Returns ``command`` scaled by the gains.
 
         Raises:
-            CommandError: a part of it, or of the result, is not finite.
+            CommandError: a component of the command or of the result is not finite.
         """
         x, y, z, roll, pitch, yaw = command
         linear, angular = self.linear, self.angular
@@ -39,12 +39,12 @@ class Gains:
 
 
 def gains_from_parameters(parameters: Mapping[str, Any], owner: str) -> Gains:
-    """Returns the gains in ``controller_gains/body/{linear,angular}/p``; an absent one is 1.
+    """Returns the gains in ``controller_gains/body/{linear,angular}/p``, each 1 by default.
 
     Integral and derivative gains (``i``, ``d``) have no effect: the robot's own drive closes the loop.
 
     Raises:
-        ParameterError: a gain that is no finite number.
+        ParameterError: a gain is not a finite number.
     """
     gains = _inner(_inner(parameters, "controller_gains", "", owner), "body", "controller_gains/", owner)
     parts = {"linear": 1.0, "angular": 1.0}
@@ -80,10 +80,10 @@ def _proportional(values: Any, where: str, owner: str) -> float:
 
 
 class Watchdog:
-    """Notices that a source stopped sending while the robot moves. Not thread-safe.
+    """Detects that a source stopped sending while the robot moves. Not thread-safe.
 
     Args:
-        timeout: longest silence [s of ROS time].
+        timeout: longest permitted silence [s of ROS time].
     """
 
     def __init__(self, timeout: float) -> None:
@@ -92,17 +92,17 @@ class Watchdog:
 
     @property
     def armed(self) -> bool:
-        """Whether the last command moves the robot, so that silence must be noticed."""
+        """Whether the last command moves the robot, so that silence must be detected."""
         return self._last is not None
 
     def command(self, moving: bool, now: float) -> None:
-        """Notes a command at ROS time ``now`` [s]."""
+        """Records a command at ROS time ``now`` [s]."""
         self._last = now if moving else None
 
     def expired(self, now: float) -> bool:
-        """Tells, once, that the silence has lasted too long at ROS time ``now`` [s].
+        """Returns, only once, whether the timeout has passed at ROS time ``now`` [s].
 
-        When time has jumped back, the silence counts from the new time on.
+        If time has jumped back, the timeout counts from the new time.
         """
         if self._last is None:
             return False

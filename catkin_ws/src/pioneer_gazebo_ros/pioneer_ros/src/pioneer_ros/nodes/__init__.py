@@ -1,1 +1,1 @@
-"""What needs rospy: the controller node."""
+"""ROS node: the velocity controller."""

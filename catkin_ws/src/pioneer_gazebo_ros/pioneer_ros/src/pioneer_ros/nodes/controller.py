@@ -1,4 +1,4 @@
-"""The controller between the source of velocity commands and the robot."""
+"""The controller node between the source of velocity commands and the robot."""
 
 from pioneer_node.adapters.node_handle import NodeHandle
 from pioneer_node.nodes.node_host import run
@@ -7,23 +7,23 @@ from pioneer_ros.conversions import CommandMessage, message_from_command
 from pioneer_ros.core.controller import ZERO, CommandError, Watchdog, gains_from_parameters
 
 SILENCE = 0.5
-"""Longest silence [s of ROS time] of a source that last commanded movement."""
+"""Timeout [s of ROS time] of a source whose last command moved the robot."""
 _LOOK_EVERY = 0.1  # [s of wall time] while the robot is meant to move
 
 
 class ControllerNode:
-    """Scales velocity commands and passes them on to the robot.
+    """Scales velocity commands and forwards them to the robot.
 
     Subscribes:
         cmd_vel (geometry_msgs/Twist): the command [m/s, rad/s].
 
     Publishes:
-        pioneer/cmd_vel (geometry_msgs/Twist): linear and angular parts times their gains; one zero when the source
-        has been silent for 0.5 s of ROS time while the last command moved the robot.
+        pioneer/cmd_vel (geometry_msgs/Twist): linear and angular parts times their gains; a single zero command when
+        the source has been silent for 0.5 s of ROS time after a command that moved the robot.
 
     Parameters: ~controller_gains/body/{linear,angular}/p (``core.controller.gains_from_parameters``).
 
-    On error: a command that is not finite is dropped with a warning.
+    On error: a non-finite command is dropped with a warning.
     """
 
     def __init__(self, node: NodeHandle) -> None:
@@ -60,5 +60,5 @@ build = ControllerNode
 
 
 def main() -> int:
-    """Runs the node ``pioneer_ros`` and returns its exit status."""
+    """Runs the node ``pioneer_ros``; returns the exit status."""
     run("pioneer_ros", build)

@@ -1,1 +1,1 @@
-"""One foreign thing each, behind what the core defines."""
+"""Adapters: each module wraps one external interface that the core needs."""

@@ -1,4 +1,4 @@
-"""Under which address other machines reach this one."""
+"""Finds the address under which other machines reach this one."""
 
 import contextlib
 import os
@@ -10,13 +10,13 @@ from rocon_gateway.core.error import ConfigError
 
 
 def own_address(towards: str) -> str:
-    """Returns ROS_HOSTNAME or ROS_IP if set; else the address of the interface that leads to host `towards`.
+    """Returns ROS_HOSTNAME or ROS_IP if set, otherwise the address of the interface that routes to host `towards`.
 
-    One on the loopback does not count where `towards` is another machine: it keeps a computer's own nodes to itself
-    (docs/several-hosts.md), and the gateway's relay is what the others have to reach all the same.
+    A loopback setting is ignored if `towards` is another machine. It keeps a computer's own nodes private
+    (docs/several-hosts.md), but other machines must still reach the gateway's relay.
 
-    Where the way is the loopback (a hub on this machine, or none), any other address of this machine is better for
-    others; where there is none, the loopback it is.
+    If the route is the loopback (a hub on this machine, or none), any other address of this machine is preferred. If
+    there is none, the loopback address is returned.
     """
     named = os.environ.get("ROS_HOSTNAME") or os.environ.get("ROS_IP")
     if named and not (towards and _is_loopback(named)):
@@ -30,12 +30,12 @@ def own_address(towards: str) -> str:
 
 
 def interface_address(interface: str) -> str:
-    """Returns the IPv4 address of this machine's network interface of that name, eth0 say.
+    """Returns the IPv4 address of a network interface of this machine, such as eth0.
 
     Raises:
         ConfigError: there is no such interface, or it has no address.
     """
-    import ifaddr  # costs nothing to gateways that are not told an interface
+    import ifaddr  # imported only if an interface is configured
 
     addresses = {adapter.name: [ip.ip for ip in adapter.ips if ip.is_IPv4] for adapter in ifaddr.get_adapters()}
     if not addresses.get(interface):
@@ -45,13 +45,13 @@ def interface_address(interface: str) -> str:
 
 
 def _is_loopback(host: str) -> bool:
-    # Names are not looked up: Debian gives a computer's own name the address 127.0.1.1 on that computer only.
+    # Names are not resolved: on Debian, a computer's own name resolves to 127.0.1.1, but only on that computer.
     return host.startswith("127.") or host in ("localhost", "::1")
 
 
 def _route(host: str) -> str:
     family, kind, protocol, _, target = socket.getaddrinfo(host, 9, type=socket.SOCK_DGRAM)[0]
-    # Connecting a datagram socket sends nothing; it only chooses the way.
+    # Connecting a datagram socket sends nothing; it only selects the route.
     with socket.socket(family, kind, protocol) as probe:
         probe.connect(target)
         return str(probe.getsockname()[0])

@@ -1,4 +1,4 @@
-"""A client of the gateway on this master, for command-line tools: it is not a node and starts at once."""
+"""A client of the gateway on this master, for command-line tools. It is not a ROS node, so it starts fast."""
 
 import contextlib
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ class GatewayClient:
     """The one gateway of a master, found by its service of type `gateway_msgs/RemoteGatewayInfo`.
 
     Raises:
-        NoGatewayError: as described there; also by each method.
+        NoGatewayError: see there; also raised by each method.
     """
 
     def __init__(self) -> None:
@@ -47,12 +47,12 @@ class GatewayClient:
             return False  # a killed gateway leaves its services on the master
 
     def call(self, service: str, kind: Any, **fields: Any) -> Any:
-        """Calls one of the gateway's services, by its name below the gateway's."""
+        """Calls one of the gateway's services, given its name relative to the gateway's."""
         with _reporting():
             return self._client.call(f"{self.namespace}/{service}", kind, **fields)
 
     def latched(self, topic: str, kind: Any) -> Any:
-        """Returns the last message of one of the gateway's latched topics, by its name below the gateway's."""
+        """Returns the last message of one of the gateway's latched topics, given its name relative to the gateway's."""
         with _reporting():
             return self._client.latched(self.namespace, f"{self.namespace}/{topic}", kind)
 

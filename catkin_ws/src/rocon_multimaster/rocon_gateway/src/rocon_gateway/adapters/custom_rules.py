@@ -1,4 +1,4 @@
-"""The custom rules file of a gateway, which may be missing."""
+"""Loads the custom rules file of a gateway. The file is optional."""
 
 import logging
 from collections.abc import Mapping
@@ -11,10 +11,10 @@ from rocon_gateway.core.error import ConfigError
 
 
 def with_rules_file(parameters: Mapping[str, Any], logger: logging.Logger) -> dict[str, Any]:
-    """Returns a node's parameters with those of the file that ``custom_rules_file`` names; without one, as they are.
+    """Returns a node's parameters merged with those in ``custom_rules_file``; unchanged if there is no such file.
 
     Raises:
-        ConfigError: the file is no YAML, or holds no mapping.
+        ConfigError: the file is not YAML, or not a mapping.
     """
     path = parameters.get("custom_rules_file")
     if not path:

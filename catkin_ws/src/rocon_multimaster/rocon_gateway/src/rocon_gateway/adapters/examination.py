@@ -1,4 +1,4 @@
-"""Measures what a diagnosis is made from: names, ports, clocks, interpreters, hubs on the network."""
+"""Collects the data for a diagnosis: name resolution, ports, clocks, interpreters, hubs on the network."""
 
 import os
 import select
@@ -20,17 +20,17 @@ from rocon_hub_protocol.core.key import EXAMINE_KEY, examined_key
 from rocon_hub_protocol.core.sighting import Sighting
 
 PATIENCE = 2.0
-"""For how long a port or an announcement is waited for [s]."""
+"""Timeout for one port or announcement [s]."""
 
 LIMIT = 5.0
-"""For how long names and ports together are waited for [s]."""
+"""Timeout for all names and ports together [s]."""
 
 ANSWER_LIMIT = 10.0
-"""For how long the doctor waits for what gateways see [s]: `LIMIT`, and a first import on a slow computer."""
+"""Timeout for the answers of the gateways [s]: `LIMIT` plus a first import on a slow computer."""
 
 
 def address_of(host: str) -> str:
-    """Returns the first address of a host, empty if its name does not resolve."""
+    """Returns the first address of a host; empty if its name does not resolve."""
     try:
         return str(socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)[0][4][0])
     except OSError:
@@ -38,7 +38,7 @@ def address_of(host: str) -> str:
 
 
 def contacts(wanted: Iterable[tuple[str, str, int]]) -> list[Contact]:
-    """Tries to reach ports, given as description, host and port, at the same time; returns within `LIMIT`."""
+    """Tries to connect to ports in parallel, each given as description, host and port; returns within `LIMIT`."""
     wanted = list(wanted)
     pool = ThreadPoolExecutor(max_workers=max(1, min(32, len(wanted))))
     tries = [pool.submit(_contact, *one) for one in wanted]
@@ -63,7 +63,7 @@ def _contact(what: str, host: str, port: int) -> Contact:
 
 
 def clock_offset(session: HubSession) -> float:
-    """Returns how far the clock of the hub's machine is ahead of ours [s], as exact as half the way there and back."""
+    """Returns how far the hub's clock is ahead of ours [s], accurate to half the round-trip time."""
     best = (float("inf"), 0.0)
     for _ in range(5):
         before = time.time()
@@ -99,11 +99,11 @@ def announced_hubs() -> list[Sighting]:
 
 
 def examination(session: HubSession, gateway: str) -> Examination:
-    """Returns what is seen from here of all gateways that live on a hub.
+    """Examines, from this machine, all live gateways on a hub.
 
     Args:
-        session: on that hub.
-        gateway: whose unique name is in the answer, and which is not tried.
+        session: the session with that hub.
+        gateway: unique name of our own gateway; it is part of the answer and not tried.
     """
     name = rosgraph.network.get_host_name()
     name = name if name != "localhost" else socket.gethostname()
@@ -119,7 +119,7 @@ def examination(session: HubSession, gateway: str) -> Examination:
 
 
 def ask(session: HubSession, gateways: Collection[str]) -> list[Examination]:
-    """Has all gateways of a hub look at their links; returns what those of these names answer within `ANSWER_LIMIT`."""
+    """Requests an examination from all gateways on a hub; returns the answers of `gateways` within `ANSWER_LIMIT`."""
     request, seen = uuid.uuid4().hex, dict[str, Examination]()
     deadline = time.monotonic() + ANSWER_LIMIT
     with session.client.pubsub(ignore_subscribe_messages=True) as answers:

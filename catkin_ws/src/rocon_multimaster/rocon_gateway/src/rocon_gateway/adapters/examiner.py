@@ -1,4 +1,4 @@
-"""A gateway's part when the doctor asks: it looks at its links, in a thread of its own, and answers through the hub."""
+"""Answers the doctor's requests: examines this gateway's links in a separate thread and replies through the hub."""
 
 import threading
 
@@ -9,13 +9,13 @@ from rocon_gateway.core.examination import is_request, text_from_examination
 from rocon_hub_protocol.core.key import examined_key
 
 MAX_WAITING = 16
-"""So many requests may wait while we look; more are not answered."""
+"""Maximum number of requests waiting for an examination; further ones are not answered."""
 
 
 class Examiner:
-    """Looks once at a time on each hub; who asks while it looks gets what it sees.
+    """Runs at most one examination per hub at a time; requests that arrive meanwhile share its result.
 
-    Methods return at once and may be called from any thread.
+    Methods do not block and may be called from any thread.
     """
 
     def __init__(self) -> None:
@@ -23,7 +23,7 @@ class Examiner:
         self._waiting: dict[HubSession, set[str]] = {}
 
     def asked(self, session: HubSession, request: str) -> None:
-        """Takes a request that came over `session`; what is no request is passed over."""
+        """Handles a request received over `session`; ignores invalid ones."""
         if not is_request(request):
             return
         with self._lock:
@@ -35,7 +35,7 @@ class Examiner:
             threading.Thread(target=self._look, args=(session,), name="examination", daemon=True).start()
 
     def _look(self, session: HubSession) -> None:
-        # What it needs is loaded when it is needed for the first time.
+        # Imported on first use.
         from rocon_gateway.adapters.examination import examination
 
         try:

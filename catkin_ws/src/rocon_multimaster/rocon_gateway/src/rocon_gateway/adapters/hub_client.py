@@ -1,4 +1,4 @@
-"""Our place on one hub: a thread that keeps us registered there and tells when something changed."""
+"""Keeps this gateway registered on one hub, in a separate thread, and reports changes."""
 
 import contextlib
 import logging
@@ -20,10 +20,10 @@ from rocon_hub_protocol.core.key import EXAMINE_KEY
 from tcpros.adapters.descriptor import readable
 
 RETRY = 0.5
-"""Pause between two tries to reach a hub [s], on the average; see `retry_pause`."""
+"""Average pause between two attempts to connect to a hub [s]; see `retry_pause`."""
 
 RETRY_REFUSED = 5.0
-"""Pause after a running hub did not accept us, or we not it [s]."""
+"""Pause after a running hub refused us, or we refused it [s]."""
 
 _REFUSALS = (
     Code.HUB_CONNECTION_ALREADY_EXISTS,
@@ -33,49 +33,49 @@ _REFUSALS = (
 
 
 def retry_pause() -> float:
-    """Returns a pause that is another one each time, so that a fleet whose hub is back does not come all at once."""
+    """Returns a randomised pause [s], so that a fleet does not reconnect all at once when its hub is back."""
     return RETRY * random.uniform(0.5, 1.5)
 
 
 @dataclass(frozen=True)
 class HubContext:
-    """What all our hubs share."""
+    """Callbacks and settings shared by all our hubs."""
 
-    #: returns a new session with a hub, if we may join it; else raises HubError
+    #: returns a new session with a hub if we may join it; otherwise raises HubError
     open: Callable[[Candidate], HubSession]
     #: called with ourselves and a session; raises HubError if we are on that hub already
     claim: Callable[["HubClient", HubSession], None]
-    linked: Callable[[], Collection[str]]  #: returns the gateways to which data links stand
-    #: called from the hub's thread with each new view, None when it ends
+    linked: Callable[[], Collection[str]]  #: returns the gateways with open data links
+    #: called from the hub's thread with each new view, and with None when the thread ends
     take: Callable[["HubClient", HubView | None], None]
-    complain: Callable[[object, str], None]  #: called with an address and why there is no hub
-    #: called with a session and the number of a request to look at our links; returns at once
+    complain: Callable[[object, str], None]  #: called with an address and the reason why there is no hub
+    #: called with a session and the id of an examination request; does not block
     examine: Callable[[HubSession, str], None]
-    logger: logging.Logger  #: takes one line when a hub is found and one when it is lost
-    host: str = ""  #: our address for others; empty: the one on the way to the hub
-    namespaces: frozenset[str] = frozenset()  #: of robots, to announce to all
-    #: called with what the hub has kept for us, before we join; returns what it is to keep from now on
+    logger: logging.Logger  #: receives one line when a hub is found and one when it is lost
+    host: str = ""  #: our address for other gateways; empty: the one on the route to the hub
+    namespaces: frozenset[str] = frozenset()  #: robot namespaces to announce to all
+    #: called before we join with the text that the hub has stored for us; returns the text to store from now on
     restore: Callable[[str], str] = lambda text: text
 
 
 class HubClient:
-    """One hub, joined while it is running, tried again without end when it is not.
+    """Membership in one hub. Reconnects without limit when the hub is lost.
 
-    Methods return at once and may be called from any thread, `describe` apart, which waits for the hub.
+    Methods may be called from any thread and do not block, except `describe`, which waits for the hub.
 
     Args:
-        ways: addresses of the hub, to be tried in order.
-        named: whether a user named it; otherwise it ends when this gateway does not accept the hub.
-        said: what we tell at first.
-        context: see there.
+        ways: addresses of the hub, tried in order.
+        named: whether the user configured this hub; otherwise the thread ends if this gateway does not accept the hub.
+        said: what we publish initially.
+        context: shared callbacks and settings.
     """
 
     def __init__(self, ways: Sequence[Candidate], named: bool, said: Publication, context: HubContext) -> None:
         self.ways = tuple(ways)
         self.named = named
-        self.lost_since = time.monotonic()  #: when the hub was seen last, or looked for first; monotonic [s]
-        self.refused = False  #: whether this gateway does not accept the hub as it was found last
-        self.failures = 0  #: how often all its addresses were tried since it was joined last
+        self.lost_since = time.monotonic()  #: when the hub was last connected, or first tried; monotonic [s]
+        self.refused = False  #: whether this gateway refused the hub at the last attempt
+        self.failures = 0  #: number of failed rounds over all addresses since the last connection
         self._context = context
         self._state = HubState(said, context.namespaces)
         self._shown = HubView()
@@ -90,16 +90,16 @@ class HubClient:
         self._thread.start()
 
     def publish(self, said: Publication) -> None:
-        """Sets what we tell."""
+        """Sets what we publish."""
         self._state.said = said
         self._wake()
 
     def keep(self, text: str) -> None:
-        """Sets what the hub is to keep for the next gateway of our name; it is written with the next heartbeat."""
+        """Sets the text that the hub stores for the next gateway of our name; written with the next heartbeat."""
         self._keep = text
 
     def describe(self, names: Collection[str]) -> list[Description]:
-        """Returns what the hub knows of these gateways, of all if empty. Without a connection, nothing."""
+        """Returns what the hub knows of these gateways, or of all if empty; an empty list without a connection."""
         session = self._session
         if session is None:
             return []
@@ -109,13 +109,13 @@ class HubClient:
             return []
 
     def stop(self) -> None:
-        """Deregisters; `join` waits until that is done."""
+        """Starts deregistering; `join` waits for its end."""
         self._stopping = True
         self._wake()
 
     def join(self) -> None:
-        """Waits for the end after `stop`; not long for a hub that does not answer."""
-        # The thread may be in a call that takes seconds; it ends with the process, and the hub sees us expire.
+        """Waits for the thread to end after `stop`, only briefly if the hub does not answer."""
+        # The thread may be in a call that takes seconds; then it ends with the process, and we expire on the hub.
         self._thread.join(1.5 if self._session else 0.3)
 
     def _wake(self) -> None:
@@ -149,7 +149,7 @@ class HubClient:
             os.read(self._wake_reader, 4096)
 
     def _visit(self, way: Candidate) -> bool:
-        """Stays on the hub at this address as long as possible; returns whether this gateway does not accept it."""
+        """Connects to the hub at this address and stays on it as long as possible; returns whether it was refused."""
         if self._stopping:
             return False
         session = None
@@ -177,12 +177,12 @@ class HubClient:
 
     def _is_news(self, way: Candidate, code: Code) -> bool:
         if code == Code.HUB_NAME_NOT_FOUND:
-            # A hub that starts has a Redis first and a name a moment later: it is none if that is still so next time.
+            # A starting hub has a Redis first and a name a moment later. Report it only if the next attempt fails too.
             is_known = way in self._nameless
             self._nameless.add(way)
             return is_known
         self._nameless.discard(way)
-        # That nothing answers there is no news of a hub that we have just said is lost.
+        # An unreachable hub is no news if we have just reported it as lost.
         return not (self._told_lost and code == Code.HUB_CONNECTION_UNRESOLVABLE)
 
     def _enter(self, session: HubSession) -> None:
@@ -216,13 +216,13 @@ class HubClient:
                 if (keep := self._keep) != self._kept:
                     session.keep(keep)
                     self._kept = keep
-                # From its end: however slow the hub is, there is time for events before the next one.
+                # Counted from the end of the heartbeat, so that even with a slow hub there is time for events.
                 beat = time.monotonic() + HEARTBEAT
             self._wait(session, 0.1 if self._state.waiting else max(0.0, beat - time.monotonic()))
             self._state.take(session, self._events(session, beat), time.monotonic())
 
     def _wait(self, session: HubSession, seconds: float) -> None:
-        # Events may have been read from the socket already: together with others, or with the answer to a subscription.
+        # Events may be buffered already, read together with others or with the answer to a subscription.
         if session.events.connection.can_read():
             return
         ready = readable([session.events.connection._sock, self._wake_reader], seconds)
@@ -230,7 +230,7 @@ class HubClient:
             self._drain()
 
     def _events(self, session: HubSession, beat: float) -> Iterator[tuple[str, str]]:
-        """Yields channel and text of what has come, until the next sign of life is due."""
+        """Yields channel and text of received events until the next heartbeat is due."""
         while time.monotonic() < beat:
             message = session.events.get_message()
             if message is None and not session.events.connection.can_read():

@@ -1,5 +1,7 @@
-"""One connection to one hub, from registration to farewell. Every call may block for `redis_client.TIMEOUT`, none
-longer, the first one apart, which may look twice why it does not get in.
+"""One connection to one hub, from registration to deregistration.
+
+Every call may block for up to `redis_client.TIMEOUT`. Only the first one may take longer: if it fails, it makes up to
+two more attempts to find out why.
 """
 
 import dataclasses
@@ -50,22 +52,22 @@ from rocon_hub_protocol.core.record import (
 Value = TypeVar("Value")
 
 ALIVE = 2.0
-"""For how long one sign of life counts [s]."""
+"""Lifetime of a registration after a heartbeat [s]."""
 
 HEARTBEAT = 0.5
-"""Time between two signs of life [s]."""
+"""Heartbeat period [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """A gateway as `remote_gateway_info` shows it: its record, and how long ago [s] it was last heard of (0: alive)."""
+    """A gateway as shown by `remote_gateway_info`: its record and the time since its last heartbeat [s] (0: alive)."""
 
     record: Record
     silence: float
 
 
 class HubSession:
-    """Registers a gateway on a hub and speaks for it; used by one thread, `describe` apart.
+    """A gateway's session on a hub. Must be used by one thread, except `describe`.
 
     Raises:
         HubError: 12 if nothing answers, 14 if the hub refuses us, 16 if it is not a hub.
@@ -83,12 +85,12 @@ class HubSession:
         self.salt = ""
         try:
             self.hub_name = self._introduce()
-            # Of the server's process: one hub has several addresses, and must be joined but once.
+            # Identifies the server process: a hub with several addresses must be joined only once.
             self.identity = str(self.client.info("server")["run_id"])
             self.events = self.client.pubsub()
             channels = (GATEWAYS_KEY, requests_key(name), EXAMINE_KEY)
             self.events.subscribe(*channels)
-            # What is read from now on cannot miss a change: it is either in what is read or told.
+            # From now on no change can be missed: it is either in the data read or reported by an event.
             for _ in channels:
                 self.events.get_message(timeout=TIMEOUT)
         except (redis.exceptions.AuthenticationError, redis.exceptions.ResponseError) as error:
@@ -108,18 +110,18 @@ class HubSession:
 
     @property
     def holder(self) -> str | None:
-        """The instance that lives under our name, if any."""
+        """The live instance registered under our name, if any."""
         return self.client.get(alive_key(self.name))
 
     def join(self, record: Record, requests: Mapping[str, PeerRequest], namespaces: Collection[str] = ()) -> None:
-        """Registers us, in place of an earlier gateway of our name; record and requests are written before the event.
+        """Registers us, replacing an earlier gateway of our name. Record and requests are written before the event.
 
-        Requests that we, or who bore our name, wrote before are withdrawn from those to whom we have nothing to say.
+        Older requests under our name are withdrawn from gateways to which we have no request now.
 
         Args:
-            record: how we describe ourselves.
-            requests: to each other gateway.
-            namespaces: of robots, which nobody forgets before the hub does.
+            record: our record.
+            requests: our request to each other gateway.
+            namespaces: robot namespaces; every gateway remembers them as long as the hub does.
         """
         self._tell_namespaces(namespaces)
         self._record = record
@@ -136,7 +138,7 @@ class HubSession:
                 pipe.hset(requests_key(receiver), self.name, text_from_request(request))
             self._tell(pipe, "joined", namespaces)
             results = pipe.execute(raise_on_error=False)
-        # A key that another client made something else than a hash holds no requests of ours to delete.
+        # A key that another client has overwritten with a different type holds no request of ours, so ignore its error.
         for error in results[len(others) :]:
             if isinstance(error, redis.RedisError):
                 raise error
@@ -152,20 +154,20 @@ class HubSession:
             return
         try:
             self.client.sadd(NAMESPACES_KEY, *namespaces)
-        except redis.ResponseError:  # another client wrote something else in its place
+        except redis.ResponseError:  # another client has overwritten the key
             self.client.delete(NAMESPACES_KEY)
             self.client.sadd(NAMESPACES_KEY, *namespaces)
 
     def namespaces(self) -> frozenset[str]:
-        """Returns the namespaces of all robots that the hub knows."""
+        """Returns the robot namespaces known to the hub."""
         try:
             return sound_namespaces(list(self.client.smembers(NAMESPACES_KEY)))
-        except redis.ResponseError:  # likewise; who has one to tell mends it
+        except redis.ResponseError:  # likewise; repaired by the next gateway that announces one
             return frozenset()
 
     def live(self) -> tuple[str | None, bool]:
-        """Gives a sign of life; returns the instance that lived under our name until now, and if the hub lists it."""
-        # No transaction: a Redis that is full refuses those, and gateways that are on the hub would drop off it.
+        """Sends a heartbeat; returns the instance registered under our name until now, and whether the hub lists it."""
+        # Not a transaction: a full Redis refuses those, and registered gateways would then expire.
         with self.client.pipeline(transaction=False) as pipe:
             pipe.get(alive_key(self.name))
             pipe.sismember(GATEWAYS_KEY, self.name)
@@ -174,7 +176,7 @@ class HubSession:
         return holder, bool(listed)
 
     def present(self) -> set[str]:
-        """Returns the unique names of all gateways that live, ourselves apart."""
+        """Returns the unique names of all live gateways except ourselves."""
         names = sorted(filter(is_gateway_name, self.client.smembers(GATEWAYS_KEY) - {self.name}))
         if not names:
             return set()
@@ -186,20 +188,20 @@ class HubSession:
         self.events.subscribe(*(record_key(name) for name in names))
 
     def unwatch(self, names: Iterable[str]) -> None:
-        """Asks no longer."""
+        """Unsubscribes from these gateways' records."""
         self.events.unsubscribe(*(record_key(name) for name in names))
 
     def records(self, names: Collection[str]) -> dict[str, Record]:
-        """Returns the records of those of `names` that have a sound one."""
+        """Returns the records of those of `names` that have a valid one."""
         names = sorted(names)
         texts = self.client.mget([record_key(name) for name in names]) if names else []
         return dict(_sound(names, texts, record_from_text))
 
     def requests(self, senders: Collection[str] | None = None) -> dict[str, PeerRequest | None]:
-        """Returns the requests to us, all or those of `senders`; None for a sender who has none or no sound one.
+        """Returns the requests to us, all or those of `senders`; None for a sender without a valid one.
 
         Raises:
-            HubError: 17 if another client wrote something else in their place. It is removed; joining again helps.
+            HubError: 17 if another client has overwritten their key. The key is deleted; the caller should join again.
         """
         try:
             texts = self._requests(senders)
@@ -215,7 +217,7 @@ class HubSession:
         return dict(zip(ordered, self.client.hmget(requests_key(self.name), ordered), strict=True))
 
     def write(self, record: Record, requests: Mapping[str, PeerRequest]) -> None:
-        """Writes what differs from what was written last; nothing if our name is not ours now, as `live` will tell."""
+        """Writes the changes since the last write; nothing if we have lost our name, which `live` will report."""
         if record == self._record and requests == self._written:
             return
         changed = [one for one in {*requests, *self._written} if requests.get(one) != self._written.get(one)]
@@ -236,9 +238,9 @@ class HubSession:
             self._record, self._written = record, dict(requests)
 
     def _execute_as(self, holders: Collection[str | None], fill: Callable[[redis.client.Pipeline], None]) -> bool:
-        """Executes a transaction if our name is held by one of `holders` until its end; returns whether it was.
+        """Executes a transaction only if one of `holders` holds our name until its end; returns whether it did.
 
-        A gateway that has lost its name must not write over the requests of the one that has it.
+        A gateway that has lost its name must not overwrite the requests of the new holder.
         """
         with self.client.pipeline() as pipe:
             pipe.watch(alive_key(self.name))
@@ -253,25 +255,25 @@ class HubSession:
         return True
 
     def forget(self, receiver: str) -> None:
-        """Has the request to `receiver` written again: the receiver is a new instance, or the old hub was lost."""
+        """Makes the next `write` repeat the request to `receiver`, which is a new instance or came from a lost hub."""
         self._written.pop(receiver, None)
 
     def kept(self) -> str:
-        """Returns what a gateway of our name had the hub keep; empty for nothing."""
+        """Returns the text that the hub has stored for our name; empty for none."""
         try:
             return self.client.get(kept_key(self.name)) or ""
-        except redis.ResponseError:  # another client wrote something else in its place
+        except redis.ResponseError:  # another client has overwritten the key
             return ""
 
     def keep(self, text: str) -> None:
-        """Has the hub keep a text for the next gateway of our name, also when we are gone; empty for none."""
+        """Stores a text on the hub for the next gateway of our name; it outlives our session. Empty deletes it."""
         if text:
             self.client.set(kept_key(self.name), text)
         else:
             self.client.delete(kept_key(self.name))
 
     def describe(self, names: Collection[str]) -> list[Description]:
-        """Returns what the hub knows of `names`, of all others if empty; unknown ones are left out. Any thread."""
+        """Returns what the hub knows of `names`, or of all others if empty; skips unknown names. For any thread."""
         names = sorted(names or self.client.smembers(GATEWAYS_KEY) - {self.name})
         records = self.records(names)
         if not records:
@@ -284,10 +286,10 @@ class HubSession:
         ]
 
     def leave(self) -> None:
-        """Removes all that is ours from the hub, unless another gateway has our name by now."""
+        """Removes all our data from the hub, unless another gateway has taken our name."""
 
         def fill(pipe: redis.client.Pipeline) -> None:
-            # The requests to us too: who wrote one and is away now could not withdraw it before we return.
+            # Also the requests to us: a sender that is offline now could not withdraw its request before we return.
             pipe.delete(record_key(self.name), alive_key(self.name), requests_key(self.name))
             pipe.srem(GATEWAYS_KEY, self.name)
             for receiver in self._written:
@@ -304,9 +306,9 @@ class HubSession:
 
 
 def event_from_message(message: Mapping[str, Any]) -> tuple[str, str] | None:
-    """Returns channel and text of a message that `HubSession.events` got; None if there is nothing to take.
+    """Returns channel and text of a message from `HubSession.events`; None if it is not an event.
 
-    The acknowledgement of a subscription counts as an event: what is read from then on misses no change.
+    The acknowledgement of a subscription counts as an event, because data read from then on misses no change.
     """
     if message["type"] == "message":
         return message["channel"], message["data"]
@@ -327,7 +329,7 @@ def _refusal(error: redis.RedisError) -> str:
 def _sound(
     names: Sequence[str], texts: Sequence[str | None], parse: Callable[[str], Value]
 ) -> Iterator[tuple[str, Value]]:
-    """Yields name and value of what can be read; what is malformed counts as not written."""
+    """Yields name and value of each valid text; skips malformed ones."""
     for name, text in zip(names, texts, strict=True):
         if text is not None:
             try:

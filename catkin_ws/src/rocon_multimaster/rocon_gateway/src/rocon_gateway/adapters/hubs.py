@@ -1,4 +1,4 @@
-"""All the hubs that we are on: those that were named, and those that announce themselves."""
+"""Manages all our hubs: the configured ones and those found by mDNS."""
 
 import logging
 import random
@@ -20,19 +20,19 @@ from rocon_hub_protocol.core.code import Code, HubError
 from rocon_hub_protocol.core.record import PeerRequest, Record
 
 LOOK = 3.0
-"""For how long announced hubs are looked for when we are on one already [s]; for longer if we are on none."""
+"""Duration of one mDNS search while we are on a hub [s]; without a hub, the search continues."""
 
 REST = 30.0
-"""Time between two such looks, which cost something [s]."""
+"""Pause between two searches, which use some CPU time and traffic [s]."""
 
 PATIENCE = 10.0
-"""After which an announced hub that is lost is given up, if we are on another [s]."""
+"""Time after which a lost announced hub is given up, if we are on another hub [s]."""
 
 MOST_FOUND = 16
-"""Announced hubs that we are on or try at once, each in a thread. Of more, those that do not answer give way."""
+"""Maximum number of announced hubs joined or tried at once, one thread each; beyond it, unresponsive ones give way."""
 
 MOST_COMPLAINTS = 256
-"""Addresses of which it is known what was last said about them; with one more it is said again."""
+"""Number of addresses whose last log line is remembered, to avoid repetition; beyond it, the memory is cleared."""
 
 _SEARCH = "looking for a hub by mDNS; to name one: gateway_hub_uri:=http://HOST:6380 or the service ~connect_hub"
 _NO_SEARCH = "no hub_uri is given and mDNS is off: waiting for a call of ~connect_hub"
@@ -40,33 +40,33 @@ _NO_SEARCH = "no hub_uri is given and mDNS is off: waiting for a call of ~connec
 
 @dataclass(frozen=True)
 class HubsConfig:
-    """Which hubs we join."""
+    """Configuration of the hubs to join."""
 
     uris: tuple[str, ...] = ()  #: addresses of hubs
     whitelist: tuple[str, ...] = ()  #: hub names or addresses; empty allows all
-    blacklist: tuple[str, ...] = ()  #: hub names or addresses; goes before the whitelist
+    blacklist: tuple[str, ...] = ()  #: hub names or addresses; takes precedence over the whitelist
     discover: bool = False  #: also join hubs that announce themselves by mDNS
-    access: Access = OPEN  #: what the hubs' Redis asks for
-    host: str = ""  #: our address for others; empty: the one on the way to the hub
-    namespaces: frozenset[str] = frozenset()  #: of robots, to announce to all
-    #: called with the salt of each hub that we may join, before we do
+    access: Access = OPEN  #: credentials for the hubs' Redis
+    host: str = ""  #: our address for other gateways; empty: the one on the route to the hub
+    namespaces: frozenset[str] = frozenset()  #: robot namespaces to announce to all
+    #: called with the salt of each hub that we may join, before joining
     learn: Callable[[str], None] = lambda _salt: None
-    #: called with what a hub has kept for a gateway of our name; returns what it is to keep from now on
+    #: called with the text that a hub has stored for our name; returns the text to store from now on
     restore: Callable[[str], str] = lambda text: text
 
 
 class Hubs:
-    """Our hubs, each with a thread of its own, so that one that hangs holds up no other.
+    """All our hubs. Each has its own thread, so a hub that hangs does not block the others.
 
-    Methods return at once and may be called from any thread, `connect`, `describe` and `shutdown` apart, which
-    wait for hubs. `on_change()` is called from a hub's thread when `view()` has changed.
+    Methods may be called from any thread. They do not block, except `connect`, `describe` and `shutdown`, which wait
+    for hubs. `on_change()` is called from a hub's thread when `view()` has changed.
 
     Args:
-        config: where hubs are.
-        record: how we introduce ourselves until `publish` says more.
-        linked: returns the gateways to which data links stand.
+        config: the hubs to join.
+        record: our record until `publish` replaces it.
+        linked: returns the gateways with open data links.
         on_change: see above.
-        logger: takes one line when a hub is found and one when it is lost.
+        logger: receives one line when a hub is found and one when it is lost.
     """
 
     def __init__(
@@ -112,12 +112,12 @@ class Hubs:
             logger.info("%s", _SEARCH if config.discover else _NO_SEARCH)
 
     def view(self) -> Overview:
-        """Returns what is known now; a value that does not change."""
+        """Returns the current overview, an immutable value."""
         with self._changed:
             return self._view
 
     def publish(self, record: Record, requests: Mapping[str, PeerRequest], interest: frozenset[str]) -> None:
-        """Sets what we tell all, what we tell each, and which gateways (patterns) we want to hear of."""
+        """Sets our record, our request to each gateway, and the patterns of the gateways to follow."""
         said = Publication(record, requests, interest)
         with self._changed:
             if said == self._said:
@@ -128,18 +128,17 @@ class Hubs:
             hub.publish(said)
 
     def keep(self, text: str) -> None:
-        """Sets what every hub is to keep for the next gateway of our name."""
+        """Sets the text that every hub stores for the next gateway of our name."""
         with self._changed:
             hubs = list(self._hubs)
         for hub in hubs:
             hub.keep(text)
 
     def connect(self, uri: str, patience: float = 5.0) -> None:
-        """Joins the hub at `uri` beside those we are on, and tries that address again whenever it is lost.
+        """Joins the hub at `uri` in addition to the current ones, and reconnects whenever it is lost.
 
         Raises:
-            HubError: 11 if we are on that hub, 14 if it did not work out, and what `HubSession` and `check_lists`
-                raise.
+            HubError: 11 if we are on that hub already, 14 if it failed, and those of `HubSession` and `check_lists`.
         """
         way = Candidate(address_from_uri(uri))
         session = self._open(way)
@@ -153,7 +152,7 @@ class Hubs:
                 raise HubError(Code.HUB_CONNECTION_FAILED, f"registering at {way.address} took too long")
 
     def describe(self, names: Collection[str]) -> list[Description]:
-        """Returns what the hubs know of these gateways, of all if empty; each once. Without a hub, nothing."""
+        """Returns what the hubs know of these gateways, or of all if empty, each once; an empty list without a hub."""
         with self._changed:
             hubs = list(self._hubs)
         found: dict[str, Description] = {}
@@ -184,7 +183,7 @@ class Hubs:
         hub = self._claims.get(identity)
         return hub is not None and self._memberships.is_on(hub)
 
-    # What a hub's thread asks and tells
+    # Callbacks from the hubs' threads
 
     def _open(self, way: Candidate) -> HubSession:
         record, config = self._said.record, self._config
@@ -223,7 +222,7 @@ class Hubs:
             if view is None or not view.connected:
                 self._release(hub)
             if view is not None and not view.connected:
-                # What we refused for being on it by another way is wanted again.
+                # Hubs refused because we were connected by another address may be tried again.
                 self._refused.clear()
             if self._view.connected != before:
                 self._woken.set()
@@ -231,7 +230,7 @@ class Hubs:
         self._on_change()
 
     def _complain(self, about: object, complaint: str) -> None:
-        """Says why there is no hub: once, until the reason changes or a hub was found."""
+        """Logs why there is no hub: once, until the reason changes or a hub was found."""
         with self._changed:
             known = self._complaints.get(about)
             if len(self._complaints) >= MOST_COMPLAINTS:
@@ -240,7 +239,7 @@ class Hubs:
         if complaint != known:
             self._logger.info("%s; retrying", complaint)
 
-    # Looking for hubs that announce themselves
+    # mDNS search
 
     def _search(self) -> None:
         discovery = Discovery(self._woken.set)
@@ -263,12 +262,12 @@ class Hubs:
         discovery.rest()
 
     def _follow(self, discovery: Discovery) -> None:
-        """Joins hubs that are new, and gives up those that are lost while we are on another or others wait."""
+        """Joins new hubs; gives up lost ones if we are on another hub or other candidates are waiting."""
         seen = self._seen(discovery)
         crowded = len(seen) > MOST_FOUND
         with self._changed:
             self._refused.intersection_update(seen)
-            # In any order: who announces thousands of hubs must not choose which ones are tried.
+            # In random order: a client that announces thousands of hubs must not control which ones are tried.
             for ways in random.sample(seen, len(seen)):
                 room = sum(not hub.named for hub in self._hubs) < MOST_FOUND
                 if room and ways not in self._refused and not any(set(ways) & set(hub.ways) for hub in self._hubs):

@@ -1,4 +1,4 @@
-"""A folder whose files the hubs keep a copy of, for a gateway of our name that starts on another computer."""
+"""A folder backed up on the hubs, so that a gateway of the same name can restore it on another computer."""
 
 import contextlib
 import json
@@ -9,18 +9,18 @@ import threading
 from pathlib import Path
 
 LARGEST = 65536
-"""What all files may have together, as JSON [characters]: of more, nothing is kept."""
+"""Maximum size of all files together as JSON [characters]; beyond it, nothing is stored."""
 
 _NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,99}")
-"""Of a file; others are left out, so that one that is being written may have a name with a dot in front."""
+"""Pattern of file names. Other files are skipped, so temporary files can start with a dot."""
 
 
 class KeptFolder:
-    """The folder, made if absent, and what is in it as one text. `text` and `restore` may be called from any thread.
+    """The folder, created if absent, and its content as one text. `text` and `restore` may be called from any thread.
 
     Args:
-        path: the folder's.
-        logger: takes a line for a folder that cannot be kept, once.
+        path: path of the folder.
+        logger: receives one line if the folder cannot be stored.
     """
 
     def __init__(self, path: Path, logger: logging.Logger) -> None:
@@ -31,7 +31,7 @@ class KeptFolder:
             path.mkdir(parents=True, exist_ok=True)
 
     def text(self) -> str:
-        """Returns all files as JSON, name to content; empty where there are none, or too much."""
+        """Returns all files as a JSON object from name to content; empty if there are none or they are too large."""
         with self._lock:
             try:
                 names = sorted(one.name for one in os.scandir(self._path) if _NAME.fullmatch(one.name))
@@ -50,7 +50,7 @@ class KeptFolder:
         return ""
 
     def restore(self, text: str) -> str:
-        """Writes what a hub has kept if there are no files here; returns what is in the folder then."""
+        """Writes the stored files if the folder is empty; returns the folder's content afterwards."""
         own = self.text()
         if own or not text:
             return own

@@ -1,4 +1,4 @@
-"""What our ROS master knows: who publishes, subscribes and serves what, without ourselves and without proxies."""
+"""Reads from our ROS master which nodes publish, subscribe and serve what, excluding ourselves and proxies."""
 
 import http.client
 from collections.abc import Collection
@@ -12,12 +12,12 @@ _Row = tuple[Kind, str, list[str]]
 
 
 class MasterWatch:
-    """Looks at a master over one kept connection; cheap as long as nothing changes. One thread only.
+    """Polls a master over one persistent connection; cheap as long as nothing changes. For one thread only.
 
     Args:
-        uri: the master's.
-        node: our own node's name, whose connections do not count.
-        own: its topics that do.
+        uri: URI of the master.
+        node: our own node's name; its connections are ignored.
+        own: topics of our node that are not ignored.
     """
 
     def __init__(self, uri: str, node: str, own: Collection[str] = ()) -> None:
@@ -27,16 +27,16 @@ class MasterWatch:
         self._types_request = request("getTopicTypes", node)
         self._seen: bytes | None = None
         self._types_due = False
-        #: whether the master named a service of ours at the last look; one that was restarted does not
+        #: whether the master listed a service of ours at the last poll; a restarted master does not
         self.knows_us = False
         self._local: frozenset[Connection] = frozenset()
         self._proxies: dict[str, bool] = {}
 
     def changed(self) -> bool:
-        """Asks the master; tells whether its answer differs from the last one.
+        """Polls the master; returns whether its state has changed.
 
         Raises:
-            MasterError: it does not answer, or nonsense. It will count as changed when it answers again.
+            MasterError: it does not answer, or its answer is invalid. Its next answer counts as changed.
         """
         try:
             state = self._post(self._state_request)
@@ -53,15 +53,15 @@ class MasterWatch:
         return is_new
 
     def read_types(self) -> None:
-        """Has the next look read the topics' types, even if nobody has come or gone.
+        """Makes the next poll read the topic types even if the registrations have not changed.
 
-        A node that was killed and came back with another type leaves the master's state as it was.
+        A node that was killed and restarted with another type does not change the master's state.
         """
         self._types_due = True
 
     @property
     def local(self) -> frozenset[Connection]:
-        """Publishers, subscribers and services at the last look; of what type a service is, no master knows."""
+        """Publishers, subscribers and services at the last poll; a master does not know the types of services."""
         return self._local
 
     def close(self) -> None:
@@ -79,12 +79,12 @@ class MasterWatch:
         )
 
     def _is_proxy(self, node: str) -> bool:
-        """Tells whether some gateway made up this node; asked once as long as the node has any connection."""
+        """Returns whether a node is a gateway's proxy; cached as long as the node has any connection."""
         if node not in self._proxies:
             try:
                 self._proxies[node] = is_proxy_uri(str(value(self._post(request("lookupNode", self._node, node)))))
             except UnknownError:
-                # Gone between two calls: the next look will show that.
+                # The node has disappeared between two calls; the next poll will show it.
                 return True
         return self._proxies[node]
 
@@ -92,7 +92,7 @@ class MasterWatch:
         try:
             return self._line.ask(body)
         except (http.client.HTTPException, OSError):
-            # A kept connection that the master has closed; a new one tells whether the master lives.
+            # The master may have closed the persistent connection; a new one shows whether it is alive.
             self._line.close()
         try:
             return self._line.ask(body)
@@ -102,15 +102,15 @@ class MasterWatch:
 
 
 def _rows(state: Any) -> list[_Row]:
-    """Returns kind, name and nodes of everything in a master's system state. Raises MasterError."""
+    """Returns kind, name and nodes of each entry in a master's system state. Raises MasterError."""
     try:
         publishers, subscribers, services = state
         parts = (Kind.PUBLISHER, publishers), (Kind.SUBSCRIBER, subscribers), (Kind.SERVICE, services)
         rows = [(kind, name, nodes) for kind, part in parts for name, nodes in part]
     except (ValueError, TypeError) as error:
-        raise MasterError(f"the ROS master tells no system state: {error}") from None
+        raise MasterError(f"invalid system state from the ROS master: {error}") from None
     if not all(isinstance(nodes, list) and _are_texts(name, *nodes) for _, name, nodes in rows):
-        raise MasterError("the ROS master tells a system state in which names are none")
+        raise MasterError("invalid names in the ROS master's system state")
     return rows
 
 
@@ -121,7 +121,7 @@ def _types(told: Any) -> dict[str, str]:
     except (ValueError, TypeError) as error:
         raise MasterError(f"the ROS master tells no topic types: {error}") from None
     if not _are_texts(*types, *types.values()):
-        raise MasterError("the ROS master tells topic types that are none")
+        raise MasterError("invalid topic types from the ROS master")
     return types
 
 

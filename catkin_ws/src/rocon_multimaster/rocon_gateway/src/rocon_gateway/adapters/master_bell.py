@@ -1,4 +1,4 @@
-"""When to look at our ROS master: as soon as something was registered where it tells that, else again and again."""
+"""Decides when to poll our ROS master: on its notification if it supports that, otherwise periodically."""
 
 import http.client
 import time
@@ -7,24 +7,24 @@ from rocon_gateway.adapters.master_line import MasterError, MasterLine, request,
 from tcpros.adapters.descriptor import readable
 
 LOOK_PERIOD = 0.15
-"""Time between two looks at a master that tells nothing [s]; with one that does, the mean of it over many."""
+"""Poll period for a master without notifications [s]; with notifications, the minimum average period."""
 
 TOLD_PERIOD = 3.0
-"""Time between two looks at a master that tells, and has told nothing [s]: for one that hangs."""
+"""Poll period for a master with notifications that has sent none [s], in case it hangs."""
 
 LOOKS_AT_ONCE = 5
-"""So many looks may follow one another: a node that starts registers several things in some hundredths of a second."""
+"""Polls allowed in quick succession: a starting node makes several registrations within some hundredths of a second."""
 
 _AWAITED = 5.0
-"""For how long the master is to wait for a registration before it answers all the same [s]."""
+"""How long the master shall wait for a registration before it answers anyway [s]."""
 
 
 class Ration:
-    """Says how long to wait with something that may happen once a period in the long run, and a few times at once.
+    """Rate limiter: allows one event per period on average, and short bursts.
 
     Args:
-        period: [s].
-        at_once: how many times.
+        period: average period [s].
+        at_once: size of a burst.
     """
 
     def __init__(self, period: float, at_once: int) -> None:
@@ -32,21 +32,21 @@ class Ration:
         self._left, self._counted = self._most, float("-inf")
 
     def take(self, now: float) -> float:
-        """Takes one, and returns the time to wait with it [s]; ``now`` [s] never goes back."""
+        """Takes one event and returns how long to delay it [s]; ``now`` [s] must be monotonic."""
         left = min(self._most, self._left + (now - self._counted) / self._period)
-        # A pause may be ended early by something else; its time is not to be waited for with the next one.
+        # Another event may cut a pause short; the rest of it must not delay the next event.
         self._left, self._counted = max(-1.0, left - 1.0), now
         return max(0.0, -self._left * self._period)
 
 
 class MasterBell:
-    """Waits for the next look at a master. One thread only.
+    """Waits until the next poll of a master is due. For one thread only.
 
-    A master of our own launcher has the call ``awaitRegistrations`` (`pioneer_node.nodes.patch`), which a thread of it
-    answers when somebody has registered. Any other says that it knows no such call, and is not asked again.
+    A master started by our own launcher offers the call ``awaitRegistrations`` (`pioneer_node.nodes.patch`), which
+    returns when a node has registered. Any other master returns an error and is not asked again.
 
     Args:
-        uri: the master's.
+        uri: URI of the master.
         node: our own node's name.
     """
 
@@ -54,14 +54,14 @@ class MasterBell:
         self._line, self._node = MasterLine(uri), node
         self._count = 0
         self._tells: bool | None = None
-        """None as long as the master has not answered on this connection."""
+        """Whether the master supports notifications; None until it has answered on this connection."""
         self._is_asked = False
-        self.is_due = True  #: whether the last wait ended because a look is due
+        self.is_due = True  #: whether a poll was due when the last wait ended
         self._looked = float("-inf")
         self._ration = Ration(LOOK_PERIOD, LOOKS_AT_ONCE)
 
     def wait(self, reader: int, limit: float = TOLD_PERIOD) -> bool:
-        """Waits until a look is due or ``reader`` can be read, at most ``limit`` [s]; returns whether it can."""
+        """Waits up to ``limit`` [s] until a poll is due or ``reader`` is readable; returns whether it is readable."""
         self._ask()
         period = min(max(limit, 0.0), TOLD_PERIOD) if self._tells else LOOK_PERIOD
         ready = readable([reader, *self._line.descriptors], period)
@@ -74,11 +74,11 @@ class MasterBell:
         return reader in ready
 
     def look_again(self) -> None:
-        """Has the next wait, whatever ends it, call for a look."""
+        """Makes a poll due at the end of the next wait, whatever ends it."""
         self._looked = float("-inf")
 
     def close(self) -> None:
-        """Closes the connection; the next wait makes a new one."""
+        """Closes the connection; the next wait opens a new one."""
         self._line.close()
         self._is_asked, self._tells = False, None
 
@@ -88,14 +88,14 @@ class MasterBell:
         try:
             self._line.send(request("awaitRegistrations", self._node, self._count, _AWAITED))
             self._is_asked = True
-        except OSError:  # the look tells that the master is gone
+        except OSError:  # the poll will report that the master is down
             self.close()
 
     def _has_told(self) -> bool:
-        """Reads what the master says."""
+        """Reads the master's answer; returns whether it is a notification."""
         try:
             answer = self._line.read()
-        except (MasterError, http.client.HTTPException, OSError):  # it has ended, or closed the connection
+        except (MasterError, http.client.HTTPException, OSError):  # the master has ended or closed the connection
             self.close()
             return False
         self._is_asked = False

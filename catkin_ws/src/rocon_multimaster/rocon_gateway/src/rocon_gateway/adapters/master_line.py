@@ -1,4 +1,4 @@
-"""A kept connection to a ROS master, and what is said on it."""
+"""A persistent XML-RPC connection to a ROS master."""
 
 import contextlib
 import http.client
@@ -11,23 +11,25 @@ from rocon_gateway.core.error import GatewayError
 from tcpros.core.http import NONSENSE
 
 TIMEOUT = 3.0
-"""Within which the master must have answered [s]."""
+"""Timeout for the master's answer [s]."""
 
 
 class MasterError(GatewayError):
-    """The master does not answer, or answers nonsense."""
+    """The master does not answer, or its answer is invalid."""
 
 
 class UnknownError(MasterError):
-    """The master says that it knows no such thing."""
+    """The master reports that the requested name is unknown."""
 
 
 class MasterLine:
-    """What http.client builds each time and sends in two packets goes in one, prepared: that is half of what a look
-    costs, here and at the master. One thread only.
+    """A connection that sends each call with a prepared head in one packet. For one thread only.
+
+    http.client builds the head each time and sends two packets; avoiding that halves the cost of a poll, here and at
+    the master.
 
     Args:
-        uri: the master's.
+        uri: URI of the master.
     """
 
     def __init__(self, uri: str) -> None:
@@ -40,29 +42,29 @@ class MasterLine:
 
     @property
     def descriptors(self) -> list[int]:
-        """The connection's file descriptor, none without a connection."""
+        """The connection's file descriptor; empty without a connection."""
         return [self._socket.fileno()] if self._socket else []
 
     def ask(self, body: bytes) -> bytes:
-        """Returns the answer.
+        """Sends a call and returns the body of the answer.
 
         Raises:
-            MasterError: it is an error's.
-            HTTPException: it is none.
-            OSError: there is none.
+            MasterError: the answer has an error status.
+            HTTPException: the answer is not HTTP.
+            OSError: there is no answer.
         """
         self.send(body)
         return self.read()
 
     def send(self, body: bytes) -> None:
-        """Asks, without waiting for the answer. Raises OSError."""
+        """Sends a call without waiting for the answer. Raises OSError."""
         if self._socket is None:
             self._socket = socket.create_connection(self._address, TIMEOUT)
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.sendall(b"%b%d\r\n\r\n%b" % (self._head, len(body), body))
 
     def read(self) -> bytes:
-        """Returns the answer to what was sent. Raises as `ask` does."""
+        """Reads the answer to the last call. Raises the same errors as `ask`."""
         if self._socket is None:
             raise ConnectionError("nothing was asked")
         with contextlib.closing(http.client.HTTPResponse(self._socket, method="POST")) as response:
@@ -75,25 +77,25 @@ class MasterLine:
         return answer
 
     def close(self) -> None:
-        """Closes the connection; the next question makes a new one."""
+        """Closes the connection; the next call opens a new one."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
 
 def request(method: str, *arguments: str | int | float) -> bytes:
-    """Returns a call's body."""
+    """Returns the body of a call."""
     return xmlrpc.client.dumps(arguments, method).encode()
 
 
 def value(answer: bytes) -> Any:
-    """Returns the third part of a master's answer. Raises MasterError, UnknownError if the master says no."""
+    """Returns the value in a master's answer. Raises MasterError, or UnknownError if the status is not success."""
     try:
         ((code, message, found),) = xmlrpc.client.loads(answer)[0]  # type: ignore[arg-type]
     except xmlrpc.client.Fault as error:
         raise MasterError(f"the ROS master fails: {error.faultString}") from None
     except NONSENSE as error:
-        raise MasterError(f"the ROS master's answer is none: {error}") from None
+        raise MasterError(f"invalid response from the ROS master: {error}") from None
     if code != 1:
-        raise UnknownError(f"the ROS master says no: {message!s}")
+        raise UnknownError(f"the ROS master returned an error: {message!s}")
     return found

@@ -1,4 +1,4 @@
-"""Processor time and memory of the programs of one ROS master of this machine, from Linux' ``/proc``."""
+"""CPU time and memory of the programs of one ROS master on this machine, read from ``/proc``."""
 
 import contextlib
 import os
@@ -12,18 +12,18 @@ _MASTER = b"ROS_MASTER_URI="
 
 @dataclass(frozen=True)
 class Load:
-    """What programs take."""
+    """CPU and memory use of programs."""
 
-    processors: float  #: of processor time, since the last look [s/s]
-    memory: int  #: shared pages by their share [byte]
+    processors: float  #: average CPU time since the last look [s/s]
+    memory: int  #: proportional set size: shared pages count by their share [byte]
 
 
 class ProgramLoad:
-    """Looks at the programs that were started for a master: on a robot's computer those of the robot.
+    """Measures the programs that were started for one master: on a robot's computer, those of the robot.
 
     Args:
-        uri: of the master; its port tells masters of one machine apart.
-        root: the processes' folder.
+        uri: URI of the master; its port distinguishes the masters on one machine.
+        root: the proc file system.
     """
 
     def __init__(self, uri: str, root: Path = Path("/proc")) -> None:
@@ -33,13 +33,13 @@ class ProgramLoad:
         self._at = 0.0
 
     def look(self, now: float) -> Load:
-        """Returns the load since the last look, none of time at the first; ``now`` is monotonic [s]."""
+        """Returns the load since the last look, with no CPU time at the first; ``now`` is monotonic [s]."""
         there = [name for name in os.listdir(self._root) if name.isdigit()]
         known = self._belongs
         self._belongs = {name: known[name] if name in known else self._is_of_master(name) for name in there}
         spent, memory = dict[str, float](), 0
         for name in (one for one in there if self._belongs[one]):
-            # One that ends meanwhile is not counted.
+            # A process that ends meanwhile is not counted.
             with contextlib.suppress(OSError):
                 spent[name] = self._processor_time(name)
                 memory += self._memory(name)
@@ -56,7 +56,7 @@ class ProgramLoad:
         return False
 
     def _processor_time(self, name: str) -> float:
-        # The second field, a name in parentheses, may hold anything.
+        # The second field, a name in parentheses, may contain any characters.
         fields = (self._root / name / "stat").read_text(errors="replace").rpartition(")")[2].split()
         return (int(fields[11]) + int(fields[12])) / _TICK
 

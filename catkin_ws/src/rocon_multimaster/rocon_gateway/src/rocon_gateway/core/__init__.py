@@ -1,1 +1,1 @@
-"""Pure parts of the gateway: no ROS, no socket, no clock, no thread."""
+"""The pure core of the gateway: no ROS, sockets, clocks or threads."""

@@ -1,4 +1,4 @@
-"""Actions: five topics of one node that belong together, and what they are as one connection.
+"""Actions: recognises the five topics of an action at one node and treats them as one connection.
 
 A node is the server of action `/fibonacci` if it subscribes to `/fibonacci/goal` and `cancel` and publishes
 `status`, `feedback` and `result`; a client does the reverse. (https://wiki.ros.org/actionlib)
@@ -22,7 +22,7 @@ _GOAL_TYPE = "ActionGoal"
 
 
 def actions(local: Collection[Connection]) -> frozenset[Connection]:
-    """Returns the action servers and clients among publishers and subscribers; type `*` where that is unknown."""
+    """Returns the action servers and clients found among publishers and subscribers; type `*` if unknown."""
     known = {(one.kind, one.name, one.node): one for one in local}
     found = set()
     for goal in local:
@@ -37,7 +37,7 @@ def actions(local: Collection[Connection]) -> frozenset[Connection]:
 
 
 def parts(connection: Connection) -> Iterator[Connection]:
-    """Yields the publishers and subscribers that make up a connection: five of an action, else itself."""
+    """Yields the publishers and subscribers of a connection: five for an action, otherwise the connection itself."""
     if connection.kind not in ACTION_KINDS:
         yield connection
         return
@@ -50,9 +50,9 @@ def parts(connection: Connection) -> Iterator[Connection]:
 
 
 def status_topic(topic: str) -> str:
-    """Returns the topic on which an action's server speaks to those who publish `topic`, "" if it is no action's.
+    """Returns the status topic of the action whose client publishes `topic`; "" if `topic` is not part of an action.
 
-    A client holds its server to be there once the node that publishes the status subscribes to its goals.
+    A client considers its server connected once the node that publishes the status also subscribes to its goals.
     """
     name, _, suffix = topic.rpartition("/")
     return f"{name}/status" if name and suffix in ("goal", "cancel") else ""

@@ -1,4 +1,4 @@
-"""The gateway's parameters, and the rules that they bring."""
+"""The gateway's parameters and the initial rules they define."""
 
 import uuid
 from collections.abc import Callable, Mapping, Sequence
@@ -14,51 +14,51 @@ from rocon_hub_protocol.core.rule import RemoteRule, Rule, is_namespace
 from rocon_relay.core.option import OptionError
 
 APPENDED = ("default_flips", "default_advertisements", "default_pulls")
-"""Keys of a custom rules file that add to a parameter, as its options of rules do; all others replace it."""
+"""Keys of a custom rules file that extend a parameter, like `rule_options`; all others replace it."""
 
 
 @dataclass(frozen=True)
 class GatewayConfig:
-    """Parameters of the node `gateway`, named as rocon names them where rocon has them."""
+    """Parameters of the node `gateway`. Those that rocon has too keep rocon's names."""
 
-    name: str = "gateway"  #: the gateway's name for people
-    disable_uuids: bool = False  #: whether that is its unique name too; otherwise 32 hexadecimal digits follow
-    #: the hub's address, `http://host:port` (`rediss://` for one with TLS) or `host:port`; several divided by
-    #: semicolons, or a list
+    name: str = "gateway"  #: the gateway's readable name
+    disable_uuids: bool = False  #: use `name` as the unique name; otherwise 32 hexadecimal digits are appended
+    #: the hub's address, `http://host:port` (`rediss://` with TLS) or `host:port`; several separated by semicolons, or
+    #: a list
     hub_uri: Any = ""
     hub_whitelist: Any = ()  #: names or addresses of the only hubs to join; empty allows all
     hub_blacklist: Any = ()  #: names or addresses of hubs never to join
-    hub_password_file: str = ""  #: a file that holds the hub's password; empty for none, or the environment's
-    #: a directory with the fleet's certificates, for TLS with hubs and gateways; empty for none, or the environment's
+    hub_password_file: str = ""  #: file with the hub's password; empty: use the environment, or none
+    #: directory with the fleet's certificates, for TLS with hubs and gateways; empty: use the environment, or none
     tls_directory: str = ""
-    insecure: bool = False  #: take links from other machines though there is neither password nor certificate
-    disable_zeroconf: bool = False  #: do not look for hubs by mDNS, which only a gateway without `hub_uri` does
-    firewall: bool = True  #: refuse flips to here
-    watch_loop_period: float = 10.0  #: the longest time between two comparisons, even if nothing seems to change [s]
-    default_blacklist: Any = ()  #: `{name, node, type}` of what never leaves this gateway
+    insecure: bool = False  #: accept links from other machines without password and certificate
+    disable_zeroconf: bool = False  #: do not search for hubs by mDNS; the search only runs without `hub_uri`
+    firewall: bool = True  #: refuse flips to this gateway
+    watch_loop_period: float = 10.0  #: longest time between two reconciliations, even without visible changes [s]
+    default_blacklist: Any = ()  #: `{name, node, type}` of connections that never leave this gateway
     default_advertisements: Any = ()  #: `{name, node, type}`
     default_flips: Any = ()  #: `{gateway, rule: {name, node, type}}`; without `rule`, everything is flipped there
     default_pulls: Any = ()  #: likewise
-    #: `{name, node, gateway, rate, queue_size, compress, tf_frames, stamp_rate}`: what is asked of the links that rules
-    #: bring for a topic (name), publishing node and other gateway, patterns as in rules, all by default; the first row
-    #: that matches counts. See `core.option.LinkOptions`.
+    #: `{name, node, gateway, rate, queue_size, compress, tf_frames, stamp_rate}`: link options for topics by name,
+    #: publishing node and other gateway, with patterns as in rules, default all; the first matching row applies. See
+    #: `core.option.LinkOptions`.
     rule_options: Any = ()
     advertise_all: Any = ()  #: start with everything advertised
-    custom_rules_file: str = ""  #: YAML with more of these; empty for none
-    #: the interface whose address is announced to other gateways; empty: the one towards the hub
+    custom_rules_file: str = ""  #: YAML file with more of these parameters; empty for none
+    #: interface whose address is announced to other gateways; empty: the one on the route to the hub
     network_interface: str = ""
-    #: the robot's own namespace, `pioneer1`: rules whose name is a pattern then bring nothing here out of other robots'
-    #: namespaces, unless the pattern spells one out; empty: no such guard. Other robots' are those that differ from it
-    #: in the number at their end only, and those that any gateway has told the hub.
+    #: the robot's own namespace, such as `pioneer1`: pattern rules then import nothing from other robots' namespaces
+    #: unless the pattern spells one out; empty disables this guard. A namespace belongs to another robot if it differs
+    #: only in its trailing number, or if any gateway has announced it on the hub.
     namespace: str = ""
-    #: more robots' namespaces to tell the hub, `alice; bob`, so that all gateways know them before the robots' own
-    #: gateways come
+    #: further robot namespaces to announce on the hub, such as `alice; bob`, so that all gateways know them before the
+    #: robots' own gateways connect
     robot_namespaces: Any = ()
-    #: a folder of small files that the hub keeps a copy of, 64 KiB in all: a gateway of this name that starts where
-    #: there are none, as on another computer, writes them there before it joins; empty for none
+    #: folder of small files backed up on the hub, 64 KiB in all. A gateway of this name whose folder is empty, for
+    #: example on another computer, restores them before it joins; empty for none
     kept_folder: str = ""
     relay_port: int = 0  #: TCP port for links from other gateways; 0 is any free one
-    max_message_size: int = 256 * 2**20  #: the longest message that is carried [bytes]
+    max_message_size: int = 256 * 2**20  #: maximum message size [bytes]
 
     def __post_init__(self) -> None:
         """Raises ConfigError for invalid parameter values."""
@@ -76,14 +76,14 @@ class GatewayConfig:
         self.options()
 
     def options(self) -> tuple[OptionRule, ...]:
-        """Returns what is asked of links. Raises ConfigError for an invalid row."""
+        """Returns the rules for link options. Raises ConfigError for an invalid row."""
         try:
             return tuple(option_rule(row) for row in _rows(self.rule_options))
         except (GatewayError, OptionError) as error:
             raise ConfigError(f"gateway: ~rule_options: {error}") from None
 
     def unique_name(self) -> str:
-        """Returns a unique name; a new one with each call unless `disable_uuids`."""
+        """Returns a unique name, a new one for each call unless `disable_uuids` is set."""
         return self.name if self.disable_uuids else self.name + uuid.uuid4().hex
 
     @property
@@ -93,23 +93,23 @@ class GatewayConfig:
 
     @property
     def known_namespaces(self) -> frozenset[str]:
-        """The robot's namespace and the others to announce."""
+        """The robot namespaces to announce, including our own."""
         told = (self.namespace, *_entries("robot_namespaces", self.robot_namespaces))
         return frozenset(one.removeprefix("/") for one in told) - {""}
 
     @property
     def discovers(self) -> bool:
-        """Whether to look for hubs by mDNS: unless that is off or a hub is named."""
+        """Whether to search for hubs by mDNS: not if it is disabled or a hub is configured."""
         return not self.hub_uris and not self.disable_zeroconf
 
     @property
     def hub_uris(self) -> tuple[str, ...]:
-        """The hubs that are named."""
+        """The configured hubs."""
         return _entries("hub_uri", self.hub_uri)
 
     @property
     def hubs_allowed(self) -> tuple[str, ...]:
-        """The whitelist."""
+        """The whitelist of hubs."""
         return _entries("hub_whitelist", self.hub_whitelist)
 
     @property
@@ -119,10 +119,10 @@ class GatewayConfig:
 
 
 def with_custom_rules(parameters: Mapping[str, Any], custom: object) -> dict[str, Any]:
-    """Returns `parameters` with what a custom rules file holds; its rows of options come first, where the first counts.
+    """Returns `parameters` merged with a custom rules file, whose `rule_options` come first and so take precedence.
 
     Raises:
-        ConfigError: it holds no mapping.
+        ConfigError: the file is not a mapping.
     """
     if custom is None:
         return dict(parameters)
@@ -140,9 +140,9 @@ def with_custom_rules(parameters: Mapping[str, Any], custom: object) -> dict[str
 
 
 def book_from_config(config: GatewayConfig, name: str) -> tuple[RuleBook, tuple[str, ...]]:
-    """Returns the rules to start with, for unique name `name`, and a complaint about each that cannot be had.
+    """Returns the initial rules for unique name `name`, and an error message for each invalid one.
 
-    One bad rule keeps no other from being taken.
+    An invalid rule does not affect the others.
     """
     blacklist, complaints = [], []
     for row in _rows(config.default_blacklist):
@@ -178,7 +178,7 @@ def _pulled(book: RuleBook, row: object) -> RuleBook:
 
 
 def _remote(row: object) -> RemoteRule | str:
-    """Returns the rule of a row, or only the gateway where the row has no rule."""
+    """Returns the rule of a row, or only the gateway if the row has no rule."""
     if not isinstance(row, Mapping) or not isinstance(row.get("gateway"), str):
         raise ConfigError(f"{row!r} names no gateway")
     gateway: str = row["gateway"]
@@ -200,7 +200,7 @@ def _rows(value: Any) -> Sequence[object]:
 
 
 def _entries(name: str, value: Any) -> tuple[str, ...]:
-    """Returns a list parameter; a text is taken as entries divided by semicolons, as old launch files write it."""
+    """Returns a list parameter; splits a string at semicolons, as in old launch files."""
     if isinstance(value, str):
         value = [entry for entry in value.split(";") if entry.strip()]
     if not isinstance(value, (list, tuple)) or not all(isinstance(entry, str) for entry in value):

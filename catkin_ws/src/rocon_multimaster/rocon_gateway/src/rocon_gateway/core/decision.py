@@ -1,4 +1,4 @@
-"""What one `reconcile` has decided so far: exports, imports and requests, and how each import does."""
+"""Collects the decisions of one `reconcile`: exports, imports, requests, and the state of each import."""
 
 import dataclasses
 from collections.abc import Callable
@@ -15,19 +15,19 @@ from rocon_relay.core.connection import ANY, Address, Export, Import, Key, Subje
 from rocon_relay.core.option import NO_OPTIONS
 
 PendingVerdict = Callable[[], Verdict]
-"""Tells how a connection does, once the whole set of imports is known."""
+"""Returns the verdict on a connection; may be called once all imports are known."""
 
 Part = TypeVar("Part", Offer, Want, Reply)
 
 _SUBJECTS = {Kind.SERVICE: Subject.SERVICE, Kind.PARAMETER: Subject.PARAMETER}
-"""What a connection is exported as, if not as a topic."""
+"""Link subjects of connections that are not topics."""
 
 
 class Decision:
-    """Grows as rules and requests are gone through; complete once all have been.
+    """Accumulates decisions while rules and requests are processed; complete after the last one.
 
     Args:
-        situation: what is decided from.
+        situation: the input of the reconciliation.
     """
 
     def __init__(self, situation: Situation) -> None:
@@ -54,15 +54,15 @@ class Decision:
         self.export(gateway, connection)
 
     def want(self, gateway: str, want: Want) -> None:
-        """Asks `gateway` for something."""
+        """Adds a want to our request to `gateway`."""
         _add(self._wants, gateway, want)
 
     def reply(self, gateway: str, reply: Reply) -> None:
-        """Answers what a request of `gateway` asks."""
+        """Adds a reply to a request of `gateway`."""
         _add(self._replies, gateway, reply)
 
     def requests(self) -> dict[str, PeerRequest]:
-        """Returns what to write to whom."""
+        """Returns the request to each gateway; empty ones are left out."""
         requests = {
             gateway: PeerRequest(
                 tuple(sorted(self._offers.get(gateway, ()))),
@@ -86,7 +86,7 @@ class Decision:
         return rule_for(self._situation.options, connection.name, connection.node, gateway, self._name)
 
     def exports(self) -> frozenset[Export]:
-        """Returns what shall be exported; to be called when all imports are known."""
+        """Returns all exports; call it after all imports are known."""
         servers: dict[tuple[str, str], str] = {}
         for key in sorted(self._imports, reverse=True):
             servers[key.gateway, key.topic] = self._imports[key].proxy
@@ -100,7 +100,7 @@ class Decision:
     # Imports
 
     def import_publisher(self, gateway: str, other: Remote, connection: Connection, nodes: str) -> PendingVerdict:
-        """Imports a remote publisher for the nodes that match (empty: any), and returns how to judge that."""
+        """Imports a remote publisher for the nodes that match `nodes` (empty: any); returns its pending verdict."""
         here = self._types.get(connection.name, ANY)
         if ANY not in (here, connection.type) and here != connection.type:
             return always(verdict.mismatch(connection.name, {self._name: here, gateway: connection.type}))
@@ -118,7 +118,7 @@ class Decision:
         return lambda: verdict.from_link(self._import_for(wanted.key), self._situation.links)
 
     def left_out(self, gateway: str, connection: Connection) -> Verdict | None:
-        """Returns why a remote publisher is not imported, if an option leaves out nodes of other robots; else None."""
+        """Returns why an option excludes a remote publisher, as another robot's node; None if it is not excluded."""
         if self._asked(connection, gateway).foreign_nodes:
             return None
         situation = self._situation
@@ -126,9 +126,9 @@ class Decision:
         return verdict.foreign_node(connection.node, self._name) if namespace else None
 
     def import_service(self, gateway: str, other: Remote, connection: Connection) -> PendingVerdict:
-        """Imports a remote server, unless its name is taken, and returns how to judge that.
+        """Imports a remote server unless its name is taken; returns its pending verdict.
 
-        A name has one server. A local one keeps it, and of several remote ones that which has it now.
+        A service name has only one server. A local server has priority; of several remote ones, the current one stays.
         """
         node, address = connection.node, _address(other)
         wanted = Import(connection.name, ANY, ANY, gateway, node, address, subject=Subject.SERVICE)
@@ -146,7 +146,7 @@ class Decision:
         return judge
 
     def import_parameter(self, gateway: str, other: Remote, connection: Connection) -> PendingVerdict:
-        """Copies a remote parameter once, and returns how to judge that; of one name, the first one asked for."""
+        """Copies a remote parameter once; returns its pending verdict. For one name, the first request wins."""
         wanted = Import(connection.name, ANY, ANY, gateway, "", _address(other), subject=Subject.PARAMETER)
         chosen = self._parameters.setdefault(wanted.topic, wanted)
         if chosen.source_gateway != gateway:
@@ -154,7 +154,7 @@ class Decision:
         return lambda: verdict.from_link(wanted, self._situation.links)
 
     def imports(self) -> frozenset[Import]:
-        """Returns what shall be imported."""
+        """Returns all imports."""
         return frozenset(
             (
                 *(self._import_for(key) for key in self._imports),
@@ -173,7 +173,7 @@ class Decision:
         return f"{wanted.topic} is served by {server} here already" if server else self._node_clash(wanted.proxy)
 
     def _node_clash(self, proxy: str) -> str:
-        """Says if the proxy's name is taken; a node that registers under another's name would end that one."""
+        """Returns an error if the proxy's name is taken: registering it would shut down the existing node."""
         return f"a node {proxy} is here already" if proxy in self._nodes_here else ""
 
     def _clash(self, wanted: Import) -> str:
@@ -184,16 +184,16 @@ class Decision:
         return "" if key == wanted.key else f"{wanted.proxy} stands for a node of gateway {key.gateway} already"
 
     def _import_for(self, key: Key) -> Import:
-        """Returns one import for the nodes of all rules that ask for it."""
+        """Returns the import, merged for the nodes of all rules that request it."""
         nodes = self._nodes[key]
         if "" in nodes:
             return self._imports[key]
-        # Sorted, so that the order of the rules does not change what the relay is asked for.
+        # Sorted, so that the order of the rules does not change the import.
         return dataclasses.replace(self._imports[key], allowed_nodes=tuple(sorted(nodes)))
 
 
 def always(said: Verdict) -> PendingVerdict:
-    """Returns how to judge what is known already."""
+    """Returns a pending verdict that is known already."""
     return lambda: said
 
 

@@ -1,4 +1,4 @@
-"""What may keep a gateway from working, told from measured facts, each finding with its fix."""
+"""Derives findings from measured facts: what may keep a gateway from working, each with a fix."""
 
 import enum
 from collections.abc import Iterable, Sequence
@@ -9,11 +9,11 @@ from rocon_gateway.core.matching import base_name
 from rocon_gateway.core.table import table
 
 CLOCK_TOLERANCE = 0.1
-"""Clocks of two machines may differ by so much [s] before one finds the other's transforms too old or too new."""
+"""Maximum clock offset of two machines [s]; beyond it, one rejects the other's transforms as too old or too new."""
 
 
 class Level(enum.StrEnum):
-    """How bad a finding is."""
+    """Severity of a finding."""
 
     OK = "ok"
     WARNING = "warning"
@@ -22,17 +22,17 @@ class Level(enum.StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was looked at."""
+    """The result of one check."""
 
-    level: Level  #: how it is
-    what: str  #: what was found, one sentence
-    fix: str = ""  #: what to do; empty if all is well
+    level: Level  #: its severity
+    what: str  #: the result, one sentence
+    fix: str = ""  #: what to do; empty if the check passed
 
 
 def of_contact(contact: Contact, fix: str, there: str = "here") -> Finding:
-    """Returns whether a name resolves and its port answers; `fix` is for a port that does not.
+    """Checks that a host name resolves and its port answers.
 
-    `there` says on which machine this was tried.
+    `fix` applies to a port that does not answer; `there` names the machine that tried.
     """
     where = f"{contact.what} at {contact.host}:{contact.port}"
     if not contact.address:
@@ -44,12 +44,12 @@ def of_contact(contact: Contact, fix: str, there: str = "here") -> Finding:
 
 
 def of_own_name(name: str, address: str, there: str = "here") -> Finding:
-    """Returns whether the nodes of one machine find each other under the name that they are known by.
+    """Checks that the nodes of one machine can reach each other under their advertised host name.
 
     Args:
         name: ROS_HOSTNAME, ROS_IP or the host's name.
-        address: what it resolves to there; empty if it does not.
-        there: which machine this is.
+        address: the address it resolves to there; empty if it does not resolve.
+        there: names the machine.
     """
     if not address:
         cure = f"put '127.0.1.1 {name}' into /etc/hosts {there}, or set ROS_IP to that machine's address"
@@ -58,12 +58,12 @@ def of_own_name(name: str, address: str, there: str = "here") -> Finding:
 
 
 def of_advertised_host(gateway: str, host: str, others: Sequence[str]) -> list[Finding]:
-    """Returns a finding if other machines cannot dial a relay under the address that its gateway tells them.
+    """Returns a finding if other machines cannot reach a relay under the address that its gateway advertises.
 
     Args:
-        gateway: its name.
-        host: its record's host.
-        others: the hosts in the others' records.
+        gateway: the gateway's name.
+        host: the host in its record.
+        others: the hosts in the other gateways' records.
     """
     if not _is_loopback(host) or all(other == host or _is_loopback(other) for other in others):
         return []
@@ -76,7 +76,7 @@ def _is_loopback(host: str) -> bool:
 
 
 def of_clock(offset: float, whose: str = "ours") -> Finding:
-    """Returns whether a clock and the hub's agree; `offset` is how far the hub's is ahead [s]."""
+    """Checks that a clock agrees with the hub's; `offset` is how far the hub's clock is ahead [s]."""
     what = f"the hub's clock is {abs(offset):.3f} s {'ahead of' if offset >= 0 else 'behind'} {whose}"
     if abs(offset) <= CLOCK_TOLERANCE:
         return Finding(Level.OK, what)
@@ -84,13 +84,13 @@ def of_clock(offset: float, whose: str = "ours") -> Finding:
 
 
 def of_python(first: str, works: bool, expected: str, where: str = "") -> Finding:
-    """Returns whether the first `python3` on the PATH can run ROS programs.
+    """Checks that the first `python3` on the PATH can run ROS programs.
 
     Args:
         first: its path; empty if there is none.
-        works: whether it imports rospy.
-        expected: the interpreter that does.
-        where: on which machine, " at gateway 'base'"; empty for this one.
+        works: whether it can import rospy.
+        expected: the interpreter that can.
+        where: the machine, such as " at gateway 'base'"; empty for this one.
     """
     if works:
         return Finding(Level.OK, f"the first python3 on the PATH{where}, {first}, imports rospy")
@@ -101,7 +101,7 @@ def of_python(first: str, works: bool, expected: str, where: str = "") -> Findin
 
 
 def of_duplicates(names: Iterable[str]) -> list[Finding]:
-    """Returns a finding for each base name that several gateways have: a rule for it means all of them."""
+    """Returns a finding for each base name shared by several gateways: a rule for it matches all of them."""
     seen: dict[str, int] = {}
     for name in names:
         seen[base_name(name)] = seen.get(base_name(name), 0) + 1
@@ -114,19 +114,19 @@ def of_duplicates(names: Iterable[str]) -> list[Finding]:
 
 
 HERE = ""
-"""The name, in place of a gateway's, of the machine on which the doctor runs, if that has no gateway."""
+"""Stands for the doctor's own machine in place of a gateway's name, if no gateway runs there."""
 
 NO_ANSWER_FIX = (
-    "look into its log and start it again: it hangs, is another program, or older than the doctor; "
-    "one that was killed a moment ago is struck off the hub in 2 s"
+    "check its log and restart it: it hangs, is another program, or is too old for the doctor; "
+    "a gateway that was just killed disappears from the hub after 2 s"
 )
 
 
 def of_examinations(seen: Sequence[Examination], alive: Sequence[str]) -> list[Finding]:
-    """Returns what every gateway sees, in short if all is well; who has not answered is a finding.
+    """Returns findings from the answers of all gateways, and one for each gateway that has not answered.
 
     Args:
-        seen: the answers; `HERE` may be one of them.
+        seen: the answers; one may be from `HERE`.
         alive: unique names of all gateways that should have answered.
     """
     answered = {one.gateway for one in seen}
@@ -139,7 +139,7 @@ def of_examinations(seen: Sequence[Examination], alive: Sequence[str]) -> list[F
         there = f"at gateway '{one.gateway}'" if one.gateway != HERE else "here"
         found.append(of_own_name(one.host_name, one.host_address, there))
         found.append(of_clock(one.clock, f"that {there}"))
-        if one.gateway != HERE:  # where the doctor runs it has looked at the PATH already
+        if one.gateway != HERE:  # the doctor has already checked the PATH on its own machine
             found.append(of_python(one.python, one.python_works, one.interpreter, f" {there}"))
         found += _of_links(one, there, alive)
     return found
@@ -167,7 +167,7 @@ def _of_links(one: Examination, there: str, alive: Sequence[str]) -> list[Findin
 
 
 def matrix(seen: Sequence[Examination], alive: Sequence[str]) -> str:
-    """Returns a table of who reaches whose relay; columns have the numbers of the rows."""
+    """Returns a table of which gateway reaches which relay; columns use the row numbers."""
     by_name = {one.gateway: one for one in seen}
     rows = [(str(number), name, *_cells(by_name.get(name), alive)) for number, name in enumerate(alive, 1)]
     if HERE in by_name:
@@ -189,7 +189,7 @@ def _cell(contact: Contact | None) -> str:
 
 
 def report(findings: Iterable[Finding]) -> str:
-    """Returns all findings, faults with their fixes below, and a closing line."""
+    """Returns all findings as text, each with its fix below, and a summary line."""
     findings = list(findings)
     lines = []
     for finding in findings:
@@ -197,10 +197,10 @@ def report(findings: Iterable[Finding]) -> str:
         if finding.fix:
             lines.append(f"{'':<8} → {finding.fix}")
     bad = sum(finding.level != Level.OK for finding in findings)
-    lines.append(f"{len(findings)} things looked at, " + (f"{bad} to mend" if bad else "all well"))
+    lines.append(f"{len(findings)} checks, " + (f"{bad} to fix" if bad else "no problems"))
     return "\n".join(lines)
 
 
 def status(findings: Iterable[Finding]) -> int:
-    """Returns the exit status: 1 if something is at fault; warnings are none."""
+    """Returns the exit status: 1 if there is a fault; warnings do not count."""
     return int(any(finding.level == Level.FAULT for finding in findings))

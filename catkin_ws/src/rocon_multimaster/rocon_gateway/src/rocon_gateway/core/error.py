@@ -4,7 +4,7 @@ from rocon_hub_protocol.core.code import Code
 
 
 class GatewayError(Exception):
-    """The root of this package's errors."""
+    """Base class of this package's errors."""
 
 
 class ConfigError(GatewayError):
@@ -12,8 +12,8 @@ class ConfigError(GatewayError):
 
 
 class RequestError(GatewayError):
-    """A request that is refused; nothing was changed."""
+    """A refused request; nothing was changed."""
 
     def __init__(self, code: Code, message: str) -> None:
         super().__init__(message)
-        self.code = code  #: what the service answers in `result`
+        self.code = code  #: the value of `result` in the service's response

@@ -1,4 +1,4 @@
-"""What a gateway sees of its links, as a value and as the JSON that it answers the doctor with."""
+"""A gateway's examination of its links, as a value and as JSON for the doctor."""
 
 import json
 import re
@@ -8,41 +8,41 @@ from typing import Any
 from rocon_gateway.core.error import GatewayError
 
 MAX_TEXT = 512
-"""A longer text in an answer is none of ours."""
+"""Maximum length of a text in an answer [characters]; longer ones are invalid."""
 
 
 class ExaminationError(GatewayError):
-    """An answer that is not one of ours."""
+    """An invalid answer."""
 
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """An attempt to reach a TCP port."""
+    """An attempt to connect to a TCP port."""
 
-    what: str  #: whose port it is
-    host: str  #: the host as it was named
+    what: str  #: description of the port's owner
+    host: str  #: the host as specified
     port: int  #: the port
-    address: str = ""  #: what the name resolved to; empty if it did not
-    error: str = ""  #: why the port was not reached; empty if it was
+    address: str = ""  #: the resolved address; empty if the name did not resolve
+    error: str = ""  #: why the port was not reached; empty on success
 
 
 @dataclass(frozen=True, slots=True)
 class Examination:
-    """What one gateway sees."""
+    """The results of one gateway."""
 
     gateway: str  #: its unique name
     clock: float  #: how far the hub's clock is ahead of its own [s]
-    host_name: str  #: what the nodes of its master are known by: ROS_HOSTNAME, ROS_IP or the host's name
-    host_address: str  #: what that resolves to there; empty if it does not
+    host_name: str  #: host name advertised by the nodes of its master: ROS_HOSTNAME, ROS_IP or the host's name
+    host_address: str  #: the address it resolves to there; empty if it does not resolve
     python: str  #: the first `python3` on its PATH; empty if there is none
-    python_works: bool  #: whether that imports rospy
+    python_works: bool  #: whether that one can import rospy
     interpreter: str  #: the interpreter that runs the gateway
-    #: one for each other gateway that lives, by unique name: its attempt to reach that one's relay
+    #: one for each other live gateway, by unique name: the attempt to connect to its relay
     contacts: tuple[Contact, ...] = ()
 
 
 def is_request(text: str) -> bool:
-    """Tells whether this is the number of a request: 32 hexadecimal digits."""
+    """Returns whether this is a request id: 32 hexadecimal digits."""
     return re.fullmatch("[0-9a-f]{32}", text) is not None
 
 
@@ -61,7 +61,7 @@ def text_from_examination(seen: Examination) -> str:
 
 
 def examination_from_text(text: str | bytes) -> Examination:
-    """Returns the examination in a JSON text. Raises ExaminationError."""
+    """Parses the JSON text of an examination. Raises ExaminationError."""
     try:
         document = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -86,7 +86,7 @@ def examination_from_text(text: str | bytes) -> Examination:
 def _row(row: Any, *kinds: type) -> list[Any]:
     if not isinstance(row, list) or [type(cell) for cell in row] != list(kinds):
         raise ExaminationError(f"not a list of {', '.join(kind.__name__ for kind in kinds)}")
-    # It is printed on a terminal, so it must not contain control sequences of an unauthenticated client.
+    # The text is printed on a terminal, so it must not contain control sequences from an unauthenticated client.
     if any(isinstance(cell, str) and (len(cell) > MAX_TEXT or not cell.isprintable()) for cell in row):
         raise ExaminationError("a text is too long or not printable")
     return row

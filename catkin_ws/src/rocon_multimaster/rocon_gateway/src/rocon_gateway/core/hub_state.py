@@ -1,4 +1,4 @@
-"""Our state on one hub: a state machine without thread, clock or socket.
+"""Our state on one hub: a state machine without threads, clocks or sockets.
 
 `HubClient` drives it from a thread with a real session; the fault simulation drives it with simulated time.
 """
@@ -21,15 +21,15 @@ from rocon_hub_protocol.core.record import NO_REQUEST, PeerRequest, Record, is_g
 class Publication:
     """What we publish on the hub."""
 
-    record: Record  #: to all; its host is filled in, which depends on the route to the hub
-    requests: Mapping[str, PeerRequest] = field(default_factory=dict)  #: to each other gateway
+    record: Record  #: our record; `HubState` fills in the host, which depends on the route to the hub
+    requests: Mapping[str, PeerRequest] = field(default_factory=dict)  #: our request to each other gateway
     interest: frozenset[str] = frozenset()  #: patterns of the gateways whose records we follow
 
 
 class Session(Protocol):
-    """What the state machine needs of a connection to a hub; `adapters.hub_session.HubSession` documents the methods.
+    """The connection to a hub as the state machine needs it; `adapters.hub_session.HubSession` documents the methods.
 
-    Each method may raise the connection's own errors; the visit is over then, and `HubState.leave` is due.
+    Each method may raise the connection's own errors. This ends the visit, and `HubState.leave` must be called.
     """
 
     name: str
@@ -53,27 +53,27 @@ class Session(Protocol):
 
 @dataclass
 class _News:
-    """Which gateways' records, and whose requests to us, events report as changed."""
+    """Names of gateways whose records, or requests to us, have changed according to events."""
 
     senders: set[str] = field(default_factory=set)
     records: set[str] = field(default_factory=set)
 
 
 class HubState:
-    """Keeps us registered on a hub and knows who else is registered. Times are monotonic [s].
+    """Keeps us registered on a hub and tracks the other gateways on it. Times are monotonic [s].
 
-    A visit is `enter`, then `update` and `write` whenever `said` or `waiting` has changed or after `take` and
-    `heartbeat`, and `leave` at its end. What was known survives from visit to visit.
+    A visit starts with `enter` and ends with `leave`. In between, call `update` and `write` after `take` and
+    `heartbeat`, and whenever `said` or `waiting` has changed. The knowledge about the hub survives between visits.
 
     Args:
         said: what we publish; may be replaced at any time.
-        namespaces: of robots, published to all.
+        namespaces: robot namespaces to publish to all.
     """
 
     def __init__(self, said: Publication, namespaces: Collection[str] = ()) -> None:
         self.said = said
-        self.view = HubView()  #: what we know of the hub and of the others on it
-        self.displaced = False  #: whether another gateway has taken our name; `enter` refuses then while that one lives
+        self.view = HubView()  #: what we know about the hub and the gateways on it
+        self.displaced = False  #: whether another gateway has taken our name; `enter` then fails while it is alive
         self._own_namespaces = namespaces
         self._namespaces: frozenset[str] = frozenset()
         self._host = ""
@@ -85,11 +85,11 @@ class HubState:
 
     @property
     def waiting(self) -> bool:
-        """Whether a gateway that the hub no longer lists is kept for a while, so that `update` is due soon."""
+        """Whether a gateway that is no longer listed is retained for a while, so that `update` must be called soon."""
         return self._presence.waiting
 
     def enter(self, session: Session, host: str, now: float) -> None:
-        """Registers us on a hub to which `session` has just connected; `host` is our address for the others there."""
+        """Registers us on the hub to which `session` has just connected; `host` is our address for other gateways."""
         if self.displaced and session.holder not in (None, session.instance):
             raise HubError(Code.HUB_CONNECTION_FAILED, f"another gateway is registered as '{session.name}'")
         self.displaced = False
@@ -98,28 +98,28 @@ class HubState:
         session.join(self._record, self._requests, self._own_namespaces)
         self._namespaces |= session.namespaces()
         self._watched = set()
-        # A listed gateway's request is on the hub or was withdrawn; the others have not had time to write theirs.
+        # A listed gateway's request is on the hub or was withdrawn; the other gateways have not rewritten theirs yet.
         known = {name: remote for name, remote in self.view.remotes.items() if name in self._presence.names}
         self._records = {name: remote.record for name, remote in known.items()}
         self._inbox = {name: known[name].request for name in known.keys() - self._presence.listed}
         self._take_requests(session, None)
 
     def leave(self) -> None:
-        """Ends the visit: from now on the view says what we knew last."""
+        """Ends the visit; the view keeps the last known state."""
         self.view = replace(self.view, connected=False)
 
     def heartbeat(self, session: Session) -> None:
         """Renews our registration; raises HubError if another gateway has taken our name."""
         holder, listed = session.live()
         if holder is None or (holder == session.instance and not listed):
-            # The hub has forgotten us: it was emptied, or we were silent for too long.
+            # The hub has lost our registration: it was cleared, or we were silent for too long.
             session.join(self._record, self._requests, self._own_namespaces)
         elif holder != session.instance:
             self.displaced = True
             raise HubError(Code.HUB_CONNECTION_LOST, f"another gateway took our name '{session.name}'")
 
     def take(self, session: Session, events: Iterable[tuple[str, str]], now: float) -> None:
-        """Takes events, as (channel, text), and reads what they report as changed: once, however many there are."""
+        """Handles events, given as (channel, text), and reads all changed data in one go."""
         news = _News()
         for channel, text in events:
             if channel == GATEWAYS_KEY:
@@ -134,11 +134,11 @@ class HubState:
             self._take_requests(session, news.senders)
 
     def update(self, session: Session, linked: Collection[str], now: float) -> None:
-        """Follows the gateways that concern us, and makes the view.
+        """Subscribes to the gateways that concern us, and updates the view.
 
         Args:
-            session: of this visit.
-            linked: gateways to which data links stand.
+            session: the session of this visit.
+            linked: gateways with open data links.
             now: the time.
         """
         if self._presence.waiting:
@@ -159,19 +159,19 @@ class HubState:
         self.view = HubView(True, *hub, listed, names, remotes, self._namespaces)
 
     def write(self, session: Session) -> None:
-        """Writes what has changed of what we publish, or for whom."""
+        """Writes changes of what we publish, or of its receivers."""
         session.write(self._record, self._requests)
 
     @property
     def _record(self) -> Record:
-        """The same object as long as nothing changed: it is compared often."""
+        """Our record with the host; the same object as long as nothing changes, because it is compared often."""
         if self._told[0] is not self.said.record or self._told[1].host != self._host:
             self._told = self.said.record, replace(self.said.record, host=self._host)
         return self._told[1]
 
     @property
     def _requests(self) -> dict[str, PeerRequest]:
-        """Our requests to those who are on this hub."""
+        """Our requests to the gateways on this hub."""
         here = self._presence.names
         return {name: request for name, request in self.said.requests.items() if name in here}
 

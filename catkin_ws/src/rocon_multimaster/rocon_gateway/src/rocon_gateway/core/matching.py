@@ -1,7 +1,7 @@
-"""What rules match: names, nodes and gateways.
+"""Matching of rules against names, nodes and gateways.
 
-Everything "matches" by regular expression (RE2) over the whole text. Besides, a gateway is met by its base name
-(without the unique suffix) taken literally, and a relative topic name by the absolute one.
+All patterns are regular expressions (RE2) over the whole text. In addition, a gateway matches its literal base name
+(without the unique suffix), and a relative topic name in a rule matches the absolute one.
 """
 
 import functools
@@ -17,14 +17,14 @@ ALL = ".*"
 """The name in a rule that the `*_all` services install."""
 
 SUFFIX_LENGTH = 32
-"""Hexadecimal digits that a gateway appends to its name to be unique, unless told not to."""
+"""Number of hexadecimal digits that a gateway appends to its name to make it unique, unless disabled."""
 
 
 def rule_from_text(kind: str, name: str, node: str, code: Code) -> Rule:
     """Returns a checked rule.
 
     Raises:
-        RequestError: with `code`, for an unknown kind, an empty name, or a pattern that is no regular expression.
+        RequestError: with `code`, for an unknown kind, an empty name, or an invalid regular expression.
     """
     try:
         known = Kind(kind)
@@ -38,7 +38,7 @@ def rule_from_text(kind: str, name: str, node: str, code: Code) -> Rule:
 
 
 def check_pattern(what: str, pattern: str, code: Code) -> None:
-    """Raises RequestError with `code` if `pattern` is no regular expression."""
+    """Raises RequestError with `code` if `pattern` is not a regular expression."""
     try:
         compiled(pattern)
     except PatternError as error:
@@ -46,17 +46,17 @@ def check_pattern(what: str, pattern: str, code: Code) -> None:
 
 
 def is_literal(pattern: str) -> bool:
-    """Tells whether `pattern` can only match itself: a plain ROS name."""
+    """Returns whether `pattern` is a plain ROS name, which can only match itself."""
     return re.fullmatch(r"[A-Za-z0-9_/]+", pattern) is not None
 
 
 def absolute_name(pattern: str) -> str:
-    """Returns the topic that a literal name means: `chatter` means `/chatter`."""
+    """Returns the absolute topic name for a literal name: `/chatter` for `chatter`."""
     return pattern if pattern.startswith("/") else "/" + pattern
 
 
 def name_matches(pattern: str, name: str, own_gateway: str) -> bool:
-    """Tells whether a rule's `pattern` means topic `name`: absolute, or relative to our gateway's name or the root."""
+    """Returns whether `pattern` matches topic `name`, absolute or relative to our gateway's name or the root."""
     if matches_whole(pattern, name):
         return True
     return pattern != ALL and any(
@@ -65,12 +65,12 @@ def name_matches(pattern: str, name: str, own_gateway: str) -> bool:
 
 
 def node_matches(pattern: str, node: str) -> bool:
-    """Tells whether a rule's node pattern, if it has one, means `node`."""
+    """Returns whether a rule's node pattern matches `node`; an empty one matches every node."""
     return not pattern or matches_whole(pattern, node)
 
 
 def rule_matches(rule: Rule, connection: Connection, own_gateway: str) -> bool:
-    """Tells whether `rule` means `connection`."""
+    """Returns whether `rule` matches `connection`."""
     return (
         rule.kind == connection.kind
         and name_matches(rule.name, connection.name, own_gateway)
@@ -79,9 +79,9 @@ def rule_matches(rule: Rule, connection: Connection, own_gateway: str) -> bool:
 
 
 def blacklisting(blacklist: Iterable[Rule], connection: Connection) -> Rule | None:
-    """Returns the first rule of `blacklist` that names `connection`, None if there is none.
+    """Returns the first rule of `blacklist` that matches `connection`, None if there is none.
 
-    Unlike other rules, those of a blacklist know no relative names: kind, name and node match as they stand.
+    Unlike other rules, blacklist rules do not support relative names: kind, name and node must match as given.
     """
     for rule in blacklist:
         if (
@@ -94,13 +94,13 @@ def blacklisting(blacklist: Iterable[Rule], connection: Connection) -> Rule | No
 
 
 def foreign_namespace(own: str, name: str, robots: Collection[str] = ()) -> str:
-    """Returns the namespace at the beginning of `name` if it is another robot's, else "".
+    """Returns the leading namespace of `name` if it belongs to another robot, else "".
 
     Args:
-        own: our robot's namespace, `pioneer1`; one that differs in the number at its end only is another robot's. ""
-            knows none.
+        own: our robot's namespace, such as `pioneer1`; one that differs only in the trailing number belongs to another
+            robot. With "", no namespace does.
         name: a resolved name.
-        robots: namespaces of robots, whatever they are called.
+        robots: known robot namespaces of any form.
     """
     first = name.lstrip("/").partition("/")[0]
     stem = own.rstrip("0123456789")
@@ -111,7 +111,7 @@ def foreign_namespace(own: str, name: str, robots: Collection[str] = ()) -> str:
 
 
 def asks_for(pattern: str, namespace: str) -> bool:
-    """Tells whether a rule's name spells a namespace out: `/pioneer2/.*` does, `.*/odom` does not."""
+    """Returns whether a rule's name spells out a namespace: `/pioneer2/.*` does, `.*/odom` does not."""
     return pattern.lstrip("/").startswith(f"{namespace}/")
 
 
@@ -123,14 +123,14 @@ def base_name(gateway: str) -> str:
 
 
 def gateway_matches(pattern: str, gateway: str) -> bool:
-    """Tells whether a rule's `pattern` means `gateway`: all of its unique name, or literally its base name."""
+    """Returns whether a rule's `pattern` matches the whole unique name of `gateway`, or equals its base name."""
     return pattern in (gateway, base_name(gateway)) or matches_whole(pattern, gateway)
 
 
 @functools.lru_cache(maxsize=512)
 def gateways_meant(pattern: str, gateways: frozenset[str]) -> tuple[str, ...]:
-    """Returns, sorted, those of `gateways` that a rule's `pattern` means.
+    """Returns, sorted, those of `gateways` that a rule's `pattern` matches.
 
-    Remembered: it is asked many times a second, for all rules, and there may be a thousand gateways that seldom change.
+    Cached: it is called many times a second for all rules, and there may be a thousand gateways that rarely change.
     """
     return tuple(sorted(one for one in gateways if gateway_matches(pattern, one)))

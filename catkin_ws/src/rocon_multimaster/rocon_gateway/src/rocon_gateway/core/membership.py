@@ -1,4 +1,4 @@
-"""Several hubs at once: who is on which of them, put together."""
+"""Merges the views of several hubs into one overview."""
 
 import dataclasses
 from collections.abc import Hashable, Mapping
@@ -10,14 +10,14 @@ from rocon_gateway.core.situation import Remote
 
 @dataclass(frozen=True)
 class Overview:
-    """What all our hubs tell together."""
+    """The merged view of all our hubs."""
 
-    hubs: tuple[HubView, ...] = ()  #: those that we are on now
-    #: unique names of all gateways that are present on any of them, or were on one that is lost
+    hubs: tuple[HubView, ...] = ()  #: the hubs we are connected to
+    #: unique names of all gateways present on any hub, or last seen on a lost one
     names: frozenset[str] = frozenset()
-    #: those of them that our rules or their requests concern; each once, however many hubs it is on
+    #: those of them concerned by our rules or their requests, each once, however many hubs it is on
     remotes: Mapping[str, Remote] = field(default_factory=dict)
-    namespaces: frozenset[str] = frozenset()  #: of all robots that any of them knows
+    namespaces: frozenset[str] = frozenset()  #: robot namespaces known to any hub
 
     @property
     def connected(self) -> bool:
@@ -26,11 +26,11 @@ class Overview:
 
 
 class Memberships:
-    """Keeps what each hub tells, and makes one overview of it.
+    """Keeps the view of each hub and merges them.
 
-    A gateway that several hubs know is one remote, and one hub speaks for it: one that lists it as alive, and as long
-    as that is so always the same, so that nothing changes when another is lost or found. What a lost hub told of
-    gateways holds on, unless another hub knows them or comes to know them: then that one has the say.
+    A gateway known to several hubs is one remote. Its data come from one hub that lists it as alive. The choice is
+    sticky, so losing or finding another hub changes nothing. Data from a lost hub remain valid until another hub knows
+    the gateway.
     """
 
     def __init__(self) -> None:
@@ -38,17 +38,17 @@ class Memberships:
         self._way: dict[str, Hashable] = {}
 
     def take(self, hub: Hashable, view: HubView) -> Overview:
-        """Takes what `hub` tells now."""
+        """Sets the view of `hub`; returns the new overview."""
         self._views[hub] = view
         return self._overview()
 
     def drop(self, hub: Hashable) -> Overview:
-        """Forgets a hub with all that it told."""
+        """Removes a hub and its data; returns the new overview."""
         self._views.pop(hub, None)
         return self._overview()
 
     def is_on(self, hub: Hashable) -> bool:
-        """Whether we are on `hub`, as the last overview has it."""
+        """Returns whether we are on `hub` according to the last overview."""
         return hub in self._views and self._views[hub].connected
 
     def _overview(self) -> Overview:
@@ -66,7 +66,7 @@ class Memberships:
         return Overview(hubs, names, {name: one for name, one in told.items() if one is not None}, namespaces)
 
     def _best(self, name: str) -> Hashable:
-        """Returns the hub that speaks for a gateway; of equals the one that did so until now, or the first."""
+        """Returns the hub to use for a gateway's data; among equals the previous one, or the first."""
         knowing = [hub for hub, view in self._views.items() if name in view.names]
 
         def merit(hub: Hashable) -> tuple[bool, ...]:

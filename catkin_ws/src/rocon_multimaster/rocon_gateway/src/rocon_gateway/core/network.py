@@ -1,4 +1,4 @@
-"""The network of a hub as a picture: who advertises, pulls and flips what, with whom."""
+"""The network of a hub as text or graph: which gateway advertises, pulls and flips what."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule
 
 FLIP_COLOUR = "purple"
 PULL_COLOUR = "green4"
-"""As in the figure of the tutorial: flips are direct, what is advertised may be pulled by all."""
+"""Colours as in the figure of the tutorial. Flips are direct; advertised connections may be pulled by all."""
 
 _LEGEND = (
     "  subgraph cluster_legend {",
@@ -20,7 +20,7 @@ _LEGEND = (
 )
 
 LABEL_LINES = 8
-"""An arrow names so many topics and counts the others."""
+"""Maximum number of topics named at an arrow; the others are only counted."""
 
 
 @dataclass(frozen=True)
@@ -28,10 +28,10 @@ class Member:
     """A gateway of the network."""
 
     name: str  #: its unique name
-    advertised: tuple[Rule, ...] = ()  #: what others may pull
+    advertised: tuple[Rule, ...] = ()  #: connections that others may pull
     flips: tuple[RemoteRule, ...] = ()  #: its flip rules
     pulls: tuple[RemoteRule, ...] = ()  #: its pull rules
-    alive: bool = True  #: whether the hub hears of it
+    alive: bool = True  #: whether the hub receives its heartbeats
 
 
 @dataclass(frozen=True)
@@ -39,22 +39,22 @@ class Arrow:
     """Rules of one gateway towards another."""
 
     action: str  #: "flip" or "pull"
-    origin: str  #: the gateway whose rules these are
-    target: str  #: the other one's unique name, or the rule's pattern if it means none
-    missing: bool  #: whether it means none
-    outward: bool  #: whether data, or requests to a service, go from the origin to the target
-    labels: tuple[str, ...]  #: the rules, for people
+    origin: str  #: the gateway that has the rules
+    target: str  #: the other gateway's unique name, or the rule's pattern if it matches none
+    missing: bool  #: whether the pattern matches no gateway
+    outward: bool  #: whether data, or service requests, flow from the origin to the target
+    labels: tuple[str, ...]  #: the rules as readable text
 
     @property
     def ends(self) -> tuple[str, str]:
-        """Where its data come from and go to."""
+        """Source and destination of the data."""
         return (self.origin, self.target) if self.outward else (self.target, self.origin)
 
 
 def _goes_out(action: str, rule: Rule) -> bool:
-    """Tells which way data go: a flip offers publishers and asks for subscribers, a pull the other way round.
+    """Returns whether data flow outward: a flip offers publishers and requests data for subscribers, a pull vice versa.
 
-    Requests to a service go to its server.
+    Service requests flow to the server.
     """
     offers = rule.kind not in (Kind.SUBSCRIBER, Kind.SERVICE, Kind.ACTION_SERVER)
     return offers == (action == "flip")
@@ -91,9 +91,9 @@ def text(hub: str, members: Iterable[Member]) -> str:
 
 
 def dot(hub: str, members: Iterable[Member]) -> str:
-    """Returns the network in Graphviz' language, with a legend: flips purple, pulls and advertisements green.
+    """Returns the network as a Graphviz graph with a legend: flips purple, pulls and advertisements green.
 
-    Arrows point where data go.
+    Arrows point in the direction of data flow.
     """
     members = sorted(members, key=lambda member: member.name)
     lines = ["digraph gateways {", "  rankdir=LR; node [shape=box, style=rounded];"]

@@ -1,4 +1,4 @@
-"""Rules that ask for options of links: `~rule_options`."""
+"""Rules for link options: the parameter `~rule_options`."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -14,20 +14,20 @@ _KEYS = ("name", "node", "gateway", *LinkOptions.__dataclass_fields__, "foreign_
 
 @dataclass(frozen=True, slots=True)
 class OptionRule:
-    """Options for the topics of which name, publishing node and the other gateway match, each as in a rule."""
+    """Options for topics whose name, publishing node and other gateway match; patterns as in other rules."""
 
     name: str
     node: str
     gateway: str
     options: LinkOptions
-    foreign_nodes: bool = True  #: whether publishers that are nodes in another robot's namespace are imported
+    foreign_nodes: bool = True  #: whether to import publishers that are nodes in another robot's namespace
 
 
 _NO_RULE = OptionRule(ALL, "", ALL, NO_OPTIONS)
 
 
 def rule_for(rules: Iterable[OptionRule], topic: str, node: str, gateway: str, own_gateway: str) -> OptionRule:
-    """Returns the first rule that means this connection with `gateway`; one that asks for nothing if none does."""
+    """Returns the first rule that matches this connection with `gateway`, or one without options if none does."""
     for rule in rules:
         if (
             name_matches(rule.name, topic, own_gateway)
@@ -39,11 +39,11 @@ def rule_for(rules: Iterable[OptionRule], topic: str, node: str, gateway: str, o
 
 
 def option_rule(row: object) -> OptionRule:
-    """Returns one row of `~rule_options`, a mapping with some of `_KEYS`.
+    """Parses one row of `~rule_options`, a mapping with some of `_KEYS`.
 
     Raises:
-        OptionError: an unknown key, an invalid value, or no option at all.
-        RequestError: a pattern that is no regular expression.
+        OptionError: unknown key, invalid value, or no option at all.
+        RequestError: a pattern is not a regular expression.
     """
     if not isinstance(row, Mapping):
         raise OptionError(f"{row!r} is not a mapping")

@@ -1,4 +1,4 @@
-"""Where a hub is, how its keys are called, and who on it counts as present."""
+"""Hubs to try, the view of a hub, and which gateways on it count as present."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
@@ -15,9 +15,9 @@ def check_lists(
     blacklist: Collection[str],
     aliases: Collection[HubAddress] = (),
 ) -> None:
-    """Raises HubError: 13 for a hub on the blacklist, 15 for one that a non-empty whitelist lacks.
+    """Raises HubError: 13 for a hub on the blacklist, 15 for one missing from a non-empty whitelist.
 
-    Entries are hub names, or addresses as `address_from_uri` takes them; `aliases` are more addresses of this hub.
+    Entries are hub names, or addresses in the form of `address_from_uri`; `aliases` are further addresses of this hub.
     """
     addresses = {_plain(one) for one in (address, *aliases)}
     if _listed(addresses, name, blacklist):
@@ -32,7 +32,7 @@ def _listed(addresses: Collection[HubAddress], name: str, entries: Collection[st
 
 
 def _address_in(entry: str) -> HubAddress | None:
-    """Returns the address that an entry of a list is, if it can be one."""
+    """Returns a list entry as an address, None if it is not one."""
     try:
         return _plain(address_from_uri(entry))
     except HubError:
@@ -47,33 +47,33 @@ def _plain(address: HubAddress) -> HubAddress:
 class Candidate:
     """A hub to try."""
 
-    address: HubAddress  #: where to dial
-    aliases: tuple[HubAddress, ...] = ()  #: more addresses of it, as lists of allowed and refused hubs may have them
+    address: HubAddress  #: the address to connect to
+    aliases: tuple[HubAddress, ...] = ()  #: further addresses of it, which whitelist or blacklist may contain
 
 
 @dataclass(frozen=True)
 class HubView:
-    """What we know of one hub and of the others on it; without a connection, what we knew last."""
+    """What we know about one hub and the other gateways on it; without a connection, the last known state."""
 
-    connected: bool = False  #: whether we are on it now
-    hub_name: str = ""  #: its name; empty when we were never there
+    connected: bool = False  #: whether we are connected to it
+    hub_name: str = ""  #: its name; empty if we were never connected
     hub_uri: str = ""  #: its address; empty likewise
-    host: str = ""  #: where the others on it reach us; empty likewise
-    listed: frozenset[str] = frozenset()  #: unique names of all gateways that the hub says are alive, ourselves apart
-    #: unique names of all that count as present: those, and some that it has just stopped listing
+    host: str = ""  #: our address for the gateways on it; empty likewise
+    listed: frozenset[str] = frozenset()  #: unique names of all gateways that the hub lists as alive, except ourselves
+    #: unique names of all gateways that count as present: the listed ones, and some that were listed until recently
     names: frozenset[str] = frozenset()
-    #: those of them that our rules or their requests concern
+    #: those of them concerned by our rules or their requests
     remotes: Mapping[str, Remote] = field(default_factory=dict)
-    namespaces: frozenset[str] = frozenset()  #: of all robots that it knows
+    namespaces: frozenset[str] = frozenset()  #: robot namespaces known to the hub
 
 
 class Presence:
-    """Which gateways count as present when the hub no longer lists them.
+    """Tracks which gateways count as present, including some that the hub no longer lists.
 
-    A gateway that deregisters is gone at once. One that the hub merely stopped hearing of is gone at once
-    too, unless our links to it still stand: then it, or its way to the hub, may only be slow, and it stays for
-    `LINKED_GRACE`. A hub that was restarted knows no gateway yet, so those that were registered before stay for
-    `RESTART_GRACE`, and for `LINKED_GRACE` more if links stand. All times are monotonic [s].
+    A gateway that deregisters is removed immediately. One that expires on the hub is removed immediately too, unless
+    we have open links to it: it, or its connection to the hub, may just be slow, so it is retained for `LINKED_GRACE`.
+    A restarted hub does not know any gateway yet, so those registered before are retained for `RESTART_GRACE`, and for
+    another `LINKED_GRACE` if links are open. All times are monotonic [s].
     """
 
     LINKED_GRACE = 6.0
@@ -81,13 +81,13 @@ class Presence:
 
     def __init__(self) -> None:
         self.listed: set[str] = set()
-        # Until when each stays without links, and until when with some.
+        # For each gateway, until when it is retained without links, and until when with links.
         self._retained: dict[str, tuple[float, float]] = {}
         self._names: frozenset[str] = frozenset()
 
     @property
     def names(self) -> frozenset[str]:
-        """All that are present; the same object as long as they are the same."""
+        """All present gateways; the same object as long as the set does not change."""
         names = frozenset((*self.listed, *self._retained))
         if names != self._names:
             self._names = names
@@ -95,36 +95,36 @@ class Presence:
 
     @property
     def waiting(self) -> bool:
-        """Whether somebody is only retained, so that `settle` must be called again."""
+        """Whether any gateway is only retained, so that `settle` must be called again."""
         return bool(self._retained)
 
     def start(self, listed: Collection[str], now: float) -> None:
-        """Takes the list of a hub to which we have just connected."""
+        """Starts with the list of a hub to which we have just connected."""
         alone = now + self.RESTART_GRACE
-        # Who was retained already, too: while there was no hub, it could not return to it.
+        # Also those retained already: without a hub, they could not register again.
         for name in self.names - set(listed):
             self._retained[name] = (alone, alone + self.LINKED_GRACE)
         self.listed = set(listed)
         self._drop(self.listed)
 
     def join(self, name: str) -> None:
-        """Another gateway is registered."""
+        """Records that a gateway has registered."""
         self.listed.add(name)
         self._drop((name,))
 
     def leave(self, name: str) -> None:
-        """Somebody took its leave."""
+        """Records that a gateway has deregistered."""
         self.listed.discard(name)
         self._drop((name,))
 
     def expire(self, name: str, now: float) -> None:
-        """The hub has not heard of somebody for too long."""
+        """Records that a gateway has missed its heartbeats on the hub."""
         if name in self.listed:
             self.listed.discard(name)
             self._retained[name] = (now, now + self.LINKED_GRACE)
 
     def settle(self, linked: Collection[str], now: float) -> bool:
-        """Lets go of those whose time is over or whose links are down; tells whether there were any."""
+        """Removes retained gateways whose grace period is over or whose links are down; returns if there were any."""
         over = [
             name for name, (alone, together) in self._retained.items() if now >= (together if name in linked else alone)
         ]

@@ -1,6 +1,6 @@
-"""From rules, local connections and other gateways to links, requests and rule states: one pure function.
+"""Computes links, requests and rule states from rules, local connections and other gateways, in one pure function.
 
-Data flows from the gateway that has the publisher to the one that has the subscriber, and both must agree:
+Data flows from the publisher's gateway to the subscriber's gateway, and both must agree:
 
 ========================  =========================================  ======================================
 rule of gateway R         R does                                     the other gateway does
@@ -14,7 +14,7 @@ flip, pull of an action   as of each of its topics                   as of each 
 pull of a parameter       wants and copies what is advertised        lets it be read
 ========================  =========================================  ======================================
 
-Offers, wants and the replies to them travel as requests through the hub.
+Offers, wants and the replies to them are exchanged as requests through the hub.
 """
 
 import re
@@ -45,9 +45,9 @@ _REFUSALS = (State.FIREWALLED, State.BLACKLISTED, State.REFUSED)
 
 
 def reconcile(situation: Situation) -> Outcome:
-    """Returns what shall be connected in `situation`, what to write to whom, and how each rule does.
+    """Returns the required links, the requests to other gateways, and the state of each rule for `situation`.
 
-    A pure function: the same situation gives the same outcome, so that applying it again changes nothing.
+    A pure function: the same situation gives the same outcome, so applying it again changes nothing.
     """
     return _Reconciler(situation).outcome()
 
@@ -59,7 +59,7 @@ class _Reconciler:
         self.situation = situation
         self.book = situation.book
         self.name = situation.book.name
-        # The same object as long as it is the same set: what is remembered of it is found at once.
+        # Keep the same object for the same set, so that cache look-ups are fast.
         self.others = situation.names if self.name not in situation.names else situation.names - {self.name}
         found = actions(situation.local)
         self.local = sorted(situation.local | found)
@@ -69,7 +69,7 @@ class _Reconciler:
         self.flipped: dict[Flipped, None] = {}
         self.flipped_in: dict[Flipped, None] = {}
         self.pulled: dict[Flipped, None] = {}
-        # Verdicts wait for all imports: which nodes one allows is known only when all rules have had their say.
+        # Verdicts are evaluated last: the allowed nodes of an import are known only after all rules were processed.
         self.pending: list[tuple[str, str, Rule, PendingVerdict]] = []
         self.pending_replies: list[tuple[str, Callable[[], Reply]]] = []
 
@@ -101,7 +101,7 @@ class _Reconciler:
         found: dict[Connection, None] = {}
         for rule in self.book.advertisements.rules:
             allowed, barred = self._sorted_out(rule, self.book.advertisements.blacklist)
-            if rule.kind == Kind.PARAMETER:  # whether it exists is seen when somebody reads it
+            if rule.kind == Kind.PARAMETER:  # its existence is only checked when it is read
                 allowed.append(Connection(rule.kind, absolute_name(rule.name), ANY, ""))
             found.update(dict.fromkeys(allowed))
             said = Verdict(State.ACTIVE) if allowed else verdict.best(barred, self._no_local(rule))
@@ -112,9 +112,9 @@ class _Reconciler:
         return verdict.no_local(rule, self.name, self.local)
 
     def _sorted_out(self, rule: Rule, excluded: Iterable[Rule]) -> tuple[list[Connection], list[Verdict]]:
-        """Returns the local connections that `rule` means, and a verdict on each that a blacklist keeps here.
+        """Returns the local connections that `rule` matches, and a verdict on each that a blacklist excludes.
 
-        Everything of a kind leaves out the topics of actions, which are actions then.
+        A `.*` rule for a kind skips the topics of actions, because these are handled as actions.
         """
         allowed, barred = [], []
         for connection in self.local:
@@ -135,7 +135,7 @@ class _Reconciler:
     # Our flips and pulls
 
     def _towards(self, action: str, remote: RemoteRule, act: Callable[..., Iterator[PendingVerdict]]) -> None:
-        """Does one rule towards every gateway that it matches, and keeps how to judge it."""
+        """Applies one rule to every gateway that it matches, and stores its pending verdict."""
         judges: list[PendingVerdict] = []
         targets = gateways_meant(remote.gateway, self.others)
         for gateway in targets:
@@ -180,7 +180,7 @@ class _Reconciler:
     ) -> Iterator[PendingVerdict]:
         topics = {connection.name for connection in allowed}
         if is_literal(rule.name) and not self._own_barrier(rule):
-            # Known without any subscriber: the topic exists when one comes.
+            # A literal name works without a subscriber; the topic exists once one connects.
             topics |= {absolute_name(rule.name)} if rule.name.startswith("/") or not topics else set()
         if not topics:
             yield always(self._no_local(rule))
@@ -195,7 +195,7 @@ class _Reconciler:
             yield judge
 
     def _not_covered(self, gateway: str, topic: str) -> list[str]:
-        """Returns the nodes that subscribe to a topic and for which no flip brings it from that gateway."""
+        """Returns the nodes that subscribe to a topic but are not covered by any flip from that gateway."""
         flips = [one.rule for one in self.book.flips.rules if gateway_matches(one.gateway, gateway)]
         subscribers = [one for one in self.local if one.kind == Kind.SUBSCRIBER and one.name == topic]
         return sorted(
@@ -216,13 +216,13 @@ class _Reconciler:
         return _of_action(action, f"at {gateway}", judges)
 
     def _offered(self, gateway: str, other: Remote, connection: Connection) -> Reply | None:
-        """Flips a publisher or server, and returns what is answered."""
+        """Flips a publisher or server; returns the reply, if any."""
         purpose = Purpose.SERVICE if connection.kind == Kind.SERVICE else Purpose.FLIP
         self.decision.offer(gateway, connection, purpose)
         return _reply(other, connection.kind, connection.name, connection.node)
 
     def _wanted(self, gateway: str, other: Remote, topic: str, nodes: str) -> tuple[Reply | None, PendingVerdict]:
-        """Flips a topic's subscribers, and returns what is answered and how to judge it."""
+        """Flips a topic's subscribers; returns the reply, if any, and the pending verdict."""
         self.decision.want(gateway, Want(topic, nodes, Purpose.FLIP))
         answer = _reply(other, Kind.SUBSCRIBER, topic, nodes)
         judges = [
@@ -245,7 +245,7 @@ class _Reconciler:
     def _pull(self, remote: RemoteRule, gateway: str, other: Remote) -> Iterator[PendingVerdict]:
         rule = remote.rule
         offered = [one for one in other.record.advertisements if rule_matches(rule, one, self.name)]
-        # Pulling one topic by name is consent enough; pulling everything leaves out what we blacklist.
+        # A pull by name overrides our blacklist; a pull of everything respects it.
         excluded = (*self.book.blacklist, *self.book.pulls.excluded(remote)) if rule.name == ALL else ()
         for connection in offered:
             barrier = _barrier(excluded, connection)
@@ -264,7 +264,7 @@ class _Reconciler:
             yield always(verdict.nothing(rule.kind, rule.name, names, f"advertised by {gateway}"))
 
     def _unasked(self, rule: Rule, own: str, connection: Connection) -> str:
-        """Returns the other robot's namespace out of which `rule` would bring `connection` without spelling it out."""
+        """Returns the foreign robot namespace of `connection` unless `rule` spells it out; "" if there is none."""
         namespace = foreign_namespace(own, connection.name, self.situation.robots)
         return "" if asks_for(rule.name, namespace) else namespace
 
@@ -293,7 +293,7 @@ class _Reconciler:
                 said.append(_judged(_reply(other, publisher.kind, publisher.name, publisher.node), None, gateway))
         return always(verdict.best(said, Verdict(State.NO_PUBLISHER, f"nobody here publishes {subscriber.name}")))
 
-    # What the other gateways ask of us
+    # Requests of other gateways
 
     def _take_request(self, gateway: str, other: Remote, interface: dict[tuple[Kind, str, str], Connection]) -> None:
         for offer in other.request.offers:
@@ -352,16 +352,16 @@ class _Reconciler:
 
 
 _PULLED = {Purpose.PULL: Kind.PUBLISHER, Purpose.SERVICE: Kind.SERVICE, Purpose.PARAMETER: Kind.PARAMETER}
-"""What a want means, by its purpose."""
+"""Kind of connection requested by a want, by its purpose."""
 
 
 def _key(connection: Connection) -> tuple[Kind, str, str]:
-    """What a connection is, whatever its type."""
+    """Identifies a connection regardless of its type."""
     return connection.kind, connection.name, connection.node
 
 
 def _barrier(blacklist: Iterable[Rule], connection: Connection) -> Rule | None:
-    """Returns the first rule that names a connection, or one of an action's topics."""
+    """Returns the first rule that matches a connection, or one of its topics if it is an action."""
     blacklist = tuple(blacklist)
     found = (blacklisting(blacklist, one) for one in dict.fromkeys((connection, *parts(connection))))
     return next(filter(None, found), None)
@@ -380,7 +380,7 @@ def _reply(other: Remote, kind: Kind, topic: str, node: str) -> Reply | None:
 
 
 def _judged(answer: Reply | None, flipped_to: Remote | None, gateway: str) -> Verdict:
-    """Returns what a reply says; a firewall needs no reply to be known."""
+    """Returns the verdict of a reply; a firewall is known without a reply."""
     if flipped_to is not None and flipped_to.record.firewall:
         return Verdict(State.FIREWALLED, f"{gateway} accepts no flips")
     if answer is None:

@@ -1,4 +1,4 @@
-"""All rules of a gateway, as one value. Every change is a new value or a refusal, so that requests are atomic."""
+"""All rules of a gateway as one immutable value. Every change returns a new value or raises, so requests are atomic."""
 
 import dataclasses
 from collections.abc import Iterable
@@ -12,19 +12,19 @@ from rocon_hub_protocol.core.rule import CONNECTIONS, Connection, Kind, RemoteRu
 
 @dataclass(frozen=True)
 class Advertisements:
-    """What other gateways may pull."""
+    """Connections that other gateways may pull."""
 
-    rules: tuple[Rule, ...] = ()  #: explicit rules, in order of arrival; a `.*` rule of each kind in advertise-all mode
-    everything: bool = False  #: whether that mode is on
-    blacklist: tuple[Rule, ...] = ()  #: what the mode's caller excluded; the gateway's own blacklist comes on top
+    rules: tuple[Rule, ...] = ()  #: explicit rules in order of arrival; in advertise-all mode, a `.*` rule per kind
+    everything: bool = False  #: whether advertise-all mode is on
+    blacklist: tuple[Rule, ...] = ()  #: excluded by the caller of advertise_all, in addition to the gateway's blacklist
 
 
 @dataclass(frozen=True)
 class Targets:
-    """Flips or pulls."""
+    """Flip or pull rules."""
 
-    rules: tuple[RemoteRule, ...] = ()  #: all of them, in order of arrival
-    #: by gateway pattern, what the caller of flip_all or pull_all excluded
+    rules: tuple[RemoteRule, ...] = ()  #: all rules, in order of arrival
+    #: by gateway pattern, the exclusions given by the caller of flip_all or pull_all
     everything: tuple[tuple[str, tuple[Rule, ...]], ...] = ()
 
     def excluded(self, remote: RemoteRule) -> tuple[Rule, ...]:
@@ -34,16 +34,20 @@ class Targets:
 
 @dataclass(frozen=True)
 class RuleBook:
-    """The rules, and what a change is checked against."""
+    """All rules, with the data needed to check changes."""
 
     name: str  #: our unique name
-    blacklist: tuple[Rule, ...] = ()  #: what never leaves this gateway
+    blacklist: tuple[Rule, ...] = ()  #: connections that never leave this gateway
     advertisements: Advertisements = field(default_factory=Advertisements)
     flips: Targets = field(default_factory=Targets)
     pulls: Targets = field(default_factory=Targets)
 
     def advertised(self, rules: Iterable[Rule]) -> "RuleBook":
-        """Raises RequestError: 31 for a rule that exists, 39 for a blacklisted one or a parameter that is a pattern."""
+        """Adds advertisements.
+
+        Raises:
+            RequestError: 31 for an existing rule, 39 for a blacklisted one or a parameter given by a pattern.
+        """
         known = list(self.advertisements.rules)
         for rule in rules:
             if rule in known:
@@ -54,7 +58,7 @@ class RuleBook:
         return self._with_advertisements(dataclasses.replace(self.advertisements, rules=tuple(known)))
 
     def unadvertised(self, rules: Iterable[Rule]) -> "RuleBook":
-        """A rule without node takes away every rule of its kind and name. Raises RequestError 32 if there is none."""
+        """Removes advertisements; one without node removes all of its kind and name. Raises RequestError 32 if none."""
         known = list(self.advertisements.rules)
         for rule in rules:
             found = [one for one in known if _means(rule, one)]
@@ -64,18 +68,22 @@ class RuleBook:
         return self._with_advertisements(dataclasses.replace(self.advertisements, rules=tuple(known)))
 
     def advertising_all(self, blacklist: Iterable[Rule]) -> "RuleBook":
-        """Replaces all advertisements. Raises RequestError 31 if that mode is on."""
+        """Turns advertise-all mode on, replacing all advertisements. Raises RequestError 31 if it is on already."""
         if self.advertisements.everything:
             raise RequestError(Code.ADVERTISEMENT_EXISTS, "everything is advertised already")
         rules = tuple(Rule(kind, ALL) for kind in CONNECTIONS)
         return self._with_advertisements(Advertisements(rules, True, _unique(blacklist)))
 
     def advertising_nothing(self) -> "RuleBook":
-        """Leaves advertise-all mode, and with it takes away explicit advertisements."""
+        """Turns advertise-all mode off and removes all advertisements."""
         return self._with_advertisements(Advertisements())
 
     def flipped(self, remotes: Iterable[RemoteRule]) -> "RuleBook":
-        """Raises RequestError: 22 for a rule that exists, 52 for ourselves, 19 for a blacklisted one or a parameter."""
+        """Adds flips.
+
+        Raises:
+            RequestError: 22 for an existing rule, 52 for our own gateway, 19 for a blacklisted rule or a parameter.
+        """
         remotes = tuple(remotes)
         for remote in remotes:
             if remote.rule.kind == Kind.PARAMETER:
@@ -85,19 +93,27 @@ class RuleBook:
         return dataclasses.replace(self, flips=added)
 
     def unflipped(self, remotes: Iterable[RemoteRule]) -> "RuleBook":
-        """A rule that is not there is no error."""
+        """Removes flips; ignores unknown rules."""
         return dataclasses.replace(self, flips=_removed(self.flips, remotes))
 
     def flipping_all(self, gateway: str, blacklist: Iterable[Rule]) -> "RuleBook":
-        """Replaces all flips to `gateway`. Raises RequestError: 22 if everything is flipped there, 52 for ourselves."""
+        """Replaces all flips to `gateway` by `.*` rules.
+
+        Raises:
+            RequestError: 22 if everything is flipped there already, 52 for our own gateway.
+        """
         return dataclasses.replace(self, flips=self._all(self.flips, gateway, blacklist, "flipped to"))
 
     def flipping_nothing(self, gateway: str) -> "RuleBook":
-        """Takes away all flips to `gateway`."""
+        """Removes all flips to `gateway`."""
         return dataclasses.replace(self, flips=_none(self.flips, gateway))
 
     def pulled(self, remotes: Iterable[RemoteRule]) -> "RuleBook":
-        """Raises RequestError: 41 for a rule that exists, 52 for ourselves, 19 for a parameter that is a pattern."""
+        """Adds pulls.
+
+        Raises:
+            RequestError: 41 for an existing rule, 52 for our own gateway, 19 for a parameter given by a pattern.
+        """
         remotes = tuple(remotes)
         for remote in remotes:
             _check_parameter(remote.rule, Code.HUB_UNKNOWN_ERROR)
@@ -105,15 +121,19 @@ class RuleBook:
         return dataclasses.replace(self, pulls=added)
 
     def unpulled(self, remotes: Iterable[RemoteRule]) -> "RuleBook":
-        """A rule that is not there is no error."""
+        """Removes pulls; ignores unknown rules."""
         return dataclasses.replace(self, pulls=_removed(self.pulls, remotes))
 
     def pulling_all(self, gateway: str, blacklist: Iterable[Rule]) -> "RuleBook":
-        """Replaces all pulls from `gateway`. Raises RequestError: 22 (sic) if that is so already, 52 for ourselves."""
+        """Replaces all pulls from `gateway` by `.*` rules.
+
+        Raises:
+            RequestError: 22 (sic) if everything is pulled from there already, 52 for our own gateway.
+        """
         return dataclasses.replace(self, pulls=self._all(self.pulls, gateway, blacklist, "pulled from"))
 
     def pulling_nothing(self, gateway: str) -> "RuleBook":
-        """Takes away all pulls from `gateway`."""
+        """Removes all pulls from `gateway`."""
         return dataclasses.replace(self, pulls=_none(self.pulls, gateway))
 
     def _with_advertisements(self, advertisements: Advertisements) -> "RuleBook":
@@ -124,7 +144,7 @@ class RuleBook:
             raise RequestError(Code.REMOTE_GATEWAY_SELF_IS_NOT, f"'{gateway}' is this gateway itself")
 
     def _refuse_blacklisted(self, rule: Rule, code: Code) -> None:
-        """A plain name on the blacklist can never be carried, so the request is refused at once."""
+        """Refuses a plain name on the blacklist, because it could never be connected."""
         if not is_literal(rule.name):
             return
         node = rule.node if is_literal(rule.node) else ""
@@ -153,7 +173,7 @@ class RuleBook:
 
 
 def check_gateway(gateway: str, code: Code) -> None:
-    """Raises RequestError with `code` for a text that is neither a gateway's name nor a pattern for some."""
+    """Raises RequestError with `code` if the text is neither a gateway's name nor a pattern."""
     if not gateway.strip():
         raise RequestError(code, "the request names no gateway")
     if not gateway.isprintable():
@@ -162,7 +182,7 @@ def check_gateway(gateway: str, code: Code) -> None:
 
 
 def _check_parameter(rule: Rule, code: Code) -> None:
-    """Raises RequestError for a parameter that is not given by its whole name and nothing else."""
+    """Raises RequestError for a parameter that is not given by its plain name without node."""
     if rule.kind == Kind.PARAMETER and (rule.node or not is_literal(rule.name)):
         raise RequestError(code, f"a parameter is given by its plain name, without node, not as '{rule}'")
 

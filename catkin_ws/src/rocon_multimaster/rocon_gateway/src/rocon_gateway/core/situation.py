@@ -1,4 +1,4 @@
-"""What the reconciler looks at, and what it answers."""
+"""Input and output of the reconciler."""
 
 import enum
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from rocon_relay.core.connection import Export, Import, LinkStatus
 
 
 class State(enum.StrEnum):
-    """How a rule does. Where several connections belong to a rule, the best state among them is the rule's."""
+    """State of a rule. A rule with several connections has the best state among them."""
 
     ACTIVE = "active"
     RATE_LIMITED = "rate-limited"
@@ -32,12 +32,12 @@ class State(enum.StrEnum):
 
 
 WORKING = frozenset({str(State.ACTIVE), str(State.RATE_LIMITED)})
-"""The states of a rule that does what it is to do."""
+"""The states of a working rule."""
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """A state, and one sentence on it for people (empty where there is nothing to add)."""
+    """A state and one explanatory sentence, empty if there is nothing to add."""
 
     state: str
     reason: str = ""
@@ -45,7 +45,7 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True)
 class RuleState:
-    """How one rule does."""
+    """The state of one rule."""
 
     action: str  #: "advertise", "flip" or "pull"
     gateway: str  #: the rule's gateway pattern; empty for an advertisement
@@ -55,7 +55,7 @@ class RuleState:
 
 @dataclass(frozen=True, slots=True)
 class Remote:
-    """Another gateway as we see it: what it tells all, and what it tells us."""
+    """Another gateway as we see it: its public record and its request to us."""
 
     record: Record
     request: PeerRequest = NO_REQUEST
@@ -63,25 +63,25 @@ class Remote:
 
 @dataclass(frozen=True)
 class Situation:
-    """All that decides what to connect."""
+    """The complete input of a reconciliation."""
 
     book: RuleBook  #: our rules
     firewall: bool  #: whether we refuse flips to us
     #: our master's publishers, subscribers and services, without our own and without any gateway's proxies
     local: frozenset[Connection]
-    connected: bool  #: whether we are on a hub. Without one the remotes are those last seen.
-    names: frozenset[str] = frozenset()  #: unique names of all other gateways that are alive
-    #: those of them that our rules or their requests concern, by unique name
+    connected: bool  #: whether we are on a hub; without one, the remotes are those last seen
+    names: frozenset[str] = frozenset()  #: unique names of all other live gateways
+    #: those of them concerned by our rules or their requests, by unique name
     remotes: Mapping[str, Remote] = field(default_factory=dict)
-    links: Mapping[Import, LinkStatus] = field(default_factory=dict)  #: how our imports do
-    options: tuple[OptionRule, ...] = ()  #: what is asked of links; the first that means a connection counts
-    namespace: str = ""  #: our robot's; patterns bring nothing out of another robot's. "" where there is none.
-    robots: frozenset[str] = frozenset()  #: namespaces of all robots that we have heard of
+    links: Mapping[Import, LinkStatus] = field(default_factory=dict)  #: status of our imports
+    options: tuple[OptionRule, ...] = ()  #: rules for link options; the first that matches a connection applies
+    namespace: str = ""  #: our robot's namespace; patterns import nothing from another robot's. "" for none
+    robots: frozenset[str] = frozenset()  #: namespaces of all known robots
 
 
 @dataclass(frozen=True, slots=True)
 class Flipped:
-    """A local connection that is flipped to a gateway, or a remote one that is flipped or pulled to here."""
+    """A local connection flipped to another gateway, or a remote one flipped or pulled to this gateway."""
 
     gateway: str  #: the other gateway's unique name
     connection: Connection  #: the connection; its node is the one on the flipping or advertising side
@@ -90,14 +90,14 @@ class Flipped:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What to do and what to say."""
+    """The result of a reconciliation."""
 
     advertised: tuple[Connection, ...] = ()  #: our public interface
-    #: by unique name of the receiver; gateways that are absent get none
+    #: by unique name of the receiver; absent gateways get none
     requests: Mapping[str, PeerRequest] = field(default_factory=dict)
-    exports: frozenset[Export] = frozenset()  #: what our relay shall export
-    imports: frozenset[Import] = frozenset()  #: what our relay shall import
+    exports: frozenset[Export] = frozenset()  #: the exports for our relay
+    imports: frozenset[Import] = frozenset()  #: the imports for our relay
     states: tuple[RuleState, ...] = ()  #: one for each rule, in the order advertisements, flips, pulls
-    flipped: tuple[Flipped, ...] = ()  #: local connections flipped away
-    flipped_in: tuple[Flipped, ...] = ()  #: remote connections flipped to here
-    pulled: tuple[Flipped, ...] = ()  #: remote connections pulled to here
+    flipped: tuple[Flipped, ...] = ()  #: local connections flipped to other gateways
+    flipped_in: tuple[Flipped, ...] = ()  #: remote connections flipped to this gateway
+    pulled: tuple[Flipped, ...] = ()  #: remote connections pulled to this gateway

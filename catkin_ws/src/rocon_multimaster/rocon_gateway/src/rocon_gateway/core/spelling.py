@@ -1,24 +1,24 @@
-"""Which names are spelt like one that does not exist."""
+"""Finds existing names similar to an unknown one, for "did you mean" hints."""
 
 import difflib
 import functools
 import heapq
 
 COUNT = 3
-"""How many nearest names are reported."""
+"""Number of similar names to report."""
 
 LIKE = 0.6
-"""From this ratio of difflib on two names are spelt alike."""
+"""Minimum difflib ratio of similar names."""
 
 
 class Spelling:
-    """One name, and which others are spelt like it.
+    """Finds names similar to a given one, reusing earlier comparisons.
 
-    To compare two names takes as long as to look up hundreds, and where there are a thousand gateways the next question
-    is about nearly the same ones: only those that the last question was not about are compared.
+    Comparing two names takes as long as hundreds of dictionary look-ups, and with a thousand gateways successive
+    queries are nearly the same. So only names that were not part of the previous query are compared.
 
     Args:
-        name: to which others are compared.
+        name: the name to compare with.
     """
 
     def __init__(self, name: str) -> None:
@@ -27,7 +27,7 @@ class Spelling:
         self._alike: dict[str, float] = {}
 
     def nearest(self, known: frozenset[str]) -> list[str]:
-        """Returns those of `known` that are spelt most like the name, the nearest first; as `get_close_matches`."""
+        """Returns the names in `known` most similar to the name, best first, like `difflib.get_close_matches`."""
         self._alike = {one: ratio for one, ratio in self._alike.items() if one in known}
         for one in known - self._known:
             ratio = self._ratio(one)
@@ -37,7 +37,7 @@ class Spelling:
         return [one for _, one in heapq.nlargest(COUNT, ((ratio, one) for one, ratio in self._alike.items()))]
 
     def _ratio(self, other: str) -> float:
-        """Returns how alike they are; of those that are not, an upper bound of it, which costs less."""
+        """Returns the similarity; for dissimilar names only an upper bound, which is cheaper."""
         self._matcher.set_seq1(other)
         ratio = 0.0
         for bound in (self._matcher.real_quick_ratio, self._matcher.quick_ratio, self._matcher.ratio):
@@ -49,5 +49,5 @@ class Spelling:
 
 @functools.lru_cache(maxsize=512)
 def spelling_of(name: str, where: str) -> Spelling:
-    """Returns the memory for a name that is missed somewhere; for one thread."""
+    """Returns the cached `Spelling` for an unknown name at a place; for one thread."""
     return Spelling(name)

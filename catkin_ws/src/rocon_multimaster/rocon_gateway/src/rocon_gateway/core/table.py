@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 
 def table(headers: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Returns rows under headers in columns as wide as their contents, the last one as long as it likes."""
+    """Returns headers and rows as aligned columns; the last column is not padded."""
     lines = [headers, *rows]
     widths = [max(len(line[column]) for line in lines) for column in range(len(headers) - 1)]
     return "\n".join(_padded(line, widths) for line in lines)
@@ -16,5 +16,5 @@ def _padded(line: Sequence[str], widths: Sequence[int]) -> str:
 
 
 def listing(title: str, entries: Sequence[str]) -> str:
-    """Returns a title with the number of its entries, and each entry on a line of its own below."""
+    """Returns a title with the number of entries, and each entry on its own line below."""
     return "\n".join([f"{title} ({len(entries)})", *(f"  {entry}" for entry in entries)])

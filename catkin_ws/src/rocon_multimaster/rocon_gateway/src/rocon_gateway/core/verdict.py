@@ -1,4 +1,4 @@
-"""Words for rule states: the best of several, and what to say when a name does not exist."""
+"""States of rules with their reasons: chooses the best of several, and suggests similar names for unknown ones."""
 
 import functools
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -45,16 +45,16 @@ _VERBS = {
 }
 
 UNCOVERED = "not covered by a rule; to cover every node:"
-"""In the reason of a flip for one node, before the command."""
+"""Marks, in the reason of a flip for one node, the text before the suggested command."""
 
 NO_HUB = Verdict(State.PENDING, "waiting for a hub")
 NO_ANSWER = Verdict(State.PENDING, "waiting for the other gateway's answer")
 
 
 def best(verdicts: Iterable[Verdict], otherwise: Verdict) -> Verdict:
-    """Returns the verdict that says most about whether data can flow; `otherwise` if there are none.
+    """Returns the most relevant verdict on whether data can flow; `otherwise` if there are none.
 
-    A state begins with one of `State`'s words (`blacklisted by RULE`); the first of several equal ones wins.
+    A state begins with one of `State`'s words (`blacklisted by RULE`); among equals, the first wins.
     """
     return min(verdicts, key=_rank, default=otherwise)
 
@@ -64,47 +64,47 @@ def _rank(verdict: Verdict) -> int:
 
 
 def blacklisted(barrier: Rule, connection: Connection) -> Verdict:
-    """Returns the state of what `barrier` keeps from leaving its gateway."""
+    """Returns the verdict on a connection blacklisted by `barrier`."""
     return Verdict(f"{State.BLACKLISTED} by {barrier}", f"{connection.name} of {connection.node or 'any node'}")
 
 
 def foreign(namespace: str, gateway: str) -> Verdict:
-    """Returns the state of what a pattern would bring to `gateway` out of another robot's namespace."""
+    """Returns the verdict on a connection from another robot's namespace that `gateway` reaches only by a pattern."""
     return Verdict(State.REFUSED, f"/{namespace} is not the robot of {gateway}: a rule that spells it out brings it")
 
 
 def foreign_node(node: str, gateway: str) -> Verdict:
-    """Returns the state of a publisher that is another robot's node, where an option of `gateway` leaves such out."""
+    """Returns the verdict on a publisher excluded as another robot's node by an option of `gateway`."""
     return Verdict(State.REFUSED, f"{node} is another robot's node, and rule_options of {gateway} leave those out")
 
 
 def from_link(wanted: Import, links: Mapping[Import, LinkStatus]) -> Verdict:
-    """Returns the state of an import, pending while the relay has not heard of it."""
+    """Returns the verdict on an import; pending while the relay does not know it yet."""
     status = links.get(wanted, LinkStatus(LinkState.PENDING))
     return Verdict(str(status.state), status.reason)
 
 
 def of_action(action: Connection, at: str, said: Iterable[tuple[Kind, Verdict]]) -> Verdict:
-    """Returns the state of an action from those of its topics: active if all are, else the one that says most.
+    """Returns the verdict on an action from those of its topics: active if all are, else the most relevant one.
 
     Args:
         action: the action.
-        at: who is to have its other half.
-        said: of each topic, whether the action's node publishes or subscribes to it, and its state.
+        at: where the other side of the action should be, for the reason text.
+        said: for each topic, whether the action's node publishes or subscribes to it, and its verdict.
     """
     wrong = []
     for kind, one in said:
         nobody = kind == Kind.SUBSCRIBER and one.state in (State.NO_TOPIC, State.NO_PUBLISHER)
         if nobody and action.kind == Kind.ACTION_CLIENT:
             wrong.append(Verdict(State.NO_ACTION, f"no server of {action.name} {at}"))
-        elif not nobody and one.state != State.ACTIVE:  # a server without clients lacks nothing
+        elif not nobody and one.state != State.ACTIVE:  # a server without clients is fine
             wrong.append(one)
     return best(wrong, Verdict(State.ACTIVE))
 
 
 @functools.lru_cache(maxsize=512)
 def no_gateway(pattern: str, names: frozenset[str]) -> Verdict:
-    """Returns the state of a rule whose gateway is not on the hub, with those that are and are spelt alike."""
+    """Returns the verdict on a rule whose gateway is not on the hub, suggesting similar names that are."""
     return Verdict(State.NO_GATEWAY, _nearest(pattern, _base_names(names), "on the hub", "gateway"))
 
 
@@ -114,7 +114,7 @@ def _base_names(names: frozenset[str]) -> frozenset[str]:
 
 
 def no_local(rule: Rule, own_gateway: str, local: Iterable[Connection]) -> Verdict:
-    """Returns the state of a rule that no local connection matches: whether it is the name or the node that fails."""
+    """Returns the verdict on a rule without matching local connection; the reason tells if name or node is wrong."""
     same_kind = [one for one in local if one.kind == rule.kind]
     nodes = sorted({one.node for one in same_kind if name_matches(rule.name, one.name, own_gateway)})
     if nodes and rule.node:
@@ -124,21 +124,21 @@ def no_local(rule: Rule, own_gateway: str, local: Iterable[Connection]) -> Verdi
 
 
 def nothing(kind: Kind, pattern: str, names: Collection[str], where: str) -> Verdict:
-    """Returns the state of a rule whose topic, service or action nobody has, with those that are spelt alike."""
+    """Returns the verdict on a rule whose topic, service or action does not exist, suggesting similar names."""
     name = absolute_name(pattern) if is_literal(pattern) else pattern
     state, what = _MISSING[kind]
     return Verdict(state, _nearest(name, names, where, what))
 
 
 def for_node(judge: Callable[[], Verdict], topic: str, rule: RemoteRule, listens: bool, others: list[str]) -> Verdict:
-    """Returns the state of a topic that is flipped for one node only.
+    """Returns the verdict on a topic that is flipped for one node only.
 
     Args:
-        judge: the state of the topic.
+        judge: returns the verdict on the topic.
         topic: its name.
         rule: the flip, which names the node.
-        listens: whether that node subscribes to it.
-        others: nodes that subscribe to it and that no flip covers.
+        listens: whether that node subscribes to the topic.
+        others: other subscribing nodes that no flip covers.
     """
     said = judge()
     if said.state != State.ACTIVE or (listens and not others):
@@ -151,7 +151,7 @@ def for_node(judge: Callable[[], Verdict], topic: str, rule: RemoteRule, listens
 
 
 def no_publisher(topic: str, local: Iterable[Connection]) -> Verdict:
-    """Returns what we answer who wants our publishers of `topic` when there are none."""
+    """Returns our answer to a gateway that wants our publishers of `topic` when there are none."""
     local = list(local)
     if any(one.name == topic for one in local):
         return Verdict(State.NO_PUBLISHER, f"{topic} is subscribed there, but not published")
@@ -159,7 +159,7 @@ def no_publisher(topic: str, local: Iterable[Connection]) -> Verdict:
 
 
 def mismatch(topic: str, types: Mapping[str, str]) -> Verdict:
-    """Returns the state of a topic whose type is not the same at two gateways."""
+    """Returns the verdict on a topic whose type differs between gateways."""
     return Verdict(State.TYPE_MISMATCH, f"{topic} is " + " and ".join(f"{t} at {at}" for at, t in types.items()))
 
 

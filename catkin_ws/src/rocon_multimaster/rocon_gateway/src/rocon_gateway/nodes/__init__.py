@@ -1,1 +1,1 @@
-"""The node, the only place for rospy."""
+"""Nodes and command-line tools: the only place for rospy."""

@@ -10,9 +10,9 @@ from tcpros.core.error import CertificateError
 
 
 def main() -> int:
-    """Entry point of `make_certificates`; the exit status is 0, or 1 with one line that says why not."""
+    """Entry point of `make_certificates`; the exit status is 0, or 1 with one error line."""
     parser = argparse.ArgumentParser("make_certificates", description=__doc__)
-    parser.add_argument("directory", type=Path, help="where the authority is, or shall be made")
+    parser.add_argument("directory", type=Path, help="folder of the authority; created if it does not exist")
     parser.add_argument("names", nargs="+", metavar="name", help="a machine; one that has a certificate gets a new one")
     parser.add_argument("--days", type=int, default=DAYS, help="how long certificates are good (default: %(default)s)")
     options = parser.parse_args()
@@ -24,5 +24,7 @@ def main() -> int:
         return 1
     for directory in made:
         sys.stdout.write(f"{directory}: copy it to {directory.name}, and there {VARIABLE}=ITS_PATH\n")
-    sys.stdout.write(f"{options.directory / AUTHORITY_KEY}: keep it here; who has it makes members of the fleet\n")
+    sys.stdout.write(
+        f"{options.directory / AUTHORITY_KEY}: keep it private; anyone who has it can add members to the fleet\n"
+    )
     return 0

@@ -1,7 +1,7 @@
-"""The command-line tools: each function is an executable and returns its exit status.
+"""The command-line tools. Each public function is an executable and returns its exit status.
 
-They are no ROS nodes; they speak to the one gateway of the master that ROS_MASTER_URI names. 2 is the status of a
-command that cannot be carried out: a wrong command line, no gateway, or more than one.
+The tools are not ROS nodes. They connect to the one gateway on the master in ROS_MASTER_URI. Exit status 2 means that
+the command cannot be executed: invalid command line, no gateway, or more than one.
 """
 
 import argparse
@@ -24,7 +24,7 @@ from rocon_hub_protocol.core.rule import Kind
 
 
 def rules() -> int:
-    """`rules`: a table of all rules, with state and reason; 1 if one of them is not active."""
+    """`rules`: prints a table of all rules with state and reason; returns 1 if any is not active."""
     options = _parsed(
         _with_json(argparse.ArgumentParser("rules", description="The state of each rule of this gateway."))
     )
@@ -51,7 +51,7 @@ def _row(status: DiagnosticStatus) -> tuple[str, ...]:
 
 
 def gateway_info() -> int:
-    """`gateway_info`: what this master's gateway is and does."""
+    """`gateway_info`: prints the state of this master's gateway."""
     parser = argparse.ArgumentParser(
         "gateway_info", description="This master's gateway: its hubs, rules and connections."
     )
@@ -79,7 +79,7 @@ def _gateway_info(client: GatewayClient, as_json: bool) -> int:
 
 
 def remote_gateway_info() -> int:
-    """`remote_gateway_info [GATEWAY …]`: the other gateways on the hub; 1 if one that was named is not there."""
+    """`remote_gateway_info [GATEWAY …]`: prints the other gateways on the hub; returns 1 if a named one is missing."""
     parser = argparse.ArgumentParser("remote_gateway_info", description="The other gateways on the hub.")
     parser.add_argument("gateways", nargs="*", metavar="GATEWAY", help="unique names; all if none is given")
     options = _parsed(parser)
@@ -107,7 +107,7 @@ def _show_remote(one: msg.RemoteGateway) -> None:
 
 
 def advertise() -> int:
-    """`advertise NAME …` or `advertise --all`: what other gateways may pull."""
+    """`advertise NAME …` or `advertise --all`: lets other gateways pull connections."""
     options = _request_options("advertise", "Lets other gateways pull connections of this one.")
 
     def ask(client: GatewayClient) -> int:
@@ -119,12 +119,12 @@ def advertise() -> int:
 
 
 def flip() -> int:
-    """`flip GATEWAY NAME …` or `flip GATEWAY --all`: connections of this gateway to another."""
+    """`flip GATEWAY NAME …` or `flip GATEWAY --all`: flips connections of this gateway to another."""
     return _remote("flip", "Connects this gateway's publishers or subscribers with another gateway.")
 
 
 def pull() -> int:
-    """`pull GATEWAY NAME …` or `pull GATEWAY --all`: what another gateway advertises, to here."""
+    """`pull GATEWAY NAME …` or `pull GATEWAY --all`: pulls connections that another gateway advertises."""
     return _remote("pull", "Brings here what another gateway advertises.")
 
 
@@ -161,7 +161,7 @@ def _rule_messages(options: argparse.Namespace) -> list[msg.Rule]:
 
 
 def _answer(response: Any) -> int:
-    """Says how a request was taken; 1 if it was refused."""
+    """Prints the result of a request; returns 1 if it was refused."""
     if response.result != msg.ErrorCodes.SUCCESS:
         _complain(f"refused ({response.result}): {response.error_message}")
         return 1
@@ -170,7 +170,7 @@ def _answer(response: Any) -> int:
 
 
 def graph() -> int:
-    """`graph [--dot | --png FILE]`: the whole network of the hub, as text, Graphviz' language or a picture."""
+    """`graph [--dot | --png FILE]`: prints or draws the whole network of the hub as text, Graphviz graph or picture."""
     parser = argparse.ArgumentParser("graph", description="All gateways of the hub, with what goes between them.")
     kind = parser.add_mutually_exclusive_group()
     kind.add_argument("--dot", action="store_true", help="in the language of Graphviz")
@@ -212,7 +212,7 @@ def _run(work: Callable[[GatewayClient], int]) -> int:
 
 
 def _parsed(parser: argparse.ArgumentParser) -> argparse.Namespace:
-    # roslaunch and rosrun users append remappings to everything.
+    # roslaunch and rosrun users may append remappings to any command.
     return parser.parse_args(list(_without_remappings(sys.argv[1:])))
 
 

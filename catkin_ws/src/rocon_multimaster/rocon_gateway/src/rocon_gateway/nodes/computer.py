@@ -1,4 +1,4 @@
-"""How busy a gateway's computer is, and what its nodes log, on topics that may cross."""
+"""Publishes the load of a gateway's computer and the log of its nodes on topics that other gateways may import."""
 
 import time
 from functools import partial
@@ -11,13 +11,13 @@ from pioneer_node.conversions import framed
 from rocon_gateway.adapters.program_load import ProgramLoad
 
 PERIOD = 5.0
-"""Between two messages [s]."""
+"""Publishing period [s]."""
 
 
 class ComputerTopic:
-    """Publishes processor time and memory of the programs of this master, on ``/NAMESPACE/computer``.
+    """Publishes CPU and memory use of the programs of this master on ``/NAMESPACE/computer``.
 
-    Each 5 s while somebody listens; it looks at nothing otherwise.
+    Publishes every 5 s while there are subscribers; otherwise it does not measure.
     """
 
     def __init__(self, node: NodeHandle, master_uri: str, gateway: str, namespace: str) -> None:
@@ -28,12 +28,12 @@ class ComputerTopic:
         self._due = 0.0
 
     def turn(self) -> None:
-        """Publishes if it is time; called once a second or so, by any thread."""
+        """Publishes if due; called about once a second, from any thread."""
         now = time.monotonic()
         if not self._publisher.has_subscribers:
             self._load = None
         elif self._load is None:
-            # The first look has nothing to compare with.
+            # The first measurement has no previous one to compare with.
             self._load, self._due = ProgramLoad(self._master_uri), now + 1.0
             self._load.look(now)
         elif now >= self._due:
@@ -50,9 +50,9 @@ class ComputerTopic:
 
 
 class LogTopic:
-    """Passes what this master's rosout has collected on to ``/NAMESPACE/rosout_agg``, while somebody listens.
+    """Republishes this master's ``/rosout_agg`` as ``/NAMESPACE/rosout_agg`` while there are subscribers.
 
-    The fleet's rules let none of ``/rosout.*`` itself cross.
+    The fleet's rules block ``/rosout.*`` itself.
     """
 
     def __init__(self, node: NodeHandle, namespace: str) -> None:
@@ -62,7 +62,7 @@ class LogTopic:
         self._subscriber: Subscriber | None = None
 
     def turn(self) -> None:
-        """Subscribes, or no longer; called once a second or so, by any thread."""
+        """Subscribes or unsubscribes as needed; called about once a second, from any thread."""
         if self._publisher.has_subscribers != (self._subscriber is not None):
             self._node.call(self._change)
 

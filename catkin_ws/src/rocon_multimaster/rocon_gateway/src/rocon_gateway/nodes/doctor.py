@@ -32,7 +32,7 @@ NO_HUB_FIX = (
 
 
 def main() -> int:
-    """Entry point of `doctor`; the exit status is 0 if nothing is at fault, else 1."""
+    """Entry point of `doctor`; the exit status is 0 if there are no faults, else 1."""
     parser = argparse.ArgumentParser("doctor", description=__doc__)
     parser.add_argument("--hub", default="", help="the hub, host:port; else the gateway's, else those announced")
     parser.add_argument("--json", action="store_true", help="for programs: the findings")
@@ -49,7 +49,7 @@ def main() -> int:
 
 
 def _examine(hub: str) -> Iterator[Finding | str]:
-    """Yields findings, and the tables to be shown before them."""
+    """Yields findings, and tables to print before them."""
     yield diagnosis.of_python(*examination.first_python())
     master = urllib.parse.urlsplit(rosgraph.get_master_uri())
     (contact,) = examination.contacts([("the ROS master", master.hostname or "localhost", master.port or 11311)])
@@ -67,7 +67,7 @@ def _examine(hub: str) -> Iterator[Finding | str]:
 
 
 def _hub(named: str, info: GatewayInfo | None) -> Iterator[Finding | str]:
-    """Looks at each hub and at all gateways on it."""
+    """Examines each hub and all gateways on it."""
     uris = [named] if named else [*info.hub_uris, *info.discover_hubs_by_uri] if info else []
     if info is not None and not info.connected:
         yield Finding(Level.FAULT, "the gateway is not on a hub", "see the hub's line below, and the gateway's log")
@@ -99,7 +99,7 @@ def _one_hub(uri: str, info: GatewayInfo | None) -> Iterator[Finding | str]:
 
 
 def _members(session: HubSession, info: GatewayInfo | None) -> Iterator[Finding | str]:
-    """Has every gateway of the hub look at every link, and looks from here too if there is no gateway here."""
+    """Makes every gateway on the hub examine its links; examines from here too if no gateway runs here."""
     yield Finding(Level.OK, f"the hub is '{session.hub_name}'")
     described = session.describe(())
     yield from diagnosis.of_duplicates(one.record.name for one in described)

@@ -52,38 +52,39 @@ from tcpros.core.error import CertificateError
 
 _HUB = "/hub"
 SETTLE = 1.0
-"""The longest that a service waits for topics to tell what it has changed [s]: the master may keep us from telling."""
+"""How long a service waits until topics report its changes [s]; limited, because the master may delay that."""
 
 _REST, _LONGEST_REST = 3.0, 0.25
-"""After a turn: the rest, in times of what it took, and its bound [s]. A large fleet's turns take some 0.02 s."""
+"""Pause after a turn, as a multiple of its duration, and its limit [s]. Turns of a large fleet take about 0.02 s."""
 
 DIAGNOSTIC_PERIOD = 1.0
 """Time between two messages on `/diagnostics` [s]."""
 
 
 class GatewayNode:
-    """Connects this master's topics, services and actions with other masters', by rules.
+    """Connects this master's topics, services and actions with those of other masters, by rules.
 
-    Subscribes: `~force_update` (Empty): compares at once. The relay subscribes what is exported while it is fetched.
+    Subscribes: `~force_update` (Empty): reconciles immediately. The relay subscribes to exported topics while another
+    gateway fetches them.
 
     Publishes: `~gateway_info` (GatewayInfo, latched, on change), `~rules` (DiagnosticArray, latched, on change: one
-    status a rule, with state and reason), `/diagnostics` (the same, and one status a connection with what flows on it,
-    each second while somebody listens), a robot's `/NAMESPACE/computer` (`ComputerTopic`)
+    status per rule, with state and reason), `/diagnostics` (the same, plus one status per connection with its data
+    rates, every second while there are subscribers), a robot's `/NAMESPACE/computer` (`ComputerTopic`)
     and `/NAMESPACE/rosout_agg` (`LogTopic`).
 
     Services: see `ServiceHandlers`.
 
     Parameters: the fields of `GatewayConfig`, private.
 
-    Threads: the main thread runs the node and the relay; another compares and applies; each hub has one, and each call
-    of a service.
+    Threads: the main thread runs the node and the relay; another one reconciles. Each hub and each service call has
+    its own thread.
 
-    On error: a bad parameter ends the node with one line, a bad default rule is named and left out. A hub or master
-    that is lost is logged once and waited for.
+    On error: an invalid parameter ends the node with one line. An invalid default rule is logged and skipped. A lost
+    hub or master is logged once; the node waits for it to return.
     """
 
     def __init__(self, node: NodeHandle, reactor: Reactor, failed: Callable[[], object]) -> None:
-        """Takes the node, the loop that runs it, and what to call once a fault of ours has ended the comparing."""
+        """Takes the node, its event loop, and a callback for an internal error that ends the reconciling thread."""
         self._node, self._logger, self._failed = node, logging.getLogger(LOGGER), failed
         self._config = config_from_mapping(GatewayConfig, with_rules_file(node.parameters(), self._logger), node.name)
         self._period = self._config.watch_loop_period
@@ -124,13 +125,13 @@ class GatewayNode:
         node.subscribe("~force_update", Empty, lambda _message, _sender: self._wake())
         self._ended: Callable[[], object] = lambda: None
         self._thread = threading.Thread(target=self._run, name="compare", daemon=True)
-        node.call(self._thread.start)  # once the loop runs, which it asks
+        node.call(self._thread.start)  # started by the running loop, because the thread uses it
 
     def _certificates(self) -> Certificates | None:
         found = certificates_from(self._config.tls_directory)
         fault = found.fault() if found else ""
         if fault:
-            # A clock that is not set yet may be the reason, so this is not the end.
+            # Not fatal: the reason may be a clock that is not set yet.
             self._logger.error("no other gateway accepts our certificate (%s in %s)", fault, found and found.directory)
         return found
 
@@ -152,11 +153,11 @@ class GatewayNode:
             node=self._node.name,
             master_uri=rosgraph.get_master_uri(),
             host=rosgraph.network.get_host_name(),
-            # As every node: with a ROS_IP on the loopback, other machines reach nothing but the links.
+            # As for every node: with a loopback ROS_IP, other machines can reach only the links.
             node_bind=rosgraph.network.get_bind_address(),
             port=self._config.relay_port,
             bind="" if self._is_open else LOOPBACK,
-            # A gateway that may join the hub may link, and no other.
+            # Only gateways that may join the hub may open links.
             keyring=self._keyring,
             max_message_size=self._config.max_message_size,
         )
@@ -175,7 +176,7 @@ class GatewayNode:
         )
 
     def end(self, done: Callable[[], object]) -> None:
-        """Has everything taken back; calls ``done`` then, in any thread."""
+        """Starts the shutdown; calls ``done`` when everything is unregistered, from any thread."""
         self._ended = done
         self._stopping.set()
         self._registered.set()
@@ -193,7 +194,7 @@ class GatewayNode:
             self._logger.info("gateway '%s', relay on port %d", self._name, self._relay.port)
             _warn_on_the_hubs_master(self._node)
             self._loop()
-        except Exception:  # the outermost of this thread: whatever arrives here is a bug
+        except Exception:  # top level of this thread: any exception here is a bug
             self._logger.critical("the gateway ended by an error", exc_info=True)
             self._failed()
         finally:
@@ -216,7 +217,7 @@ class GatewayNode:
             if changed or woken or now >= full:
                 self._turn()
                 full = now + self._period
-                # Changes come in bursts; one turn sees to all that came during the rest.
+                # Changes come in bursts; the next turn handles all that arrive during the pause.
                 self._stopping.wait(min(_REST * (time.monotonic() - now), _LONGEST_REST))
             if now >= diagnose:
                 diagnose = now + DIAGNOSTIC_PERIOD
@@ -232,7 +233,7 @@ class GatewayNode:
     def _look(self) -> bool:
         try:
             changed = self._master.changed()
-            # What did not work is tried again.
+            # Retried at each look until the master knows us.
             if self._opened and not self._master.knows_us and not self._stopping.is_set():
                 self._node.call(self._node.register_again)
                 self._relay.refresh()
@@ -249,7 +250,7 @@ class GatewayNode:
         return changed
 
     def _turn(self) -> None:
-        """Compares what is wanted with what is, sees to the difference, and tells."""
+        """Reconciles once: compares the desired with the actual state, applies the difference and publishes it."""
         with self._turned:
             self._begun += 1
         view = self._hubs.view()
@@ -280,9 +281,9 @@ class GatewayNode:
             self._turned.notify_all()
 
     def _settle(self) -> None:
-        """Has the main thread compare, and waits until it has told; not for ever."""
+        """Triggers a reconciliation and waits until its result is published, up to `SETTLE`."""
         with self._turned:
-            # One that is under way may have read the rules before they were changed.
+            # A turn in progress may have read the rules before the change.
             due = self._begun + 1
         self._wake()
         with self._turned:
@@ -303,7 +304,7 @@ class GatewayNode:
         )
 
     def _linked(self) -> set[str]:
-        """Gateways that a link now stands to; none stands for a parameter."""
+        """Returns the gateways with open links; parameters have no permanent link."""
         status = self._relay.status()
         up = {LinkState.ACTIVE, LinkState.RATE_LIMITED, LinkState.NO_PUBLISHER, LinkState.NO_SERVER}
         links: list[tuple[Export | Import, LinkStatus]] = [*status.imports.items(), *status.exports.items()]
@@ -319,7 +320,7 @@ class GatewayNode:
         self._said = (info, self._outcome.states)
 
     def _report_uncovered(self) -> None:
-        """Logs, once a rule, that a local subscriber gets nothing of what the rule brings for another node."""
+        """Logs, once per rule, that a local subscriber gets no data because the rule is for another node only."""
         for state in self._outcome.states:
             key = (state.gateway, state.rule.name)
             if verdict.UNCOVERED in state.verdict.reason and key not in self._uncovered:
@@ -381,7 +382,7 @@ def _warn_on_the_hubs_master(node: NodeHandle) -> None:
     try:
         rosgraph.Master(node.name).lookupNode(_HUB)
     except (rosgraph.MasterError, OSError):
-        return  # `MasterWatch` notices a master that is gone
+        return  # `MasterWatch` detects an unreachable master
     node.logger.warning(
         "%s is the hub's own ROS master; a gateway needs one of its own. End this one, then: "
         "export ROS_MASTER_URI=http://localhost:11313; roslaunch pioneer_networking pioneer_gateway.launch", uri

@@ -1,4 +1,4 @@
-"""What rocon's own tests ask of the network: this master's gateway and the others, read again at each update."""
+"""The network interface used by rocon's own tests: this master's gateway and the others, read at each update."""
 
 from gateway_msgs import msg, srv
 
@@ -6,7 +6,7 @@ from rocon_gateway.adapters.client import GatewayClient, NoGatewayError
 
 
 class Graph:
-    """The network as this master's gateway knows it; rocon's names, of which its tests read the private ones."""
+    """The network as this master's gateway knows it. Names are rocon's; its tests also read the private attributes."""
 
     def __init__(self) -> None:
         self._local_gateway = msg.GatewayInfo()
@@ -14,16 +14,16 @@ class Graph:
 
     @property
     def local_gateway(self) -> msg.GatewayInfo:
-        """This master's gateway, with its rules and connections, as of the last update; empty until one runs."""
+        """This master's gateway with its rules and connections at the last update; empty until one runs."""
         return self._local_gateway
 
     @property
     def remote_gateways(self) -> list[msg.RemoteGateway]:
-        """The other gateways on its hubs, as of the last update."""
+        """The other gateways on its hubs at the last update."""
         return self._remote_gateways
 
     def update(self) -> None:
-        """Asks the gateway again; while none runs, everything stays as it was."""
+        """Queries the gateway again; changes nothing while none runs."""
         try:
             client = GatewayClient()
             local = client.latched("gateway_info", msg.GatewayInfo)

@@ -1,7 +1,7 @@
-"""One call for each service of a gateway, with rocon's names and arguments: `advertise_all`, `flip_tutorials`, …
+"""One function for each service of a gateway, with rocon's names and arguments: `advertise_all`, `flip_tutorials`, …
 
-The caller has initialised its node. The tutorial's five connections are the talker's and listener's /chatter,
-/add_two_ints and both sides of /fibonacci.
+The caller must have initialised its node. The tutorial's five connections are the talker's and listener's /chatter,
+/add_two_ints, and both sides of /fibonacci.
 """
 
 from typing import Any
@@ -21,11 +21,11 @@ _TUTORIALS = {
     msg.ConnectionType.ACTION_CLIENT: ("/fibonacci/client", "/fibonacci/cli.*", ""),
     msg.ConnectionType.ACTION_SERVER: ("/fibonacci/server", "/fibonacci/ser.*", ""),
 }
-"""For each type its plain name, and the patterns of name and node that find it."""
+"""For each type the plain name, and patterns for name and node that match it."""
 
 
 class GatewaySampleRuntimeError(GatewayError):
-    """A gateway that refused, or that knows no other gateway."""
+    """The gateway refused the request, or knows no other gateway."""
 
 
 def _ask(ns: str, service: str, kind: Any, what: str, **fields: Any) -> Any:
@@ -45,7 +45,7 @@ def _tutorial_rules(regex_patterns: bool) -> list[msg.Rule]:
 
 
 def find_first_remote_gateway(ns: str = NAMESPACE) -> str:
-    """Returns the name of some other gateway on the hub; raises GatewaySampleRuntimeError where there is none."""
+    """Returns the name of another gateway on the hub; raises GatewaySampleRuntimeError if there is none."""
     name = f"{ns}/remote_gateway_info"
     rospy.wait_for_service(name)
     found = rospy.ServiceProxy(name, srv.RemoteGatewayInfo)([]).gateways
@@ -58,7 +58,7 @@ def connect_hub_by_service(ns: str = NAMESPACE, raise_exception: bool = True, ur
     """Connects the gateway to the hub at ``uri``; returns the service's result and error message.
 
     Raises:
-        GatewaySampleRuntimeError: it is refused, and ``raise_exception``.
+        GatewaySampleRuntimeError: the request is refused and ``raise_exception`` is set.
     """
     name = f"{ns}/connect_hub"
     rospy.wait_for_service(name, _CONNECT_TIMEOUT)
@@ -69,7 +69,7 @@ def connect_hub_by_service(ns: str = NAMESPACE, raise_exception: bool = True, ur
 
 
 def advertise_all(cancel: bool = False, ns: str = NAMESPACE) -> None:
-    """Advertises everything that the blacklist does not name; with ``cancel`` no longer."""
+    """Advertises everything that is not blacklisted; ``cancel`` ends that."""
     _ask(ns, "advertise_all", srv.AdvertiseAll, "advertise_all", cancel=cancel, blacklist=[])
 
 
@@ -91,24 +91,24 @@ def _tutorials(service: str, gateway: str | None, cancel: bool, regex_patterns: 
 
 
 def pull_all(remote_gateway_name: str | None = None, cancel: bool = False, ns: str = NAMESPACE) -> None:
-    """Pulls everything that a gateway, the first by default, advertises."""
+    """Pulls everything that a gateway advertises, by default the first one."""
     _all("pull_all", remote_gateway_name, cancel, ns)
 
 
 def pull_tutorials(
     remote_gateway_name: str | None = None, cancel: bool = False, regex_patterns: bool = False, ns: str = NAMESPACE
 ) -> None:
-    """Pulls the tutorial's connections from a gateway, the first by default."""
+    """Pulls the tutorial's connections from a gateway, by default the first one."""
     _tutorials("pull", remote_gateway_name, cancel, regex_patterns, ns)
 
 
 def flip_all(remote_gateway_name: str | None = None, cancel: bool = False, ns: str = NAMESPACE) -> None:
-    """Flips everything to a gateway, the first by default."""
+    """Flips everything to a gateway, by default the first one."""
     _all("flip_all", remote_gateway_name, cancel, ns)
 
 
 def flip_tutorials(
     remote_gateway_name: str | None = None, cancel: bool = False, regex_patterns: bool = False, ns: str = NAMESPACE
 ) -> None:
-    """Flips the tutorial's connections to a gateway, the first by default."""
+    """Flips the tutorial's connections to a gateway, by default the first one."""
     _tutorials("flip", remote_gateway_name, cancel, regex_patterns, ns)

@@ -1,4 +1,4 @@
-"""The gateway's services: they check, change the rules as a whole or not at all, and answer when that shows."""
+"""The gateway's services: validate requests, change the rules atomically, and respond once the change is published."""
 
 import threading
 from collections.abc import Callable
@@ -18,12 +18,12 @@ class ServiceHandlers:
     """Holds the rules and serves requests to change them.
 
     Args:
-        node: the gateway's.
-        book: the rules to start with.
+        node: the gateway's node.
+        book: the initial rules.
         hubs: our hubs.
-        relay: knows how long the way to other gateways takes.
-        settle: called after each change, from a service's thread; returns when topics tell what has become of it.
-        set_period: sets the period of the safety net [s] and returns the old one.
+        relay: provides the latencies to other gateways.
+        settle: called after each change, from a service's thread; returns once topics report the result.
+        set_period: sets the longest time between reconciliations [s] and returns the old value.
     """
 
     def __init__(
@@ -60,11 +60,11 @@ class ServiceHandlers:
 
     @property
     def book(self) -> RuleBook:
-        """The rules now."""
+        """The current rules."""
         return self._book
 
     def _change(self, change: Callable[[RuleBook], RuleBook]) -> tuple[int, str]:
-        """Returns result and error message of a request; on an error nothing has changed."""
+        """Applies a change; returns result and error message. After an error, the rules are unchanged."""
         try:
             with self._lock:
                 self._book = change(self._book)

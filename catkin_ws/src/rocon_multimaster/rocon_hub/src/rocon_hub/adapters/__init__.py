@@ -1,1 +1,1 @@
-"""Redis as a process, and the keys in it."""
+"""Adapters: the Redis process, its keys, the hub's port and mDNS."""

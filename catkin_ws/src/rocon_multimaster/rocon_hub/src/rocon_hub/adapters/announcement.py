@@ -1,4 +1,4 @@
-"""The hub's announcement by mDNS, as `_ros-multimaster-hub._tcp`."""
+"""Announces the hub by mDNS as `_ros-multimaster-hub._tcp`."""
 
 import logging
 import socket
@@ -16,7 +16,7 @@ class Announcement:
     Args:
         name: the hub's name.
         port: its port.
-        everywhere: whether other machines may connect; otherwise only this machine hears of the hub.
+        everywhere: whether other machines may connect; otherwise the hub is announced on this machine only.
         tls: whether the hub speaks TLS.
     """
 
@@ -26,10 +26,10 @@ class Announcement:
         self._interfaces: frozenset[IPv4Interface] = frozenset()
 
     def refresh(self) -> None:
-        """Announces the hub under the addresses that this machine has now, if they are not the ones of last time.
+        """Announces the hub under the current addresses of this machine, if they have changed.
 
         Raises:
-            AnnouncementError: the network takes no announcement.
+            AnnouncementError: the announcement failed.
         """
         interfaces = own_interfaces()
         if interfaces == self._interfaces:
@@ -51,20 +51,20 @@ class Announcement:
         service = zeroconf.ServiceInfo(
             SERVICE,
             instance,
-            server=instance,  # Debian 13's zeroconf wants it said
+            server=instance,  # required by Debian 13's zeroconf
             port=self._port,
             parsed_addresses=reachable,
             properties={"name": self._name, "stack": network_stack(), **({"tls": "1"} if self._tls else {})},
         )
         try:
             self._zeroconf = zeroconf.Zeroconf(addresses, ip_version=zeroconf.IPVersion.V4Only)
-            # Not register_service: that refuses rocon's service type, which is longer than RFC 6763 wants.
+            # Not register_service: it rejects rocon's service type, which is longer than RFC 6763 allows.
             self._zeroconf.update_service(service)
         except zeroconf.Error as error:
             raise RuntimeError(str(error) or type(error).__name__) from None
 
     def close(self) -> None:
-        """Takes the announcement back."""
+        """Withdraws the announcement."""
         if self._zeroconf is not None:
             close_zeroconf(self._zeroconf)
         self._zeroconf = None

@@ -1,4 +1,4 @@
-"""The hub's port where there is a password: only clients that prove the password are connected to Redis."""
+"""The port of a hub with a password: connects only those clients to Redis that prove they know the password."""
 
 import asyncio
 import contextlib
@@ -15,36 +15,36 @@ from rocon_hub_protocol.core.admission import LONGEST_LINE, UNPROVEN, HubSide
 from rocon_hub_protocol.core.cpace import ProofError
 
 HANDSHAKE_TIME = 5.0
-"""For how long a client may take to say the next line of its proof [s]."""
+"""Timeout for each line of a client's proof [s]."""
 
 MAX_UNPROVEN = 2048
-"""Clients that have not proved it yet: a thousand gateways may come back at once. One more closes the oldest.
+"""Maximum number of unauthenticated clients; one more closes the oldest. A thousand gateways may reconnect at once.
 
-Where the process may have few files open, they are at most a quarter of those.
+If the process may open only few files, the maximum is a quarter of that limit.
 """
 
 NO_FILE_LEFT = (errno.EMFILE, errno.ENFILE)
 
 ROOM_PERIOD = 0.02
-"""Time between two attempts to accept a client where no more files may be open [s]."""
+"""Retry interval for accepting a client when no file descriptor is free [s]."""
 
 BACKLOG = 511
-"""So many clients may wait to be accepted."""
+"""Maximum number of clients waiting to be accepted."""
 
 _KEEPALIVE = {socket.TCP_KEEPIDLE: 10, socket.TCP_KEEPINTVL: 5, socket.TCP_KEEPCNT: 3}
 
 
 class Front:
-    """Listens from its making until `close`, in a thread of its own.
+    """Listens from its creation until `close`, in a separate thread.
 
     Args:
-        port: the hub's.
+        port: the hub's port.
         target: path of the Unix socket of its Redis.
-        password: returns the password as it is now.
-        context: for TLS; None for none.
+        password: returns the current password.
+        context: for TLS; None for plain TCP.
 
     Raises:
-        OSError: the port cannot be had.
+        OSError: the port is not available.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class Front:
         await asyncio.gather(*tasks, return_exceptions=True)
 
     async def _accept(self, listening: socket.socket) -> None:
-        """Takes clients, each counted from here on: with TLS its handshake is still to come."""
+        """Accepts clients. Each counts as unauthenticated from now on, even before its TLS handshake."""
         while True:
             try:
                 connection, address = await self._loop.sock_accept(listening)
@@ -136,7 +136,7 @@ class Front:
                 ssl_shutdown_timeout=patience,
             )
             opened = True
-        except OSError:  # it speaks no TLS, takes too long, or has left
+        except OSError:  # no TLS, timeout, or disconnected
             return
         finally:
             if not opened:
@@ -149,7 +149,7 @@ class Front:
             client.drop()
 
     def wait(self, client: "Client") -> None:
-        """Has a client wait for its turn: one begins at a time, so that those that have begun come to an end first."""
+        """Queues a client. Proofs start one at a time, so that those in progress finish first."""
         self._waiting.append(client)
         if len(self._waiting) == 1:
             self._loop.call_soon(self._next)
@@ -164,49 +164,49 @@ class Front:
             client.begin()
 
     def settled(self, client: "Client") -> None:
-        """Somebody has proved the password, or is gone."""
+        """Called when a client has proved the password or disconnected."""
         self._unproven.pop(client, None)
 
     def left(self, client: "Client") -> None:
-        """Forgets somebody who is gone."""
+        """Removes a disconnected client."""
         self.settled(client)
         self._clients.discard(client)
 
     def refused(self, host: str) -> None:
-        """Logs that a machine has another password, once until it has ours."""
+        """Logs that a host has a different password, once until it has ours."""
         if host not in self._told and len(self._told) < MAX_UNPROVEN:
             self._told.add(host)
             self._logger.warning("a client at %s does not know the hub's password", host)
 
     def admitted(self, host: str) -> None:
-        """Somebody at `host` knows the password."""
+        """Called when a client at `host` has proved the password."""
         self._told.discard(host)
 
 
 class End(asyncio.Protocol):
-    """One end of a connection that was joined to another: what comes here goes there."""
+    """One end of two joined connections; forwards everything it receives to the other end."""
 
     def __init__(self) -> None:
         self.transport: asyncio.Transport | None = None
         self.other: End | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Takes the new connection."""
+        """Stores the new connection."""
         assert isinstance(transport, asyncio.Transport)
         self.transport = transport
 
     def data_received(self, data: bytes) -> None:
-        """Handles what has arrived."""
+        """Forwards received data."""
         if self.other and self.other.transport:
             self.other.transport.write(data)
 
     def pause_writing(self) -> None:
-        """Stops reading the other side while this one is not read, so that Redis' own limits hold."""
+        """Stops reading from the other side while this peer does not read, so that Redis' own limits apply."""
         if self.other and self.other.transport:
             self.other.transport.pause_reading()
 
     def resume_writing(self) -> None:
-        """Reads the other side again."""
+        """Resumes reading from the other side."""
         if self.other and self.other.transport:
             self.other.transport.resume_reading()
 
@@ -218,7 +218,7 @@ class End(asyncio.Protocol):
 
 
 class Client(End):
-    """A client of the hub, from its first byte."""
+    """A client of the hub, from its first byte on."""
 
     def __init__(self, front: Front, loop: asyncio.AbstractEventLoop, connection: socket.socket, host: str) -> None:
         super().__init__()
@@ -228,18 +228,18 @@ class Client(End):
         self._joining: asyncio.Task[None] | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Takes the new connection."""
+        """Starts the timeout for the first line."""
         super().connection_made(transport)
         self._expect()
 
     def data_received(self, data: bytes) -> None:
-        """Handles what has arrived."""
+        """Handles lines of the proof; afterwards forwards received data."""
         if self.other:
             super().data_received(data)
             return
         self._line += data
         if self._joining or len(self._line) > LONGEST_LINE:
-            self.give_up()  # it sends more before it was answered
+            self.give_up()  # it sends more without waiting for the answer
         elif self._line.endswith(b"\r\n"):
             line, self._line = self._line, b""
             self._take(line)
@@ -256,12 +256,12 @@ class Client(End):
             self.transport.close()
 
     def drop(self) -> None:
-        """Closes the connection at once, whatever is still to be sent or agreed on."""
+        """Closes the connection immediately, discarding unsent data and a pending TLS handshake."""
         if self.transport:
             self.transport.abort()
             return
         with contextlib.suppress(OSError):  # not connected any more
-            self._connection.shutdown(socket.SHUT_RDWR)  # the handshake of TLS ends by this
+            self._connection.shutdown(socket.SHUT_RDWR)  # this ends the TLS handshake
 
     @property
     def has_left(self) -> bool:
@@ -288,7 +288,7 @@ class Client(End):
             self._first = line
             self._front.wait(self)
         elif self._side is None:
-            self.give_up()  # it sends more before it was answered
+            self.give_up()  # it sends more without waiting for the answer
         else:
             self._judge(self._side, line)
 
@@ -315,7 +315,7 @@ class Client(End):
         end = End()
         try:
             await self._loop.create_unix_connection(lambda: end, self._front.target)
-        except OSError:  # Redis has died, or is being started
+        except OSError:  # Redis has died or is starting
             self.give_up()
             return
         self._front.settled(self)
@@ -328,11 +328,11 @@ class Client(End):
 
 
 def _listening(port: int) -> list[socket.socket]:
-    """Returns sockets that listen on all IPv4 addresses, and on all IPv6 ones if there is IPv6."""
+    """Returns sockets that listen on all IPv4 addresses, and on all IPv6 addresses if available."""
     sockets = [socket.create_server(("", port), backlog=BACKLOG)]
     if socket.has_ipv6:
         try:
             sockets.append(socket.create_server(("::", port), family=socket.AF_INET6, backlog=BACKLOG))
-        except OSError:  # built in, but switched off
+        except OSError:  # IPv6 is built in but disabled
             return sockets
     return sockets

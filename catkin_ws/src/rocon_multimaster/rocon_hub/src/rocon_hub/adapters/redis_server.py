@@ -1,4 +1,4 @@
-"""A redis-server of our own: started, recognised as ours, restarted, and never left behind."""
+"""A private redis-server process: starts, checks and stops it, and never leaves it behind."""
 
 import contextlib
 import os
@@ -19,11 +19,11 @@ from rocon_hub_protocol.adapters.redis_client import TIMEOUT, Access
 from tcpros.adapters.tls import AUTHORITY, CERTIFICATE, KEY
 
 START_TIMEOUT = 10.0
-"""Within which a new server must answer [s]."""
+"""Timeout for a new server to answer [s]."""
 
 
 def guard_from(access: Access) -> Guard:
-    """Returns what Redis asks of its clients so that only who has this access gets in."""
+    """Returns the authentication settings of Redis that admit only clients with this access."""
     if access.certificates is None:
         return Guard(access.password is not None)
     files = (str(access.certificates.directory / name) for name in (CERTIFICATE, KEY, AUTHORITY))
@@ -31,7 +31,7 @@ def guard_from(access: Access) -> Guard:
 
 
 class SocketConnection(redis.UnixDomainSocketConnection):
-    """A connection over a Unix socket. redis' own leaves its socket open when connecting fails."""
+    """A connection over a Unix socket. The one in redis-py leaks its socket if connecting fails."""
 
     def _connect(self) -> socket.socket:
         sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -45,12 +45,12 @@ class SocketConnection(redis.UnixDomainSocketConnection):
 
 
 class RedisServer:
-    """One process. It must be started by the program's main thread: it dies with the thread that started it.
+    """One process. Start it from the program's main thread, because it dies with the thread that started it.
 
     Args:
         config: the hub's parameters.
-        directory: for configuration, log and socket; made if absent, readable by us only.
-        access: what gateways must say and show.
+        directory: for configuration, log and socket; created if absent, accessible to this user only.
+        access: the credentials that gateways need.
     """
 
     def __init__(self, config: HubConfig, directory: Path, access: Access) -> None:
@@ -62,10 +62,10 @@ class RedisServer:
         self._process: subprocess.Popen[bytes] | None = None
         self._admin_password = secrets.token_hex(32)
         self._users: list[str] = []
-        self.log = directory / "redis-server.log"  #: what the server prints
+        self.log = directory / "redis-server.log"  #: file with the server's output
         directory.mkdir(parents=True, exist_ok=True)
         directory.chmod(0o700)
-        # A socket's path may have 107 bytes, which the directory's own may exceed; this one is short.
+        # The path of a Unix socket is limited to 107 bytes, which the directory may exceed. This path is short.
         self._folder = os.open(directory, os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
         self._socket = f"/proc/self/fd/{self._folder}/{SOCKET}"
         pool = redis.ConnectionPool(
@@ -75,13 +75,13 @@ class RedisServer:
             password=self._admin_password,
             socket_timeout=TIMEOUT,
             decode_responses=True,
-            # A gateway whose name is not valid UTF-8 is removed like any other that falls silent.
+            # Keeps gateway names that are not valid UTF-8, so that these gateways are removed like others.
             encoding_errors="surrogateescape",
         )
-        self.client = redis.Redis(connection_pool=pool)  #: of the user that may do everything, over the socket
+        self.client = redis.Redis(connection_pool=pool)  #: client of the user with all permissions, over the socket
 
     def salt(self) -> str:
-        """Returns this fleet's salt, made at first and kept in the directory, so that restarts do not change it."""
+        """Returns the fleet's salt. It is created once and kept in the directory, so restarts do not change it."""
         path = self._directory / "salt"
         if not path.exists() or not path.read_text().strip():
             path.touch(mode=0o600)
@@ -90,15 +90,15 @@ class RedisServer:
 
     @property
     def pid(self) -> int | None:
-        """The server's process number while it runs."""
+        """The server's process id; None if it is not running."""
         return self._process.pid if self._process and self._process.poll() is None else None
 
     def start(self) -> None:
         """Starts the server and waits until it answers.
 
         Raises:
-            PortBusyError: somebody else has the port.
-            RedisError: there is no redis-server, or it does not come up.
+            PortBusyError: the port is in use.
+            RedisError: redis-server is not installed or does not start.
         """
         executable = shutil.which("redis-server")
         if executable is None:
@@ -106,7 +106,7 @@ class RedisServer:
         self._check_port()
         configuration = self._write_configuration()
         with self.log.open("ab") as log:
-            # setpriv asks the kernel to kill the server when we die, however we die.
+            # setpriv makes the kernel kill the server when this process dies, for any reason.
             self._process = subprocess.Popen(
                 ["setpriv", "--pdeathsig", "KILL", "--", executable, str(configuration)],
                 stdin=subprocess.DEVNULL,
@@ -155,7 +155,7 @@ class RedisServer:
         raise RedisError(f"hub: redis-server did not answer within {START_TIMEOUT:g} s (log: {self.log})")
 
     def has_our_users(self) -> bool:
-        """Returns whether Redis' users and their permissions are as at its start; raises redis.RedisError."""
+        """Returns whether Redis' users and permissions are unchanged since its start; raises redis.RedisError."""
         return bool(self.client.acl_list() == self._users)
 
     def _last_line(self) -> str:
@@ -163,7 +163,7 @@ class RedisServer:
         return lines[-1] if lines else "it said nothing"
 
     def stop(self) -> None:
-        """Ends the server, with SIGTERM first, and closes its port; nothing to do if it has ended."""
+        """Closes the port and stops the server, first with SIGTERM; does nothing if it has ended."""
         process, self._process = self._process, None
         front, self._front = self._front, None
         if front:

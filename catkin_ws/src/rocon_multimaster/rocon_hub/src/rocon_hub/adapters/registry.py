@@ -1,4 +1,4 @@
-"""The hub's side of the keys: its name, and the removal of gateways that fell silent."""
+"""The hub's part of the keys in Redis: writes its name, and removes silent gateways."""
 
 import json
 import time
@@ -25,16 +25,16 @@ redis.pcall('set', KEYS[2], ARGV[1], 'ex', ARGV[2])
 redis.call('publish', KEYS[3], ARGV[3])
 return 1
 """
-"""A Redis that is full takes no time of the loss, and queues nothing for a transaction; this tells all the same."""
+"""A full Redis rejects the time of loss and any transaction; this script publishes the event anyway."""
 
 
 class Registry:
-    """What the hub does in its Redis. Times are monotonic [s].
+    """Maintains the hub's keys in Redis. Times are monotonic [s].
 
     Args:
         client: a client of our own server.
         patience: how long the record of a silent gateway is kept [s].
-        salt: the fleet's, for its gateways; empty for none.
+        salt: the fleet's salt, for its gateways; empty for none.
     """
 
     def __init__(self, client: redis.Redis, patience: float, salt: str = "") -> None:
@@ -43,22 +43,22 @@ class Registry:
         self._patience = patience
         self._watch = Watch(patience)
         self._name = ""
-        self.returned: set[str] = set()  #: gateways that the last look found alive after a silence
+        self.returned: set[str] = set()  #: gateways that the last look found alive again after a silence
 
     def open(self, name: str) -> None:
-        """Writes the name by which gateways know that this is a hub; all silences are forgotten."""
+        """Writes the name that identifies this Redis as a hub, and resets the tracking of silent gateways."""
         self._watch = Watch(self._patience)
         self._name = name
         self.write()
 
     def write(self) -> None:
-        """Writes what makes this a hub, once more if it exists; raises redis.ResponseError if Redis is full."""
+        """Writes, or rewrites, the keys that identify the hub; raises redis.ResponseError if Redis is full."""
         self._client.mset({PROTOCOL_KEY: PROTOCOL, NAME_KEY: self._name, SALT_KEY: self._salt})
 
     def look(self, now: float) -> Iterator[str]:
-        """Tells everybody of gateways that have just fallen silent, and yields each when that is done.
+        """Announces gateways that have just fallen silent, and yields each one after its announcement.
 
-        Those that an error left out are announced by the next look.
+        Gateways skipped because of an error are announced by the next look.
         """
         names = sorted(self._members())
         lives = self._client.mget([alive_key(name) for name in names]) if names else []
@@ -70,9 +70,9 @@ class Registry:
                 yield name
 
     def _expire(self, name: str) -> bool:
-        """Says that a gateway has fallen silent, unless it has joined again since we looked; returns whether it did.
+        """Announces that a gateway has expired, unless it has joined again meanwhile; returns whether it did announce.
 
-        "Expired" after its "joined" would have the others drop a gateway that lives, for good.
+        An "expired" after its "joined" would make the others drop a live gateway permanently.
         """
         since = int(time.time()), int(self._patience) + 1
         event = json.dumps({"gateway": name, "event": "expired"})
@@ -82,12 +82,12 @@ class Registry:
         try:
             return self._client.smembers(GATEWAYS_KEY)
         except redis.ResponseError:
-            # Another client wrote something else in its place. The gateways notice that they are not listed.
+            # Another client has overwritten the key. The gateways notice that they are not listed and join again.
             self._client.delete(GATEWAYS_KEY)
             return set()
 
     def clear(self, now: float) -> set[str]:
-        """Deletes all that belongs to gateways that were silent for too long, and returns them."""
+        """Deletes all data of gateways that were silent for too long; returns their names."""
         gone = self._watch.gone(now)
         if gone:
             self._delete(gone, self._members())
@@ -95,12 +95,12 @@ class Registry:
 
     def _delete(self, gone: Iterable[str], everybody: Iterable[str]) -> None:
         gone = sorted(gone)
-        # No transaction: a Redis that is full refuses those, but lets itself be emptied.
+        # Not a transaction: a full Redis rejects those, but accepts deletions.
         with self._client.pipeline(transaction=False) as pipe:
             pipe.srem(GATEWAYS_KEY, *gone)
             for name in gone:
                 pipe.delete(record_key(name), requests_key(name), lost_key(name))
             for receiver in everybody:
                 pipe.hdel(requests_key(receiver), *gone)
-            # A key that another client made something else than a hash holds no requests to delete.
+            # A key that another client has overwritten with a different type holds no requests, so ignore its error.
             pipe.execute(raise_on_error=False)

@@ -1,1 +1,1 @@
-"""What the hub decides: no ROS, no process, no clock."""
+"""The pure core of the hub: no ROS, processes or clocks."""

@@ -1,4 +1,4 @@
-"""The hub's parameters, and the Redis configuration that follows from them."""
+"""The hub's parameters and the Redis configuration derived from them."""
 
 import re
 from dataclasses import dataclass
@@ -10,46 +10,46 @@ _LOOPBACK = "127.0.0.1 -::1"
 _EVERYWHERE = "* -::*"
 
 SOCKET = "redis.sock"
-"""The Unix socket that only this user's processes reach, in the server's directory."""
+"""The Unix socket in the server's directory, accessible only to this user's processes."""
 
 ADMIN = "hub"
-"""The Redis user that may do everything: the hub itself."""
+"""The Redis user with all permissions: the hub itself."""
 
 LONGEST_VALUE = 4 << 20
-"""Bytes that one value on the hub may have; a record with a thousand advertisements has 70,000."""
+"""Maximum size of a value on the hub [bytes]; a record with a thousand advertisements has 70,000."""
 
 COMMANDS = (
     *("get", "set", "mget", "del", "pexpire", "sadd", "srem", "smembers", "sismember"),
     *("hset", "hdel", "hmget", "hgetall", "publish", "subscribe", "unsubscribe", "watch", "unwatch", "multi", "exec"),
     *("ping", "info", "time"),
 )
-"""What the protocol needs, and gateways may use."""
+"""The Redis commands that the protocol needs and gateways may use."""
 
 _PATTERNS = (
     *("%R~rocon:hub:*", "~rocon:gateway:*", "~rocon:alive:*", "~rocon:requests:*", "~rocon:lost:*"),
     *("~rocon:kept:*", "~rocon:gateways", "~rocon:namespaces"),
     *("&rocon:gateways", "&rocon:gateway:*", "&rocon:requests:*", "&rocon:examine", "&rocon:examined:*"),
 )
-"""Keys and channels of gateways, as Redis' ACL writes them: those of the hub itself are read-only."""
+"""Keys and channels for gateways in the syntax of Redis ACLs; those of the hub itself are read-only."""
 
 
 @dataclass(frozen=True)
 class HubConfig:
     """Parameters of the node `hub`."""
 
-    name: str = "Gateway Hub"  #: what gateways see as the hub's name
+    name: str = "Gateway Hub"  #: the hub's name as shown to gateways
     port: int = 6380  #: TCP port of the hub's own Redis
     zeroconf: bool = True  #: whether to announce the hub by mDNS
-    #: what Redis may use for data and connections, in its notation: a limit, of which a thousand gateways that come
-    #: back at once take 80 MB for a moment, and more where they are slow to read
+    #: memory limit of Redis for data and connections, in Redis' notation. A thousand gateways that reconnect at once
+    #: need 80 MB for a moment, more if they read slowly.
     max_memory: str = "256mb"
-    gateway_gone_timeout: float = 300.0  #: time after which the record of a gateway that is not heard of is deleted [s]
-    watcher_thread_rate: float = 0.2  #: how often records are looked over for that [Hz]
-    password_file: str = ""  #: a file that holds the hub's password; empty for none, or the environment's
-    #: a directory with the fleet's certificates; only who has one then connects. Empty for no TLS, or the
-    #: environment's.
+    gateway_gone_timeout: float = 300.0  #: time after which the record of a silent gateway is deleted [s]
+    watcher_thread_rate: float = 0.2  #: how often to check for such records [Hz]
+    password_file: str = ""  #: file with the hub's password; empty: use the environment, or none
+    #: directory with the fleet's certificates; only clients with one can then connect. Empty: use the environment, or
+    #: no TLS.
     tls_directory: str = ""
-    insecure: bool = False  #: accept everybody on the network without a password
+    insecure: bool = False  #: accept all clients on the network without a password
 
     def __post_init__(self) -> None:
         """Raises HubNodeError for invalid parameter values."""
@@ -64,34 +64,34 @@ class HubConfig:
 
     @property
     def directory_name(self) -> str:
-        """The name of the directory for configuration and log: two hubs on one machine differ by port."""
+        """Name of the directory for configuration and log. It contains the port, for several hubs on one machine."""
         return re.sub(r"[^a-z0-9]+", "_", self.name.lower()).strip("_") + f"_{self.port}"
 
 
 @dataclass(frozen=True)
 class Guard:
-    """What keeps unauthenticated clients off the hub."""
+    """Authentication settings that keep unauthenticated clients off the hub."""
 
-    #: whether clients must prove that they know a password. Redis then has no port: they come over the hub's `Front`.
+    #: whether clients must prove that they know a password. Redis then has no port; they connect to the hub's `Front`.
     has_password: bool = False
-    certificate: str = ""  #: our own, a file; empty for no TLS. With it, clients must show one of the same authority.
-    key: str = ""  #: its key
-    authority: str = ""  #: the authority's certificate
+    certificate: str = ""  #: file of our certificate; empty for no TLS. Clients then need one of the same authority.
+    key: str = ""  #: file of its key
+    authority: str = ""  #: file of the authority's certificate
 
 
 def is_open(config: HubConfig, guard: Guard) -> bool:
-    """Tells whether other machines may connect: with a password or a certificate, or where the user insists."""
+    """Returns whether other machines may connect: with password or certificate, or if configured as insecure."""
     return guard.has_password or bool(guard.certificate) or config.insecure
 
 
 def redis_configuration(config: HubConfig, directory: Path, guard: Guard, admin_password: str) -> str:
-    """Returns the text of a redis.conf for a private server that keeps nothing on disk.
+    """Returns the text of a redis.conf for a private server that stores nothing on disk.
 
     Args:
         config: the hub's parameters.
-        directory: where the server's Unix socket `SOCKET` is.
-        guard: what gateways must say and show.
-        admin_password: that of the user `ADMIN`.
+        directory: directory of the server's Unix socket `SOCKET`.
+        guard: authentication of gateways.
+        admin_password: password of the user `ADMIN`.
     """
     lines = [
         f"bind {_EVERYWHERE if is_open(config, guard) else _LOOPBACK}",
@@ -109,7 +109,7 @@ def redis_configuration(config: HubConfig, directory: Path, guard: Guard, admin_
         "unixsocketperm 600",
         'logfile ""',
         "tcp-keepalive 10",
-        # A record of more would keep every gateway that reads it from giving its sign of life.
+        # Reading a longer record would delay the heartbeats of every gateway.
         f"proto-max-bulk-len {LONGEST_VALUE}",
         "client-output-buffer-limit pubsub 8mb 2mb 30",
         f"user {ADMIN} reset on {quoted('>' + admin_password)} ~* &* +@all",

@@ -1,17 +1,17 @@
-"""What the hub raises."""
+"""The errors of the hub."""
 
 
 class HubNodeError(Exception):
-    """The root: a hub that cannot run; the text says why and what to do."""
+    """Base class: the hub cannot run; the text says why and what to do."""
 
 
 class PortBusyError(HubNodeError):
-    """Somebody else listens on the hub's port."""
+    """The hub's port is in use."""
 
 
 class RedisError(HubNodeError):
-    """redis-server is missing, does not start, or dies again and again."""
+    """redis-server is missing, does not start, or dies repeatedly."""
 
 
 class AnnouncementError(HubNodeError):
-    """The hub cannot be announced; it can still be used."""
+    """The hub cannot be announced by mDNS; it works nevertheless."""

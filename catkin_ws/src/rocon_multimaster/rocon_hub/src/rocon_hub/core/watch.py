@@ -1,10 +1,10 @@
-"""Which gateways have just fallen silent, and which have been silent for too long."""
+"""Tracks which gateways have just fallen silent, and which have been silent for too long."""
 
 from collections.abc import Collection
 
 
 class Watch:
-    """Compares who is registered with who gives signs of life. Times are monotonic [s].
+    """Compares the registered gateways with those that send heartbeats. Times are monotonic [s].
 
     Args:
         patience: how long the record of a silent gateway is kept.
@@ -15,19 +15,19 @@ class Watch:
         self._silent: dict[str, float] = {}
 
     def fallen_silent(self, registered: Collection[str], alive: Collection[str]) -> set[str]:
-        """Returns those who are registered, not alive, and were not noted since they last lived."""
+        """Returns the registered gateways that are not alive and whose silence has not been noted yet."""
         silent = set(registered) - set(alive)
         self._silent = {name: since for name, since in self._silent.items() if name in silent}
         return silent - set(self._silent)
 
     def returned(self, alive: Collection[str]) -> set[str]:
-        """Returns those whose silence was noted and who live again."""
+        """Returns the gateways whose silence was noted and that are alive again."""
         return set(self._silent) & set(alive)
 
     def note(self, name: str, now: float) -> None:
-        """Takes note of a gateway whose silence was announced."""
+        """Notes a gateway whose silence has been announced."""
         self._silent[name] = now
 
     def gone(self, now: float) -> set[str]:
-        """Returns those whose time is over."""
+        """Returns the gateways that have been silent for too long."""
         return {name for name, since in self._silent.items() if now - since >= self._patience}

@@ -1,1 +1,1 @@
-"""The node, the only place for rospy."""
+"""The node: the only place for rospy."""

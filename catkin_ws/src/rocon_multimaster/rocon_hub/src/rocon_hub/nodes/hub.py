@@ -23,33 +23,33 @@ from tcpros.adapters.tls import certificates_from
 from tcpros.core.error import CertificateError
 
 LOOK_PERIOD = 0.25
-"""Time between two looks at who is alive [s]."""
+"""Period of the check which gateways are alive [s]."""
 
 SHORT_LIFE = 5.0
-"""A Redis that dies sooner than this after its start [s] counts as failing."""
+"""A Redis that dies sooner than this after its start counts as a failure [s]."""
 
 ANNOUNCEMENT_PERIOD = 5.0
-"""Time between two looks at whether this machine's addresses, which are announced, have changed [s]."""
+"""Period of the check whether this machine's announced addresses have changed [s]."""
 
 UNANSWERED = 7
-"""A Redis that has not answered so often in a row, `redis_client.TIMEOUT` each time, is stopped and started again."""
+"""Number of consecutive timeouts, `redis_client.TIMEOUT` each, after which Redis is restarted."""
 
 FAILURES = 3
-"""Failing so often in a row ends the hub."""
+"""Number of consecutive failures that ends the hub."""
 
 
 class HubNode:
-    """Starts a private redis-server and keeps it and its register of gateways in order.
+    """Starts a private redis-server, supervises it, and maintains its list of gateways.
 
-    Subscribes: nothing. Publishes: nothing. Services: none; gateways speak to Redis.
+    Subscribes: nothing. Publishes: nothing. Services: none; gateways connect to Redis.
 
     Parameters: the fields of `HubConfig`, private.
 
-    Threads: the main thread alone, but for rospy's own and those of the mDNS announcement.
+    Threads: only the main thread, apart from those of rospy, the mDNS announcement and, with a password, `Front`.
 
-    On error: a port in use, a missing redis-server or an unreadable password file end the node with one line. A
-    Redis that dies, stops answering or has other users than the hub gave it is started again, and gateways register
-    again. One that is full is one line, and so is a network that takes no announcement.
+    On error: a port in use, a missing redis-server or an unreadable password file end the node with one line. If Redis
+    dies, stops answering or has users that the hub did not create, it is restarted and gateways register again. A full
+    Redis or a failed announcement is logged once.
     """
 
     def __init__(self) -> None:
@@ -87,7 +87,7 @@ class HubNode:
             )
 
     def spin(self) -> None:
-        """Runs until shutdown, then ends Redis."""
+        """Runs until shutdown, then stops Redis."""
         try:
             self._start()
             self._watch()
@@ -116,13 +116,13 @@ class HubNode:
                 self._look()
                 self._unanswered = 0
             except redis.ConnectionError:
-                continue  # it has died, or is about to: that is logged when it is started again
+                continue  # Redis has died or is about to; this is logged at the restart
             except redis.RedisError as error:
                 self._unanswered = self._unanswered + 1 if isinstance(error, redis.TimeoutError) else 0
                 self._complain(error)
 
     def _check(self) -> None:
-        """Starts Redis again if it has died, does not answer, or has other users than we gave it."""
+        """Restarts Redis if it has died, does not answer, or has users that we did not create."""
         if self._server.pid is None:
             self._restart("died")
         elif self._unanswered >= UNANSWERED:
@@ -146,7 +146,7 @@ class HubNode:
             rospy.logwarn("redis-server works again")
 
     def _complain(self, error: redis.RedisError) -> None:
-        """Says what is wrong with our Redis: once, until it changes or all is well again."""
+        """Logs an error of our Redis: once, until it changes or is resolved."""
         complaint = f"redis-server: {error}"
         if "OOM command not allowed" in str(error):
             limit = self._config.max_memory

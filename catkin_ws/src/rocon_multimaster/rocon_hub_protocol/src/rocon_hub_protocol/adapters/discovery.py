@@ -1,4 +1,4 @@
-"""Hubs that announce themselves by mDNS, looked for as long as we need one."""
+"""Discovers hubs by mDNS while a hub is needed."""
 
 import hashlib
 import logging
@@ -14,21 +14,21 @@ from typing import Any
 from rocon_hub_protocol.core.sighting import SERVICE, Sighting
 
 REOPEN = 5.0
-"""Time between two looks at whether this machine's addresses have changed [s]; mDNS is heard on those of the start."""
+"""Period of the check for changed addresses [s]; zeroconf only listens on the addresses present at its start."""
 
 RESOLVE = 3000
-"""For how long an announced hub may keep its address to itself [ms]."""
+"""Timeout for resolving the address of an announced hub [ms]."""
 
 MOST_ASKED = 8
-"""Hubs that are asked for their address at once. An announcement of ours has it, and waits for none of these."""
+"""Maximum number of hubs resolved at once. Hubs of this project announce their address and need no resolving."""
 
 MOST_SIGHTINGS, MOST_ADDRESSES = 1024, 8
-"""Announced hubs that are remembered, and addresses of each; of more hubs any is forgotten."""
+"""Maximum number of remembered hubs, and of addresses for each; beyond it, a random hub is dropped."""
 
 
 def own_interfaces() -> frozenset[IPv4Interface]:
-    """Returns this machine's IPv4 addresses with their networks, the loopback's included."""
-    import ifaddr  # costs nothing for gateways with a configured hub
+    """Returns this machine's IPv4 addresses with their networks, including the loopback."""
+    import ifaddr  # not needed by gateways with a configured hub
 
     return frozenset(
         IPv4Interface(f"{address.ip}/{address.network_prefix}")
@@ -39,17 +39,17 @@ def own_interfaces() -> frozenset[IPv4Interface]:
 
 
 def network_stack() -> str:
-    """Returns a text that only programs share that reach each other by the loopback: same boot, same namespace."""
+    """Returns an id shared by programs that reach each other over the loopback: same boot, same network namespace."""
     boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
     namespace = os.stat("/proc/self/ns/net").st_ino
     return hashlib.sha256(f"{boot} {namespace}".encode()).hexdigest()[:16]
 
 
 class Discovery:
-    """Knows which hubs announce themselves. `sightings` and `rest` are for one thread.
+    """Tracks announced hubs. `sightings` and `rest` must be called from one thread.
 
     Args:
-        on_change: called, from a thread of zeroconf's, when there are more or fewer.
+        on_change: called from a zeroconf thread when the set of hubs changes.
     """
 
     def __init__(self, on_change: Callable[[], object]) -> None:
@@ -64,10 +64,10 @@ class Discovery:
         self.interfaces: frozenset[IPv4Interface] = frozenset()
 
     def sightings(self) -> list[Sighting]:
-        """Returns the hubs seen since the search began, which it does with the first call after `rest`.
+        """Returns the hubs seen since the search began. The first call, and the first after `rest`, starts a search.
 
         Raises:
-            OSError: this machine cannot listen to mDNS now.
+            OSError: this machine cannot listen for mDNS now.
         """
         if time.monotonic() >= self._next_look:
             self._next_look = time.monotonic() + REOPEN
@@ -80,18 +80,18 @@ class Discovery:
             return sorted(self._sightings.values())
 
     def rest(self) -> None:
-        """Ends the search until it is needed again, so that a gateway on a hub costs nothing for it."""
+        """Stops the search until the next call of `sightings`, so that it costs a gateway on a hub nothing."""
         self._close()
         self._next_look = 0.0
 
     def _open(self) -> None:
-        import zeroconf  # costs 0.1 s and 8 MB, so only for gateways that look for a hub
+        import zeroconf  # takes 0.1 s and 8 MB, so imported only when searching
 
         logging.getLogger("zeroconf").setLevel(logging.ERROR)
         self._zeroconf = zeroconf.Zeroconf(
             [str(one.ip) for one in sorted(self.interfaces)], ip_version=zeroconf.IPVersion.V4Only
         )
-        # Answers to all: those to the asker alone may reach another program of this machine that shares the port.
+        # Multicast answers: a unicast answer may reach another program on this machine that shares the port.
         self._question = zeroconf.DNSQuestionType.QM
         zeroconf.ServiceBrowser(self._zeroconf, SERVICE, handlers=[self._take], question_type=self._question)
 
@@ -111,7 +111,7 @@ class Discovery:
         elif info.load_from_cache(zeroconf):
             self._keep(zeroconf, name, _sighting(info))
         elif self._asking.acquire(blocking=False):
-            # In a thread of its own: announcements wait for this one, and who never answers must hold none of them up.
+            # In a separate thread, because this callback blocks further announcements and the hub may never answer.
             threading.Thread(target=self._ask, args=(zeroconf, info), name="hub address", daemon=True).start()
 
     def _ask(self, zeroconf: Any, info: Any) -> None:
@@ -119,7 +119,7 @@ class Discovery:
             if info.request(zeroconf, RESOLVE, self._question):
                 self._keep(zeroconf, info.name, _sighting(info))
         except OSError:
-            return  # it is closed, or the network is gone
+            return  # zeroconf was closed, or the network is down
         finally:
             self._asking.release()
 
@@ -135,14 +135,14 @@ class Discovery:
 
 
 def close_zeroconf(instance: Any) -> None:
-    """Ends a ``zeroconf.Zeroconf`` with its event loop, which it leaves open: at exit that can be a stack trace."""
+    """Closes a ``zeroconf.Zeroconf`` and its event loop, which it leaves open and can cause a stack trace at exit."""
     instance.close()
     if instance.loop is not None and not instance.loop.is_running():
         instance.loop.close()
 
 
 def _sighting(info: Any) -> Sighting | None:
-    """Returns what an announcement says, None if it names no address and port."""
+    """Returns the content of an announcement, None if it has no address or port."""
     if not info.port:
         return None
     import zeroconf

@@ -1,4 +1,4 @@
-"""The hub's password, from a file or the environment: never from a command line or a ROS parameter."""
+"""Reads the hub's password from a file or the environment, never from a command line or ROS parameter."""
 
 import logging
 import os
@@ -11,16 +11,16 @@ FILE_VARIABLE = "ROCON_HUB_PASSWORD_FILE"
 VARIABLE = "ROCON_HUB_PASSWORD"
 
 Password = Callable[[], str]
-"""Returns the password as it is now."""
+"""Returns the current password."""
 
 
 class PasswordFile:
-    """The first line of a file, read again when the file has changed. Any thread may call it.
+    """The first line of a file, read again when the file changes. May be called from any thread.
 
-    A file that cannot be read then, or is empty, is logged once; the password before it stays in use.
+    If the changed file is unreadable or empty, this is logged once and the old password stays in use.
 
     Raises:
-        HubError: 14, where the file cannot be read at first or is empty.
+        HubError: 14, if the file is initially unreadable or empty.
     """
 
     def __init__(self, path: Path) -> None:
@@ -51,18 +51,18 @@ class PasswordFile:
             self._logger.error("%s", text)
 
     def _stamp(self) -> tuple[int, ...]:
-        # Of what a link leads to: container runtimes replace the link.
+        # Follows symbolic links, because container runtimes update a file by replacing the link.
         now = self._path.stat()
         return now.st_dev, now.st_ino, now.st_size, now.st_mtime_ns
 
 
 def password_from(path: str, environment: Mapping[str, str] = os.environ) -> Password | None:
-    """Returns the password of the file at `path`, else of the file that the environment names, else the environment's.
+    """Returns the password from the file `path`, else the file named in the environment, else the environment itself.
 
-    None where nothing is set.
+    Returns None if none of these is set.
 
     Raises:
-        HubError: 14, for a file that is named but cannot be read or is empty.
+        HubError: 14, if the configured file is unreadable or empty.
     """
     path = path or environment.get(FILE_VARIABLE, "")
     if path:

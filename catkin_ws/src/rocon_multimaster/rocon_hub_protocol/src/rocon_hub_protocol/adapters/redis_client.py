@@ -1,4 +1,4 @@
-"""Clients of a hub's Redis, plain or with TLS, with or without a password."""
+"""Clients for a hub's Redis, with or without TLS and password."""
 
 import socket
 import ssl
@@ -17,36 +17,37 @@ from tcpros.adapters.tls import NO_TLS, VARIABLE, Certificates, reason_of, speak
 Cause = TypeVar("Cause", bound=BaseException)
 
 LONGEST_LINE = 512
-"""A hub's line during the proof is shorter than this [bytes]."""
+"""Maximum length of a hub's line during the proof [bytes]."""
 
 TIMEOUT = 2.0
-"""Within which a hub must have answered [s]."""
+"""Timeout for a hub's answer [s]."""
 
 PROOF_TIMEOUT = 5.0
-"""The same for each line of its proof [s]: a thousand gateways may come at once, and each costs a hub some work."""
+"""Timeout for each line of its proof [s]; longer, as proofs take CPU time and a thousand gateways may come at once."""
 
 
 @dataclass(frozen=True)
 class Access:
-    """What a hub may ask for."""
+    """Credentials for a hub."""
 
-    #: what it wants a proof of; None for nothing. Not shown by repr.
+    #: the password to prove; None for none. Not shown by repr.
     password: Password | None = field(default=None, repr=False)
     certificates: Certificates | None = None  #: for TLS; None for none
 
 
 OPEN = Access()
-"""To hubs that ask for nothing."""
+"""Access to hubs without authentication."""
 
 
 class NotOurHubError(redis.AuthenticationError):
-    """The other side and we do not have the same password, or only one of us has any; the text says which."""
+    """The passwords differ, or only one side has one; the text says which."""
 
 
 class HubConnection(redis.Connection):
-    """A connection to a hub: TLS and the proof of the password come before Redis.
+    """A connection to a hub, with TLS and the proof of the password before the Redis protocol.
 
-    redis' own TLS makes a context for each connection, which also trusts every authority that the system trusts.
+    The TLS support of redis-py is not used: it creates a context for each connection and trusts the system's
+    authorities too.
     """
 
     def __init__(self, access: Access, **settings: Any) -> None:
@@ -68,13 +69,13 @@ class HubConnection(redis.Connection):
 
 
 def prove(sock: socket.socket, password: str) -> None:
-    """Has us and the hub at the other end prove to each other that we know the password.
+    """Runs the mutual proof of the password with the hub at the other end. Changes the socket's timeout.
 
     Raises:
-        NotOurHubError: one of us does not know it, or it is no hub with a password.
-        OSError: the hub does not answer, or too slowly. The socket's time-out is another one afterwards.
+        NotOurHubError: one side does not know the password, or the peer is not a hub with a password.
+        OSError: the hub does not answer in time.
     """
-    # Costs 2 MB, so only for gateways with a password.
+    # Takes 2 MB, so imported only with a password.
     from rocon_hub_protocol.core.admission import REFUSED, GatewaySide
     from rocon_hub_protocol.core.cpace import ProofError
 
@@ -98,24 +99,24 @@ def prove(sock: socket.socket, password: str) -> None:
 
 
 def _line(sock: socket.socket) -> bytes:
-    # The hub says one line, and then nothing until it is answered.
+    # The hub sends one line, then waits for our answer.
     line, deadline = b"", time.monotonic() + PROOF_TIMEOUT
     while not line.endswith(b"\n"):
-        # Of the whole line: one byte after the other would keep us for an hour.
+        # One deadline for the whole line; otherwise a peer that sends single bytes could block us for an hour.
         sock.settimeout(max(0.001, deadline - time.monotonic()))
         part = sock.recv(LONGEST_LINE - len(line))
-        if not part:  # closed, or too long for a line of ours
+        if not part:  # closed, or the line is too long
             raise ConnectionError("Connection closed by server.")
         line += part
     return line
 
 
 def redis_client(address: HubAddress, access: Access) -> redis.Redis:
-    """Returns a client that has not connected yet.
+    """Returns a client that is not connected yet.
 
     Args:
         address: the hub.
-        access: what it may ask for.
+        access: our credentials.
     """
     pool = redis.ConnectionPool(
         connection_class=HubConnection,
@@ -126,13 +127,13 @@ def redis_client(address: HubAddress, access: Access) -> redis.Redis:
         socket_connect_timeout=TIMEOUT,
         socket_keepalive=True,
         decode_responses=True,
-        encoding_errors="replace",  # what is no text is no JSON then either, and counts as not written
+        encoding_errors="replace",  # invalid UTF-8 then is invalid JSON too and is ignored
     )
     return redis.Redis(connection_pool=pool)
 
 
 def unreachable(address: HubAddress, access: Access, error: Exception) -> HubError:
-    """Returns what to raise when a hub has not answered: 14 if TLS is why, else 12."""
+    """Returns the error for a hub that has not answered: 14 if TLS is the reason, else 12."""
     if access.certificates is None:
         if not _is_refused(error) and not isinstance(error, redis.TimeoutError) and _speaks(speaks_tls, address):
             return needs_certificate(address)
@@ -145,7 +146,7 @@ def unreachable(address: HubAddress, access: Access, error: Exception) -> HubErr
 
 
 def needs_certificate(address: HubAddress) -> HubError:
-    """Returns what to raise where a hub speaks TLS and we do not."""
+    """Returns the error for a hub that requires TLS when we have no certificate."""
     text = f"the hub at {address} speaks TLS only: set {VARIABLE} to a directory with a certificate of its fleet"
     return HubError(Code.HUB_CONNECTION_FAILED, text)
 
@@ -155,7 +156,7 @@ def _tls_reason(address: HubAddress, certificates: Certificates, error: Exceptio
         return ""
     found = _cause(error, ssl.SSLError)
     if isinstance(found, ssl.SSLEOFError) or (found is None and _cause(error, TimeoutError) is None):
-        # Who will not have us closes at once, and what we were just saying may have ended in that.
+        # A hub that rejects us closes at once, so our own send may have failed before its alert arrived.
         found = certificates.refusal(address.host, address.port, TIMEOUT)
     if found is None and not _speaks(speaks_plainly, address):
         return ""
@@ -173,7 +174,7 @@ def _is_refused(error: BaseException) -> bool:
 
 
 def _cause(error: BaseException | None, kind: type[Cause]) -> Cause | None:
-    """Returns the error of this kind that led to another one; the client library wraps them."""
+    """Returns the underlying error of this kind, if any; the client library wraps errors."""
     while error is not None and not isinstance(error, kind):
         error = error.__context__
     return error

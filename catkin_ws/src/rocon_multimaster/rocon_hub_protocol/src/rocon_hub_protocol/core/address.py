@@ -1,4 +1,4 @@
-"""Where a hub is."""
+"""The address of a hub."""
 
 import re
 from dataclasses import dataclass, field
@@ -8,26 +8,26 @@ from rocon_hub_protocol.core.code import Code, HubError
 DEFAULT_PORT = 6380
 
 TLS_SCHEME = "rediss"
-"""The scheme of the address of a hub with TLS, as Redis' clients write it."""
+"""URI scheme of a hub with TLS, as used by Redis clients."""
 
 
 @dataclass(frozen=True, slots=True)
 class HubAddress:
     """Where a hub's Redis listens."""
 
-    host: str  #: its machine
+    host: str  #: host name or IP address
     port: int  #: its port
-    tls: bool = field(default=False, compare=False)  #: whether it is known to speak TLS; no part of the address
+    tls: bool = field(default=False, compare=False)  #: whether it is known to use TLS; ignored in comparisons
 
     def __str__(self) -> str:
         return f"{TLS_SCHEME if self.tls else 'http'}://{self.host}:{self.port}"
 
 
 def address_from_uri(uri: str) -> HubAddress:
-    """Returns the address in `http://host:port`, `host:port` or `host`; `rediss://host:port` for one with TLS.
+    """Parses `http://host:port`, `host:port` or `host`; `rediss://host:port` for a hub with TLS.
 
     Raises:
-        HubError: 12 for what is none of these.
+        HubError: 12 for any other text.
     """
     found = re.fullmatch(r"(?:([a-z]+)://)?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+)(?::(\d{1,5}))?/?", uri.strip())
     if not found:

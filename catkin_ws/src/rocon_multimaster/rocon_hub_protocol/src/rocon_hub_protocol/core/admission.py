@@ -1,10 +1,10 @@
-"""The words by which a gateway and a hub with a password prove to each other that they know it. See `docs/gateway.md`.
+"""The handshake by which a gateway and a hub prove to each other that they know the password. See `docs/gateway.md`.
 
     gateway: ROCON-PROVE 1 <session>       hub: +<share>
-    gateway: <share> <tag>                 hub: +<tag>, and Redis from here on
+    gateway: <share> <tag>                 hub: +<tag>, then the Redis protocol
 
-All in hexadecimal, one line each, ended by CR LF. A Redis answers the first line with an error, and so does a hub
-without a password. `-` and a reason is the hub's refusal.
+All values are hexadecimal; each message is one line ended by CR LF. Redis, and so a hub without a password, answers
+the first line with an error. The hub refuses with `-` and a reason.
 """
 
 import hmac
@@ -14,10 +14,10 @@ import secrets
 from rocon_hub_protocol.core.cpace import Exchange, ProofError
 
 LONGEST_LINE = 512
-"""A line that is longer is none of these [bytes]."""
+"""Maximum length of a line [bytes]; a longer one is invalid."""
 
 UNPROVEN = b"-NOAUTH this hub wants a proof of its password\r\n"
-"""What a client hears that speaks to the hub as to any Redis."""
+"""The answer to a client that uses the plain Redis protocol."""
 
 REFUSED = b"-WRONGPASS the password is not this hub's\r\n"
 
@@ -29,10 +29,10 @@ _TAG = re.compile(rb"\+([0-9a-f]{128})\r\n")
 
 
 class GatewaySide:
-    """What a gateway says. Send `first`; then each line of the hub goes into the method of its turn.
+    """The gateway's side. Send `first`, then pass the hub's lines to `prove` and `accepts` in this order.
 
     Args:
-        password: ours.
+        password: our password.
     """
 
     def __init__(self, password: str) -> None:
@@ -42,22 +42,22 @@ class GatewaySide:
         self.first = b"ROCON-PROVE 1 %s\r\n" % session.hex().encode()  #: the first line
 
     def prove(self, line: bytes) -> bytes:
-        """Returns our proof, the answer to the hub's first line; raises ProofError if that is none."""
+        """Returns our proof, given the hub's first line; raises ProofError if that line is invalid."""
         share = _bytes(_SHARE, line)
         mine, self._expected = self._exchange.tags(self._exchange.share, share)
         return b"%s %s\r\n" % (self._exchange.share.hex().encode(), mine.hex().encode())
 
     def accepts(self, line: bytes) -> bool:
-        """Returns whether the hub's second line proves that it knows the password; raises ProofError if it is none."""
+        """Returns whether the hub's second line proves that it knows the password; raises ProofError if malformed."""
         return hmac.compare_digest(_bytes(_TAG, line), self._expected)
 
 
 class HubSide:
-    """What a hub answers to one client.
+    """The hub's side, for one client.
 
     Args:
-        password: ours.
-        first: the client's first line; raises ProofError if it is none.
+        password: our password.
+        first: the client's first line; raises ProofError if it is invalid.
     """
 
     def __init__(self, password: str, first: bytes) -> None:
@@ -65,7 +65,7 @@ class HubSide:
         self.answer = b"+%s\r\n" % self._exchange.share.hex().encode()  #: our first line
 
     def verdict(self, line: bytes) -> tuple[bool, bytes]:
-        """Returns whether the client's proof is right, and our answer to it; raises ProofError if it is none."""
+        """Returns whether the client's proof is correct, and our answer; raises ProofError if the line is invalid."""
         found = _PROOF.fullmatch(line)
         if not found:
             raise ProofError("it sends no proof")

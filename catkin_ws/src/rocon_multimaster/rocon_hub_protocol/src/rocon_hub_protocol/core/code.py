@@ -4,7 +4,7 @@ import enum
 
 
 class Code(enum.IntEnum):
-    """As in `gateway_msgs/ErrorCodes`, of which a test holds this to be a copy; the core knows no messages."""
+    """Copy of `gateway_msgs/ErrorCodes`, verified by a test; the core must not import messages."""
 
     SUCCESS = 0
     NO_HUB_CONNECTION = 1
@@ -29,12 +29,12 @@ class Code(enum.IntEnum):
 
 
 class HubProtocolError(Exception):
-    """The root of this package's errors."""
+    """Base class of this package's errors."""
 
 
 class HubError(HubProtocolError):
-    """A hub that cannot be used."""
+    """A hub cannot be used."""
 
     def __init__(self, code: Code, message: str) -> None:
         super().__init__(message)
-        self.code = code  #: what `connect_hub` answers
+        self.code = code  #: the result code of `connect_hub`

@@ -1,8 +1,8 @@
-"""CPace: two sides find out whether they know the same password, and a side that does not know it learns nothing.
+"""CPace: two sides check that they know the same password; a side that does not know it learns nothing.
 
-Neither what one side sends nor what anybody reads on the way lets a password be checked: each attempt to guess costs
-an exchange with someone who knows it. The suite is CPACE-X25519-SHA512 of draft-irtf-cfrg-cpace (section 5.1), with
-explicit key confirmation (section 9.4).
+Neither a peer nor an eavesdropper can test passwords offline: each guess needs an exchange with a side that knows the
+password. The suite is CPACE-X25519-SHA512 of draft-irtf-cfrg-cpace (section 5.1), with explicit key confirmation
+(section 9.4).
 """
 
 import hashlib
@@ -15,47 +15,47 @@ from nacl.exceptions import CryptoError
 from rocon_hub_protocol.core.code import HubProtocolError
 
 SHARE_LENGTH = 32
-"""Length of what each side sends first [bytes]."""
+"""Length of the share, which each side sends first [bytes]."""
 
 _SUITE = b"CPace255"
-_BLOCK = 128  # of SHA-512, whose first block the password fills
+_BLOCK = 128  # block size of SHA-512; the padded password fills the first block
 _PRIME = 2**255 - 19
 _A = 486662
 
 
 class ProofError(HubProtocolError):
-    """What the other side sends is no share of this exchange."""
+    """The other side sent invalid data in this exchange."""
 
 
 class Exchange:
-    """Our side of one exchange; good for one only.
+    """Our side of one exchange; must not be reused.
 
     Args:
-        password: what both sides should know.
-        channel: what this exchange is for, the same on both sides.
-        session: bytes that the two sides agree on and that never served before.
+        password: the password that both sides should know.
+        channel: purpose of this exchange, the same on both sides.
+        session: bytes agreed on by both sides and never used before.
     """
 
     def __init__(self, password: str, channel: bytes, session: bytes) -> None:
         self._session = session
         self._scalar = secrets.token_bytes(32)
-        #: what to send to the other side
+        #: the share to send to the other side
         self.share = crypto_scalarmult(self._scalar, generator(password.encode(), channel, session))
 
     def tags(self, first: bytes, second: bytes) -> tuple[bytes, bytes]:
-        """Returns what the initiator and the responder prove their knowledge by.
+        """Returns the tags by which initiator and responder prove their knowledge of the password.
 
         Args:
             first: the initiator's share.
             second: the responder's share; one of the two is ours.
 
         Raises:
-            ProofError: the other share is none.
+            ProofError: the other share is invalid.
         """
         other = second if first == self.share else first
         if len(other) != SHARE_LENGTH:
             raise ProofError(f"a share has {SHARE_LENGTH} bytes, not {len(other)}")
-        if other == self.share:  # its sender could send our own tag back, too
+        if other == self.share:  # the sender could then reflect our own tag
             raise ProofError("the share is our own")
         try:
             point = crypto_scalarmult(self._scalar, other)
@@ -68,7 +68,7 @@ class Exchange:
 
 
 def generator(password: bytes, channel: bytes, session: bytes) -> bytes:
-    """Returns the point of Curve25519, as its u-coordinate, that a password stands for in one exchange."""
+    """Returns the point of Curve25519, as its u-coordinate, that a password maps to in one exchange."""
     padding = max(0, _BLOCK - 1 - len(_joined(password)) - len(_joined(_SUITE)))
     text = _joined(_SUITE, password, bytes(padding), channel, session)
     digest = hashlib.sha512(text).digest()[:SHARE_LENGTH]
@@ -83,12 +83,12 @@ def _elligator(number: int) -> int:
 
 
 def _joined(*parts: bytes) -> bytes:
-    """Returns the parts, each after its length, so that no two lists of parts give the same bytes."""
+    """Returns the parts, each prefixed with its length, so that different lists never give the same bytes."""
     return b"".join(_length(part) + part for part in parts)
 
 
 def _length(part: bytes) -> bytes:
-    """Returns a length in LEB128."""
+    """Returns the length of a part in LEB128."""
     rest, digits = len(part), bytearray()
     while rest > 127:
         digits.append(rest & 127 | 128)

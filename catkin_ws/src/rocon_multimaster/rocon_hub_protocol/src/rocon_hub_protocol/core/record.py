@@ -1,7 +1,7 @@
-"""What gateways write on the hub, as values and as JSON; the gateway's protocol in the documents describes both.
+"""The documents that gateways write on the hub, as values and as JSON; see the gateway's protocol in the docs.
 
-Whatever is read was written by somebody else: it is checked field by field, and what does not fit is an error
-that names the field. Rows with a name that no ROS name can be, or that is too long, are left out.
+Data read from the hub are untrusted: each field is checked, and an invalid one raises an error that names it. Rows
+with an invalid or too long ROS name are skipped.
 """
 
 import enum
@@ -14,40 +14,40 @@ from rocon_hub_protocol.core.code import HubProtocolError
 from rocon_hub_protocol.core.rule import LONGEST_NAME, Connection, Kind, RemoteRule, Rule, is_namespace, is_ros_name
 
 PROTOCOL = 2
-"""The number of this layout, in ``rocon:hub:protocol``."""
+"""Version of this protocol, stored in ``rocon:hub:protocol``."""
 
 LONGEST_TEXT = 4096
-"""Longest pattern, or sentence for people, that is read from a hub [characters]."""
+"""Maximum length of a pattern or sentence read from a hub [characters]."""
 
 Value = TypeVar("Value")
 
 
 class RecordError(HubProtocolError):
-    """A document on the hub that is not one of ours."""
+    """An invalid document on the hub."""
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A gateway as it describes itself to all."""
+    """The public description of a gateway."""
 
     name: str  #: its unique name
-    instance: str  #: changes with each start, so that a restart under the same name is seen
-    host: str  #: where others reach it
+    instance: str  #: changes with each start, so that a restart under the same name is detected
+    host: str  #: its address for other gateways
     port: int  #: its relay's port
-    firewall: bool = False  #: whether it refuses flips to it
+    firewall: bool = False  #: whether it refuses incoming flips
     advertisements: tuple[Connection, ...] = ()  #: local connections that others may pull
     flips: tuple[RemoteRule, ...] = ()  #: its flips, for information
     pulls: tuple[RemoteRule, ...] = ()  #: its pulls, for information
-    namespace: str = ""  #: its robot's namespace; "" where it has none
+    namespace: str = ""  #: its robot's namespace; "" for none
 
 
 class Purpose(enum.StrEnum):
-    """Why a gateway offers a publisher to another, or wants one from it."""
+    """The reason for an offer or a want."""
 
     FLIP = "flip"
     """Offer: the sender flips its publisher. Want: the sender flips a subscriber."""
     ANSWER = "answer"
-    """Offer: the receiver's flipped subscriber asked for it."""
+    """Offer: answers the want of the receiver's flipped subscriber."""
     PULL = "pull"
     """Want: pulls an advertised publisher. Offer: feeds an advertised subscriber that the sender pulls."""
     SERVICE = "service"
@@ -60,8 +60,8 @@ class Purpose(enum.StrEnum):
 class Offer:
     """The sender's publisher or server, for the receiver to import."""
 
-    topic: str  #: its topic; the name of a service
-    type: str  #: its message type; of a service, any
+    topic: str  #: the topic, or the name of a service
+    type: str  #: its message type; for a service, any
     node: str  #: the publishing or serving node
     purpose: Purpose  #: why it is offered
     to_node: str = ""  #: for a pulled subscriber, that subscriber's node; empty otherwise
@@ -69,39 +69,39 @@ class Offer:
 
 @dataclass(frozen=True, slots=True, order=True)
 class Want:
-    """What the sender asks the receiver to offer or export."""
+    """A connection that the receiver shall offer or export to the sender."""
 
     topic: str  #: the topic, or the name of a service or parameter
-    node: str  #: for a pull the publishing or serving node; for a flip the subscribing one, a pattern, for information
-    purpose: Purpose  #: any of them
+    node: str  #: pull: the publishing or serving node; flip: a pattern for the subscribing node, for information
+    purpose: Purpose  #: any purpose
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class Reply:
-    """How the receiver of an offer or a want took it."""
+    """The reply to an offer or want."""
 
-    kind: Kind  #: PUBLISHER for an offer, SUBSCRIBER for a want, SERVICE for the offer of one
-    topic: str  #: as in what it replies to
-    node: str  #: as in what it replies to
+    kind: Kind  #: PUBLISHER for an offer, SUBSCRIBER for a want, SERVICE for the offer of a service
+    topic: str  #: as in the offer or want
+    node: str  #: as in the offer or want
     state: str  #: one of the words of rule states
-    reason: str = ""  #: a sentence for people
+    reason: str = ""  #: a readable sentence
 
 
 @dataclass(frozen=True, slots=True)
 class PeerRequest:
-    """All that one gateway has to tell one other; a new one replaces the old."""
+    """The complete request of one gateway to another; a new one replaces the old one."""
 
     offers: tuple[Offer, ...] = ()  #: publishers to import, at the receiver's discretion
-    wants: tuple[Want, ...] = ()  #: what to offer or export to the sender
-    replies: tuple[Reply, ...] = ()  #: on what the receiver's own request asks
+    wants: tuple[Want, ...] = ()  #: connections to offer or export to the sender
+    replies: tuple[Reply, ...] = ()  #: replies to the receiver's own request
 
 
 NO_REQUEST = PeerRequest()
-"""A request with nothing in it is not written."""
+"""The empty request, which is never written."""
 
 
 def is_text(value: object) -> bool:
-    """Tells whether this is a text that can be sent: JSON can spell halves of characters, UTF-8 cannot."""
+    """Returns whether this is a string that can be sent: JSON allows lone surrogates, UTF-8 does not."""
     if not isinstance(value, str):
         return False
     try:
@@ -112,12 +112,12 @@ def is_text(value: object) -> bool:
 
 
 def is_gateway_name(value: object) -> bool:
-    """Tells whether this can be a gateway's name."""
+    """Returns whether this is a valid gateway name."""
     return is_text(value) and 0 < len(str(value)) <= LONGEST_NAME
 
 
 def sound_namespaces(told: object) -> frozenset[str]:
-    """Returns those of a list, as somebody wrote it, that can be robots' namespaces."""
+    """Returns the valid robot namespaces in an untrusted list."""
     return frozenset(filter(is_namespace, told)) if isinstance(told, list) else frozenset()
 
 
@@ -139,7 +139,7 @@ def text_from_record(record: Record) -> str:
 
 
 def record_from_text(text: str | bytes) -> Record:
-    """Returns the record in a JSON text. Raises RecordError."""
+    """Parses the JSON text of a record. Raises RecordError."""
     document = _document(text)
     if not is_gateway_name(document.get("name")):
         raise RecordError(f"'name' is not a gateway's: {str(document.get('name'))[:40]!r}")
@@ -168,7 +168,7 @@ def text_from_request(request: PeerRequest) -> str:
 
 
 def request_from_text(text: str | bytes) -> PeerRequest:
-    """Returns the request in a JSON text. Raises RecordError."""
+    """Parses the JSON text of a request. Raises RecordError."""
     document = _document(text)
     return PeerRequest(
         offers=_rows(document, "offers", 5, _offer, lambda r: _are_names(r[0], r[1], r[2], r[4])),
@@ -219,7 +219,7 @@ def _strings(row: object, length: int) -> list[str]:
 
 
 def _are_names(first: str, *others: str) -> bool:
-    """Tells whether these are a name and more names, of which some may be empty or `*`, for any."""
+    """Returns whether all are valid names; all but the first may also be empty or `*`, for any."""
     return is_ros_name(first) and all(one in ("", "*") or is_ros_name(one) for one in others)
 
 

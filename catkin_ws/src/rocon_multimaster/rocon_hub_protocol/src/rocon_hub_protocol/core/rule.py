@@ -1,4 +1,4 @@
-"""Rules and connections as values: what gateways write on the hub about themselves."""
+"""Rules and connections as values, as gateways write them on the hub."""
 
 import enum
 import re
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 class Kind(enum.StrEnum):
-    """What a rule is about, in the words of `gateway_msgs/ConnectionType`; parameters are ours."""
+    """The kind of a connection, with the words of `gateway_msgs/ConnectionType` and our extension for parameters."""
 
     PUBLISHER = "publisher"
     SUBSCRIBER = "subscriber"
@@ -17,7 +17,7 @@ class Kind(enum.StrEnum):
 
 
 CONNECTIONS = tuple(kind for kind in Kind if kind != Kind.PARAMETER)
-"""What the `*_all` services mean by all: a parameter is copied only if it is asked for by its name."""
+"""The kinds covered by the `*_all` services; parameters are copied only if requested by name."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -45,7 +45,7 @@ class RemoteRule:
 
 @dataclass(frozen=True, slots=True, order=True)
 class Connection:
-    """What one node has to do with one topic, service or action; names as resolved, type `*` where unknown."""
+    """The connection of one node with one topic, service or action. Names are resolved; type `*` if unknown."""
 
     kind: Kind
     name: str
@@ -54,16 +54,16 @@ class Connection:
 
 
 LONGEST_NAME = 256
-"""Longest name of a topic, service, parameter, node, type or gateway that is read from a hub [characters]."""
+"""Maximum length of a topic, service, parameter, node, type or gateway name read from a hub [characters]."""
 
 _NAME = re.compile(r"[~/A-Za-z][A-Za-z0-9_/]*")
 
 
 def is_ros_name(text: str) -> bool:
-    """Tells whether this is a name by ROS' grammar, and not longer than we take."""
+    """Returns whether this is a valid ROS name, not longer than `LONGEST_NAME`."""
     return len(text) <= LONGEST_NAME and _NAME.fullmatch(text) is not None
 
 
 def is_namespace(text: object) -> bool:
-    """Tells whether this can be a robot's namespace: one ROS name, without slashes."""
+    """Returns whether this is a valid robot namespace: one ROS name without slashes."""
     return isinstance(text, str) and re.fullmatch("[A-Za-z][A-Za-z0-9_]{0,255}", text) is not None

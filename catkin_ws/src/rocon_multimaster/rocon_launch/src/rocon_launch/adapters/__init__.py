@@ -1,1 +1,1 @@
-"""Processes."""
+"""Adapters: the roslaunch processes."""

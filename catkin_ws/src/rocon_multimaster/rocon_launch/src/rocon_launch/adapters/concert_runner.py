@@ -1,4 +1,4 @@
-"""All launches of a concert, together: started in order, ended together."""
+"""Runs all launches of a concert: starts them in order and stops them together."""
 
 import os
 import re
@@ -16,16 +16,16 @@ from rocon_launch.adapters.roslaunch import RoslaunchProcess
 from rocon_launch.core.concert import Launch
 
 GENTLE = 3.5
-"""How long the launches may take to end by themselves [s]."""
+"""How long the launches may take to shut down before they are killed [s]."""
 
 
 class ConcertRunner:
     """Runs launches until they all end, or until interrupted.
 
     Args:
-        launches: what to run.
-        screen: give roslaunch `--screen`.
-        program: roslaunch.
+        launches: the launches to run.
+        screen: pass `--screen` to roslaunch.
+        program: the roslaunch executable.
     """
 
     def __init__(self, launches: Sequence[Launch], screen: bool, program: str = "roslaunch") -> None:
@@ -39,10 +39,10 @@ class ConcertRunner:
         self._told: list[RoslaunchProcess] = []
 
     def run(self) -> int:
-        """Returns 0 after an interrupt or when all launches ended well, else the status of the first that did not.
+        """Returns 0 after an interrupt or if all launches succeeded, otherwise the status of the first that failed.
 
-        The end of a launch that is ``required`` ends all, with a status of 1 at least; one with ``respawn`` is started
-        again.
+        When a ``required`` launch ends, everything is stopped and the status is not 0. A ``respawn`` launch is
+        restarted.
         """
         self._stop.take_signals(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         try:
@@ -59,14 +59,14 @@ class ConcertRunner:
             self._end()
 
     def _look(self) -> bool:
-        """Does what the end of each launch asks for; returns whether that is the end of all."""
+        """Handles launches that have ended; returns whether the whole concert must stop."""
         for index, process in enumerate(self._processes):
             if process.status is None or process in self._told:
                 continue
             launch, lived = process.launch, process.lived
             self._told.append(process)
             if launch.ends_all(lived):
-                self._show(launch.title, f"has ended after {lived:.0f} s, with which everything ends")
+                self._show(launch.title, f"has ended after {lived:.0f} s; everything ends with it")
                 return True
             if launch.starts_again(lived):
                 self._show(launch.title, f"has ended after {lived:.0f} s; starting it again")
@@ -88,7 +88,7 @@ class ConcertRunner:
             sys.stdout.flush()
 
     def _end(self) -> None:
-        """Asks all, waits, and kills what is left, so that nothing survives us."""
+        """Interrupts all launches, waits, and kills the remaining processes, so that none is left behind."""
         descendants = {process.pid: _descendants(process.pid) for process in self._processes}
         for process in self._processes:
             process.interrupt()
@@ -109,7 +109,7 @@ def _descendants(pid: int) -> list[psutil.Process]:
 
 
 def _environment(launch: Launch) -> dict[str, str]:
-    """Our environment, pointed at the launch's master; the caller's own namespace is ignored."""
+    """Returns our environment with the launch's master, without the caller's ROS_NAMESPACE."""
     environment = {name: value for name, value in os.environ.items() if name != "ROS_NAMESPACE"}
     uri = environment.get("ROS_MASTER_URI") or "http://localhost:11311"
     host = re.sub(r"^[a-z]+://|[:/].*$", "", re.sub(r"^([a-z]+://)", "", uri)) or "localhost"

@@ -1,4 +1,4 @@
-"""One roslaunch process, with its output line by line, and its end with all its descendants."""
+"""One roslaunch process: reads its output line by line, and stops it with all its descendants."""
 
 import os
 import re
@@ -13,20 +13,20 @@ from pioneer_node.core.program import early_differences
 from rocon_launch.core.concert import Launch
 
 _REST = 1.0
-"""How long the rest of its output may take [s]."""
-# roslaunch names the terminal's window, which is not its own here.
+"""Timeout for the rest of its output, and for its end after a kill [s]."""
+# roslaunch sets the title of the terminal window, which it shares with others here.
 _WINDOW_TITLE = re.compile(r"\x1b\]2;[^\x07]*\x07")
 
 
 class RoslaunchProcess:
-    """Runs one launch in a session of its own.
+    """Runs one launch in its own session.
 
     Args:
-        launch: what to run.
-        command: the whole command line.
-        environment: of the process.
+        launch: the launch to run.
+        command: the complete command line.
+        environment: environment of the process.
         show: called with the title and each line of output, from a thread.
-        server: forks the command where it can; None starts an interpreter.
+        server: forks the command if possible; None starts a new interpreter.
     """
 
     def __init__(
@@ -54,23 +54,23 @@ class RoslaunchProcess:
 
     @property
     def status(self) -> int | None:
-        """The exit status, None while it runs."""
+        """The exit status; None while it is running."""
         return self._process.poll()
 
     @property
     def lived(self) -> float:
-        """How long it ran [s], up to the first look at it after its end."""
+        """How long it has run [s], measured until the first query after its end."""
         if self.status is not None and not self._ended:
             self._ended = time.monotonic()
         return (self._ended or time.monotonic()) - self._started
 
     def interrupt(self) -> None:
-        """Asks it to end; roslaunch then ends its nodes and its master."""
+        """Sends SIGINT; roslaunch then stops its nodes and its master."""
         if self.status is None:
             os.kill(self._process.pid, signal.SIGINT)
 
     def wait(self, timeout: float) -> bool:
-        """Waits [s] for its end; tells whether it came."""
+        """Waits up to `timeout` [s] for its end; returns whether it has ended."""
         try:
             self._process.wait(timeout)
         except subprocess.TimeoutExpired:
@@ -78,11 +78,11 @@ class RoslaunchProcess:
         return True
 
     def close(self) -> None:
-        """Shows the rest of the output of a process that has ended."""
+        """Shows the remaining output of a process that has ended."""
         self._reader.join(_REST)
 
     def kill(self, others: Sequence[int]) -> None:
-        """Ends it and `others`, its descendants, without asking."""
+        """Kills the process and `others`, its descendants."""
         for pid in (*others, self._process.pid):
             try:
                 os.kill(pid, signal.SIGKILL)
@@ -92,7 +92,7 @@ class RoslaunchProcess:
 
     @property
     def pid(self) -> int:
-        """Its process number."""
+        """Its process id."""
         return self._process.pid
 
 
@@ -101,10 +101,10 @@ def _started(
 ) -> "subprocess.Popen[bytes] | ForkedProcess":
     forkable = os.path.isabs(command[0]) and not early_differences(os.environ, environment)
     if server is not None and forkable and not server.is_lost:
-        # Of a computer whose main process ends with us, and with it everything.
+        # The fork server belongs to this computer's main process, which ends with us and stops everything.
         return server.start(command, environment, os.getcwd(), output, output, lend=True)
     return subprocess.Popen(
-        # The kernel signals roslaunch when this process is killed, and roslaunch ends its nodes.
+        # The kernel signals roslaunch when this process is killed, and roslaunch then stops its nodes.
         ["setpriv", "--pdeathsig", "TERM", "--", *command],
         env=dict(environment),
         stdin=subprocess.DEVNULL,

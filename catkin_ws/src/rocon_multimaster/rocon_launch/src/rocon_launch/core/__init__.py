@@ -1,1 +1,1 @@
-"""What a .concert file means: no process, no terminal."""
+"""The pure core: .concert files. No processes, no terminal."""

@@ -1,10 +1,10 @@
-"""Reading `.concert` files: `<concert>` with `<arg>` and `<launch>` elements.
+"""Reads `.concert` files: `<concert>` with `<arg>` and `<launch>` elements.
 
-An `<arg>` has a name and exactly one of `default` and `value`; both give way to the command line. A `<launch>` has
-a `name` (of a launch file), a `package` that it is in (or `name` is a path), a `port` for its ROS master, a
-`title`, and `<arg name= value=>` children; `respawn` and `required`, `true` or `false`, say what its end means.
-Substitutions (`$(arg x)`, `$(find pkg)`, `$(env X)`, `$(optenv X y)`) are the caller's: the reader is given a function
-for them.
+An `<arg>` has a name and exactly one of `default` and `value`; the command line overrides both. A `<launch>` has the
+`name` of a launch file, its `package` (without one, `name` is a path), a `port` for its ROS master, a `title`, and
+`<arg name= value=>` children. `respawn` and `required` (`true` or `false`) define what happens when it ends.
+Substitutions (`$(arg x)`, `$(find pkg)`, `$(env X)`, `$(optenv X y)`) are resolved by a function that the caller
+passes.
 """
 
 import xml.etree.ElementTree as ET
@@ -14,31 +14,31 @@ from dataclasses import dataclass
 from rocon_launch.core.error import ConcertError
 
 Substitute = Callable[[str, Mapping[str, str]], str]
-"""Resolves the substitutions in a text, given the arguments so far."""
+"""Resolves the substitutions in a text, given the arguments defined so far."""
 
 SHORT_LIFE = 10.0
-"""What ends sooner than this after its start [s], such as a hub whose port is taken, would end again."""
+"""A launch that ends sooner than this after its start would fail again, such as a hub whose port is in use [s]."""
 
 
 @dataclass(frozen=True)
 class Launch:
     """One roslaunch to run."""
 
-    package: str  #: where the launch file is; empty if `name` is a path
+    package: str  #: package of the launch file; empty if `name` is a path
     name: str  #: the launch file
     port: int  #: the port of its ROS master
-    title: str  #: what its lines of output begin with
+    title: str  #: prefix of its output lines
     arguments: Mapping[str, str]  #: its arguments, by name
-    waits: bool = False  #: whether an earlier one starts the master on that port
-    respawn: bool = False  #: whether it is started again when it ends
-    required: bool = False  #: whether its end is the end of all
+    waits: bool = False  #: whether an earlier launch starts the master on that port
+    respawn: bool = False  #: whether to restart it when it ends
+    required: bool = False  #: whether its end stops the whole concert
 
     def starts_again(self, lived: float) -> bool:
-        """Returns whether it is to be started again after it ended by itself, having run for ``lived`` seconds."""
+        """Returns whether to restart it after it has ended by itself, having run for ``lived`` seconds."""
         return self.respawn and lived >= SHORT_LIFE
 
     def ends_all(self, lived: float) -> bool:
-        """Returns whether that was the end of the whole concert: one that cannot stay is not tried for ever."""
+        """Returns whether its end stops the whole concert. A ``respawn`` launch that fails at once is not retried."""
         return self.required or (self.respawn and lived < SHORT_LIFE)
 
 
@@ -48,13 +48,13 @@ def launches_from_text(
     """Returns the launches of a .concert file, in order.
 
     Args:
-        text: the file's content.
-        mappings: `arg:=value` of the command line.
-        default_port: for a launch without `port`.
+        text: the content of the file.
+        mappings: `arg:=value` from the command line.
+        default_port: port for a launch without `port`.
         substitute: resolves substitutions.
 
     Raises:
-        ConcertError: the text is not such a file, or `mappings` names an argument that it does not have.
+        ConcertError: the text is not a valid .concert file, or `mappings` has an argument that it does not define.
     """
     try:
         root = ET.fromstring(text)

@@ -1,4 +1,4 @@
-"""What rocon_launch raises."""
+"""The errors of rocon_launch."""
 
 
 class ConcertError(Exception):

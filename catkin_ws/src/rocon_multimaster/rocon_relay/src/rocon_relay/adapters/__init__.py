@@ -1,1 +1,1 @@
-"""One foreign thing each."""
+"""Adapters: each module wraps one external interface."""

@@ -1,4 +1,4 @@
-"""What the parts of one relay share."""
+"""State shared by the parts of one relay."""
 
 import logging
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from tcpros.core.backlog import Backlog
 
 
 class Context:
-    """Configuration, loop, log, and the servers that are called."""
+    """Configuration, event loop, logger and clients for XML-RPC servers."""
 
     def __init__(
         self,
@@ -26,38 +26,38 @@ class Context:
         changed: Callable[[], None],
         certificates: Certificates | None,
     ) -> None:
-        self.config = config  #: what the relay was given
+        self.config = config  #: the relay's configuration
         self.tls = Tls(certificates) if certificates else None  #: encrypts links; None if they are not encrypted
-        self.reactor = reactor  #: its loop
-        self.resolver = Resolver(reactor)  #: its look-ups
-        self.logger = logger  #: where its log lines go
-        self.changed = changed  #: to be called when the state of a link has changed
-        self.round_trips: dict[str, RoundTrips] = {}  #: to other gateways, by name
+        self.reactor = reactor  #: the event loop
+        self.resolver = Resolver(reactor)  #: resolves host names
+        self.logger = logger  #: receives log lines
+        self.changed = changed  #: must be called when the state of a link has changed
+        self.round_trips: dict[str, RoundTrips] = {}  #: round trips to other gateways, by name
         self.master = self.server(config.master_uri)  #: our master
 
     def server(self, uri: str) -> Server:
-        """Returns a client of a node's or master's XML-RPC server."""
+        """Returns a client for the XML-RPC server of a node or master."""
         return Server(self.reactor, self.resolver, uri, self.config.call_timeout)
 
     def round_trip(self, gateway: str, seconds: float) -> None:
-        """Takes note of how long the way to a gateway and back took; 0 is no measurement."""
+        """Records a round-trip time to a gateway [s]; 0 means no measurement and is ignored."""
         if seconds > 0:
             self.round_trips.setdefault(gateway, RoundTrips()).add(seconds)
 
     def bound(self, backlog: Backlog, options: LinkOptions, drops_first: bool = False) -> None:
-        """Sets the bounds of the queue towards one receiver; see `Backlog.bound`."""
+        """Sets the limits of the send queue of one receiver; see `Backlog.bound`."""
         backlog.bound(options.queue_size or self.config.queue_size, self.config.queue_bytes, drops_first)
 
 
 class Tenant(Protocol):
-    """Who has taken over a connection, or a link that is not a topic's."""
+    """The owner of an accepted connection, or of a link that is not for a topic."""
 
     def ended(self, reason: str) -> None:
-        """The connection is closed; called once."""
+        """Called once when the connection has been closed."""
 
 
 class Pause:
-    """The pauses between attempts: each twice as long as the one before."""
+    """Exponential back-off: each pause between attempts is twice as long as the one before."""
 
     def __init__(self, config: RelayConfig) -> None:
         self._config = config
@@ -69,5 +69,5 @@ class Pause:
         return pause
 
     def reset(self) -> None:
-        """Begins with the shortest again."""
+        """Starts again with the shortest pause."""
         self._next = self._config.retry_shortest

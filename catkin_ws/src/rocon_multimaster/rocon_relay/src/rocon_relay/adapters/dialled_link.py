@@ -1,4 +1,4 @@
-"""The connection that the importing end of a link dials."""
+"""The import side of a link: the outgoing connection to the exporting relay."""
 
 import secrets
 import time
@@ -15,36 +15,36 @@ from tcpros.core.header import header_bytes, header_parser
 
 
 class LinkOwner(Protocol):
-    """Whom a link tells what becomes of it."""
+    """Receives the events of a link."""
 
     def link_up(self) -> None:
-        """The far relay has accepted."""
+        """Called when the far relay has accepted the link."""
 
     def link_lost(self, state: LinkState, reason: str) -> None:
-        """The link is closed; called once."""
+        """Called once when the link has been closed."""
 
 
 class TopicOwner(LinkOwner, Protocol):
-    """Whom a topic's link tells what comes on it, too."""
+    """Receives the events and data of a topic's link."""
 
     def inlet(self, fields: dict[str, str]) -> Fanout:
-        """Returns where the messages go of a link whose welcome has these fields."""
+        """Returns the fan-out for the messages of a link whose welcome has these fields."""
 
     def told(self, fields: dict[str, str]) -> None:
-        """A control frame has come."""
+        """Called with the fields of each received control frame."""
 
 
 def hello_to(
     context: Context, gateway: str, subject: Subject, name: str, node: str, type_: str = ANY, md5sum: str = ANY
 ) -> Hello:
-    """Returns what to say first to the relay of `gateway`."""
+    """Returns the hello for the relay of `gateway`."""
     own, keyring = context.config.gateway, context.config.keyring
     keys = keyring.names() if keyring else ()
     return Hello(name, type_, md5sum, node, gateway, own, (own,), secrets.token_hex(16), subject, keys)
 
 
 class DialledLink(Stream):
-    """One attempt at a link, and the link if it succeeds."""
+    """One connection attempt, which becomes the link if it succeeds."""
 
     def __init__(self, context: Context, owner: LinkOwner, address: Address, hello: Hello) -> None:
         sock = dialled_socket()
@@ -64,7 +64,7 @@ class DialledLink(Stream):
         self.send(header_bytes(self._hello.fields()))
 
     def accepted(self, _fields: dict[str, str]) -> None:
-        """Called with the far relay's welcome; sets how to parse what follows it."""
+        """Called with the far relay's welcome; sets the parser for the data that follows."""
         self.parse = self._parse_nothing
         self._owner.link_up()
 
@@ -110,9 +110,9 @@ class DialledLink(Stream):
 
 
 class TopicLink(DialledLink):
-    """A link that messages come on."""
+    """A link that receives messages."""
 
-    longest_hold = 2.0  # one that is not read for seven seconds looks dead to its source
+    longest_hold = 2.0  # the source considers a link dead that is not read for seven seconds
 
     def __init__(self, context: Context, owner: TopicOwner, address: Address, hello: Hello) -> None:
         super().__init__(context, owner, address, hello)
@@ -125,24 +125,24 @@ class TopicLink(DialledLink):
 
     @property
     def is_up(self) -> bool:
-        """Whether the far relay has accepted."""
+        """Whether the far relay has accepted the link."""
         return self.fanout is not None
 
     def ping(self, last: float) -> None:
-        """Measures the way to the far relay and back, unless the last measurement still lasts.
+        """Starts a round-trip measurement unless one is still in progress.
 
         Args:
-            last: what that took last time, which is reported to the far relay [s].
+            last: the previous round-trip time, reported to the far relay [s].
         """
         self._ask(last, measures=True)
 
     def watch(self, late: bool) -> None:
-        """Has the far relay say something if nothing comes, and gives the link up if still nothing does.
+        """Sends a heartbeat if the link is silent, and closes the link if it stays silent.
 
-        A middlebox may keep acknowledging bytes that it drops: then no kernel notices that the peer is gone.
+        A middlebox may acknowledge bytes and then drop them, so the kernel does not notice that the peer has vanished.
 
         Args:
-            late: whether we could not look when we should have; then nothing is known.
+            late: whether this check is overdue; the silence then proves nothing and its timer restarts.
         """
         received, now = self.received(), time.monotonic()
         if late or received != self._heard[0]:

@@ -31,7 +31,7 @@ from tcpros.core.frame import CONTROL_MARK, LENGTH_SIZE, Chunk, control_frame
 from tcpros.core.header import header_bytes, header_parser
 
 UNSENT = 64 * 1024
-"""So many bytes at most wait in the kernel of a link with a queue of its own, beyond those under way [bytes]."""
+"""Limit of unsent data in the kernel for a link with a `queue_size` option [bytes]."""
 
 NEEDS_TLS = f"it speaks TLS only, and we have no certificate: set {VARIABLE} to a directory with one"
 DIFFERS = "its password differs from ours"
@@ -42,34 +42,34 @@ _PASSED_ON = ("type", "md5sum", "message_definition", "latching", "topic")
 
 
 class Exporter(Protocol):
-    """What the ends of links need from the relay."""
+    """What export ends need from the relay."""
 
     def admit(self, end: "ExportEnd", hello: Hello) -> None:
-        """Decides, now or within the configured patience, by `accept` or `refuse`."""
+        """Calls `accept` or `refuse`, now or within the configured patience."""
 
     def subscription(self, export: Export) -> Subscription:
-        """Returns the one subscription to a publisher, new or running."""
+        """Returns the shared subscription to a publisher, new or existing."""
 
     def ended(self, end: "ExportEnd") -> None:
-        """The link is closed."""
+        """Called when the link has been closed."""
 
 
 class ExportEnd(Stream):
-    """One link that another gateway's relay dialled."""
+    """One link opened by another gateway's relay."""
 
     def __init__(self, context: Context, exporter: Exporter, sock: socket.socket, peer: str) -> None:
         super().__init__(context.reactor, sock, peer, context.tls.accepted(sock) if context.tls else None)
         watch_liveness(sock)
-        self.hello: Hello | None = None  #: what it wants, once it has sent that
-        self.export: Export | None = None  #: what it was given, once it was accepted
-        self.outlet: Outlet = self  #: where its messages go in: itself, or what looks at them first
+        self.hello: Hello | None = None  #: the peer's hello, once received
+        self.export: Export | None = None  #: the export that serves it, once accepted
+        self.outlet: Outlet = self  #: receives the messages: the link itself, or the sieve in front of it
         self._options = NO_OPTIONS
         self._sieve: Sieve | None = None
         self._left_out = self._saved = 0
         self._pong = b""
         self._context = context
         self._exporter = exporter
-        self.is_proven = self._tls is not None  #: whether it has proved that it belongs to the fleet
+        self.is_proven = self._tls is not None  #: whether the peer has proved that it belongs to the fleet
         self._expected = self._proof = ""
         self._wanted = False
         self._demand = ""
@@ -84,7 +84,7 @@ class ExportEnd(Stream):
         self.parse = self._parse_first
 
     def status(self) -> LinkStatus:
-        """How the link does."""
+        """Returns the status of the link."""
         drops = self.backlog.drops
         left_out, saved = self._left_out, self._saved
         if self._sieve is not None:
@@ -109,13 +109,13 @@ class ExportEnd(Stream):
             self._answer_ping()
 
     def accept(self, export: Export) -> None:
-        """The relay exports it: the link stands."""
+        """Accepts the link for this export."""
         self.timer.cancel()
         self.export = export
         self._options = export.options.joined(self.hello.options) if self.hello else export.options
         self._context.bound(self.backlog, self._options, drops_first=self._options.queue_size > 0)
         if self._options.queue_size:
-            # What waits in the kernel cannot be dropped any more.
+            # Data already in the kernel cannot be dropped any more.
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT)
         self._set_active()
         self.parse = self._parse_control
@@ -123,18 +123,18 @@ class ExportEnd(Stream):
         self._context.changed()
 
     def serve(self, tenant: Tenant) -> None:
-        """The relay has given the link, which is not a topic's, to `tenant`."""
+        """Hands the link over to `tenant`; for links that do not carry a topic."""
         self.timer.cancel()
         self._tenant = tenant
 
     def welcome(self, fields: Mapping[str, str]) -> None:
-        """Accepts, and proves that we belong to the fleet where the sink has done so."""
+        """Sends the welcome. It includes our proof of fleet membership if the sink has given its own."""
         shown = {"proof": self._proof} if self._proof else {}
         own = self._context.config.gateway
         self.send(header_bytes({"relay": VERSION, "source_gateway": own, **shown, **fields}))
 
     def refuse(self, state: LinkState, reason: str) -> None:
-        """Refuses and closes."""
+        """Refuses the link and closes it."""
         self.timer.cancel()
         self.finish(header_bytes(Refusal(state, reason).fields()))
 
@@ -151,14 +151,14 @@ class ExportEnd(Stream):
         self._set_active()
         fields = {key: header[key] for key in _PASSED_ON if key in header}
         self.send(control_frame(op="connected", demand=self._demand, **fields))
-        return not self.is_closed  # who is gone by now has left everything, and must not be joined again
+        return not self.is_closed  # a link closed meanwhile has left the fan-out and must not rejoin
 
     def source_lost(self, reason: str) -> None:
-        """Reports to the sink that there is no publisher."""
+        """Notifies the sink that there is no publisher."""
         self._tell(LinkState.NO_PUBLISHER, reason)
 
     def left(self) -> None:
-        """Joins again if the sink has subscribed meanwhile, else ends the subscription."""
+        """Rejoins if the sink has subscribed again meanwhile; otherwise ends the subscription."""
         self._leaving = False
         if self._wanted:
             self._join()
@@ -263,7 +263,7 @@ class ExportEnd(Stream):
         return header_parser(self._control, LENGTH_SIZE)(data)
 
     def _answer_ping(self) -> None:
-        # Behind what waits it would have all of that sent, even what is older than the queue may hold.
+        # Queued behind waiting messages, the pong would force all of them out, although the queue may drop them.
         if not self.is_closed and self.backlog.is_empty and self.backlog.is_between:
             pong, self._pong = self._pong, b""
             self.send(pong)

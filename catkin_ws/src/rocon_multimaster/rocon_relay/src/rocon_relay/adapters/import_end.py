@@ -1,4 +1,4 @@
-"""The importing end of a topic's link: dials, shows the proxy, fetches while somebody subscribes."""
+"""The importing end of a topic's link: connects, registers the proxy, fetches messages while there are subscribers."""
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -18,10 +18,10 @@ from tcpros.core.header import header_bytes
 
 
 class ImportEnd(StandingImport):
-    """One import, from the first dialling to the last unregistration.
+    """One import, from the first connection attempt to the last unregistration.
 
-    Messages are fetched while the proxy has a subscriber. A subscriber's handshake is answered when the publisher's
-    own connection header is known, so that it sees the true type, definition and latching.
+    Messages are fetched while the proxy has a subscriber. A subscriber's handshake is answered once the publisher's
+    connection header is known, so that the subscriber gets the real type, definition and latching.
     """
 
     def __init__(self, context: Context, nodes: Nodes, wanted: Import, ended: Callable[[], None]) -> None:
@@ -47,7 +47,7 @@ class ImportEnd(StandingImport):
         return TopicLink(self._context, self, wanted.address, hello)
 
     def replace(self, wanted: Import) -> None:
-        """Takes an import of the same key with another address, other nodes or other options."""
+        """Replaces the import by one with the same key but a different address, nodes or options."""
         moved = (wanted.address, wanted.type, wanted.md5sum, wanted.options) != (
             self.wanted.address,
             self.wanted.type,
@@ -58,20 +58,20 @@ class ImportEnd(StandingImport):
         self.wanted = self.topic.wanted = wanted
         self.topic.close_disallowed()
         if nodes_changed:
-            # Registering once more has the master name us to all subscribers: those refused until now come back.
+            # On a repeated registration, the master notifies all subscribers, so those refused before try again.
             self.topic.refresh()
         if moved:
             self.redial("its address, type or options have changed")
 
     def status(self) -> LinkStatus:
-        """How it does."""
+        """Returns the status of the import."""
         drops = self._drops + sum(subscriber.backlog.drops for subscriber in self.topic.subscribers)
         counted = self.fanout.messages, self.fanout.bytes
         saved = self._saved + (self._inflater.saved if self._inflater else 0)
         return LinkStatus(self._state, self._reason, len(self.topic.subscribers), *counted, drops, saved=saved)
 
     def inlet(self, fields: dict[str, str]) -> Fanout:
-        """Returns what takes the frames of a link with this welcome."""
+        """Returns the fan-out for the frames of a link with this welcome."""
         self._limit = limit_from_fields(fields)
         if "compress" not in fields:
             return self.fanout
@@ -81,19 +81,19 @@ class ImportEnd(StandingImport):
         return compressed
 
     def ping(self, last: float) -> bool:
-        """Measures the way to the source gateway, whose last measurement is given; False where no link stands."""
+        """Measures the round trip to the source gateway, reporting the last one [s]; returns False if no link is up."""
         if not isinstance(self._link, TopicLink) or not self._link.is_up:
             return False
         self._link.ping(last)
         return True
 
     def watch(self, late: bool) -> None:
-        """Gives the link up if nothing comes any more; see `dialled_link.TopicLink`."""
+        """Closes the link if it stays silent; see `dialled_link.TopicLink`."""
         if isinstance(self._link, TopicLink) and self._link.is_up:
             self._link.watch(late)
 
     def link_lost(self, state: LinkState, reason: str) -> None:
-        """Forgets the source and schedules the next attempt."""
+        """Resets the source and schedules the next attempt."""
         self._source = None
         self._wants = False
         if self._inflater is not None:
@@ -103,7 +103,7 @@ class ImportEnd(StandingImport):
         super().link_lost(state, reason)
 
     def told(self, fields: dict[str, str]) -> None:
-        """Handles a control frame of the source."""
+        """Handles a control frame from the source."""
         if fields.get("op") == "state":
             self._source_failed(state_from_field(fields.get("state", "")), fields.get("reason", ""))
         elif fields.get("op") == "connected" and self._wants and fields.get("demand") == str(self._demand):
@@ -121,7 +121,7 @@ class ImportEnd(StandingImport):
             return
         told = fields.get("type", ANY), fields.get("md5sum", ANY)
         if self._told_source not in (None, told) and self.topic.subscribers:
-            self.topic.hide()  # they got another definition: they have to reconnect
+            self.topic.hide()  # the subscribers got another definition and have to reconnect
             self.topic.show()
             return
         self._source = fields
@@ -137,7 +137,7 @@ class ImportEnd(StandingImport):
                 subscriber.finish(header_bytes({"error": refusal}))
 
     def subscribed(self, subscriber: Stream, fields: Mapping[str, str]) -> str:
-        """Adds a subscriber; returns why it is refused, "" if it is not."""
+        """Adds a subscriber; returns why it is refused, "" if it is accepted."""
         self._context.bound(subscriber.backlog, self.wanted.options)
         if self._source is not None:
             return self._serve(subscriber, fields)

@@ -1,20 +1,20 @@
-"""The keys by which gateways that know the same password recognise one another on links."""
+"""Link keys: gateways that know the same password authenticate each other with them."""
 
 import hashlib
 import threading
 from collections.abc import Callable, Iterable
 
 MOST_KEYS = 8
-"""Keys of so many hubs are kept; those learnt last."""
+"""Maximum number of hubs whose keys are kept; the newest stay."""
 
 _COST = {"n": 2**14, "r": 8, "p": 1, "dklen": 32}
 
 
 class PasswordKeyring:
-    """Implements `core.connection.Keyring`: one key for each salt that a hub gave us, derived once by scrypt.
+    """Implements `core.connection.Keyring`: one key per hub salt, derived once with scrypt.
 
     Args:
-        password: returns the password as it is now.
+        password: returns the current password.
     """
 
     def __init__(self, password: Callable[[], str]) -> None:
@@ -25,14 +25,14 @@ class PasswordKeyring:
         self._used = ""
 
     def learn(self, salt: str) -> None:
-        """Adds the key of a hub's salt; takes some 50 ms of CPU time for a new one."""
+        """Adds the key for a hub's salt; a new one takes about 50 ms of CPU time."""
         with self._lock:
             if salt and salt not in self._salts:
                 self._salts = (salt, *self._salts)[:MOST_KEYS]
                 self._derive()
 
     def refresh(self) -> None:
-        """Derives all keys again if the password has changed; links that are up stay up."""
+        """Derives all keys again if the password has changed; existing links stay up."""
         with self._lock:
             if self._salts and self._password() != self._used:
                 self._derive()
@@ -41,21 +41,21 @@ class PasswordKeyring:
         password = self._password()
         known = self._keys if password == self._used else {}
         self._used = password
-        # Readers see the old or the new keys, never a half of each.
+        # One assignment: readers see either the old or the new keys, never a mix.
         self._keys = {key_name(one): known.get(key_name(one)) or _key(password, one) for one in self._salts}
 
     def names(self) -> tuple[str, ...]:
-        """Returns the names of the keys that are valid now."""
+        """Returns the names of the valid keys."""
         return tuple(self._keys)
 
     def key(self, names: Iterable[str]) -> tuple[str, bytes] | None:
-        """Returns the first of these keys that we have, with its name; None if we have none."""
+        """Returns name and key of the first of these that we have; None if we have none."""
         keys = self._keys
         return next(((name, keys[name]) for name in names if name in keys), None)
 
 
 def key_name(salt: str) -> str:
-    """Returns what names a key on links, from which its salt does not follow."""
+    """Returns the public name of a key, which does not reveal the salt."""
     return hashlib.sha256(f"rocon link {salt}".encode()).hexdigest()[:16]
 
 

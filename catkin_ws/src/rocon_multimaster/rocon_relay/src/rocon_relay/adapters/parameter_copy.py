@@ -1,4 +1,4 @@
-"""Parameters from one master to another, once: the value crosses as XML-RPC text on a link of its own."""
+"""Copies parameters from one master to another, once. Each value is sent as XML-RPC text on its own link."""
 
 import struct
 import xmlrpc.client
@@ -16,13 +16,13 @@ from tcpros.adapters.reactor import Timer
 from tcpros.core.http import NONSENSE
 
 MAX_PARAMETER = 2**20
-"""The most that a parameter's value may take as XML-RPC text [bytes]."""
+"""Maximum size of a parameter's value as XML-RPC text [bytes]."""
 
 _LENGTH = struct.Struct("<I")
 
 
 class ParameterExportEnd:
-    """One exported parameter: read from our master whenever a link asks for it."""
+    """One exported parameter, read from our master whenever a link requests it."""
 
     def __init__(self, context: Context, export: Export) -> None:
         self.export = export
@@ -31,7 +31,7 @@ class ParameterExportEnd:
         self._bytes = 0
 
     def admit(self, link: ExportEnd, _hello: Hello) -> None:
-        """Answers a link with the value, and closes it."""
+        """Sends the value on a link and closes the link."""
         link.timer.cancel()
 
         def failed(reason: str) -> None:
@@ -62,17 +62,17 @@ class ParameterExportEnd:
         self._context.changed()
 
     def close(self, _reason: str = "") -> None:
-        """Nothing stands."""
+        """Does nothing: there is no permanent link."""
 
     def status(self) -> LinkStatus:
-        """How it does."""
+        """Returns the status of the export."""
         if not self._times:
             return LinkStatus(LinkState.PENDING, "not read by the far gateway")
         return LinkStatus(LinkState.ACTIVE, "", 0, self._times, self._bytes)
 
 
 class ParameterImportEnd(DialledImport):
-    """One parameter to copy: asked for until it has come, then never again, unless our master forgets it."""
+    """One parameter to copy. Requests it until it has arrived; copies it again only if our master has lost it."""
 
     def __init__(self, context: Context, _nodes: Nodes, wanted: Import, ended: Callable[[], None]) -> None:
         super().__init__(context, wanted, ended)
@@ -85,24 +85,24 @@ class ParameterImportEnd(DialledImport):
         return _ParameterLink(self._context, self, self.wanted.address, hello)
 
     def replace(self, wanted: Import) -> None:
-        """Takes an import of the same key with another address; the next attempt goes there."""
+        """Replaces the import by one with the same key; the next attempt uses its address."""
         self.wanted = wanted
 
     def refresh(self) -> None:
-        """Copies once more, for a master that has forgotten it."""
+        """Copies the parameter again, for a restarted master that has lost it."""
         if self._is_copied:
             self._is_copied = False
             self.start()
 
     def end(self) -> None:
-        """Asks no longer; what was copied stays."""
+        """Stops requesting the parameter; a copied value stays on the master."""
         super().end()
         if self._link is not None:
             self._link.close("")
         self._ended()
 
     def status(self) -> LinkStatus:
-        """How it does."""
+        """Returns the status of the import."""
         return LinkStatus(self._state, self._reason, 0, int(self._size > 0), self._size)
 
     def link_up(self) -> None:
@@ -115,7 +115,7 @@ class ParameterImportEnd(DialledImport):
             self._retry(state, reason)
 
     def received(self, text: bytes) -> None:
-        """The value has come; raises LinkError if it is none."""
+        """Writes the received value to our master. Raises LinkError if it is not XML-RPC text."""
         try:
             (value,), _ = xmlrpc.client.loads(text)  # type: ignore[arg-type]
         except NONSENSE:
@@ -136,7 +136,7 @@ class ParameterImportEnd(DialledImport):
 
 
 class _ParameterLink(DialledLink):
-    """The link on which one value comes."""
+    """A link that receives one value."""
 
     def __init__(self, context: Context, owner: ParameterImportEnd, address: Address, hello: Hello) -> None:
         super().__init__(context, owner, address, hello)

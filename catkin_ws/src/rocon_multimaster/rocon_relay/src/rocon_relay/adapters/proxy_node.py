@@ -1,4 +1,4 @@
-"""Proxy nodes: each with a port of its own, where it answers as a ROS node and serves its subscribers."""
+"""Proxy nodes. Each has its own port, where it serves the slave API, subscribers and service clients."""
 
 from rocon_relay.adapters.context import Context
 from rocon_relay.adapters.proxy_service import ProxyService
@@ -11,14 +11,14 @@ from tcpros.adapters.stream import Stream
 
 
 class ProxyNodes:
-    """The proxy nodes of one relay, by name; a node lives while it shows a topic or service."""
+    """The proxy nodes of one relay, by name. A node exists as long as it offers a topic or service."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
         self._nodes: dict[str, ProxyNode] = {}
 
     def open(self, shown: Registration) -> "ProxyNode":
-        """Returns the node for a source node, new or existing."""
+        """Returns the node that offers `shown`, new or existing."""
         node = self._nodes.get(shown.proxy)
         if node is None:
             node = self._nodes[shown.proxy] = ProxyNode(self._context, shown.proxy)
@@ -29,7 +29,7 @@ class ProxyNodes:
         return node
 
     def release(self, shown: Registration) -> None:
-        """Closes a node that nothing uses any more."""
+        """Removes `shown` from its node, and closes the node if it offers nothing else."""
         node = self._nodes.get(shown.proxy)
         if node is None:
             return
@@ -43,7 +43,7 @@ class ProxyNodes:
 
 
 class ProxyNode:
-    """A node on our master that stands for a node of another gateway."""
+    """A node on our master that represents a node of another gateway."""
 
     def __init__(self, context: Context, name: str) -> None:
         self.name = name  #: its name
@@ -63,14 +63,14 @@ class ProxyNode:
         self._port.close()
 
     def admit_client(self, connection: Stream, fields: dict[str, str]) -> Ended:
-        """Takes a client of a service. Raises RefusedError."""
+        """Accepts a client of a service. Raises RefusedError."""
         service = self.services.get(fields["service"])
         if service is None:
             raise RefusedError(f"{self.name} is not a provider of {fields['service']}")
         return service.call(connection, fields).ended
 
     def admit_subscriber(self, connection: Stream, fields: dict[str, str]) -> Ended:
-        """Takes a subscriber. Raises RefusedError."""
+        """Accepts a subscriber. Raises RefusedError."""
         topic = self.topics.get(fields.get("topic", ""))
         if topic is None:
             raise RefusedError(f"{self.name} does not publish {fields.get('topic', 'a topic without name')}")

@@ -1,4 +1,4 @@
-"""One service of a proxy node, and the calls that are made of it."""
+"""One service of a proxy node and its clients."""
 
 from typing import Protocol
 
@@ -9,26 +9,26 @@ from tcpros.adapters.stream import Stream
 
 
 class Call(Tenant, Protocol):
-    """A client's connection, relayed."""
+    """A relayed client connection."""
 
     def fail(self, reason: str) -> None:
-        """Ends it; the client gets an error if it waits for something."""
+        """Ends the connection; the client gets an error if it waits for a response."""
 
 
 class ServiceOwner(Owner, Protocol):
     """The importing end behind a service."""
 
     def called(self, client: Stream, fields: dict[str, str]) -> Call:
-        """A client has come; returns what its connection belongs to from now on."""
+        """Called with a new client; returns the call that owns its connection from now on."""
 
 
 class ProxyService(Registration):
-    """A server on our master that is another gateway's."""
+    """A service on our master that is provided by another gateway."""
 
     def __init__(self, context: Context, nodes: Nodes, owner: ServiceOwner, wanted: Import) -> None:
         super().__init__(context, nodes, owner, wanted.proxy)
-        self.wanted = wanted  #: what is shown; replaced by one of the same key
-        self.calls: set[Call] = set()  #: the connections of clients
+        self.wanted = wanted  #: the import it belongs to; may be replaced by one with the same key
+        self.calls: set[Call] = set()  #: the clients' connections
         self._host = context.config.host
         self._service_owner = owner
 
@@ -41,7 +41,7 @@ class ProxyService(Registration):
         return "unregisterService", (self.wanted.topic, self._uri(node))
 
     def call(self, client: Stream, fields: dict[str, str]) -> Call:
-        """Takes a client with its connection header."""
+        """Accepts a client with its connection header."""
         call = self._service_owner.called(client, fields)
         if not client.is_closed:
             self.calls.add(call)

@@ -1,4 +1,4 @@
-"""One topic of a proxy node, and the subscribers that it has."""
+"""One topic of a proxy node and its subscribers."""
 
 from collections.abc import Mapping
 from typing import Protocol
@@ -14,18 +14,18 @@ class TopicOwner(Owner, Protocol):
     """The importing end behind a topic."""
 
     def subscribed(self, subscriber: Stream, fields: Mapping[str, str]) -> str:
-        """A subscriber has come; returns why it is refused, or ""."""
+        """Called with a new subscriber; returns why it is refused, or ""."""
 
     def unsubscribed(self, subscriber: Stream) -> None:
-        """A subscriber has gone."""
+        """Called when a subscriber has disconnected."""
 
 
 class ProxyTopic(Registration):
-    """A publisher on our master that is another gateway's."""
+    """A publisher on our master whose source is on another gateway."""
 
     def __init__(self, context: Context, nodes: Nodes, owner: TopicOwner, wanted: Import) -> None:
         super().__init__(context, nodes, owner, wanted.proxy)
-        self.wanted = wanted  #: what is shown; replaced by one of the same key
+        self.wanted = wanted  #: the import it belongs to; may be replaced by one with the same key
         self.subscribers: dict[Stream, str] = {}  #: connected subscribers, name by connection
         self._topic_owner = owner
 
@@ -58,7 +58,7 @@ class ProxyTopic(Registration):
         return ""
 
     def subscribe(self, subscriber: Stream, fields: Mapping[str, str]) -> str:
-        """Takes a subscriber with its connection header; returns why it is refused, or ""."""
+        """Accepts a subscriber with its connection header; returns why it is refused, or ""."""
         name = fields.get("callerid", "")
         refusal = self.refusal(name) or self._topic_owner.subscribed(subscriber, fields)
         if not refusal:
@@ -66,12 +66,12 @@ class ProxyTopic(Registration):
         return refusal
 
     def unsubscribe(self, subscriber: Stream) -> None:
-        """Forgets a subscriber whose connection has ended."""
+        """Removes a subscriber whose connection has ended."""
         if self.subscribers.pop(subscriber, None) is not None:
             self._topic_owner.unsubscribed(subscriber)
 
     def close_disallowed(self) -> None:
-        """Closes subscribers that `wanted` does not allow, after it was replaced."""
+        """Closes subscribers that `wanted` no longer allows, after it was replaced."""
         for subscriber, name in tuple(self.subscribers.items()):
             if self.is_serving and self.refusal(name):
                 subscriber.close("")

@@ -1,4 +1,4 @@
-"""What a proxy node shows on our master: registered or not, one step after the other, so that the last word wins."""
+"""Registers and unregisters a proxy's topic or service on our master, one call at a time, so the last request wins."""
 
 import enum
 from collections.abc import Callable
@@ -8,11 +8,11 @@ from rocon_relay.adapters.context import Context, Pause
 from tcpros.adapters.reactor import Timer
 
 CLOSE_AFTER = 0.5
-"""Users are closed so long after an unregistration was sent, even if the master does not answer [s]."""
+"""Delay between an unregistration and closing the users, if the master does not answer earlier [s]."""
 
 
 class Node(Protocol):
-    """The proxy node, as what it shows sees it."""
+    """The proxy node, as seen by its registrations."""
 
     name: str
     uri: str
@@ -23,23 +23,23 @@ class Nodes(Protocol):
     """The proxy nodes of a relay."""
 
     def open(self, shown: "Registration") -> Node:
-        """Returns the node that shows it, listening."""
+        """Returns the listening node that offers `shown`."""
 
     def release(self, shown: "Registration") -> None:
-        """Takes it from its node, and closes a node that shows nothing."""
+        """Removes `shown` from its node, and closes the node if it offers nothing else."""
 
 
 class Owner(Protocol):
     """The importing end behind a registration."""
 
     def shown(self) -> None:
-        """It is registered."""
+        """Called when the master has registered it."""
 
     def not_shown(self, reason: str) -> None:
-        """The master did not register it; it is asked again."""
+        """Called when the registration failed; it is retried."""
 
     def hidden(self) -> None:
-        """It is unregistered, its users are closed, and it is not to be shown again for now."""
+        """Called when it is unregistered, its users are closed and no new registration is pending."""
 
 
 class _Phase(enum.Enum):
@@ -52,12 +52,12 @@ class _Phase(enum.Enum):
 class Registration:
     """A topic or service of a proxy node.
 
-    Its users are closed only after the master has unregistered it: a rospy subscriber does not reconnect by itself.
+    Its users are closed only after it is unregistered, because a rospy subscriber does not reconnect by itself.
     """
 
     def __init__(self, context: Context, nodes: Nodes, owner: Owner, proxy: str) -> None:
         self.proxy = proxy  #: the node's name
-        self.is_serving = False  #: whether users are accepted
+        self.is_serving = False  #: whether it accepts users
         self._context = context
         self._nodes = nodes
         self._owner = owner
@@ -69,7 +69,7 @@ class Registration:
         self._retry: Timer | None = None
 
     def show(self) -> None:
-        """Registers it, again and again until the master does it."""
+        """Registers it, retrying until the master accepts."""
         self._shall_show = True
         self._step()
 
@@ -86,7 +86,7 @@ class Registration:
         self._step()
 
     def refresh(self) -> None:
-        """Registers once more, if it is registered, for a master that has forgotten it."""
+        """Registers it again if it is registered, for a restarted master."""
         if self._phase is _Phase.PRESENT:
             self._phase = _Phase.ABSENT
             self._step()

@@ -1,4 +1,4 @@
-"""The real data plane: sockets, one thread, and what the control plane asks of it."""
+"""The data plane: creates and removes the links that the control plane requests. Sockets run in one thread."""
 
 import logging
 import socket
@@ -33,7 +33,7 @@ from tcpros.adapters.reactor import Reactor
 from tcpros.adapters.tls import Certificates
 
 MAX_UNIDENTIFIED = 256
-"""Connections to the relay's port that have not been accepted as links yet; one more closes the oldest."""
+"""Maximum number of connections not yet accepted as links; one more closes the oldest."""
 
 _WHAT = {
     Subject.TOPIC: "publisher",
@@ -51,30 +51,30 @@ _EXPORT_ENDS: dict[Subject, type[ServiceExportEnd | ParameterExportEnd]] = {
     Subject.SERVICE: ServiceExportEnd,
     Subject.PARAMETER: ParameterExportEnd,
 }
-"""A topic is exported by its links alone."""
+"""Topics are missing here: their links alone export them."""
 
 Connected = TypeVar("Connected", Export, Import)
 
 SHUTDOWN_TIME = 1.5
-"""How long the end waits for unregistrations [s]."""
+"""How long shutdown waits for unregistrations [s]."""
 
 
 class TcpRelay:
-    """The data plane; runs from its making to `shutdown`.
+    """The data plane; runs from its creation until `shutdown`.
 
-    All methods may be called from any thread, except from within `on_change`, and return without waiting for the
-    network (`shutdown` apart).
+    All methods may be called from any thread, but not from within `on_change`. Except for `shutdown`, they return
+    without waiting for the network.
 
     Args:
-        config: see there.
+        config: the configuration.
         on_change: called from the relay's thread whenever the state of a link has changed; must only set an event.
-        logger: takes a line for each connection that ends for what came on it.
-        certificates: the fleet's; links are then encrypted, and those of who has none of it are refused.
-        reactor: the loop to run in, whose owner runs it and makes this in its thread or before it runs; without one
-            the relay has a thread of its own.
+        logger: receives one line for each connection closed because of malformed data or a failed handshake.
+        certificates: the fleet's certificates. If given, links are encrypted and peers without a certificate refused.
+        reactor: the loop to run in. Its owner runs it, and creates the relay in the loop's thread or before the loop
+            runs. Without one, the relay runs its own thread.
 
     Raises:
-        OSError: the port cannot be had.
+        OSError: the port is not available.
     """
 
     def __init__(
@@ -111,19 +111,19 @@ class TcpRelay:
 
     @property
     def port(self) -> int:
-        """The TCP port where links arrive, known as soon as the relay exists."""
+        """The TCP port for incoming links, known as soon as the relay exists."""
         return self._listener.port
 
     def apply(self, exports: Collection[Export], imports: Collection[Import]) -> None:
-        """Makes these, and no others, the connections that shall exist.
+        """Sets the complete list of connections that shall exist.
 
-        What is in both the old and the new sets keeps running undisturbed. An import whose address alone changed
-        keeps its subscribers only if the new relay answers; one whose `allowed_nodes` changed drops those
-        that are no longer allowed. What is no longer asked for is unregistered, then closed, within a second.
+        Connections in both the old and the new list keep running undisturbed. An import of which only the address
+        changed keeps its subscribers only if the new relay answers. If `allowed_nodes` changed, subscribers that are
+        no longer allowed are dropped. Connections no longer listed are unregistered, then closed, within a second.
 
         Raises:
             ConnectionConflictError: two exports or two imports have the same key. Nothing was changed.
-            PatternError: one of `allowed_nodes` is no regular expression. Nothing was changed.
+            PatternError: one of `allowed_nodes` is not a regular expression. Nothing was changed.
         """
         wanted_exports = _by_name(exports, "exports")
         wanted_imports = _by_name(imports, "imports")
@@ -135,11 +135,11 @@ class TcpRelay:
         self._reactor.call(lambda: self._apply(wanted_exports, wanted_imports))
 
     def refresh(self) -> None:
-        """Registers all proxies once more: for a master that was restarted and has forgotten them."""
+        """Registers all proxies again, for a restarted master."""
         self._reactor.call(lambda: [end.refresh() for end in self._imports.values()])
 
     def status(self) -> RelayStatus:
-        """How everything does, by the sets of the last `apply`; a snapshot."""
+        """Returns a snapshot of the status of all connections from the last `apply`."""
         result: list[RelayStatus] = []
         done = threading.Event()
 
@@ -152,7 +152,7 @@ class TcpRelay:
         return result[0] if result else RelayStatus()
 
     def shutdown(self) -> None:
-        """Unregisters and closes everything, ends the thread; returns when that is done, within 2 s."""
+        """Unregisters and closes everything and ends the thread; returns when this is done, within 2 s."""
         self._reactor.call(self._shut_down)
         self._is_down.wait(SHUTDOWN_TIME + 0.5)
         if self._owned:
@@ -190,7 +190,7 @@ class TcpRelay:
 
     def _retire(self, name: Key) -> None:
         end = self._imports.pop(name)
-        if name not in self._retiring:  # otherwise it was waiting for its forerunner and has nothing to undo
+        if name not in self._retiring:  # otherwise it never started, waiting for its predecessor
             self._retiring[name] = end
             end.end()
 
@@ -198,7 +198,7 @@ class TcpRelay:
         self._retiring.pop(name, None)
         if name in self._imports:
             self._imports[name].start()
-        # An import that is not shown retires at once, while those after it still wait to be retired.
+        # An unregistered import retires at once, while later ones still wait to be retired.
         if self._stopping and not self._imports and not self._retiring:
             self._stop()
 
@@ -208,9 +208,9 @@ class TcpRelay:
             next(iter(self._unidentified)).close("malformed: too many connections wait to be accepted")
 
     def admit(self, end: ExportEnd, hello: Hello) -> None:
-        """Accepts or refuses a link, at the latest after the configured patience."""
+        """Accepts or refuses a link, after the configured patience at the latest."""
         own = self._context.config.gateway
-        if end.is_proven and hello.source_gateway != own:  # to anybody else it looks like what is not exported
+        if end.is_proven and hello.source_gateway != own:  # unproven peers get the answer for a missing export
             end.refuse(LinkState.REFUSED, f"this is {own}, not {hello.source_gateway}")
         elif not self._admit_if_exported(end, hello):
             end.timer.cancel()
@@ -250,7 +250,7 @@ class TcpRelay:
         return True
 
     def _is_taken(self, name: Key, hello: Hello) -> bool:
-        """Tells whether a link stands that this one would replace: only a gateway that has proved itself may do so."""
+        """Returns whether this link would replace an existing one, which only an authenticated gateway may do."""
         other = self._others.get(name)
         standing = isinstance(other, ServiceExportEnd) and other.standing and hello.subject is not Subject.CALL
         return name in self._links or bool(standing)
@@ -267,14 +267,14 @@ class TcpRelay:
         end.accept(export)
 
     def subscription(self, export: Export) -> Subscription:
-        """Returns the one subscription to a publisher."""
+        """Returns the shared subscription to a publisher, new or existing."""
         key = export.topic, export.source_node, export.subscriber
         if key not in self._subscriptions:
             self._subscriptions[key] = Subscription(self._context, export, lambda: self._subscriptions.pop(key, None))
         return self._subscriptions[key]
 
     def ended(self, end: ExportEnd) -> None:
-        """Forgets a closed link."""
+        """Removes a closed link."""
         self._unidentified.pop(end, None)
         self._parked.pop(end, None)
         peers = self._peers.get(end.hello.sink_gateway, set()) if end.hello else set()
@@ -291,7 +291,7 @@ class TcpRelay:
         self._reactor.call_later(self._context.config.ping_period, self._ping)
 
     def _ping(self) -> None:
-        """Measures the way to each gateway on one link, and forgets those that no link leads to."""
+        """Measures the round trip to each gateway on one link, and drops gateways without links."""
         trips, asked = self._context.round_trips, set[str]()
         for end in self._imports.values():
             if isinstance(end, ImportEnd) and end.wanted.source_gateway not in asked:
@@ -305,7 +305,7 @@ class TcpRelay:
     def _watch_later(self) -> None:
         period = self._context.config.silence / 5
         due = time.monotonic() + period
-        # Who was frozen itself knows nothing of the others' silence.
+        # If this process was suspended, silence on the links proves nothing.
         self._reactor.call_later(period, lambda: self._watch(time.monotonic() > due + period))
 
     def _watch(self, late: bool) -> None:

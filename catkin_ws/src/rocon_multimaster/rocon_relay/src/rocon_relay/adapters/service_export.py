@@ -1,4 +1,4 @@
-"""The exporting end of services: standing links, and calls that are passed on to the server."""
+"""The exporting end of services: permanent links, and calls forwarded to the server."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -16,25 +16,25 @@ from tcpros.core.header import HeaderError, header_bytes, header_parser
 
 
 class ServiceExportEnd:
-    """One exported service: the link that stands for it, and the calls under way.
+    """One exported service: its permanent link and the calls in progress.
 
     Args:
-        context: what all parts share.
-        export: what is exported.
+        context: shared by all parts of the relay.
+        export: the export.
     """
 
     def __init__(self, context: Context, export: Export) -> None:
         self.export = export
-        #: host and port where the last call found the server; None if it has to be looked up
+        #: cached host and port of the server from the last call; None if it has to be looked up
         self.server: tuple[str, int] | None = None
         self._context = context
-        #: the link that is up as long as the far gateway shows the service; None for none
+        #: the permanent link, up as long as the far gateway offers the service; None for none
         self.standing: ExportEnd | None = None
         self._calls: set[ExportedCall] = set()
         self._done = [0, 0]
 
     def admit(self, link: ExportEnd, hello: Hello) -> None:
-        """Takes a link: one client's, or one that is to stand as long as the far gateway shows the service."""
+        """Accepts a link: one for a single client, or the permanent one."""
         if hello.subject is Subject.CALL:
             call = ExportedCall(self._context, self, link, hello)
             self._calls.add(call)
@@ -49,27 +49,27 @@ class ServiceExportEnd:
         self._context.changed()
 
     def stood(self, link: ExportEnd) -> None:
-        """A standing link has ended."""
+        """Called when a permanent link has ended."""
         if self.standing is link:
             self.standing = None
             self._context.changed()
 
     def finished(self, call: "ExportedCall") -> None:
-        """A call's link has ended."""
+        """Called when the link of a call has ended."""
         self._calls.discard(call)
         if call.pipe is not None:
             self._done[0] += call.pipe.conversation.calls
             self._done[1] += call.pipe.conversation.bytes
 
     def close(self, _reason: str = "") -> None:
-        """Ends all its links."""
+        """Closes all its links."""
         if self.standing is not None:
             self.standing.close("")
         for call in tuple(self._calls):
             call.close()
 
     def status(self) -> LinkStatus:
-        """How it does."""
+        """Returns the status of the export."""
         pipes = [call.pipe.conversation for call in self._calls if call.pipe]
         calls = self._done[0] + sum(one.calls for one in pipes)
         size = self._done[1] + sum(one.bytes for one in pipes)
@@ -79,7 +79,7 @@ class ServiceExportEnd:
 
 
 class _Standing(Tenant):
-    """The tenant of a standing link, which carries nothing."""
+    """The tenant of a permanent link, which carries no data."""
 
     def __init__(self, owner: ServiceExportEnd, link: ExportEnd) -> None:
         self._owner = owner
@@ -90,10 +90,10 @@ class _Standing(Tenant):
 
 
 class ExportedCall(Tenant):
-    """One client of another gateway: looks the server up, connects to it, says what the client said, and joins both."""
+    """One client of another gateway: finds the server, connects, forwards the client's header and pipes both ways."""
 
     def __init__(self, context: Context, owner: ServiceExportEnd, link: ExportEnd, hello: Hello) -> None:
-        self.pipe: ServicePipe | None = None  #: what joins link and server, once the server has answered the handshake
+        self.pipe: ServicePipe | None = None  #: joins link and server, once the server has answered the handshake
         self._context = context
         self._owner = owner
         self._link = link
@@ -104,7 +104,7 @@ class ExportedCall(Tenant):
         self._timer = context.reactor.call_later(context.config.call_timeout, self._too_late)
 
     def start(self) -> None:
-        """Connects to where the server was last, which spares the master a call, or looks it up."""
+        """Connects to the server's cached address, which saves a call to the master, or looks it up."""
         self._link.hold()
         if self._owner.server is None:
             self._look_up()
@@ -124,7 +124,7 @@ class ExportedCall(Tenant):
         except ValueError:
             host, port = "", 0
         if not host or not port:
-            self._failed(f"{uri!r} is no address of a server")
+            self._failed(f"{uri!r} is not the address of a server")
             return
         self._dial(host, port)
 
@@ -144,16 +144,16 @@ class ExportedCall(Tenant):
         self._context.resolver.resolve(host, found, self._failed)
 
     def _header(self) -> Mapping[str, str]:
-        """What the client said, by the name that it would have here."""
+        """Returns the client's connection header with the caller name that its proxy would have here."""
         said = dict(self._hello.client)
         name = proxy_name(self._hello.sink_gateway, said.get("callerid", "") or "unnamed")
         return {**said, "service": self._hello.topic, "callerid": name}
 
     def found(self, header: Mapping[str, str]) -> None:
-        """The server has answered the handshake."""
+        """Called when the server has answered the handshake."""
         assert self._server is not None
         if "error" in header and self._remembered:
-            self._server.close(header["error"])  # it may be somebody else by now
+            self._server.close(header["error"])  # another node may use the cached address by now
             return
         self._timer.cancel()
         if "error" in header:
@@ -163,7 +163,7 @@ class ExportedCall(Tenant):
         self._link.welcome({key: header[key] for key in PASSED_ON if key in header})
 
     def lost(self, reason: str) -> None:
-        """The server has closed the connection, or could not be reached."""
+        """Called when the server has closed the connection or could not be reached."""
         self._server = None
         if self._is_over:
             return
@@ -176,11 +176,11 @@ class ExportedCall(Tenant):
             self._link.finish(self.pipe.conversation.error(f"{self._hello.source_node}: {why}"))
 
     def close(self) -> None:
-        """Ends it."""
+        """Closes the call's link."""
         self._link.close("")
 
     def ended(self, _reason: str) -> None:
-        """Ends the call: its link is closed."""
+        """Ends the call after its link was closed."""
         self._end()
         self._owner.finished(self)
 

@@ -1,4 +1,4 @@
-"""The importing end of a service: shows the proxy while a link stands, takes each client across on one of its own."""
+"""The importing end of a service: registers the proxy while the link is up; each client gets its own link."""
 
 from collections.abc import Callable
 
@@ -14,20 +14,20 @@ from tcpros.adapters.stream import Stream
 from tcpros.core.header import HeaderError, header_bytes
 
 MAX_CALLS = 256
-"""Clients that one service has connected at a time; one more is refused."""
+"""Maximum number of concurrent clients of one service; one more is refused."""
 
 MAX_REASON = 1000
-"""Characters of an error that are passed on: a header must hold them."""
+"""Maximum length of a forwarded error text, which must fit into a header [characters]."""
 
 PASSED_ON = ("type", "md5sum", "request_type", "response_type")
-"""The fields of the server's connection header that a client gets."""
+"""Fields of the server's connection header that are forwarded to the client."""
 
 
 class ServiceImportEnd(StandingImport):
-    """One imported service, from the first dialling to the last unregistration.
+    """One imported service, from the first connection attempt to the last unregistration.
 
-    The standing link carries nothing: while it stands, the far gateway is running and exports the service to us. Each
-    client's connection is relayed on a link of its own, dialled when the client comes.
+    The permanent link carries no data. While it is up, the far gateway is running and exports the service to us. Each
+    client connection is relayed on its own link, opened when the client connects.
     """
 
     def __init__(self, context: Context, nodes: Nodes, wanted: Import, ended: Callable[[], None]) -> None:
@@ -37,7 +37,7 @@ class ServiceImportEnd(StandingImport):
         self._bytes = 0
 
     def hello(self, subject: Subject, md5sum: str = ANY) -> Hello:
-        """Returns what a link for this service says first."""
+        """Returns the hello of a link for this service."""
         wanted = self.wanted
         return hello_to(self._context, wanted.source_gateway, subject, wanted.topic, wanted.source_node, md5sum=md5sum)
 
@@ -46,12 +46,12 @@ class ServiceImportEnd(StandingImport):
         return DialledLink(self._context, self, self.wanted.address, self.hello(Subject.SERVICE))
 
     def replace(self, wanted: Import) -> None:
-        """Takes an import of the same key with another address; calls under way continue if they can."""
+        """Replaces the import by one with the same key and a new address; calls in progress continue if they can."""
         self.wanted = self.service.wanted = wanted
         self.redial("its address has changed")
 
     def status(self) -> LinkStatus:
-        """How it does."""
+        """Returns the status of the import."""
         pipes = [call.pipe.conversation for call in self._running if call.pipe]
         calls = self._calls + sum(one.calls for one in pipes)
         size = self._bytes + sum(one.bytes for one in pipes)
@@ -62,7 +62,7 @@ class ServiceImportEnd(StandingImport):
         return [call for call in self.service.calls if isinstance(call, ImportedCall)]
 
     def called(self, client: Stream, fields: dict[str, str]) -> "ImportedCall":
-        """Starts a call of a client."""
+        """Starts relaying a new client."""
         call = ImportedCall(self._context, self, client, fields)
         if not self.service.is_serving:
             call.fail(f"{self.wanted.topic} is not relayed any more")
@@ -73,17 +73,17 @@ class ServiceImportEnd(StandingImport):
         return call
 
     def reached(self) -> None:
-        """A call has reached the server."""
+        """Called when a call has reached the server."""
         if self._state is LinkState.NO_SERVER:
             self._set(LinkState.ACTIVE, "")
 
     def not_reached(self, reason: str) -> None:
-        """A call has not reached the server."""
+        """Called when a call could not reach the server."""
         if self._state is LinkState.ACTIVE:
             self._set(LinkState.NO_SERVER, reason)
 
     def finished(self, call: "ImportedCall") -> None:
-        """A client has gone."""
+        """Called when a client has disconnected."""
         self.service.calls.discard(call)
         if call.pipe is not None:
             self._calls += call.pipe.conversation.calls
@@ -91,10 +91,10 @@ class ServiceImportEnd(StandingImport):
 
 
 class ImportedCall(LinkOwner):
-    """One client's connection, and the link on which its calls go."""
+    """One client's connection and the link for its calls."""
 
     def __init__(self, context: Context, owner: ServiceImportEnd, client: Stream, fields: dict[str, str]) -> None:
-        self.pipe: ServicePipe | None = None  #: what joins both, once the server is reached
+        self.pipe: ServicePipe | None = None  #: joins both, once the server is reached
         self._context = context
         self._owner = owner
         self._client = client
@@ -102,7 +102,7 @@ class ImportedCall(LinkOwner):
         self._link: CallLink | None = None
 
     def dial(self) -> None:
-        """Has the link dialled; the client is read again when the server has answered."""
+        """Opens the link. Reading from the client pauses until the server has answered."""
         hello = self._owner.hello(Subject.CALL, self._fields.get("md5sum", ANY)).of_client(self._fields)
         try:
             header_bytes(hello.fields())
@@ -122,7 +122,7 @@ class ImportedCall(LinkOwner):
         )
 
     def answered(self, link: "CallLink", fields: dict[str, str]) -> None:
-        """The server has answered the handshake."""
+        """Called when the server has answered the handshake."""
         self._owner.reached()
         self.pipe = ServicePipe(self._client, link, self._context.config.max_message_size)
         header = {key: fields[key] for key in PASSED_ON if key in fields}
@@ -157,7 +157,7 @@ class ImportedCall(LinkOwner):
 
 
 class CallLink(DialledLink):
-    """The link of one client's calls."""
+    """The link for the calls of one client."""
 
     def __init__(self, context: Context, call: ImportedCall, address: Address, hello: Hello) -> None:
         super().__init__(context, call, address, hello)

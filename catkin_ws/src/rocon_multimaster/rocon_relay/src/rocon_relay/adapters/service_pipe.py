@@ -1,4 +1,4 @@
-"""Bytes of calls from one connection to another and back, no further ahead than the slower one takes them."""
+"""Forwards service calls between two connections in both directions, with back-pressure."""
 
 from collections.abc import Callable
 
@@ -6,14 +6,14 @@ from tcpros.adapters.stream import Stream
 from tcpros.core.service_call import Conversation
 
 Follow = Callable[[memoryview], None]
-"""Sees what passes; raises RelayError for what must not."""
+"""Checks the bytes that pass; raises TcprosError for invalid ones."""
 
 
 class ServicePipe:
-    """Joins a client's connection, or the link that stands for it, with the server's, or the link that leads there."""
+    """Joins the client side (its connection or link) with the server side (the server's connection or link)."""
 
     def __init__(self, client: Stream, server: Stream, max_size: int) -> None:
-        self.conversation = Conversation(max_size)  #: what has passed
+        self.conversation = Conversation(max_size)  #: tracks the calls that pass
         _join(client, server, self.conversation.request)
         _join(server, client, self.conversation.response)
 

@@ -1,4 +1,4 @@
-"""Outlets that look at whole messages: what options leave of them, and their decompression at the other end."""
+"""Outlets for whole messages: apply link options (filter, throttle, compress), and decompress at the other end."""
 
 import time
 from collections.abc import Iterator
@@ -11,18 +11,18 @@ from tcpros.core.fanout import Fanout, Outlet
 from tcpros.core.frame import LENGTH_SIZE, Chunk
 
 QUIET = 0.5
-"""After so long without a message of a kind [s], twice that at most, its last one crosses whatever its stamp."""
+"""After this long, at most twice, without a message of a kind, its last one is sent whatever its stamp [s]."""
 
 
 class Sieve:
-    """Stands between a publisher's stream and one link; see `core.fanout.Outlet`."""
+    """Applies the options between a publisher's stream and one link; see `core.fanout.Outlet`."""
 
     direct = None
 
     def __init__(self, reactor: Reactor, link: Outlet, options: LinkOptions, type_: str) -> None:
         self.backlog = Backlog(UNBOUNDED, UNBOUNDED)  #: the message that is arriving
-        self.left_out = 0  #: messages that did not cross because of the options
-        self.saved = 0  #: bytes that compression kept off the link
+        self.left_out = 0  #: messages not sent because of the options
+        self.saved = 0  #: bytes saved by compression
         self.pressure = link.pressure
         self._reactor = reactor
         self._link = link
@@ -37,22 +37,22 @@ class Sieve:
         self._watch: Timer | None = None
 
     def push(self, chunk: Chunk) -> None:
-        """Takes a chunk; handles each message that is whole."""
+        """Takes a chunk and handles each complete message."""
         self.backlog.queue(chunk)
         self.flush()
 
     def flush(self) -> None:
-        """Handles the messages that are whole."""
+        """Handles the complete messages."""
         for message in _messages(self.backlog):
             self._take(message)
 
     def left(self) -> None:
-        """Sends nothing any more and lets the link leave."""
+        """Stops sending and lets the link leave."""
         self.end()
         self._link.left()
 
     def end(self) -> None:
-        """Sends nothing any more."""
+        """Stops sending; discards held messages."""
         self._newest = None
         self._held.clear()
         for timer in (self._timer, self._watch):
@@ -122,19 +122,19 @@ class Sieve:
 
 
 class Inflater:
-    """Feeds a fanout with what a link carries compressed; see `core.fanout.Outlet`."""
+    """Decompresses the messages of a link and feeds them to a fanout; see `core.fanout.Outlet`."""
 
     direct = None
 
     def __init__(self, fanout: Fanout, max_message_size: int) -> None:
         self.backlog = Backlog(UNBOUNDED, UNBOUNDED)  #: the message that is arriving
-        self.saved = 0  #: bytes that compression kept off the link
+        self.saved = 0  #: bytes saved by compression
         self.pressure = fanout
         self._fanout = fanout
         self._max_message_size = max_message_size
 
     def push(self, chunk: Chunk) -> None:
-        """Takes a chunk; handles each message that is whole."""
+        """Takes a chunk and handles each complete message."""
         self.backlog.queue(chunk)
         for message in _messages(self.backlog):
             whole = inflated(message, self._max_message_size)
@@ -152,6 +152,6 @@ class Inflater:
 
 
 def _messages(backlog: Backlog) -> Iterator[memoryview]:
-    """Takes the whole messages out of a backlog, their lengths left off."""
+    """Removes the complete messages from a backlog and yields them without length prefix."""
     for frame in backlog.frames():
         yield frame[LENGTH_SIZE:]

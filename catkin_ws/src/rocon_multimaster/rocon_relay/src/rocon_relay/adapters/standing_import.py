@@ -1,4 +1,4 @@
-"""What every import has: a link that is dialled again and again; what is shown, a registration while that stands."""
+"""Base classes of imports: a link with automatic reconnection, and a proxy registered while the link is up."""
 
 from collections.abc import Callable
 
@@ -10,11 +10,11 @@ from tcpros.adapters.reactor import Timer
 
 
 class DialledImport:
-    """The link is dialled at once, and again after each failure. Subclasses say what to dial.
+    """Opens the link and retries after each failure. Subclasses provide the link.
 
     Args:
-        context: what all parts share.
-        wanted: what is asked for; may be replaced by one of the same key.
+        context: shared by all parts of the relay.
+        wanted: the import; may be replaced by one with the same key.
         ended: called once after `end`, when everything is unregistered and closed.
     """
 
@@ -30,11 +30,11 @@ class DialledImport:
         self._reason = "dialling"
 
     def link(self) -> DialledLink:
-        """Returns a link to the far relay, not dialled yet."""
+        """Returns a link to the far relay, not connected yet."""
         raise NotImplementedError
 
     def start(self) -> None:
-        """Dials; repeated after each failure until `end`."""
+        """Connects, retrying after each failure until `end`."""
         self._timer = None
         if self._is_ending:
             return
@@ -43,7 +43,7 @@ class DialledImport:
         )
 
     def end(self) -> None:
-        """Dials no more."""
+        """Stops connecting."""
         self._is_ending = True
         if self._timer is not None:
             self._timer.cancel()
@@ -70,21 +70,21 @@ class DialledImport:
 
 
 class StandingImport(DialledImport):
-    """The link is kept; the proxy is registered while it stands. Subclasses say what to show."""
+    """Keeps a link open and registers the proxy while it is up. Subclasses provide the registration."""
 
-    registration: Registration  #: what is shown
+    registration: Registration  #: the proxy's topic or service
 
     def end(self) -> None:
-        """Unregisters, closes; `ended` is called when that is done."""
+        """Unregisters and closes; `ended` is called when this is done."""
         super().end()
         self.registration.hide()
 
     def refresh(self) -> None:
-        """Registers once more, for a master that has forgotten it."""
+        """Registers again, for a restarted master."""
         self.registration.refresh()
 
     def redial(self, reason: str) -> None:
-        """Leaves the link for another one, at once."""
+        """Replaces the link by a new one immediately."""
         self._pause.reset()
         if self._link is not None:
             self._link.close(reason)
@@ -93,14 +93,14 @@ class StandingImport(DialledImport):
             self.start()
 
     def link_up(self) -> None:
-        """Called when the link stands."""
+        """Called when the link is up."""
         self._pause.reset()
         if not self._is_ending:
             self._set(LinkState.PENDING, "being registered with the master")
             self.registration.show()
 
     def link_lost(self, state: LinkState, reason: str) -> None:
-        """Forgets the source and schedules the next attempt."""
+        """Schedules the next attempt and unregisters the proxy."""
         super().link_lost(state, reason)
         if not self._is_ending:
             self.registration.hide()
@@ -110,7 +110,7 @@ class StandingImport(DialledImport):
         self._set(LinkState.ACTIVE, "")
 
     def not_shown(self, reason: str) -> None:
-        """Called when the master did not register the proxy."""
+        """Called when the master failed to register the proxy."""
         self._set(LinkState.PENDING, f"our master does not register it: {reason}")
 
     def hidden(self) -> None:

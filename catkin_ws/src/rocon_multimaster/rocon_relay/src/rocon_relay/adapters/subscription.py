@@ -1,4 +1,4 @@
-"""The source's side of a topic: a small TCPROS subscriber that passes frames on as they come."""
+"""The source side of a topic: a minimal TCPROS subscriber that forwards frames as they arrive."""
 
 import socket
 from collections.abc import Callable, Mapping
@@ -14,22 +14,22 @@ from tcpros.core.header import header_bytes, header_parser
 
 
 class Customer(Protocol):
-    """Who wants the messages: a link."""
+    """A link that wants the messages."""
 
-    outlet: Outlet  #: where they go, from the moment that `source_found` has accepted them
+    outlet: Outlet  #: receives the messages once `source_found` has accepted the publisher
 
     def source_found(self, header: Mapping[str, str]) -> bool:
-        """The publisher's connection header has arrived; False refuses its messages."""
+        """Called with the publisher's connection header; returns False to refuse its messages."""
 
     def source_lost(self, reason: str) -> None:
-        """The publisher is not there, or no longer."""
+        """Called when the publisher is not reachable or has disconnected."""
 
 
 class Subscription:
-    """Subscribes to one topic of one node of our master, while there is a customer.
+    """Subscribes to one topic of one node on our master while there is a customer.
 
-    The node is asked again, with growing pauses, as long as it does not answer; its address is looked up each
-    time, so a restarted publisher is found again. The subscription is not registered with the master.
+    Retries with growing pauses while the node does not answer. Each attempt looks up the node's address again, so a
+    restarted publisher is found. The subscription is not registered with the master.
     """
 
     def __init__(self, context: Context, export: Export, emptied: Callable[[], object]) -> None:
@@ -56,7 +56,7 @@ class Subscription:
             self._ask()
 
     def leave(self, customer: Customer) -> None:
-        """Removes a customer that stays connected; its `left` follows at the end of the current frame."""
+        """Removes a customer that stays connected; its `left` is called at the end of the current frame."""
         if customer not in self._customers:
             return
         self._customers.remove(customer)
@@ -71,7 +71,7 @@ class Subscription:
         self.stop_if_unused()
 
     def stop_if_unused(self) -> None:
-        """Ends the subscription if nobody wants it any more."""
+        """Ends the subscription if it has no customers left."""
         if self._ended or self._customers or len(self.fanout):
             return
         self._ended = True
@@ -113,7 +113,7 @@ class Subscription:
         if self._customers:
             self._publisher = _Publisher(self, self._context, self._node)
             self._publisher.connect(address, port)
-        self._asking = False  # not before: without a socket `_failed` follows
+        self._asking = False  # only now: if no socket is available, `_failed` follows
 
     def found(self, header: Mapping[str, str]) -> None:
         """Called with the publisher's connection header."""

@@ -1,7 +1,7 @@
-"""The root of this package's errors."""
+"""The base class of this package's errors."""
 
 from tcpros.core.error import TcprosError
 
 
 class RelayError(TcprosError):
-    """The root of what the data plane raises."""
+    """Base class of the errors of the data plane."""

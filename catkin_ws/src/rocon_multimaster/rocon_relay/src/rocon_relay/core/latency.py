@@ -1,16 +1,16 @@
-"""How long the way to another gateway takes."""
+"""Latency statistics of the links to other gateways."""
 
 import statistics
 from collections import deque
 from dataclasses import dataclass
 
 SAMPLES = 5
-"""So many round trips are kept for each gateway, as rocon keeps them."""
+"""Number of round trips kept for each gateway, as in rocon."""
 
 
 @dataclass(frozen=True, slots=True)
 class Latency:
-    """Round trips between two relays, the newest few; what waits on the link before the answer included [s]."""
+    """Statistics of the newest round trips between two relays, including queueing on the link [s]."""
 
     shortest: float
     longest: float
@@ -26,15 +26,15 @@ class RoundTrips:
 
     @property
     def last(self) -> float:
-        """The newest one [s]; 0 if there is none."""
+        """The newest round trip [s]; 0 if there is none."""
         return self._samples[-1] if self._samples else 0.0
 
     def add(self, seconds: float) -> None:
-        """Takes note of one."""
+        """Adds a round trip [s]."""
         self._samples.append(seconds)
 
     def latency(self) -> Latency | None:
-        """Returns what they come to; None where there is none."""
+        """Returns the statistics; None if there are no round trips."""
         if not self._samples:
             return None
         mean = statistics.fmean(self._samples)

@@ -1,4 +1,4 @@
-"""The link protocol: what two relays say to each other before and between the frames. See `docs/gateway.md`."""
+"""The link protocol: handshake and control frames between two relays. See `docs/gateway.md`."""
 
 import dataclasses
 import hashlib
@@ -15,25 +15,25 @@ VERSION = "2"
 
 
 class LinkError(RelayError):
-    """What a peer says is not the link protocol, or not a version of it that we speak."""
+    """A peer violates the link protocol or uses an unsupported version."""
 
 
 class AskError(LinkError):
-    """A peer asks for something invalid; the answer is a refusal."""
+    """A peer requests something invalid; the link is refused."""
 
 
 LONGEST_ROUND_TRIP = 60.0
-"""A reported round trip counts only below this [s]."""
+"""Reported round trips of this length or more are ignored [s]."""
 
 CLIENT = "client."
-"""Before the names of the fields that a call hands on from its client."""
+"""Prefix of the fields that a call forwards from its client."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hello:
-    """What the importing side says first. The attributes are the header's fields."""
+    """The first header on a link, sent by the import side. The attributes are its fields."""
 
-    topic: str  #: the name of the subject, whatever that is
+    topic: str  #: the name of the topic, service or parameter
     type: str
     md5sum: str
     source_node: str
@@ -42,16 +42,16 @@ class Hello:
     gateways_passed: tuple[str, ...]
     nonce: str
     subject: Subject = Subject.TOPIC
-    keys: tuple[str, ...] = ()  #: names of the keys that we can prove knowledge of, the one to prefer first
-    client: tuple[tuple[str, str], ...] = ()  #: of a call, the fields of its client's connection header, sorted
-    options: LinkOptions = NO_OPTIONS  #: of a topic, what the sink asks for; a field for each that is not off
+    keys: tuple[str, ...] = ()  #: names of the keys we have, preferred one first
+    client: tuple[tuple[str, str], ...] = ()  #: for a call, the sorted fields of the client's connection header
+    options: LinkOptions = NO_OPTIONS  #: for a topic, the sink's options; one field for each enabled option
 
     def of_client(self, fields: Mapping[str, str]) -> "Hello":
         """Returns the hello of a call for a client with this connection header."""
         return dataclasses.replace(self, client=tuple(sorted(fields.items())))
 
     def fields(self) -> dict[str, str]:
-        """The connection header."""
+        """Returns the fields of the connection header."""
         return {
             "relay": VERSION,
             self.subject: self.topic,
@@ -69,11 +69,11 @@ class Hello:
 
     @classmethod
     def from_fields(cls, fields: Mapping[str, str]) -> "Hello":
-        """Reads a connection header.
+        """Parses the fields of a connection header.
 
         Raises:
-            AskError: its options are not sound.
-            LinkError: another version, or a field is missing.
+            AskError: its options are invalid.
+            LinkError: the version differs, or a field is missing.
         """
         if fields.get("relay") != VERSION:
             raise LinkError(f"it does not speak version {VERSION} of the link protocol")
@@ -102,29 +102,29 @@ class Hello:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """A no, with the state in which it leaves the link."""
+    """A refused link: its resulting state and the reason."""
 
     state: LinkState
     reason: str
 
     def fields(self) -> dict[str, str]:
-        """The connection header."""
+        """Returns the fields of the connection header."""
         return {"relay": VERSION, "error": self.reason, "state": self.state}
 
 
 def state_from_field(word: str) -> LinkState:
-    """Returns the state of that name; a word that we do not know is `REFUSED`."""
+    """Returns the state of that name; `REFUSED` for an unknown name."""
     return LinkState(word) if word in set(LinkState) else LinkState.REFUSED
 
 
 def limit_from_fields(fields: Mapping[str, str]) -> str:
-    """Returns how a welcome limits the rate, for people; "" where it does not."""
+    """Returns the rate limit in a welcome as readable text; "" if there is none."""
     rate = fields.get("rate", "")[:24]
     return f"at most {rate.removesuffix('.0')} messages a second" if rate else ""
 
 
 def seconds_from_field(text: str) -> float:
-    """Returns a time that somebody else has measured; 0 if it is none that can be."""
+    """Parses a round-trip time reported by the peer [s]; returns 0 if it is invalid."""
     try:
         seconds = float(text)
     except ValueError:
@@ -133,7 +133,7 @@ def seconds_from_field(text: str) -> float:
 
 
 def mismatch(wanted_type: str, wanted_md5sum: str, type_: str, md5sum: str) -> str:
-    """Returns what is wrong between the wanted and the given type and MD5 sum, "" if they agree."""
+    """Returns how type or MD5 sum differ from the wanted ones, "" if they match."""
     if ANY not in (wanted_type, type_) and wanted_type != type_:
         return f"the type here is {type_}, asked for was {wanted_type}"
     if ANY not in (wanted_md5sum, md5sum) and wanted_md5sum != md5sum:
@@ -142,10 +142,10 @@ def mismatch(wanted_type: str, wanted_md5sum: str, type_: str, md5sum: str) -> s
 
 
 def proof(key: bytes, role: str, hello: Hello, challenge: str) -> str:
-    """Returns what shows that we know a key, for this hello and this challenge only.
+    """Returns the proof that we know a key, valid only for this hello and challenge.
 
     Args:
-        key: of the fleet.
+        key: the fleet's key.
         role: "source" or "sink", so that neither side can send the other's proof back.
         hello: as sent; its nonce is the sink's challenge to the source.
         challenge: the source's challenge to the sink.
@@ -155,5 +155,5 @@ def proof(key: bytes, role: str, hello: Hello, challenge: str) -> str:
 
 
 def is_proof(given: str, expected: str) -> bool:
-    """Tells in constant time whether a proof is the expected one; none is where none is expected."""
+    """Returns, in constant time, whether a proof is correct; always False if `expected` is empty."""
     return expected != "" and hmac.compare_digest(given.encode("utf-8", "replace"), expected.encode())

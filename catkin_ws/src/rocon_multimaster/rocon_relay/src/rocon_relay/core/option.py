@@ -1,4 +1,4 @@
-"""What a rule may ask of its links beyond carrying: how often, how much may wait, what of it, and how small."""
+"""Per-link options of a rule: rate limit, queue size, filter, compression."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -8,7 +8,7 @@ from rocon_relay.core.error import RelayError
 from rocon_relay.core.pattern import PatternError, compiled, matches_whole
 
 LEAST_RATE = 1e-3
-"""The smallest rate [Hz]: what waits its turn waits for a time that a clock can hold."""
+"""Minimum rate [Hz]. It keeps the waiting times within the range of a timer."""
 
 
 class OptionError(RelayError):
@@ -17,22 +17,22 @@ class OptionError(RelayError):
 
 @dataclass(frozen=True, slots=True)
 class LinkOptions:
-    """What the source does before anything crosses a link; nothing by default."""
+    """Processing at the source before messages are sent on a link; none by default."""
 
-    rate: float = 0.0  #: at most so many messages a second cross, always the newest; 0 is any number [Hz]
-    #: so many messages wait for a slow link at most, the oldest are dropped; 0 leaves that to the publisher, which is
-    #: slowed instead
+    rate: float = 0.0  #: maximum message rate; the newest message is sent; 0 is unlimited [Hz]
+    #: maximum number of messages queued for a slow link, the oldest are dropped; 0 applies back-pressure to the
+    #: publisher instead
     queue_size: int = 0
-    compress: bool = False  #: messages cross deflated (zlib, level 1)
-    #: regular expressions: of a tf message only transforms cross whose child frame matches each of them
+    compress: bool = False  #: compresses messages with zlib
+    #: regular expressions: only transforms whose child frame matches all of them are sent in a tf message
     tf_frames: tuple[str, ...] = ()
-    #: at most so many messages a second of their own stamps cross, whatever the real-time factor, each the first of its
-    #: period, and those without a stamp; 0 is any number [Hz]. For clocks, tf (each set of frames for itself), and
-    #: types that begin with a header.
+    #: maximum rate by message stamps, independent of the real-time factor: the first message of each period is sent;
+    #: messages without a stamp always are; 0 is unlimited [Hz]. For clocks, tf (per set of frames), and types that
+    #: begin with a header.
     stamp_rate: float = 0.0
 
     def __post_init__(self) -> None:
-        """Raises OptionError for a rate that is less than `LEAST_RATE`."""
+        """Raises OptionError for a rate below `LEAST_RATE`."""
         for name, rate in (("rate", self.rate), ("stamp_rate", self.stamp_rate)):
             if 0 < rate < LEAST_RATE:
                 raise OptionError(f"{name} is {rate:g}; the least is {LEAST_RATE:g} Hz")
@@ -44,11 +44,11 @@ class LinkOptions:
 
     @property
     def limit(self) -> str:
-        """The rate for people; "" without one."""
+        """The rate limit as readable text; "" if there is none."""
         return f"at most {self.rate:g} messages a second" if self.rate else ""
 
     def joined(self, other: "LinkOptions") -> "LinkOptions":
-        """Returns what satisfies both."""
+        """Returns options that satisfy both."""
         return LinkOptions(
             _least(self.rate, other.rate),
             int(_least(self.queue_size, other.queue_size)),
@@ -58,7 +58,7 @@ class LinkOptions:
         )
 
     def fields(self) -> dict[str, str]:
-        """The fields of a link's hello and welcome; none for an option that is not asked for."""
+        """Returns the fields for a link's hello and welcome, one for each enabled option."""
         fields = {
             "rate": str(float(self.rate)) if self.rate else "",
             "queue_size": str(self.queue_size or ""),
@@ -69,12 +69,12 @@ class LinkOptions:
         return {key: value for key, value in fields.items() if value}
 
     def keeps_frame(self) -> Callable[[str], bool]:
-        """Returns what tells whether a transform with this child frame crosses; a leading slash counts for nothing."""
+        """Returns a predicate for child frames: whether such a transform is sent. It ignores a leading slash."""
         return lambda frame: all(matches_whole(one, frame.lstrip("/")) for one in self.tf_frames)
 
 
 NO_OPTIONS = LinkOptions()
-"""Everything crosses as it is."""
+"""Messages are sent unchanged."""
 
 
 def _least(*limits: float) -> float:
@@ -82,7 +82,7 @@ def _least(*limits: float) -> float:
 
 
 def check_frames(pattern: str) -> None:
-    """Raises OptionError for a pattern that is no regular expression."""
+    """Raises OptionError if the pattern is not a regular expression."""
     try:
         compiled(pattern)
     except PatternError as error:
@@ -93,7 +93,7 @@ def options_from_fields(fields: Mapping[str, str]) -> LinkOptions:
     """Returns the options in a hello.
 
     Raises:
-        OptionError: they are not sound.
+        OptionError: an option is invalid.
     """
     compress = fields.get("compress", "")
     if compress not in ("", "zlib"):

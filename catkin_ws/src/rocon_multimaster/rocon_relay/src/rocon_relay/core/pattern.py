@@ -1,7 +1,7 @@
-r"""Regular expressions in RE2's syntax, which match in time linear in the text; each is compiled once.
+r"""Regular expressions in RE2 syntax, matched in linear time and compiled once each.
 
-Python's own engine goes back and tries again: `/(\w+/?)+/odom` takes it minutes to say no to one long name. RE2 does
-without look-ahead, look-behind, back-references, possessive quantifiers and atomic groups, all of which it refuses.
+Python's own engine backtracks: it needs minutes to reject one long name for `/(\w+/?)+/odom`. RE2 does not support
+look-ahead, look-behind, back-references, possessive quantifiers and atomic groups, and rejects them.
 """
 
 import functools
@@ -11,7 +11,7 @@ import re2
 from rocon_relay.core.error import RelayError
 
 LONGEST_PATTERN = 1024
-"""Longest pattern [characters]."""
+"""Maximum length of a pattern [characters]."""
 
 _OPTIONS = re2.Options()
 _OPTIONS.log_errors = False
@@ -19,12 +19,12 @@ _OPTIONS.max_mem = 1 << 20
 
 
 class PatternError(RelayError):
-    """A text that is no regular expression, or one that cannot be matched in linear time."""
+    """The text is not a regular expression, or cannot be matched in linear time."""
 
 
 @functools.lru_cache(maxsize=4096)
 def compiled(pattern: str) -> "re2._Regexp[str]":
-    """Returns a pattern, compiled once. Raises PatternError for a text that is none."""
+    """Returns the compiled pattern, cached. Raises PatternError if it is invalid."""
     if len(pattern) > LONGEST_PATTERN:
         raise PatternError(f"it has {len(pattern)} characters, more than {LONGEST_PATTERN}")
     try:
@@ -37,7 +37,7 @@ def compiled(pattern: str) -> "re2._Regexp[str]":
 
 @functools.lru_cache(maxsize=1 << 14)
 def matches_whole(pattern: str, text: str) -> bool:
-    """Tells whether the whole of `text` matches; `pattern` must be a regular expression."""
+    """Returns whether the whole `text` matches; `pattern` must be a valid regular expression."""
     if "\udc80" <= max(text, default="") <= "\udfff":
-        return False  # bytes that are not UTF-8 are in no name
+        return False  # no name contains invalid UTF-8
     return compiled(pattern).fullmatch(text) is not None

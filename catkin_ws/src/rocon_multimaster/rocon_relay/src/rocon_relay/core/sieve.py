@@ -1,4 +1,4 @@
-"""What of a stream of messages crosses a link, where a rule asks for less than all of it. Serialised, no clock."""
+"""Filters, throttles and compresses serialised messages for a link. Reads no clock."""
 
 import functools
 import struct
@@ -9,19 +9,19 @@ from rocon_relay.core.error import RelayError
 from tcpros.core.frame import Chunk
 
 TF_TYPES = frozenset({"tf2_msgs/TFMessage", "tf/tfMessage"})
-"""Types that are one array of geometry_msgs/TransformStamped."""
+"""Message types that consist of one array of geometry_msgs/TransformStamped."""
 
 LEVEL = 1
-"""Of zlib: the quickest."""
+"""zlib compression level: the fastest."""
 
 SMALL, SMALL_LEVEL = 4096, 6
-"""Messages of so many bytes at most are compressed at this level instead: it costs them some microseconds."""
+"""Size limit of small messages [bytes], and their compression level, which costs only some microseconds more."""
 
 _REMEMBERED = 8
-"""Messages whose transforms, and whose compressed form, are remembered."""
+"""Number of messages whose transforms and compressed form are cached."""
 
 MOST_KINDS = 256
-"""So many kinds of messages a `StampPace` tells apart before it forgets them all."""
+"""Maximum number of message kinds that a `StampPace` tracks; beyond it, the table is cleared."""
 
 _LENGTH, _TIME = struct.Struct("<I"), struct.Struct("<II")
 _STAMPS = {"rosgraph_msgs/Clock": 0, **dict.fromkeys(TF_TYPES, 8)}
@@ -32,14 +32,14 @@ _POSE = 56  # translation and rotation, after its child_frame_id
 
 
 class DeflatedError(RelayError):
-    """What should be a compressed message is none, or too long a one."""
+    """A compressed message is invalid or too long."""
 
 
 def matching_transforms(message: memoryview, keeps: Callable[[str], bool]) -> bytes | None:
-    """Returns a message of one of `TF_TYPES` with those transforms only whose child frame `keeps` accepts.
+    """Returns a message of one of `TF_TYPES` reduced to the transforms whose child frame `keeps` accepts.
 
     Returns:
-        None where none is left, or `message` is no such message.
+        None if no transform is left, or `message` is malformed.
     """
     transforms = _transforms(bytes(message))
     kept = [message[start:end] for child, start, end in transforms if keeps(child)]
@@ -50,9 +50,9 @@ def matching_transforms(message: memoryview, keeps: Callable[[str], bool]) -> by
 
 @functools.lru_cache(maxsize=_REMEMBERED)
 def _transforms(message: bytes) -> tuple[tuple[str, int, int], ...]:
-    """Returns child frame, begin and end of each transform of a message; none where it is malformed.
+    """Returns child frame, start and end of each transform in a message; empty if it is malformed.
 
-    Remembered, as what is `deflated`: a fleet's robots each get the same messages.
+    Cached, like `deflated`, because all robots of a fleet get the same messages.
     """
     found = []
     try:
@@ -72,7 +72,7 @@ def _transforms(message: bytes) -> tuple[tuple[str, int, int], ...]:
 
 
 def deflated(message: memoryview) -> bytes:
-    """Returns a message in zlib's format."""
+    """Returns the message compressed with zlib."""
     return _deflated_small(bytes(message)) if len(message) <= SMALL else zlib.compress(message, LEVEL)
 
 
@@ -82,7 +82,7 @@ def _deflated_small(message: bytes) -> bytes:
 
 
 def inflated(data: memoryview, max_size: int) -> bytes:
-    """Returns the message that was `deflated`. Raises DeflatedError if it is none or longer than `max_size`."""
+    """Returns the decompressed message. Raises DeflatedError if it is invalid or longer than `max_size`."""
     inflate = zlib.decompressobj()
     try:
         message = inflate.decompress(data, max_size + 1)
@@ -94,16 +94,16 @@ def inflated(data: memoryview, max_size: int) -> bytes:
 
 
 def whole_frame(message: bytes | memoryview) -> Chunk:
-    """Returns a message as a frame of its own."""
+    """Returns a message as a complete frame."""
     frame = memoryview(b"".join((_LENGTH.pack(len(message)), message)))
     return Chunk(frame, 0, True, len(frame), 1)
 
 
 class Pace:
-    """Spaces messages: after each, the next may go one period later.
+    """Throttle: allows one message per period.
 
     Args:
-        rate: the most messages a second [Hz].
+        rate: maximum message rate [Hz].
     """
 
     def __init__(self, rate: float) -> None:
@@ -115,19 +115,19 @@ class Pace:
         return max(0.0, self._due - now)
 
     def went(self, now: float) -> None:
-        """Takes note that a message went."""
+        """Records that a message was sent."""
         self._due = now + self._period
 
 
 class StampPace:
-    """Picks messages by the time that they carry: of each kind the first of each period.
+    """Throttle by message stamps: picks the first message of each period and kind.
 
-    One publisher may send each of its frames in a tf message of its own, or some frames less often than others; so tf
-    messages are of one kind only if they are equally long and begin with the same frames. Others are all of one kind.
+    A publisher may send each frame in a separate tf message, or some frames less often than others. So tf messages
+    belong to the same kind only if they are equally long and begin with the same frames. All others are one kind.
 
     Args:
-        rate: periods a second [Hz].
-        type_: the messages' type: a clock, one of `TF_TYPES`, or one that begins with a header.
+        rate: periods per second [Hz].
+        type_: the message type: a clock, one of `TF_TYPES`, or one that begins with a header.
     """
 
     def __init__(self, rate: float, type_: str) -> None:
@@ -137,7 +137,7 @@ class StampPace:
         self._last: dict[bytes, int] = {}
 
     def kind(self, message: memoryview) -> bytes:
-        """Returns what tells messages apart that are picked each for itself."""
+        """Returns the kind of a message; each kind is throttled separately."""
         try:
             end = _after_text(message, _after_text(message, _FRAMES)) if self._has_frames else 0
         except struct.error:
@@ -145,7 +145,7 @@ class StampPace:
         return b"%d %b" % (len(message), message[_FRAMES:end]) if end else b""
 
     def picks(self, message: memoryview, kind: bytes = b"") -> bool:
-        """Returns whether a message of this kind is to go; one without a stamp is."""
+        """Returns whether to send a message of this kind; always true without a stamp."""
         if len(message) < self._position + _TIME.size:
             return True
         seconds, nanoseconds = _TIME.unpack_from(message, self._position)

@@ -1,4 +1,4 @@
-"""What flows on connections, from their counters."""
+"""Computes the data rates of connections from their counters."""
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
@@ -11,21 +11,21 @@ Key = TypeVar("Key", bound=Hashable)
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """What a connection carried since it was last looked at."""
+    """Average rates on a connection since the previous look."""
 
-    messages: float = 0.0  #: a second
-    bytes: float = 0.0  #: of the messages, a second
+    messages: float = 0.0  #: messages per second
+    bytes: float = 0.0  #: bytes of messages per second
 
 
 class Traffic:
-    """Turns counters into rates, from one look to the next."""
+    """Converts counters into rates between successive looks."""
 
     def __init__(self) -> None:
         self._then = 0.0
         self._before: dict[Hashable, LinkStatus] = {}
 
     def look(self, now: float, links: Mapping[Key, LinkStatus]) -> dict[Key, Flow]:
-        """Returns how much flows on each connection; nothing yet on one that is looked at for the first time."""
+        """Returns the rates on each connection; zero for a connection seen for the first time."""
         elapsed = max(now - self._then, 1e-3)
         flows = {key: _flow(self._before.get(key, link), link, elapsed) for key, link in links.items()}
         self._then, self._before = now, dict(links.items())

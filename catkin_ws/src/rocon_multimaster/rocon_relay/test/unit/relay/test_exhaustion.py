@@ -66,7 +66,7 @@ def test_an_import_that_got_no_socket_is_dialled_again(relays, talkers, scarce):
     source, sink = relays("source"), relays("sink", retry_shortest=0.5)
     scarce.refuse("dialled_link", 2)
     connect(source, sink, state=LinkState.UNREACHABLE)
-    assert sink.link().reason == "this gateway's computer gives it no socket: Too many open files"
+    assert sink.link().reason == "no socket available on this gateway's computer: Too many open files"
     wait_for(sink, LinkState.ACTIVE)
 
 

@@ -1,4 +1,4 @@
-"""A fleet's certificate authority, by the program openssl: keys, and certificates for them."""
+"""A fleet's certificate authority: creates keys and signs certificates with the `openssl` program."""
 
 import ipaddress
 import re
@@ -11,10 +11,10 @@ from tcpros.adapters.tls import AUTHORITY, CERTIFICATE, KEY
 from tcpros.core.error import CertificateError
 
 AUTHORITY_KEY = "ca.key"
-"""The owner of this key can make members of the fleet: it stays where it was made."""
+"""The authority's private key. Anyone who has it can add members to the fleet, so it never leaves this directory."""
 
 AUTHORITY_DAYS, DAYS = 3650, 825
-"""How long certificates are good [days]."""
+"""Validity of the authority's certificate and of machine certificates [days]."""
 
 _NEW_KEY = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-noenc")
 _EXTENSIONS = """basicConstraints=critical,CA:FALSE
@@ -26,11 +26,11 @@ authorityKeyIdentifier=keyid
 
 
 class Authority:
-    """The authority in a directory: made when first needed, then used on.
+    """A certificate authority kept in a directory. It is created on first use and reused afterwards.
 
     Args:
-        directory: made if absent.
-        days: how long the certificates that it signs are good [days].
+        directory: created if absent.
+        days: validity of the certificates it signs [days].
     """
 
     def __init__(self, directory: Path, days: int = DAYS) -> None:
@@ -39,7 +39,7 @@ class Authority:
         self._certificate, self._key = directory / AUTHORITY, directory / AUTHORITY_KEY
 
     def certify(self, name: str) -> Path:
-        """Makes a key and a certificate for a machine, new ones if it has some; returns the machine's directory.
+        """Creates a key and a certificate for a machine, replacing existing ones; returns the machine's directory.
 
         Raises:
             CertificateError: the name is invalid, or openssl cannot be run or fails.
@@ -60,7 +60,7 @@ class Authority:
         target.mkdir(mode=0o700, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=self._directory) as folder:
             made = Path(folder)
-            # Browsers look for the name here only.
+            # Browsers check only the subjectAltName.
             (made / "extensions").write_text(f"{_EXTENSIONS}subjectAltName={_alternative(name)}\n")
             subject = ("-subj", f"/CN={name}")
             _openssl("req", *_NEW_KEY, *subject, "-keyout", made / KEY, "-out", made / "request")
@@ -95,7 +95,7 @@ def _openssl(*arguments: str | Path) -> None:
     program = shutil.which("openssl")
     if program is None:
         raise CertificateError("there is no openssl on the PATH; install the package openssl")
-    # What it writes is for nobody else's eyes.
+    # The umask keeps the files private to this user.
     argv = [program, *map(str, arguments)]
     done = subprocess.run(argv, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL, umask=0o077)
     if done.returncode:

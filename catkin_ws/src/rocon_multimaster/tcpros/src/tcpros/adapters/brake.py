@@ -1,4 +1,4 @@
-"""Keeps a stream from bringing more than anybody takes, but waits for nobody who stands still."""
+"""Back-pressure: pauses a stream while its receivers are full, but does not wait for stalled receivers."""
 
 import time
 from collections.abc import Callable
@@ -7,24 +7,24 @@ from tcpros.adapters.reactor import Reactor, Timer
 from tcpros.core.fanout import Fanout
 
 STALL = 1.0
-"""Receivers that together have taken not a byte for so long are not waited for [s]."""
+"""The receivers count as stalled if together they have taken no byte for this long [s]."""
 
 
 class Brake:
-    """Holds a stream back while what it feeds is full.
+    """Pauses a stream while the fan-out it feeds is full.
 
-    Where all receivers stand still, the stream resumes, and their backlogs drop the oldest, until one of them takes
-    something again: a receiver that has stopped must not stop the sender, nor make its own link look dead.
+    If all receivers stall, the stream resumes and their backlogs drop the oldest messages until one of them takes
+    data again: a stalled receiver must neither stop the sender nor make its own link look dead.
 
     Args:
-        reactor: where it looks after itself.
-        fanout: what the stream feeds.
-        longest: receivers that take something, but not all of what waits within so long, are not waited for either [s].
+        reactor: runs the periodic check.
+        fanout: receives the stream.
+        longest: upper limit for one pause, even if the receivers are slow rather than stalled [s].
         changed: called when the stream may resume.
     """
 
     def __init__(self, reactor: Reactor, fanout: Fanout, longest: float, changed: Callable[[], None]) -> None:
-        self.is_on = False  #: whether the stream shall not be read now
+        self.is_on = False  #: whether reading the stream is paused
         self._reactor = reactor
         self._fanout = fanout
         self._longest = longest
@@ -37,7 +37,7 @@ class Brake:
         fanout.relieved = self._release
 
     def apply(self) -> None:
-        """Holds the stream back, unless its receivers stand still."""
+        """Pauses the stream unless its receivers are stalled."""
         if self._stand_still and self._fanout.acknowledged() != self._acknowledged:
             self._yields = self._stand_still = False
         self.is_on = not self._yields
@@ -46,7 +46,7 @@ class Brake:
             self._look_later()
 
     def cancel(self) -> None:
-        """Ends; nothing is called any more."""
+        """Stops the brake; no callback is called afterwards."""
         self._fanout.relieved = _nothing
         if self._timer is not None:
             self._timer.cancel()
@@ -61,7 +61,7 @@ class Brake:
         self._timer = self._reactor.call_later(STALL, self._look)
 
     def _look(self) -> None:
-        """Every `STALL` seconds while it holds or yields: one timer, however often the brake changes."""
+        """Checks the receivers every `STALL` seconds while on or yielding, with a single timer."""
         self._timer = None
         if not self.is_on and not self._yields:
             self._acknowledged = -1
@@ -76,4 +76,4 @@ class Brake:
 
 
 def _nothing() -> None:
-    """Stands where nobody waits for relief."""
+    """Default `relieved` callback."""

@@ -1,4 +1,4 @@
-"""A non-blocking TCP connection in the reactor: dialling, TLS handshake, sending, closing. Receiving is `stream`'s."""
+"""A non-blocking TCP connection in the reactor: connect, TLS handshake, send, close. `stream` adds receiving."""
 
 import os
 import select
@@ -16,11 +16,11 @@ from tcpros.core.frame import Chunk
 _IN, _OUT = select.EPOLLIN, select.EPOLLOUT
 _FAILED = select.EPOLLERR | select.EPOLLHUP
 _ACKED = struct.Struct("=120xQ")  # the beginning of Linux's tcp_info, up to tcpi_bytes_acked
-_RECEIVED = struct.Struct("=128xQ")  # likewise, up to tcpi_bytes_received
+_RECEIVED = struct.Struct("=128xQ")  # the same, up to tcpi_bytes_received
 
 
 class Channel:
-    """One connection, as far as it sends. It is a `core.fanout.Outlet`, and its own `Pressure` and `DirectSink`.
+    """The sending side of one connection: a `core.fanout.Outlet` that is its own `Pressure` and `DirectSink`.
 
     Subclasses override `readable` and `is_reading`, and may override `connected`, `without_tls`, `closed` and `left`.
 
@@ -28,13 +28,13 @@ class Channel:
         reactor: the loop.
         sock: the connection.
         peer: the other end, for log lines.
-        tls: encrypts the connection; None for none.
+        tls: encrypts the connection; None for plain TCP.
     """
 
     def __init__(self, reactor: Reactor, sock: socket.socket, peer: str, tls: TlsSocket | None = None) -> None:
-        self.backlog = Backlog(1, 0)  #: what waits to be sent
+        self.backlog = Backlog(1, 0)  #: queued data
         self.peer = peer  #: the other end, for log lines
-        self.relieved: Callable[[], None] = _do_nothing  #: called when everything that waited has been sent
+        self.relieved: Callable[[], None] = _do_nothing  #: called when the queue has been sent completely
         self.is_closed = False  #: whether `close` was called
         self._reactor = reactor
         self._socket = sock
@@ -69,7 +69,7 @@ class Channel:
         return True
 
     def connect(self, host: str, port: int) -> None:
-        """Dials a numeric address; `connected` or `closed` follows."""
+        """Starts connecting to a numeric address; `connected` or `closed` is called later."""
         self._connecting = True
         self._watch(_OUT)
         try:
@@ -81,20 +81,20 @@ class Channel:
             self._reactor.call(lambda: self.close(reason))
 
     def connected(self) -> None:
-        """Called once a dialled or encrypted connection is established."""
+        """Called once the connection is established, including TLS. Not called for accepted plain connections."""
 
     def readable(self) -> None:
-        """Called when there is something to read, or the connection has ended."""
+        """Called when data can be read or the connection has ended."""
 
     def without_tls(self) -> None:
-        """Called when the peer does not speak TLS although it should; from then on the channel does not either."""
+        """Called when the peer does not speak TLS although it should. The channel has switched to plain TCP by then."""
         self.close(NoTlsError().strerror)
 
     def closed(self, reason: str) -> None:
         """Called once, after the connection has ended for any reason."""
 
     def left(self) -> None:
-        """Called when the frame that was under way at `Fanout.leave` has been sent whole."""
+        """Called when the frame being sent at the time of `Fanout.leave` is complete."""
 
     def ready(self, events: int) -> None:
         """Handles epoll events."""
@@ -115,7 +115,7 @@ class Channel:
         if direct is None:
             self.backlog.queue(chunk)
             return
-        # The beginning of a message can wait for more of it, in the kernel, if no other message's end waits with it.
+        # The kernel may hold back the start of a message until more arrives, unless that delays another message's end.
         flags = socket.MSG_MORE if chunk.is_open and not chunk.ended else 0
         try:
             count = self._wire.send(direct, flags) if direct else 0
@@ -132,7 +132,7 @@ class Channel:
         return self._socket.fileno()
 
     def passed(self, count: int, ended: bool) -> None:
-        """Records bytes of one message that were written to `fileno` directly."""
+        """Records bytes of one message that were written directly to `fileno`."""
         self.backlog.passed(ended)
 
     def acknowledged(self) -> int:
@@ -144,13 +144,13 @@ class Channel:
         return self._tcp_info(_RECEIVED)
 
     def send(self, data: bytes) -> None:
-        """Sends bytes that are never dropped, after everything that waits."""
+        """Queues bytes behind all waiting data and sends what it can. These bytes are never dropped."""
         if data:
             self.backlog.insert(data)
         self.flush()
 
     def pass_on(self, data: memoryview) -> None:
-        """Sends bytes that are never dropped and may change after this call, after everything that waits."""
+        """Like `send`, but the caller may change `data` after the call."""
         sent = 0
         if self.backlog.is_empty:
             try:
@@ -170,7 +170,7 @@ class Channel:
         self.send(data)
 
     def flush(self) -> None:
-        """Sends what waits, as far as the peer takes it."""
+        """Sends queued data until the socket would block."""
         if self.is_closed or self._connecting or self._shaking:
             return
         try:
@@ -200,7 +200,7 @@ class Channel:
         self.closed(reason)
 
     def update_events(self) -> None:
-        """Waits for the events that matter now."""
+        """Updates the epoll mask to the events needed now."""
         if self.is_closed or self._connecting or self._shaking:
             return
         reading = _IN if self.is_reading else 0
@@ -239,7 +239,7 @@ class Channel:
             return
         self._established()
         if not self.is_closed:
-            self.readable()  # data may have come in one piece with the end of the handshake
+            self.readable()  # data may have arrived together with the end of the handshake
 
     def _established(self) -> None:
         self.update_events()
@@ -269,18 +269,18 @@ def _reason(error: OSError) -> str:
 
 
 def dialled_socket() -> socket.socket:
-    """Returns a socket to dial with. Raises DialError if no socket is available."""
+    """Returns a socket for an outgoing connection. Raises DialError if no socket is available."""
     try:
         return socket.socket(socket.AF_INET, socket.SOCK_STREAM | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC)
     except OSError as error:
-        raise DialError(f"this gateway's computer gives it no socket: {error.strerror}") from None
+        raise DialError(f"no socket available on this gateway's computer: {error.strerror}") from None
 
 
 def watch_liveness(sock: socket.socket) -> None:
-    """Has the kernel end the connection when its peer has acknowledged nothing for eight seconds.
+    """Makes the kernel close the connection if the peer acknowledges nothing for eight seconds.
 
-    An idle connection is probed every two seconds; bytes that the peer's machine does not acknowledge, or that
-    the peer does not read, end it after seven. This costs the process no wake-up.
+    An idle connection is probed every two seconds. Data that the peer's host does not acknowledge, or that the peer
+    does not read, closes it after seven. The process is never woken for this.
     """
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 2)

@@ -1,4 +1,4 @@
-"""Open files and sockets: how many the process may have, and which of them have something to read."""
+"""File descriptors: raises the limit of the process, and waits until some are readable."""
 
 import contextlib
 import resource
@@ -11,24 +11,24 @@ class HasDescriptor(Protocol):
     """A file or socket."""
 
     def fileno(self) -> int:
-        """Returns its descriptor."""
+        """Returns the descriptor."""
 
 
 def raise_limit() -> None:
-    """Lets this process have as many open as the system allows it; what it was started with is often 1024.
+    """Raises this process' limit of open descriptors to the hard limit. The default is often 1024.
 
-    That is little: each link, subscriber and client of a service takes one.
+    That is not enough: each link, subscriber and service client takes one.
     """
     _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    # Some kernels grant less than they told; then it stays as it was.
+    # Some kernels grant less than the reported hard limit; then the limit stays as it was.
     with contextlib.suppress(OSError, ValueError):
         resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
 
 
 def readable(waited: Iterable[int | HasDescriptor], seconds: float) -> set[int]:
-    """Waits until one of these descriptors can be read, at most so long; returns those that can.
+    """Waits up to `seconds` until at least one descriptor is readable; returns the readable ones.
 
-    Unlike `select.select`, which takes none above 1023.
+    Unlike `select.select`, it works for descriptors above 1023.
     """
     poll = select.poll()
     for one in waited:

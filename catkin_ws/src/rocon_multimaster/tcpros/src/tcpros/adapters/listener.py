@@ -1,4 +1,4 @@
-"""A port of the relay's."""
+"""A listening TCP port in the reactor."""
 
 import contextlib
 import errno
@@ -14,11 +14,11 @@ _EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 _OPTION: int = socket.TCP_CONGESTION  # type: ignore[attr-defined]
 
 _UNPACED = b"reno"
-"""The congestion control for peers on this machine, where there is no network to spare; every kernel has it.
+"""Congestion control for peers on this machine, where no network needs protection; every kernel has it.
 
-Where the machine's is BBR, it measures a rate there too and keeps to it with timers, which costs a third more processor
-time a megabyte. A connection that has begun with it keeps its timers, so one begins without and gets the machine's
-choice when the peer turns out to be on another machine.
+If the system default is BBR, it would pace local connections too, with timers that cost a third more CPU time per
+megabyte. A connection that starts with BBR keeps these timers. So every connection starts with this one and is
+switched to the system default once the peer turns out to be on another machine.
 """
 
 
@@ -40,10 +40,10 @@ class Listener:
         self._usual = _chosen(self._socket)
         _choose(self._socket, _UNPACED)
         self._socket.listen(backlog)
-        self.port = int(self._socket.getsockname()[1])  #: its port
+        self.port = int(self._socket.getsockname()[1])  #: the port number
 
     def start(self) -> None:
-        """Begins to accept."""
+        """Starts accepting connections."""
         self._reactor.add(self._socket.fileno(), self, _IN)
 
     def ready(self, events: int) -> None:
@@ -51,7 +51,7 @@ class Listener:
         try:
             sock, address = self._socket.accept()
         except OSError as error:
-            if error.errno in _EXHAUSTED:  # epoll would say it again at once, for ever
+            if error.errno in _EXHAUSTED:  # epoll would report the same event forever
                 self._reactor.change(self._socket.fileno(), 0)
                 self._reactor.call_later(1.0, self._resume)
             return
@@ -75,5 +75,5 @@ def _chosen(sock: socket.socket) -> bytes:
 
 
 def _choose(sock: socket.socket, congestion_control: bytes) -> None:
-    with contextlib.suppress(OSError):  # a kernel, or an administrator, may not let us
+    with contextlib.suppress(OSError):  # the kernel or the administrator may forbid it
         sock.setsockopt(socket.IPPROTO_TCP, _OPTION, congestion_control)

@@ -1,4 +1,4 @@
-"""What the nodes of one process share."""
+"""State shared by the nodes of one process."""
 
 import logging
 
@@ -7,18 +7,18 @@ from tcpros.adapters.resolver import Resolver
 from tcpros.adapters.xmlrpc_client import Server
 
 PATIENCE = 5.0
-"""Within which a connection must have introduced itself, and a master or node answered a call [s]."""
+"""Timeout for a connection header to arrive, and for a master or node to answer a call [s]."""
 
 
 class NodeContext:
-    """The loop, the master, and where this machine is.
+    """The event loop, the master and the network address shared by these nodes.
 
     Args:
         reactor: the loop.
         master_uri: the master of all nodes.
-        host: name or address of this machine, for others.
+        host: name or address under which others reach this machine.
         bind: the local address to listen on; "" for all.
-        logger: for what is wrong with connections.
+        logger: receives connection problems.
     """
 
     def __init__(self, reactor: Reactor, master_uri: str, host: str, bind: str, logger: logging.Logger) -> None:
@@ -27,5 +27,5 @@ class NodeContext:
         self.master = self.server(master_uri)
 
     def server(self, uri: str) -> Server:
-        """Returns a client of a node's or master's XML-RPC server."""
+        """Returns a client for the XML-RPC server of a node or master."""
         return Server(self.reactor, self.resolver, uri, PATIENCE)

@@ -1,7 +1,7 @@
-"""The port of a node: who connects calls its XML-RPC API, subscribes, or calls a service.
+"""The port of a node, for both XML-RPC and TCPROS: API calls, subscribers and service clients.
 
-roscpp tells publishers apart by host and port, so no two nodes may share a port. One port does for both protocols of a
-node: XML-RPC begins with ``POST``, which as the length of a TCPROS header is out of bounds.
+roscpp distinguishes publishers by host and port, so two nodes cannot share a port. One node needs only one port for
+both protocols: XML-RPC begins with ``POST``, which is out of range as the length of a TCPROS header.
 """
 
 import logging
@@ -18,14 +18,14 @@ from tcpros.core.header import header_bytes, header_parser
 from tcpros.core.http import http_message, http_response
 
 MAX_UNIDENTIFIED = 64
-"""Connections to one node that do not, or not yet, subscribe or call a service; one more closes the oldest."""
+"""Maximum number of connections that have not subscribed or called a service; one more closes the oldest."""
 
 Ended = Callable[[str], object]
-"""Gets the reason once the connection has ended."""
+"""Called with the reason once the connection has ended."""
 
 
 class RefusedError(TcprosError):
-    """A node refuses a subscriber or client; the text goes to that one."""
+    """A node refuses a subscriber or client; the text is sent to that peer."""
 
 
 class SubscriberError(TcprosError):
@@ -40,13 +40,13 @@ class Resident(Protocol):
         """Its name, for log lines."""
 
     def answer(self, request: bytes) -> bytes:
-        """Returns the response to a call of its API. Raises TcprosError where it is no call."""
+        """Returns the response to an XML-RPC call. Raises TcprosError if the request is not a call."""
 
     def admit_subscriber(self, connection: Stream, fields: dict[str, str]) -> Ended:
-        """Takes a subscriber with its connection header. Raises RefusedError."""
+        """Accepts a subscriber with its connection header. Raises RefusedError."""
 
     def admit_client(self, connection: Stream, fields: dict[str, str]) -> Ended:
-        """Takes a client of a service with its connection header. Raises RefusedError."""
+        """Accepts a service client with its connection header. Raises RefusedError."""
 
 
 class NodePort:
@@ -55,12 +55,12 @@ class NodePort:
     Args:
         reactor: the loop.
         bind: the local address; "" for all.
-        node: who lives behind it.
-        logger: gets a line for each malformed connection.
-        patience: within which a connection must have said what it wants [s].
+        node: the node behind it.
+        logger: receives one line for each malformed connection.
+        patience: timeout for a connection to identify itself [s].
 
     Raises:
-        OSError: no port is to be had.
+        OSError: no port is available.
     """
 
     def __init__(self, reactor: Reactor, bind: str, node: Resident, logger: logging.Logger, patience: float) -> None:
@@ -74,7 +74,7 @@ class NodePort:
         self.number = self._listener.port  #: the port's number
 
     def open(self) -> None:
-        """Begins to accept connections."""
+        """Starts accepting connections."""
         self._listener.start()
 
     def close(self) -> None:
@@ -89,7 +89,7 @@ class NodePort:
         self.know(connection)
 
     def know(self, connection: "NodeConnection") -> None:
-        """Called by a connection that subscribes or calls, and is counted as what it is from now on."""
+        """Called by a connection that has subscribed or called a service and so no longer counts as unidentified."""
         self._unidentified.pop(connection, None)
 
     def _accepted(self, sock: socket.socket, peer: str) -> None:
@@ -97,7 +97,7 @@ class NodePort:
         self._connections.add(connection)
         self._unidentified[connection] = None
         if len(self._unidentified) > MAX_UNIDENTIFIED:
-            next(iter(self._unidentified)).give_up("too many connections that have not said what they want")
+            next(iter(self._unidentified)).give_up("too many connections without a connection header")
 
 
 class NodeConnection(Stream):
@@ -113,11 +113,11 @@ class NodeConnection(Stream):
         self.parse = self._parse_first
 
     def give_up(self, reason: str) -> None:
-        """Closes a connection of no subscriber; an idle one that was answered is not a fault worth a log line."""
+        """Closes an unidentified connection. Not logged if it is just an idle connection that has made API calls."""
         self.close("" if self._asked else f"malformed: {reason}")
 
     def closed(self, reason: str) -> None:
-        """Notifies the topic or service that has taken the connection over."""
+        """Notifies the topic or service that owns the connection."""
         self._timer.cancel()
         if reason.startswith("malformed"):
             self._port.logger.warning("%s from %s: %s", self._port.node.name, self.peer, reason)
@@ -130,7 +130,7 @@ class NodeConnection(Stream):
         if left > 0:
             self._timer = self._port.reactor.call_later(left, self._too_late)
         else:
-            self.give_up("it did not say in time what it wants")
+            self.give_up("timed out waiting for its connection header")
 
     def _parse_first(self, data: memoryview) -> int:
         if len(data) < 4:
@@ -151,17 +151,17 @@ class NodeConnection(Stream):
         except RefusedError as error:
             self.finish(header_bytes({"error": str(error)}))
             return
-        if self.is_closed:  # it went while it was answered
+        if self.is_closed:  # closed while the response was being sent
             ended("")
         else:
             self._ended = ended
 
     def _parse_nothing(self, data: memoryview) -> int:
-        raise SubscriberError("it sends though it subscribes")
+        raise SubscriberError("it sent unexpected data after subscribing")
 
     def _parse_http(self, data: memoryview) -> int:
         if not self.backlog.is_empty:
-            self.hold()  # who asks and asks and takes no answer would have us keep them all
+            self.hold()  # a client that sends requests but reads no responses would fill our memory
             return 0
         message = http_message(data, 0)
         if message is None or len(data) < message.end:

@@ -1,4 +1,4 @@
-"""From socket to socket within the kernel: large messages that need not be seen."""
+"""Zero-copy forwarding of large messages from socket to socket with splice(2)."""
 
 import contextlib
 import errno
@@ -7,35 +7,35 @@ import os
 from typing import NamedTuple
 
 SIZE = 2**20
-"""What is asked of the kernel, and moved at most in one call [bytes]; the most that it grants anybody."""
+"""Requested pipe size and upper limit of one move [bytes]; the kernel's maximum for unprivileged processes."""
 
 _NEVER = (errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP)
 _MOVE, _NONBLOCK, _MORE = 1, 2, 4  # splice(2); Python has no names for them
 
 
 class Moved(NamedTuple):
-    """What became of the bytes of one `Pipe.move`."""
+    """Result of one `Pipe.move`. If both fields are empty, the source has ended."""
 
-    taken: int  #: how many the sink has; none, and no rest: the source has ended
-    rest: bytes  #: those that the source gave and the sink did not take
+    taken: int  #: bytes written to the sink
+    rest: bytes  #: read from the source but not accepted by the sink
 
 
 class Pipe:
-    """A pipe that bytes are spliced through. It is empty between two calls, so one serves all connections."""
+    """A pipe to splice bytes through. It is empty between calls, so one serves all connections."""
 
     def __init__(self) -> None:
-        self.is_usable = True  #: false once the kernel has said that it cannot do it
+        self.is_usable = True  #: false once the kernel has reported that it does not support splicing here
         self._out, self._in = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         with contextlib.suppress(PermissionError):
             fcntl.fcntl(self._in, fcntl.F_SETPIPE_SZ, SIZE)
 
     def move(self, source: int, sink: int, count: int) -> Moved:
-        """Moves at most `count` bytes from one non-blocking socket to another, as far as these go now.
+        """Moves up to `count` bytes from one non-blocking socket to another, without waiting.
 
-        A sink that fails takes nothing: it says why when the rest is sent to it.
+        A failed sink takes nothing; its error appears when the caller sends it the rest.
 
         Raises:
-            BlockingIOError: the source has nothing, or `is_usable` is false now; nothing was moved.
+            BlockingIOError: the source has no data, or `is_usable` has become false; nothing was moved.
             OSError: the source has failed.
         """
         try:

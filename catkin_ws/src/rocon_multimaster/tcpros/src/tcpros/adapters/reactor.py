@@ -1,4 +1,4 @@
-"""One thread that waits for all sockets of a relay, and for its timers."""
+"""An epoll event loop: one thread serves all sockets and timers of a relay."""
 
 import heapq
 import itertools
@@ -16,7 +16,7 @@ from tcpros.adapters.pipe import Pipe
 from tcpros.core.moderation import Moderation
 
 BUFFER_SIZE = 256 * 1024
-"""Size of the one buffer that everything is received into [bytes]: it stays within the processor's cache."""
+"""Size of the single receive buffer [bytes]: small enough to stay in the CPU cache."""
 
 
 class Handler(Protocol):
@@ -26,11 +26,11 @@ class Handler(Protocol):
         """Called with the epoll events that occurred."""
 
     def close(self, reason: str) -> None:
-        """Called when `ready` raised something unforeseen."""
+        """Called when `ready` raised an unexpected exception."""
 
 
 class Timer:
-    """A call that is due later, unless it is cancelled."""
+    """A scheduled call, which can be cancelled."""
 
     __slots__ = ("callback",)
 
@@ -38,21 +38,21 @@ class Timer:
         self.callback: Callable[[], object] | None = callback
 
     def cancel(self) -> None:
-        """Takes the call back; once done or cancelled, nothing happens."""
+        """Cancels the call; does nothing if it was made or cancelled already."""
         self.callback = None
 
 
 class Reactor:
-    """An epoll loop, in a thread of its own or in that which calls `run`.
+    """An epoll loop in its own thread, or in the thread that calls `run`.
 
-    All methods but `call` and `join` belong to that thread.
+    All methods except `call` and `join` must be called in that thread.
     """
 
     def __init__(self, logger: logging.Logger) -> None:
-        #: a handler may receive into it; valid until the handler returns
+        #: receive buffer for handlers; its content is valid until the handler returns
         self.buffer = memoryview(bytearray(BUFFER_SIZE))
-        self.pipe = Pipe()  #: a handler may move bytes through it
-        self.moved = 0  #: bytes of topics' messages in this round; handlers add them
+        self.pipe = Pipe()  #: for handlers that splice
+        self.moved = 0  #: bytes of topic messages in this round; handlers add to it
         self._moderation = Moderation()
         self._logger = logger
         self._epoll = select.epoll()
@@ -67,10 +67,10 @@ class Reactor:
         self._thread = threading.Thread(target=self.run, name="relay", daemon=True)
 
     def wake_on_signals(self) -> None:
-        """Has every signal end the loop's rest, so that its handler runs; for a loop in the main thread.
+        """Makes every signal wake the loop so that the signal's handler runs; for a loop in the main thread.
 
-        Python runs handlers in the main thread only, once that runs: a signal that comes to another thread, or just
-        before the loop rests, would wait for the next event.
+        Python runs signal handlers only in the main thread, when it executes. A signal that arrives in another thread,
+        or just before the loop blocks, would otherwise be handled only after the next event.
         """
         self._signals, writer = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         self._epoll.register(self._signals, select.EPOLLIN)
@@ -81,41 +81,41 @@ class Reactor:
         self._thread.start()
 
     def call(self, callback: Callable[[], object]) -> None:
-        """Has `callback` called soon in the loop's thread, or never once the loop has ended; from any thread."""
+        """Schedules `callback` in the loop's thread; callable from any thread. Does nothing once the loop has ended."""
         self._calls.append(callback)
         os.eventfd_write(self._wake_up, 1)  # type: ignore[attr-defined]
 
     def call_later(self, delay: float, callback: Callable[[], object]) -> Timer:
-        """Has `callback` called in `delay` seconds."""
+        """Schedules `callback` in `delay` seconds."""
         timer = Timer(callback)
         heapq.heappush(self._timers, (time.monotonic() + delay, next(self._order), timer))
         return timer
 
     def add(self, descriptor: int, handler: Handler, events: int) -> None:
-        """Tells `handler` of these events from now on."""
+        """Registers `handler` for these events of a descriptor."""
         self._handlers[descriptor] = handler
         self._epoll.register(descriptor, events)
 
     def change(self, descriptor: int, events: int) -> None:
-        """Waits for other events of a descriptor."""
+        """Changes the events to wait for on a descriptor."""
         self._epoll.modify(descriptor, events)
 
     def remove(self, descriptor: int) -> None:
-        """Forgets a descriptor; before it is closed."""
+        """Removes a descriptor; must be called before it is closed."""
         del self._handlers[descriptor]
         self._epoll.unregister(descriptor)
 
     def stop(self) -> None:
-        """Ends the loop after what it is doing, and closes every connection."""
+        """Stops the loop after the current round and closes every connection."""
         self._running = False
 
     def join(self, timeout: float) -> None:
-        """Waits for the loop's end, at most `timeout` seconds; from another thread."""
+        """Waits up to `timeout` seconds for the loop to end. Does nothing in the loop's own thread."""
         if threading.current_thread() is not self._thread:
             self._thread.join(timeout)
 
     def run(self) -> None:
-        """Runs the loop in the calling thread, until it is stopped; in place of `start`."""
+        """Runs the loop in the calling thread until it is stopped; use instead of `start`."""
         while self._running:
             self.moved = 0
             for descriptor, events in self._epoll.poll(self._pause()):
@@ -128,7 +128,7 @@ class Reactor:
                     try:
                         handler.ready(events)
                     except Exception:
-                        self._logger.critical("a fault of ours; one connection is closed", exc_info=True)
+                        self._logger.critical("internal error; one connection is closed", exc_info=True)
                         handler.close("internal fault")
             self._run_timers()
             self._run_calls()
@@ -160,4 +160,4 @@ class Reactor:
         try:
             callback()
         except Exception:
-            self._logger.critical("a fault of ours in a callback", exc_info=True)
+            self._logger.critical("internal error in a callback", exc_info=True)

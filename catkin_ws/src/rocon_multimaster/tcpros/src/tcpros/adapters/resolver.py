@@ -1,4 +1,4 @@
-"""Names to addresses without waiting: look-ups run in one thread of their own, started when first needed."""
+"""Non-blocking host name resolution: look-ups run in one separate thread, started on first use."""
 
 import queue
 import socket
@@ -10,18 +10,18 @@ from tcpros.adapters.reactor import Reactor
 from tcpros.core.error import TcprosError
 
 LIFETIME = 30.0
-"""How long an answer is used [s]."""
+"""How long a result is cached [s]."""
 
 Found = Callable[[str], None]
 Failed = Callable[[str], None]
 
 
 class DialError(TcprosError):
-    """No socket to dial with is to be had: too many are open, in this process or on this machine."""
+    """No socket is available for an outgoing connection: too many are open in this process or on this machine."""
 
 
 class Resolver:
-    """Finds the IPv4 address of a host. Its method belongs to the reactor's thread, and so do the answers."""
+    """Resolves host names to IPv4 addresses. Methods and callbacks run in the reactor's thread."""
 
     def __init__(self, reactor: Reactor) -> None:
         self._reactor = reactor
@@ -30,10 +30,10 @@ class Resolver:
         self._thread: threading.Thread | None = None
 
     def resolve(self, host: str, found: Found, failed: Failed) -> None:
-        """Calls `found` with a numeric address, at once where that is possible, or `failed` with a sentence.
+        """Calls `found` with a numeric address, immediately if it is known, or `failed` with the reason.
 
-        A `found` that raises DialError has failed as well; `failed` is then called soon, not within this call, so that
-        who tries again at once does not do so within itself.
+        If `found` raises DialError, `failed` is called too. That call is deferred, so that an immediate retry does not
+        recurse.
         """
         address = self._at_once(host)
         if address:

@@ -1,4 +1,4 @@
-"""The XML-RPC API of a ROS node: what it answers to masters, subscribers and tools. No socket.
+"""The XML-RPC slave API of a ROS node, called by the master, subscribers and tools. Opens no socket.
 
 (https://wiki.ros.org/ROS/Slave_API)
 """
@@ -16,7 +16,7 @@ Answer = tuple[int, str, Any]
 
 
 class SlaveApiError(TcprosError):
-    """What arrived is no XML-RPC call."""
+    """The request is not an XML-RPC call."""
 
 
 class Published(Protocol):
@@ -28,7 +28,7 @@ class Published(Protocol):
 
     @property
     def subscriber_names(self) -> list[str]:
-        """The names of the nodes that are connected."""
+        """The names of the connected subscribers."""
 
     def refusal(self, name: str) -> str:
         """Returns why a node of that name may not subscribe, "" if it may."""
@@ -43,19 +43,19 @@ class Subscribed(Protocol):
 
     @property
     def publisher_uris(self) -> list[str]:
-        """The URIs of the publishers that are connected."""
+        """The URIs of the connected publishers."""
 
     @property
     def received(self) -> list[tuple[str, int]]:
-        """The URI of each connected publisher, and the bytes that have come from it."""
+        """The URI of each connected publisher and the bytes received from it."""
 
     def update(self, publishers: list[str]) -> None:
-        """Takes the URIs of all publishers that there are from now on."""
+        """Replaces the list of publishers by these URIs."""
 
 
 @dataclass(slots=True)
 class NodeFace:
-    """What a node shows of itself through its API."""
+    """The data and callbacks of a node that its slave API exposes."""
 
     name: str
     uri: str
@@ -63,9 +63,9 @@ class NodeFace:
     address: tuple[str, int]  #: where it serves topics: host and port
     published: Mapping[str, Published]  #: by topic
     subscribed: Mapping[str, Subscribed] = field(default_factory=dict)  #: by topic
-    #: by name of a parameter that the master tells changes of; gets its new value
+    #: by name of a subscribed parameter; called with its new value
     parameters: Mapping[str, Callable[[Any], object]] = field(default_factory=dict)
-    #: gets the reason for which the node is asked to end; returns why it does not, "" if it does
+    #: called with the reason of a shutdown request; returns why the node refuses, "" if it shuts down
     shut_down: Callable[[str], str] = lambda _reason: "it does not end when asked"
 
 
@@ -90,10 +90,10 @@ class SlaveApi:
         }
 
     def answer(self, request: bytes) -> bytes:
-        """Returns the response's body.
+        """Returns the body of the response. A wrong method or wrong arguments get an error response.
 
         Raises:
-            SlaveApiError: it is no XML-RPC call at all. A wrong method or wrong arguments get a response.
+            SlaveApiError: the request is not an XML-RPC call.
         """
         try:
             arguments, method = xmlrpc.client.loads(request)  # type: ignore[arg-type]

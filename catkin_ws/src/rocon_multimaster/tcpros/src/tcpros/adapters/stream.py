@@ -1,4 +1,4 @@
-"""A non-blocking TCP connection in the reactor that also receives: what arrives is parsed in place."""
+"""A non-blocking TCP connection in the reactor that sends and receives. Received data is parsed in place."""
 
 import math
 import socket
@@ -13,18 +13,18 @@ from tcpros.core.fanout import Fanout, Passage
 from tcpros.core.frame import LENGTH_SIZE
 
 Parse = Callable[[memoryview], int]
-"""Takes what has arrived and returns how many bytes it has consumed; raises TcprosError for malformed data."""
+"""Parses received data and returns how many bytes it has consumed. Raises TcprosError for malformed data."""
 
 
 class Stream(Channel):
     """One connection. Subclasses set `parse`."""
 
-    longest_hold = math.inf  #: the longest time for which the peer is not read because of that [s]
+    longest_hold = math.inf  #: the longest pause in reading caused by back-pressure [s]
 
     def __init__(self, reactor: Reactor, sock: socket.socket, peer: str, tls: TlsSocket | None = None) -> None:
-        self.parse: Parse = len  #: gets what has arrived, again as long as it consumes something and there is more
-        #: what `parse` feeds with frames, once it does. Large messages may bypass `parse`. Nothing is read while the
-        #: fanout is full: back-pressure passes from the slowest part of the way to its beginning.
+        self.parse: Parse = len  #: called with the received data, repeatedly while it consumes some and more is left
+        #: receives the frames from `parse`, once set. Large messages may bypass `parse`. Reading pauses while the
+        #: fanout is full, so back-pressure propagates to the source.
         self.fanout: Fanout | None = None
         self._kept = b""
         self._held = False
@@ -33,7 +33,7 @@ class Stream(Channel):
 
     @property
     def is_reading(self) -> bool:
-        """Whether it is neither held nor braked."""
+        """Whether reading is neither held nor paused by the brake."""
         return not (self._held or (self._brake is not None and self._brake.is_on))
 
     def hold(self) -> None:
@@ -48,13 +48,13 @@ class Stream(Channel):
             self.update_events()
 
     def read_on(self) -> None:
-        """Resumes reading, first with what had arrived before `hold` and was not consumed."""
+        """Resumes reading, starting with the data that had arrived before `hold` and was not consumed."""
         self.release()
         kept, self._kept = self._kept, b""
         self._parse_all(memoryview(kept))
 
     def finish(self, data: bytes) -> None:
-        """Sends the last bytes and closes once they are sent; what arrives from now on is ignored."""
+        """Sends the last bytes and closes once they are sent; further received data is ignored."""
         self.parse = len
         super().finish(data)
 
@@ -65,7 +65,7 @@ class Stream(Channel):
         super().close(reason)
 
     def readable(self) -> None:
-        """Reads once; a large message for one receiver goes from socket to socket."""
+        """Reads once. A large message for a single receiver is spliced from socket to socket."""
         passage = self._passage()
         if passage is None:
             self._read(len(self._reactor.buffer))

@@ -1,4 +1,4 @@
-"""The certificates of a fleet: who has one that its authority signed belongs to it, and nobody else does."""
+"""TLS certificates of a fleet. A host is a member if it has a certificate signed by the fleet's authority."""
 
 import errno
 import os
@@ -15,14 +15,14 @@ VARIABLE = "ROCON_TLS_DIRECTORY"
 NO_TLS = "it speaks no TLS"
 
 CERTIFICATE, KEY, AUTHORITY = "tls.crt", "tls.key", "ca.crt"
-"""The files in that directory, all PEM: our certificate, its key without a passphrase, and the fleet's authority."""
+"""Files in that directory, all PEM: our certificate, its key without passphrase, and the authority's certificate."""
 
 _STRANGE = ("WRONG_VERSION_NUMBER", "HTTP_REQUEST", "UNEXPECTED_MESSAGE", "RECORD_LAYER_FAILURE")
-"""What OpenSSL calls bytes that are none of TLS."""
+"""OpenSSL's error names for data that is not TLS."""
 
 
 class TlsError(OSError):
-    """A connection that TLS does not let be; `strerror` is one sentence for people."""
+    """A connection failed because of TLS; `strerror` is one readable sentence."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(errno.EPROTO, f"TLS: {reason}")
@@ -30,18 +30,18 @@ class TlsError(OSError):
 
 @dataclass(frozen=True)
 class Certificates:
-    """What a gateway or hub of a fleet needs for TLS. TLS 1.3 only, both sides show a certificate.
+    """TLS contexts of a gateway or hub. TLS 1.3 only; both sides present a certificate.
 
-    Names in certificates are not compared with anything: addresses of robots change, and gateways are distinguished on
-    the hub. A certificate says that its bearer is of the fleet.
+    Names in certificates are not checked: addresses of robots change, and the hub distinguishes gateways. A
+    certificate only proves membership in the fleet.
     """
 
     directory: Path  #: where the files are
-    server: ssl.SSLContext  #: for connections that others open
-    client: ssl.SSLContext  #: for those that we open
+    server: ssl.SSLContext  #: for incoming connections
+    client: ssl.SSLContext  #: for outgoing connections
 
     def fault(self) -> str:
-        """Returns why others of the fleet will not accept our own certificate now; "" if they will."""
+        """Returns why other members would reject our certificate now; "" if they would accept it."""
         to_server, to_client = ssl.MemoryBIO(), ssl.MemoryBIO()
         ends = [
             self.client.wrap_bio(to_client, to_server),
@@ -59,9 +59,9 @@ class Certificates:
         return ""
 
     def refusal(self, host: str, port: int, timeout: float) -> ssl.SSLError | None:
-        """Returns why a server and we do not come together; None if we do, or it does not answer as TLS has it.
+        """Returns the TLS error of a test connection to a server; None if there is none or no TLS answer at all.
 
-        We say nothing after the handshake, in which a server of TLS 1.3 has not looked at our certificate yet.
+        Reads one byte after the handshake, because a TLS 1.3 server checks our certificate only after it.
         """
         try:
             with socket.create_connection((host, port), timeout) as sock, self.client.wrap_socket(sock) as wrapped:
@@ -76,7 +76,7 @@ class Certificates:
 
 
 def certificates_from(path: str, environment: Mapping[str, str] = os.environ) -> Certificates | None:
-    """Returns the certificates in the directory at `path`, else in the one that the environment names; else None.
+    """Returns the certificates in `path`, or else in the directory set in the environment; None if neither is set.
 
     Raises:
         CertificateError: files are missing, cannot be read or do not belong together.
@@ -100,9 +100,9 @@ def _context(side: int, directory: Path) -> ssl.SSLContext:
     context.minimum_version = ssl.TLSVersion.TLSv1_3
     context.check_hostname = False
     context.verify_mode = ssl.CERT_REQUIRED
-    # A passphrase would be asked for on the terminal.
+    # Without a password, OpenSSL would prompt for one on the terminal.
     context.load_cert_chain(directory / CERTIFICATE, directory / KEY, password="")
-    # This authority and no other: not those that the system trusts.
+    # Trust only this authority, not the system's.
     context.load_verify_locations(directory / AUTHORITY)
     return context
 
@@ -114,7 +114,7 @@ def _said(error: OSError) -> str:
 
 
 def reason_of(error: ssl.SSLError) -> str:
-    """Returns what became of a handshake or connection, one sentence about the peer."""
+    """Returns why a handshake or connection failed, as one sentence about the peer."""
     if isinstance(error, ssl.SSLCertVerificationError):
         return f"its certificate is not good: {error.verify_message}"
     reason = error.reason or str(error)
@@ -127,7 +127,7 @@ def reason_of(error: ssl.SSLError) -> str:
 
 
 def speaks_tls(host: str, port: int, timeout: float) -> bool:
-    """Tells whether a server begins TLS; asked where one that should not has ended our connection. Proves nothing."""
+    """Returns whether a server offers TLS. A hint, not proof, for when a plain server has closed our connection."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname = False
     context.verify_mode = ssl.CERT_NONE
@@ -141,7 +141,7 @@ def speaks_tls(host: str, port: int, timeout: float) -> bool:
 
 
 def speaks_plainly(host: str, port: int, timeout: float) -> bool:
-    """Tells whether a server answers as a Redis without TLS; asked where one did not begin TLS."""
+    """Returns whether a server answers like Redis without TLS, for when a server has not started TLS."""
     try:
         with socket.create_connection((host, port), timeout) as sock:
             sock.sendall(b"PING\r\n")

@@ -1,4 +1,4 @@
-"""A socket whose bytes are encrypted, for the loop: it never waits, and nothing waits in it that epoll does not see."""
+"""A non-blocking TLS socket for the reactor. It buffers no received data, so epoll sees everything that is pending."""
 
 import contextlib
 import socket
@@ -9,37 +9,37 @@ from tcpros.adapters.reactor import BUFFER_SIZE
 from tcpros.adapters.tls import NO_TLS, Certificates, TlsError, reason_of
 
 PIECE = 64 * 1024
-"""So much is encrypted at once; at most this waits here for room in the kernel [bytes]."""
+"""Most bytes encrypted at once, and so the most that wait here for room in the kernel's buffer [bytes]."""
 
 RECORD = 17 * 1024
-"""More than the longest record that TLS has: of what has come, so much at most waits for its end [bytes]."""
+"""More than the longest TLS record: the most received data that can wait for the end of its record [bytes]."""
 
 _HANDSHAKE, _VERSION = 0x16, 0x03
 
 
 class NoTlsError(TlsError):
-    """What a client said first is no beginning of TLS."""
+    """The first bytes of a client are not TLS."""
 
     def __init__(self) -> None:
         super().__init__(NO_TLS)
 
 
 def begins_tls(data: memoryview | bytes) -> bool:
-    """Tells whether these first bytes of a client, three at least, begin TLS.
+    """Returns whether a client's first bytes, at least three, begin a TLS handshake.
 
-    No connection header does: it would be longer than 65536 bytes.
+    No connection header looks like this: its length would exceed 65536 bytes.
     """
     return len(data) > 2 and data[0] == _HANDSHAKE and data[1] == _VERSION and data[2] > 0
 
 
 class TlsSocket:
-    """A connected non-blocking socket with what a `stream.Stream` needs of one, encrypted; for the relay's thread.
+    """A connected non-blocking socket with TLS, for `stream.Stream`; use it in the relay's thread only.
 
     Args:
-        sock: the socket; the owner closes it, after `close`.
-        context: whom we believe, and who we are.
-        server_side: whether the other side dialled.
-        buffer: where encrypted bytes are received into; only used within a call, so one serves all.
+        sock: the socket; the owner closes it after `close`.
+        context: our certificate and the trusted authority.
+        server_side: whether the other side connected to us.
+        buffer: receive buffer for encrypted data; only used within a call, so all sockets can share one.
     """
 
     def __init__(self, sock: socket.socket, context: ssl.SSLContext, server_side: bool, buffer: memoryview) -> None:
@@ -52,22 +52,22 @@ class TlsSocket:
 
     @property
     def has_unsent(self) -> bool:
-        """Whether bytes that `send` has taken wait for room in the kernel: `flush` when there is some."""
+        """Whether bytes taken by `send` wait for room in the kernel; call `flush` when there is room."""
         return bool(self._unsent)
 
     def shake_hands(self) -> bool:
-        """Continues the handshake as far as possible now; returns whether it is done.
+        """Continues the handshake without blocking; returns whether it is complete.
 
         Raises:
             NoTlsError: the client does not speak TLS; nothing was sent to it.
-            OSError: the connection has ended, or must.
+            OSError: the connection has ended or must be closed.
         """
         more = self._fetch(len(self._buffer))
         try:
             self._tls.do_handshake()
         except ssl.SSLWantReadError:
             if not more and not self._first:
-                raise OSError(0, "") from None  # somebody who only looked whether the port answers
+                raise OSError(0, "") from None  # a client that only probed the port
             if not more:
                 raise TlsError("it ended the connection within the handshake") from None
             self._drain()
@@ -78,11 +78,11 @@ class TlsSocket:
         return True
 
     def recv_into(self, buffer: memoryview) -> int:
-        """As a socket's. All that has arrived is decrypted, so nothing is left for which no event will come.
+        """Like `socket.recv_into`. Decrypts all data read, so no data is left that epoll does not report.
 
         Raises:
-            BlockingIOError: nothing has come.
-            OSError: the connection has ended, or must.
+            BlockingIOError: no data has arrived.
+            OSError: the connection has ended or must be closed.
         """
         more = self._fetch(len(buffer) - RECORD)
         count = 0
@@ -95,13 +95,13 @@ class TlsSocket:
             more = False
         except ssl.SSLError as error:
             raise self._failure(error) from None
-        self._drain()  # TLS itself may have been asked something
+        self._drain()  # TLS may have a protocol reply to send
         if not count and more:
             raise BlockingIOError
         return count
 
     def send(self, data: memoryview | bytes, _flags: int = 0) -> int:
-        """As a socket's: returns how much of the data was taken, which will go out before all else.
+        """Like `socket.send`: returns how many bytes were taken. These are sent before any later data.
 
         Raises:
             BlockingIOError: the kernel has no room.
@@ -115,7 +115,7 @@ class TlsSocket:
         return sent
 
     def sendmsg(self, buffers: Sequence[memoryview]) -> int:
-        """As a socket's and as `send`; small buffers are encrypted together."""
+        """Like `socket.sendmsg`, see also `send`; small buffers are encrypted together."""
         if len(buffers[0]) >= PIECE:
             return self.send(buffers[0])
         self.flush()
@@ -127,10 +127,10 @@ class TlsSocket:
         return self.send(together)
 
     def flush(self) -> None:
-        """Sends what is still to be sent.
+        """Sends pending encrypted data.
 
         Raises:
-            BlockingIOError: not all of it can go now.
+            BlockingIOError: not all of it could be sent.
             OSError: the connection has ended.
         """
         if self._unsent:
@@ -139,14 +139,14 @@ class TlsSocket:
                 raise BlockingIOError
 
     def close(self) -> None:
-        """Tells the other side, if it still listens, that this was the end."""
+        """Notifies the peer of the end of the TLS connection, if possible."""
         with contextlib.suppress(ssl.SSLError, OSError):
             self._tls.unwrap()
         with contextlib.suppress(OSError):
             self._drain()
 
     def _fetch(self, most: int) -> bool:
-        """Takes what has arrived, a part of it at most; False at the end of the connection."""
+        """Reads up to `most` encrypted bytes; returns False at the end of the connection."""
         try:
             count = self._socket.recv_into(self._buffer[:most])
         except BlockingIOError:
@@ -161,7 +161,7 @@ class TlsSocket:
         return True
 
     def _drain(self) -> None:
-        """Sends what TLS has to say, or keeps it until there is room for it."""
+        """Sends the output of TLS, or keeps it until the kernel has room."""
         if self._outgoing.pending:
             self._unsent = memoryview(bytes(self._unsent) + self._outgoing.read())
         if self._unsent:
@@ -176,10 +176,10 @@ class TlsSocket:
 
 
 class Tls:
-    """Makes the encrypted sockets of one relay.
+    """Creates the TLS sockets of one relay.
 
     Args:
-        certificates: the fleet's.
+        certificates: the fleet's certificates.
     """
 
     def __init__(self, certificates: Certificates) -> None:
@@ -187,9 +187,9 @@ class Tls:
         self._buffer = memoryview(bytearray(BUFFER_SIZE))
 
     def accepted(self, sock: socket.socket) -> TlsSocket:
-        """For a connection that another relay dialled."""
+        """Returns a TLS socket for an incoming connection."""
         return TlsSocket(sock, self._certificates.server, True, self._buffer)
 
     def dialled(self, sock: socket.socket) -> TlsSocket:
-        """For one that we dial."""
+        """Returns a TLS socket for an outgoing connection."""
         return TlsSocket(sock, self._certificates.client, False, self._buffer)

@@ -1,4 +1,4 @@
-"""A node's subscription: a connection to each publisher that the master names, for as long as it names it."""
+"""A node's subscription: keeps one connection to each publisher that the master lists."""
 
 import socket
 import struct
@@ -14,17 +14,17 @@ from tcpros.core.header import header_bytes, header_parser
 
 
 class Sender(NamedTuple):
-    """A publisher, as its connection header introduces it."""
+    """A publisher as described by its connection header."""
 
-    name: str  #: of the node
+    name: str  #: node name
     latching: bool
 
 
 Taken = Callable[[memoryview, Sender], object]
-"""Gets each message without its length, valid during the call, and its publisher."""
+"""Called with each message and its publisher. The message has no length prefix and is valid only during the call."""
 
 _SHORTEST, _LONGEST = 0.1, 2.0
-"""Pauses before a publisher is asked again [s]; each is twice as long as the one before."""
+"""First and longest pause before retrying a publisher [s]; the pause doubles each time."""
 
 _LENGTH = struct.Struct("<I")
 
@@ -33,14 +33,14 @@ class TopicSource:
     """All publishers of one topic.
 
     Args:
-        context: what the nodes share.
+        context: shared by the nodes of the process.
         node: the subscriber's name.
-        fields: topic, type and md5sum, as the connection header has them.
-        taken: gets the messages.
+        fields: topic, type and md5sum for the connection header.
+        taken: receives the messages.
     """
 
     def __init__(self, context: NodeContext, node: str, fields: dict[str, str], taken: Taken) -> None:
-        self.type = fields["type"]  #: the messages' type
+        self.type = fields["type"]  #: the message type
         self._context = context
         self._node = node
         self._fields = {"callerid": node, "tcp_nodelay": "1", **fields}
@@ -49,22 +49,22 @@ class TopicSource:
 
     @property
     def publisher_uris(self) -> list[str]:
-        """The URIs of the publishers that are connected."""
+        """The URIs of the connected publishers."""
         return [uri for uri, one in self._publishers.items() if one.connection is not None]
 
     @property
     def publisher_names(self) -> list[str]:
-        """The names of the publishers from which messages may come, once each has introduced itself."""
+        """The names of the connected publishers; "" until a publisher's header has arrived."""
         return [one.connection.sender.name for one in self._publishers.values() if one.connection is not None]
 
     @property
     def received(self) -> list[tuple[str, int]]:
-        """The URI of each connected publisher, and the bytes of messages that have come from it."""
+        """The URI of each connected publisher and the bytes of messages received from it."""
         found = ((uri, one.connection) for uri, one in self._publishers.items())
         return [(uri, connection.message_bytes) for uri, connection in found if connection is not None]
 
     def update(self, publishers: list[str]) -> None:
-        """Takes the URIs of all publishers that there are from now on."""
+        """Replaces the list of publishers by these URIs."""
         for uri in set(self._publishers) - set(publishers):
             self._publishers.pop(uri).close()
         for uri in publishers:
@@ -77,11 +77,11 @@ class TopicSource:
 
 
 class _Publisher:
-    """One publisher, which is asked again, with growing pauses, until it answers or is no longer wanted."""
+    """One publisher. Connecting is retried with growing pauses until it succeeds or `close` is called."""
 
     def __init__(self, context: NodeContext, uri: str, node: str, fields: dict[str, str], taken: Taken) -> None:
         self._context, self._uri, self._node, self._fields, self._taken = context, uri, node, fields, taken
-        self.connection: _Connection | None = None  #: on which messages may come
+        self.connection: _Connection | None = None  #: the current connection
         self._pause = _SHORTEST
         self._timer: Timer | None = None
         self._closed = False
@@ -97,11 +97,11 @@ class _Publisher:
             self.connection.close("")
 
     def greeted(self) -> None:
-        """The publisher has answered with its connection header."""
+        """Called when the publisher's connection header has arrived."""
         self._pause, self._reported = _SHORTEST, False
 
     def failed(self, reason: str) -> None:
-        """The publisher does not answer, refuses, or has ended the connection."""
+        """Called when the publisher does not answer, refuses, or has closed the connection; schedules a retry."""
         self.connection = None
         if self._closed:
             return
@@ -122,7 +122,7 @@ class _Publisher:
             _protocol, host, port = answer
             number = int(port)
         except (TypeError, ValueError):
-            self.failed(f"it offers {answer!r}, no address")
+            self.failed(f"it offers an invalid address: {answer!r}")
             return
         self._context.resolver.resolve(str(host), partial(self._dial, number), self.failed)
 
@@ -142,13 +142,13 @@ class _Connection(Stream):
         super().__init__(context.reactor, sock, uri)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         self._publisher, self._fields, self._taken = publisher, fields, taken
-        self.sender = Sender("", latching=False)  #: who it is, once its header has come
-        self.message_bytes = 0  #: of what has come
+        self.sender = Sender("", latching=False)  #: the publisher, once its header has arrived
+        self.message_bytes = 0  #: bytes of messages received
         self._timer = context.reactor.call_later(PATIENCE, lambda: self.close("it sent no connection header in time"))
         self.parse = header_parser(self._take_header)
 
     def connected(self) -> None:
-        """Introduces the subscriber."""
+        """Sends the subscriber's connection header."""
         self.send(header_bytes(self._fields))
 
     def closed(self, reason: str) -> None:

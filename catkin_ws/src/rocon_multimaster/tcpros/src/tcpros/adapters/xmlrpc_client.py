@@ -1,4 +1,4 @@
-"""XML-RPC calls to masters and nodes that nobody waits for."""
+"""Asynchronous XML-RPC calls to masters and nodes."""
 
 import xmlrpc.client
 from collections import deque
@@ -15,21 +15,21 @@ from tcpros.core.error import TcprosError
 from tcpros.core.http import NONSENSE, http_message, http_request
 
 MAX_PARALLEL = 4
-"""Calls to one server at a time: a Python XML-RPC server lets five connections wait, and drops more."""
+"""Maximum number of concurrent calls to one server: a Python XML-RPC server queues five connections and drops more."""
 
 MAX_ANSWER = 4 * 2**20
-"""The longest answer to a call [bytes]: of getParam, where a parameter is copied; all others are short."""
+"""Maximum size of a response [bytes]. Only getParam needs that much; all others are short."""
 
 Done = Callable[[Any], object]
 Failed = Callable[[str], object]
 
 
 class NoAnswer(str):
-    """Why a call has no answer; the server may have carried it out, or may later take the same call."""
+    """The reason why a call got no answer. The server may have executed it, and a retry may succeed."""
 
 
 class _Call(Stream):
-    """One call on a connection of its own."""
+    """One call, on its own connection."""
 
     def __init__(self, reactor: Reactor, uri: str, body: bytes, answered: Callable[[bytes, str], None]) -> None:
         super().__init__(reactor, dialled_socket(), uri)
@@ -62,7 +62,7 @@ class _Call(Stream):
 
 
 class Server:
-    """The XML-RPC server at one address: calls to it, a few at a time, in their order."""
+    """A client for one XML-RPC server; it makes a few calls at a time, in order."""
 
     def __init__(self, reactor: Reactor, resolver: Resolver, uri: str, timeout: float) -> None:
         self.uri = uri
@@ -78,8 +78,8 @@ class Server:
         Args:
             method: its name.
             arguments: the caller's name first.
-            done: gets the value, where the call returned the status 1.
-            failed: gets one sentence otherwise, a `NoAnswer` where the server has not refused; one of the two is
+            done: called with the value if the call returns status 1.
+            failed: called with a sentence otherwise: a `NoAnswer` unless the server refused. Exactly one of the two is
                 called, once, within the timeout.
         """
         body = xmlrpc.client.dumps(arguments, method).encode()
@@ -93,14 +93,14 @@ class Server:
             self._dial(body, partial(self._answered, done, failed))
 
     def _dial(self, body: bytes, answered: Callable[[bytes, str], None]) -> None:
-        """Sends one request; `answered` gets the response's body and, should that be empty, why."""
+        """Sends one request; calls `answered` with the response's body, or with b"" and the reason."""
         parts = urlsplit(self.uri)
         try:
             host, port = parts.hostname, parts.port
         except ValueError:
             host, port = None, None
         if not host or not port:
-            answered(b"", f"{self.uri!r} is no address")
+            answered(b"", f"{self.uri!r} is not an address")
             return
         number = port
 

@@ -1,7 +1,7 @@
-"""What waits for one receiver: bounded, whole messages, the oldest dropped first.
+"""A bounded send queue for one receiver. It drops whole messages, oldest first.
 
-No socket here: the owner asks what may be sent and says how much of it was. What has begun to go out always
-goes out whole, so the receiver never loses its place in the stream.
+It has no socket: the owner asks what to send next and reports how much was sent. A message whose transmission has
+begun is always completed, so the receiver never loses frame alignment.
 """
 
 import enum
@@ -13,26 +13,26 @@ from itertools import islice
 from tcpros.core.frame import Chunk
 
 BATCH = 64 * 1024
-"""So many bytes, and the rest of one message, leave the reach of dropping before they are sent."""
+"""Bytes committed for sending at a time, rounded up to whole messages; committed messages are no longer dropped."""
 
 UNBOUNDED = sys.maxsize
-"""Stands for a bound that nothing reaches."""
+"""A limit that is never reached."""
 
 MAX_BUFFERS = 512
-"""So many buffers at most go into one system call (Linux allows 1024)."""
+"""Maximum number of buffers per system call (Linux allows 1024)."""
 
 
 class _Rest(enum.Enum):
-    """What becomes of the rest of the frame that is arriving."""
+    """How to treat the rest of the frame that is arriving."""
 
     NONE = enum.auto()  # between two frames
-    SEND = enum.auto()  # its beginning went out or will
-    HOLD = enum.auto()  # its beginning waits as the last message, and may be dropped
+    SEND = enum.auto()  # its beginning was sent or is committed
+    HOLD = enum.auto()  # its beginning is the last queued message and may be dropped
     SKIP = enum.auto()  # its beginning was missed
 
 
 class Backlog:
-    """The bytes between a stream of frames and one receiver."""
+    """The send queue between a stream of frames and one receiver."""
 
     def __init__(self, max_messages: int, max_bytes: int) -> None:
         self.drops = 0  #: messages dropped so far
@@ -45,12 +45,12 @@ class Backlog:
         self._rest = _Rest.NONE
 
     def bound(self, max_messages: int, max_bytes: int, drops_first: bool = False) -> None:
-        """Sets how many messages, and of how many bytes, may wait at most; one message always may.
+        """Sets the queue limits. One message may always wait.
 
         Args:
-            max_messages: so many.
-            max_bytes: their bytes.
-            drops_first: drop the oldest beyond that instead of having their source wait, as `is_full` does.
+            max_messages: maximum number of messages.
+            max_bytes: maximum size of these messages together.
+            drops_first: never report `is_full`: drop the oldest messages instead of slowing the source down.
         """
         self._max_messages = max(1, max_messages)
         self._max_bytes = max_bytes
@@ -63,30 +63,30 @@ class Backlog:
 
     @property
     def is_full(self) -> bool:
-        """Whether its receiver is behind, so that it is better to wait than to bring more."""
+        """Whether the receiver is behind, so that the source should pause."""
         return bool(self._sending or self._waiting) and not self._drops_first
 
     @property
     def is_between(self) -> bool:
-        """Whether the receiver would be between two frames once it has all that waits, so that `insert` is allowed."""
+        """Whether the queue ends at a frame boundary, so that `insert` is allowed."""
         return self._rest is _Rest.NONE or self._rest is _Rest.SKIP
 
     @property
     def is_direct(self) -> bool:
-        """Whether whatever arrives now may be sent at once, all of it."""
+        """Whether newly arriving data may be sent at once and completely."""
         return self._rest is not _Rest.SKIP and self.is_empty
 
     @property
     def size(self) -> int:
-        """Bytes that wait."""
+        """Bytes in the queue."""
         return self._waiting_bytes + sum(map(len, self._sending))
 
     def begin(self, partial: memoryview | None, in_frame: bool) -> None:
-        """Joins a stream that runs.
+        """Joins a running stream.
 
         Args:
-            partial: the bytes so far of the frame that is arriving, if they are known.
-            in_frame: whether the stream is within a frame; without `partial` this one is left out.
+            partial: the bytes received so far of the arriving frame, if known.
+            in_frame: whether the stream is within a frame. Without `partial`, that frame is skipped.
         """
         if partial is not None and in_frame:
             self._waiting.append([partial])
@@ -96,16 +96,16 @@ class Backlog:
             self._rest = _Rest.SKIP if in_frame else _Rest.NONE
 
     def direct(self, chunk: Chunk) -> memoryview | None:
-        """Returns what may be sent at once, unqueued, or None where something waits before it.
+        """Returns the bytes that may be sent at once, without queueing, or None if the queue is not empty.
 
-        The owner tells by `sent` how much of it was; the bytes are only valid until then.
+        The owner reports with `sent` how many were sent; the bytes are valid only until then.
         """
         if self._sending or self._waiting:
             return None
         return chunk.data[chunk.head :] if self._rest is _Rest.SKIP else chunk.data
 
     def sent(self, chunk: Chunk, count: int) -> None:
-        """Takes over the rest of a chunk of which `direct` gave the bytes and `count` of these were sent."""
+        """Queues the rest of a chunk after `count` of the bytes returned by `direct` were sent."""
         offset = count + (chunk.head if self._rest is _Rest.SKIP else 0)
         if offset < len(chunk.data):
             self._queue_from(chunk, offset)
@@ -117,11 +117,11 @@ class Backlog:
             self._rest = _Rest.SEND
 
     def passed(self, ended: bool) -> None:
-        """Bytes of the frame that is arriving went out while `is_direct`; `ended`: its last one as well."""
+        """Records that bytes of the arriving frame were sent while `is_direct`; `ended` if its last byte was too."""
         self._rest = _Rest.NONE if ended else _Rest.SEND
 
     def queue(self, chunk: Chunk) -> None:
-        """Takes a chunk whole, behind what waits."""
+        """Appends a whole chunk to the queue."""
         if chunk.head:
             head = chunk.stable[: chunk.head]
             if self._rest is _Rest.SEND:
@@ -135,15 +135,15 @@ class Backlog:
         self._trim()
 
     def insert(self, data: bytes) -> None:
-        """Puts bytes that are no frame behind everything that waits; these and all before are never dropped.
+        """Appends bytes that are not a frame. They and everything queued before them are never dropped.
 
-        Only between two frames: see `abandon`.
+        Only allowed between two frames, see `abandon`.
         """
         self._commit(self._waiting_bytes)
         self._sending.append(memoryview(data))
 
     def abandon(self) -> bool:
-        """Forgets the frame that is arriving, whose end will never come; False if its beginning has gone out."""
+        """Discards the incomplete frame, whose end will never arrive; returns False if its beginning was sent."""
         if self._rest is _Rest.SEND:
             return False
         if self._rest is _Rest.HOLD:
@@ -153,13 +153,13 @@ class Backlog:
         return True
 
     def batch(self) -> list[memoryview]:
-        """Returns buffers to send next, none if nothing waits."""
+        """Returns the buffers to send next; empty if nothing is queued."""
         if not self._sending:
             self._commit(BATCH)
         return list(islice(self._sending, MAX_BUFFERS))
 
     def advance(self, count: int) -> None:
-        """Forgets the first `count` bytes of what `batch` returned: they were sent."""
+        """Removes the first `count` bytes of what `batch` returned, after they were sent."""
         sending = self._sending
         while count:
             size = len(sending[0])
@@ -170,7 +170,7 @@ class Backlog:
             sending.popleft()
 
     def frames(self) -> Iterator[memoryview]:
-        """Takes out all whole frames, for a receiver of messages. Nothing of it went out otherwise."""
+        """Removes and yields all whole frames, for a receiver that takes messages instead of bytes."""
         while self._sending:
             yield self._sending.popleft()
         while len(self._waiting) > (self._rest is _Rest.HOLD):
@@ -200,7 +200,7 @@ class Backlog:
         self._trim()
 
     def _finish_frame(self, chunk: Chunk, offset: int) -> int:
-        """Keeps the rest of the frame of which the bytes before `offset` went out; returns where the next begins."""
+        """Queues the rest of the frame that was sent up to `offset`; returns where the next frame begins."""
         for start, stop in chunk.frames():
             if start == offset:
                 return offset

@@ -2,8 +2,8 @@
 
 
 class TcprosError(Exception):
-    """The root of the errors of this package, and of those for which a connection is closed."""
+    """Base class of this package's errors. A connection whose parser raises one is closed."""
 
 
 class CertificateError(TcprosError):
-    """Certificates that cannot be used or made."""
+    """Certificates cannot be used or created."""

@@ -1,4 +1,4 @@
-"""One stream of frames in, any number of receivers out, and what a latched topic owes to newcomers."""
+"""Distributes one stream of frames to any number of receivers; keeps the last message of a latched topic."""
 
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
@@ -8,16 +8,16 @@ from tcpros.core.frame import Chunk, FrameSplitter
 
 
 class Pressure(Protocol):
-    """How far behind something is that takes messages."""
+    """The load of a receiver, for back-pressure."""
 
-    relieved: Callable[[], None]  #: to be called when it takes more again after it was full; the source sets it
+    relieved: Callable[[], None]  #: set by the source; called when the receiver takes more again after it was full
 
     @property
     def is_full(self) -> bool:
-        """Whether it is behind, so that its source had better wait."""
+        """Whether it is behind, so that its source should pause."""
 
     def acknowledged(self) -> int:
-        """Returns how many bytes were taken so far: this tells a slow receiver from one that has stopped."""
+        """Returns how many bytes were taken so far. This distinguishes a slow receiver from a stalled one."""
 
 
 class DirectSink(Protocol):
@@ -33,44 +33,44 @@ class DirectSink(Protocol):
 class Outlet(Protocol):
     """A receiver of frames."""
 
-    backlog: Backlog  #: what waits for it
+    backlog: Backlog  #: its send queue
 
     @property
     def pressure(self) -> Pressure:
-        """How far behind it is."""
+        """The load of the receiver."""
 
     @property
     def direct(self) -> DirectSink | None:
-        """Where large messages may go as `Fanout.passage` allows; None if everything has to be pushed."""
+        """The descriptor for large messages as `Fanout.passage` allows; None if everything has to be pushed."""
 
     def push(self, chunk: Chunk) -> None:
         """Sends or queues a chunk."""
 
     def flush(self) -> None:
-        """Sends what waits, as far as the receiver takes it."""
+        """Sends queued data as far as the receiver takes it."""
 
     def left(self) -> None:
-        """Called when the frame that was under way at `Fanout.leave` has been sent whole."""
+        """Called when the frame being sent at the time of `Fanout.leave` is complete."""
 
     def close(self, reason: str) -> None:
         """Ends the connection."""
 
 
 class Passage(NamedTuple):
-    """A way on which messages bypass `Fanout.feed`."""
+    """A direct path to the receiver that bypasses `Fanout.feed`."""
 
     sink: DirectSink  #: the receiver
-    remaining: int  #: bytes to come of the arriving message; 0 between two, where the next length has to be read
+    remaining: int  #: missing bytes of the arriving message; 0 between messages, when the next length must be read
 
 
 class Fanout:
-    """Passes frames on as they come, cut where the reads cut them."""
+    """Forwards frames as they arrive, in the pieces in which they were read."""
 
     def __init__(self, max_message_size: int) -> None:
-        self.messages = 0  #: whole messages that came in
-        self.bytes = 0  #: their bytes, lengths included
-        self.latching = False  #: whether the source's last message is kept for newcomers
-        self.relieved: Callable[[], None] = _nobody_waits  #: is called when somebody takes more again after `is_full`
+        self.messages = 0  #: whole messages received
+        self.bytes = 0  #: their bytes, including length prefixes
+        self.latching = False  #: whether the source's last message is kept for new receivers
+        self.relieved: Callable[[], None] = _nobody_waits  #: called when a receiver takes more again after `is_full`
         self._max_message_size = max_message_size
         self._splitter = FrameSplitter(max_message_size)
         self._outlets: list[Outlet] = []
@@ -83,7 +83,7 @@ class Fanout:
 
     @property
     def is_full(self) -> bool:
-        """Whether there are receivers and all of them are behind: the quickest decides."""
+        """Whether there are receivers and all of them are behind. The fastest receiver sets the pace."""
         for outlet in self._outlets:
             if not outlet.pressure.is_full:
                 return False
@@ -94,9 +94,9 @@ class Fanout:
         return sum(outlet.pressure.acknowledged() for outlet in self._outlets)
 
     def feed(self, data: memoryview) -> int:
-        """Passes on what arrived and returns how many bytes of it are done with.
+        """Forwards received data and returns how many bytes were consumed.
 
-        The rest is to be given once more at the beginning of the next data, or is a control frame.
+        Pass the rest again at the start of the next data, unless it is a control frame.
 
         Raises:
             FrameError: a message is longer than allowed.
@@ -115,7 +115,7 @@ class Fanout:
         return size
 
     def passage(self) -> Passage | None:
-        """Returns how messages may pass unseen now: large ones, none to be kept, one receiver that is not behind."""
+        """Returns the direct path, available for large messages that are not latched and have one idle receiver."""
         if not self._splitter.is_large or self.latching or self._leaving or len(self._outlets) != 1:
             return None
         outlet = self._outlets[0]
@@ -123,7 +123,7 @@ class Fanout:
         return Passage(sink, self._splitter.remaining) if sink is not None else None
 
     def passed(self, count: int) -> None:
-        """Takes note of bytes of one message that went where `passage` said."""
+        """Records bytes of one message that were sent through `passage`."""
         self._splitter.remaining -= count
         ended = not self._splitter.remaining
         self.messages += ended
@@ -133,7 +133,7 @@ class Fanout:
         sink.passed(count, ended)
 
     def join(self, outlet: Outlet) -> None:
-        """Adds a receiver: of a latched topic it gets the last message first, then whatever comes."""
+        """Adds a receiver. On a latched topic, it first gets the last message."""
         if self._last is not None:
             outlet.backlog.insert(self._last.tobytes())
         partial = memoryview(b"".join(self._partial)) if self._partial else None
@@ -144,14 +144,14 @@ class Fanout:
         self._relieve()
 
     def remove(self, outlet: Outlet) -> None:
-        """Removes a receiver whose connection has ended; one that is not there is no error."""
+        """Removes a receiver whose connection has ended; ignores an unknown one."""
         for outlets in (self._outlets, self._leaving):
             if outlet in outlets:
                 outlets.remove(outlet)
         self._relieve()
 
     def leave(self, outlet: Outlet) -> None:
-        """Removes a receiver that stays connected; its `left` is called at the end of the frame under way to it."""
+        """Removes a receiver that stays connected; calls its `left` once the current frame has been sent to it."""
         if outlet in self._outlets:
             self._outlets.remove(outlet)
             gone = outlet.backlog.abandon()
@@ -163,12 +163,12 @@ class Fanout:
         outlet.left()
 
     def begin(self, latching: bool) -> None:
-        """Expects the messages of a new source, between two frames; forgets the last one of the old."""
+        """Prepares for a new source, between two frames; discards the latched message of the old one."""
         self.latching = latching
         self._last = None
 
     def restart(self) -> None:
-        """Forgets the stream: its source is gone. A receiver to which half a message went is closed."""
+        """Resets the stream after its source has ended. Receivers that got part of a message are closed."""
         self._splitter = FrameSplitter(self._max_message_size)
         self._last = None
         self._partial.clear()
@@ -203,4 +203,4 @@ class Fanout:
 
 
 def _nobody_waits() -> None:
-    """Stands where nobody waits for relief."""
+    """Default `relieved` callback."""

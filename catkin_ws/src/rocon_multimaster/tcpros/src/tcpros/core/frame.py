@@ -1,8 +1,8 @@
-"""Where messages begin and end in a stream of bytes; nothing of their content.
+"""Finds message boundaries in a byte stream, without looking at the content.
 
-A frame is a little-endian 32-bit length and a serialised message of that many bytes: TCPROS as it is. Links
-between relays carry the same frames, and between them control frames: a length that no message can have
-(`CONTROL`), then a connection header.
+A frame is a little-endian 32-bit length and a serialised message of that many bytes, as in TCPROS. Links between
+relays carry the same frames plus control frames: a length that no message can have (`CONTROL`), then a connection
+header.
 """
 
 import functools
@@ -18,7 +18,7 @@ LENGTH_SIZE = 4
 """Size of a frame's length [bytes]."""
 
 LARGE = 512 * 1024
-"""From so many bytes on, it costs less to let a message pass unseen (measured)."""
+"""Minimum size from which splicing a message is cheaper than reading it (measured) [bytes]."""
 
 _LENGTH = struct.Struct("<I")
 _unpack = _LENGTH.unpack_from
@@ -40,9 +40,9 @@ class Chunk:
 
     def __init__(self, data: memoryview, head: int, head_ends: bool, tail: int, ended: int) -> None:
         self.data = data  #: the bytes. Valid only until the next chunk is read: see `stable`.
-        self.head = head  #: how many of them continue a frame that began before; frames begin there
-        self.head_ends = head_ends  #: whether that frame ends with them; true as well where `head` is 0
-        self.tail = tail  #: where the frame begins that continues after this chunk; `len(data)` if there is none
+        self.head = head  #: number of leading bytes that continue an earlier frame; the next frame begins there
+        self.head_ends = head_ends  #: whether that frame ends with them; also true if `head` is 0
+        self.tail = tail  #: start of the frame that continues after this chunk; `len(data)` if there is none
         self.ended = ended  #: number of frames that end in this chunk
 
     @property
@@ -52,11 +52,11 @@ class Chunk:
 
     @functools.cached_property
     def stable(self) -> memoryview:
-        """A copy of the bytes that may be kept; made once, however many ask."""
+        """A copy of the bytes that may be kept; made once and shared."""
         return memoryview(bytes(self.data))
 
     def frames(self) -> Iterator[tuple[int, int]]:
-        """Yields begin and end of every frame that lies whole in this chunk."""
+        """Yields start and end of every frame that lies completely in this chunk."""
         position, data, tail = self.head, self.data, self.tail
         while position < tail:
             stop = position + 4 + _unpack(data, position)[0]
@@ -65,17 +65,17 @@ class Chunk:
 
 
 class FrameSplitter:
-    """Follows one stream of frames."""
+    """Tracks the frame boundaries of one stream."""
 
     def __init__(self, max_message_size: int) -> None:
-        self.remaining = 0  #: bytes still to come of the frame that is arriving; 0 between two frames
-        self.is_large = False  #: whether the newest frame is of `LARGE` bytes at least, and did not come all at once
+        self.remaining = 0  #: missing bytes of the arriving frame; 0 between two frames
+        self.is_large = False  #: whether the newest frame has at least `LARGE` bytes and did not arrive all at once
         self._limit = max_message_size
 
     def split(self, data: memoryview) -> Chunk:
-        """Returns the bytes at the beginning of `data` that can be passed on.
+        """Returns the leading part of `data` that can be forwarded.
 
-        All of it, but for a length that is not whole yet, or a control frame (see `is_control`) and what follows.
+        This is all of it except an incomplete length, or a control frame (see `is_control`) and what follows it.
 
         Raises:
             FrameError: a message is longer than allowed.
@@ -104,5 +104,5 @@ class FrameSplitter:
 
 
 def is_control(data: memoryview) -> bool:
-    """Tells whether a control frame begins here, between two frames."""
+    """Returns whether `data`, which starts at a frame boundary, begins with a control frame."""
     return data[:4] == CONTROL_MARK

@@ -1,4 +1,4 @@
-"""The connection header of TCPROS, which the links between relays use too.
+"""The TCPROS connection header, also used by the links between relays.
 
 A header is a little-endian 32-bit length and that many bytes of fields; a field is a length of the same kind
 and `key=value`. (https://wiki.ros.org/ROS/Connection%20Header)
@@ -10,17 +10,17 @@ from collections.abc import Callable, Mapping
 from tcpros.core.error import TcprosError
 
 MAX_HEADER = 64 * 1024
-"""Longest header that is accepted, without its own length [bytes]."""
+"""Maximum size of a header, without its length prefix [bytes]."""
 
 _LENGTH = struct.Struct("<I")
 
 
 class HeaderError(TcprosError):
-    """What arrived is no connection header, or too long a one."""
+    """The data is not a connection header, or the header is too long."""
 
 
 def header_bytes(fields: Mapping[str, str]) -> bytes:
-    """Returns the header that holds `fields`, its length first.
+    """Returns the header with `fields`, including its length prefix.
 
     Raises:
         HeaderError: a key is empty or holds `=`, or the whole is longer than `MAX_HEADER`.
@@ -28,7 +28,7 @@ def header_bytes(fields: Mapping[str, str]) -> bytes:
     parts = []
     for key, value in fields.items():
         if not key or "=" in key:
-            raise HeaderError(f"no key of a header field: {key!r}")
+            raise HeaderError(f"invalid key of a header field: {key!r}")
         field = f"{key}={value}".encode("utf-8", "surrogateescape")
         parts += [_LENGTH.pack(len(field)), field]
     body = b"".join(parts)
@@ -38,7 +38,7 @@ def header_bytes(fields: Mapping[str, str]) -> bytes:
 
 
 def header_end(data: bytes | memoryview, start: int = 0) -> int:
-    """Returns where the header that begins at `start` ends, or 0 while too little of it has arrived to tell.
+    """Returns where the header that begins at `start` ends, or 0 if its length has not arrived yet.
 
     Raises:
         HeaderError: it announces more than `MAX_HEADER` bytes.
@@ -52,10 +52,10 @@ def header_end(data: bytes | memoryview, start: int = 0) -> int:
 
 
 def header_fields(body: bytes | memoryview) -> dict[str, str]:
-    """Returns the fields of a header given without its own length; of a key that comes twice, the later.
+    """Returns the fields of a header given without its length prefix. If a key is repeated, the last value counts.
 
     Raises:
-        HeaderError: a field reaches over the end, or holds no `=`, or has an empty key.
+        HeaderError: a field exceeds the header, has no `=`, or has an empty key.
     """
     fields, position, end = {}, 0, len(body)
     while position < end:
@@ -73,9 +73,9 @@ def header_fields(body: bytes | memoryview) -> dict[str, str]:
 
 
 def header_parser(use: Callable[[dict[str, str]], object], start: int = 0) -> Callable[[memoryview], int]:
-    """Returns what parses a header behind `start` bytes once it is whole, and then calls `use` with its fields.
+    """Returns a parser that skips `start` bytes, waits for a complete header and calls `use` with its fields.
 
-    As a stream's `parse` it returns how many bytes it has consumed, and raises HeaderError.
+    The parser fits a stream's `parse`: it returns how many bytes it has consumed. It raises HeaderError.
     """
 
     def parse(data: memoryview) -> int:

@@ -1,4 +1,4 @@
-"""As much of HTTP/1.1 as XML-RPC between ROS nodes and masters needs, on bytes."""
+"""The subset of HTTP/1.1 that XML-RPC between ROS nodes and masters needs, working on bytes."""
 
 import xmlrpc.client
 from dataclasses import dataclass
@@ -10,11 +10,11 @@ MAX_HEAD = 16 * 1024
 MAX_BODY = 96 * 1024
 
 NONSENSE = (xmlrpc.client.Error, ExpatError, ValueError, TypeError, LookupError, ArithmeticError, AttributeError)
-"""What the parsing of XML-RPC raises for a text that is none, and the unpacking of an answer for another one."""
+"""Exceptions raised when parsing invalid XML-RPC, or when unpacking a response of an unexpected form."""
 
 
 class HttpError(TcprosError):
-    """What arrived is not HTTP, or too much of it."""
+    """The data is not HTTP, or is too long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,28 +22,28 @@ class HttpMessage:
     """A request or a response."""
 
     first: str  #: its first line
-    length: int  #: bytes of the body that follows; -1 if it ends with the connection
+    length: int  #: size of the body [bytes]; -1 if it ends with the connection
     start: int  #: where the body begins
     keep_alive: bool  #: whether the sender wants to keep the connection
 
     @property
     def end(self) -> int:
-        """Where the body ends; meaningless where `length` is -1."""
+        """Where the body ends; meaningless if `length` is -1."""
         return self.start + self.length
 
 
 def http_message(
     data: bytes | bytearray | memoryview, default_length: int, max_body: int = MAX_BODY
 ) -> HttpMessage | None:
-    """Reads a message's head; None while it is not whole.
+    """Parses the head of a message; returns None while it is incomplete.
 
     Args:
-        data: what has arrived.
-        default_length: the body's length where the head does not tell.
-        max_body: the longest body that is allowed [bytes].
+        data: the data received so far.
+        default_length: length of the body if the head does not give it.
+        max_body: maximum size of the body [bytes].
 
     Raises:
-        HttpError: it is no HTTP, or longer than `MAX_HEAD` and `max_body` allow, or chunked.
+        HttpError: the data is not HTTP, is longer than `MAX_HEAD` and `max_body` allow, or is chunked.
     """
     text = bytes(data[: MAX_HEAD + 4])
     end = text.find(b"\r\n\r\n")
@@ -71,7 +71,7 @@ def _length(fields: dict[str, str], default: int, most: int) -> int:
 
 
 def http_request(host: str, path: str, body: bytes) -> bytes:
-    """Returns an XML-RPC request that wants the connection closed after the response."""
+    """Returns an XML-RPC request that asks the server to close the connection after the response."""
     head = (
         f"POST {path or '/'} HTTP/1.1\r\nHost: {host}\r\nUser-Agent: tcpros\r\nContent-Type: text/xml\r\n"
         f"Content-Length: {len(body)}\r\nConnection: close\r\n\r\n"

@@ -1,22 +1,21 @@
-"""When a relay lets small messages wait for one another, as a network card does (interrupt moderation)."""
+"""Decides when a relay batches small messages, like the interrupt moderation of a network card."""
 
 REST = 0.0003
-"""How long a relay rests, while what comes gathers in its sockets [s]."""
+"""How long a relay rests while messages collect in its sockets [s]."""
 STREAK = 8
-"""So many rounds must have come one soon after the other."""
+"""Number of rounds in quick succession after which the relay begins to rest."""
 SOON = 0.0006
-"""What is soon [s]; longer than a rest, so that a flood counts as one streak."""
+"""Maximum time between two rounds of a streak [s]; longer than a rest, so that a flood counts as one streak."""
 SMALL = 16 * 1024
-"""More bytes than this in a round are worth their round [bytes]."""
+"""A round with more bytes than this is efficient enough and ends the streak [bytes]."""
 
 
 class Moderation:
-    """Decides it, round by round.
+    """Decides after each round of the loop whether to rest.
 
-    A message that wakes a relay costs it ten times what one costs that comes together with others. So where small
-    messages come faster than every `SOON`, they are delayed by up to `REST` each hop and taken together. While they
-    come so, everything else that the relay carries waits as long; without them, or with large ones between, nothing
-    does.
+    A message that wakes a relay costs ten times as much as one that arrives together with others. So if small messages
+    arrive more often than every `SOON`, they are batched, with a delay of up to `REST` per hop. All other traffic of
+    the relay is then delayed as well. Without such a flood, or with large messages in between, nothing is delayed.
     """
 
     def __init__(self) -> None:
@@ -28,7 +27,7 @@ class Moderation:
 
         Args:
             now: when the round ended, on any clock that does not jump [s].
-            moved: bytes of messages that it took; 0 for a round that was about something else, which changes nothing.
+            moved: bytes of messages moved in the round; a round with 0 is ignored.
         """
         if not moved:
             return 0.0

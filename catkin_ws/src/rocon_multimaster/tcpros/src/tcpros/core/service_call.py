@@ -1,7 +1,7 @@
-"""Calls of services on a connection: where requests and responses begin and end; nothing of their content.
+"""Finds the boundaries of service requests and responses in a byte stream, without looking at the content.
 
-A request is a little-endian 32-bit length and so many bytes; a response the same after one byte that is 1, or 0 for an
-error, whose text then stands in the place of the response. (https://wiki.ros.org/ROS/TCPROS)
+A request is a little-endian 32-bit length and that many bytes. A response is the same after one byte: 1 for success,
+0 for an error, in which case the error text replaces the response. (https://wiki.ros.org/ROS/TCPROS)
 """
 
 import struct
@@ -13,11 +13,11 @@ _FAILED = b"\x00"
 
 
 class ServiceCallError(TcprosError):
-    """A request or response announces more bytes than it may have, or a response comes unasked."""
+    """A request or response exceeds the size limit, or a response arrives without a request."""
 
 
 class _Follower:
-    """Follows messages of a length and a body in a stream of bytes."""
+    """Tracks length-prefixed messages in a byte stream."""
 
     def __init__(self, prefix: int, max_size: int) -> None:
         self._head_size = prefix + _LENGTH.size
@@ -53,34 +53,34 @@ class _Follower:
 
 
 class Conversation:
-    """The calls of one connection, one after the other."""
+    """Tracks the successive calls on one connection."""
 
     def __init__(self, max_size: int) -> None:
-        self.calls = 0  #: whole responses so far
-        self.bytes = 0  #: of requests and responses so far
+        self.calls = 0  #: complete responses so far
+        self.bytes = 0  #: bytes of requests and responses so far
         self._asked = 0
         self._requests = _Follower(0, max_size)
         self._responses = _Follower(1, max_size)
 
     def request(self, data: memoryview) -> None:
-        """Bytes from the client. Raises ServiceCallError."""
+        """Processes bytes from the client. Raises ServiceCallError."""
         self.bytes += len(data)
         self._asked += self._requests.feed(data)
 
     def response(self, data: memoryview) -> None:
-        """Bytes from the server. Raises ServiceCallError."""
+        """Processes bytes from the server. Raises ServiceCallError."""
         self.bytes += len(data)
         self.calls += self._responses.feed(data)
 
     @property
     def is_waiting(self) -> bool:
-        """Whether the client is owed a response, so that the end of the connection is an error to it."""
+        """Whether the client still expects a response, so that closing the connection is an error for it."""
         return self._requests.is_within or self.calls < self._asked
 
     def error(self, reason: str) -> bytes:
-        """Returns what tells the client that its call failed; nothing if it waits for none or has part of a response.
+        """Returns the error response for a pending call; b"" if no call is pending or its response has begun.
 
-        The end of the connection, which has to follow, tells it in the latter case.
+        In the latter case, the client sees the failure when the connection closes, which must follow.
         """
         if not self.is_waiting or self._responses.is_within:
             return b""
