@@ -34,6 +34,19 @@ class NetworkError(DemoError):
     """Network namespaces or TUN devices are not available on this machine or to this user."""
 
 
+def apart() -> tuple[str, ...]:
+    """Returns the prefix of a command that runs it in its own network namespace.
+
+    Raises:
+        NetworkError: namespaces are not available.
+    """
+    done = subprocess.run([*_UNSHARE, "true"], capture_output=True, text=True, check=False)
+    if done.returncode or not os.access("/dev/net/tun", os.R_OK | os.W_OK):
+        reason = done.stderr.strip() or "/dev/net/tun cannot be opened"
+        raise NetworkError(f"faults of links need user namespaces and TUN devices: {reason}")
+    return _UNSHARE
+
+
 def enter(words: Sequence[str]) -> None:
     """Moves this process into its own network namespace: it executes itself again there with these arguments.
 
@@ -43,11 +56,8 @@ def enter(words: Sequence[str]) -> None:
     if _OWN in os.environ:
         _ip("link", "set", "lo", "up")
         return
-    done = subprocess.run([*_UNSHARE, "true"], capture_output=True, text=True, check=False)
-    if done.returncode or not os.access("/dev/net/tun", os.R_OK | os.W_OK):
-        reason = done.stderr.strip() or "/dev/net/tun cannot be opened"
-        raise NetworkError(f"faults of links need user namespaces and TUN devices: {reason}")
-    os.execvpe(_UNSHARE[0], [*_UNSHARE, sys.executable, "-m", "pioneer_demo", *words], {**os.environ, _OWN: "1"})
+    prefix = apart()
+    os.execvpe(prefix[0], [*prefix, sys.executable, "-m", "pioneer_demo", *words], {**os.environ, _OWN: "1"})
 
 
 class Networks:
