@@ -23,7 +23,7 @@ def test_a_wrong_system_is_named_in_one_line(tmp_path: Path, release: str) -> No
     result = run_bash(f"check_system {tmp_path}/os-release", tmp_path)
     assert result.returncode == 1
     assert result.stderr.count("\n") == 1
-    assert "needs Debian 12 or 13" in result.stderr
+    assert "Debian 12 or 13 is required" in result.stderr
 
 
 @pytest.mark.parametrize("version", ["12", "13"])

@@ -56,7 +56,7 @@ def test_robots_name_comes_from_argument_then_environment_then_host():
     assert run_navigation.options_from(words, environ, "aadi3").robot_name == "pioneer9"
     assert run_navigation.options_from([], environ, "aadi3").robot_name == "pioneer4"
     assert run_navigation.options_from([], {}, "aadi3.local").robot_name == "pioneer3"
-    with pytest.raises(ArgumentError, match="host laptop is not called aadiX"):
+    with pytest.raises(ArgumentError, match="host laptop is not named aadiX"):
         run_navigation.options_from([], {}, "laptop")
 
 

@@ -116,7 +116,7 @@ def test_pose_relative_to_a_frame_is_resolved():
 
 def test_poses_in_a_circle_are_refused():
     frames = "".join(f"<frame name='{a}'><pose relative_to='{b}'>1 0 0 0 0 0</pose></frame>" for a, b in ("ab", "ba"))
-    with pytest.raises(DescriptionError, match="circle: a → b → a"):
+    with pytest.raises(DescriptionError, match="loop: a → b → a"):
         world(model(frames + f"<link name='l'><pose relative_to='a'>0 0 0 0 0 0</pose>{BOX}</link>"), version="1.7")
 
 

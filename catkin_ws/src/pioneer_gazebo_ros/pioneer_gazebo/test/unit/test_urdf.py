@@ -159,7 +159,7 @@ def test_joints_in_a_circle_are_refused():
     text = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
       <joint name="x" type="fixed"><parent link="b"/><child link="c"/></joint>
       <joint name="y" type="fixed"><parent link="c"/><child link="b"/></joint></robot>"""
-    with pytest.raises(DescriptionError, match="circle: x, y"):
+    with pytest.raises(DescriptionError, match="loop: x, y"):
         robot_from_urdf(text)
 
 
