@@ -30,12 +30,12 @@ def test_another_version_or_a_missing_field_is_a_link_error():
 
 
 def test_a_proof_holds_for_its_key_role_hello_and_challenge_only():
-    good = proof(b"secret", "sink", HELLO, "c")
-    assert is_proof(good, proof(b"secret", "sink", HELLO, "c"))
-    assert not is_proof(good, proof(b"other", "sink", HELLO, "c"))
-    assert not is_proof(good, proof(b"secret", "source", HELLO, "c"))
-    assert not is_proof(good, proof(b"secret", "sink", HELLO, "d"))
-    assert not is_proof(good, proof(b"secret", "sink", dataclasses.replace(HELLO, topic="/tf"), "c"))
+    good = proof(b"secret", "sink", HELLO.fields(), "c")
+    assert is_proof(good, proof(b"secret", "sink", HELLO.fields(), "c"))
+    assert not is_proof(good, proof(b"other", "sink", HELLO.fields(), "c"))
+    assert not is_proof(good, proof(b"secret", "source", HELLO.fields(), "c"))
+    assert not is_proof(good, proof(b"secret", "sink", HELLO.fields(), "d"))
+    assert not is_proof(good, proof(b"secret", "sink", dataclasses.replace(HELLO, topic="/tf").fields(), "c"))
     assert not is_proof("\udcff", good)
 
 

@@ -102,8 +102,9 @@ class DialledLink(Stream):
             self._state = LinkState.REFUSED
             self.close("it asks for a proof that we cannot give")
             return
-        self._expected = proof(found[1], "source", self._hello, challenge)
-        self.send(header_bytes({"relay": VERSION, "proof": proof(found[1], "sink", self._hello, challenge)}))
+        hello = self._hello.fields()
+        self._expected = proof(found[1], "source", hello, challenge)
+        self.send(header_bytes({"relay": VERSION, "proof": proof(found[1], "sink", hello, challenge)}))
 
     def _parse_nothing(self, data: memoryview) -> int:
         raise LinkError("it sends what was not asked for")

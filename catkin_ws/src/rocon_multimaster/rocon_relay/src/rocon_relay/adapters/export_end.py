@@ -238,7 +238,7 @@ class ExportEnd(Stream):
             self.refuse(LinkState.REFUSED, NO_HUB if self.hello.keys else NO_PASSWORD)
             return
         challenge = secrets.token_hex(16)
-        self._expected, self._proof = (proof(found[1], role, self.hello, challenge) for role in ("sink", "source"))
+        self._expected, self._proof = (proof(found[1], role, fields, challenge) for role in ("sink", "source"))
         self.parse = header_parser(self._parse_proof)
         self.send(header_bytes({"relay": VERSION, "challenge": challenge, "key": found[0]}))
 

@@ -141,16 +141,16 @@ def mismatch(wanted_type: str, wanted_md5sum: str, type_: str, md5sum: str) -> s
     return ""
 
 
-def proof(key: bytes, role: str, hello: Hello, challenge: str) -> str:
+def proof(key: bytes, role: str, hello: Mapping[str, str], challenge: str) -> str:
     """Returns the proof that we know a key, valid only for this hello and challenge.
 
     Args:
         key: the fleet's key.
         role: "source" or "sink", so that neither side can send the other's proof back.
-        hello: as sent; its nonce is the sink's challenge to the source.
+        hello: its fields in the order sent, unknown ones included; its nonce is the sink's challenge to the source.
         challenge: the source's challenge to the sink.
     """
-    text = f"{role}\n{challenge}\n".encode() + header_bytes(hello.fields())
+    text = f"{role}\n{challenge}\n".encode() + header_bytes(hello)
     return hmac.new(key, text, hashlib.sha256).hexdigest()
 
 

@@ -22,7 +22,7 @@ from relay_side import (
 
 from pioneer_harness.wait import wait_until
 from rocon_relay.core.connection import ANY, Address, Export, Import, LinkState, Subject
-from rocon_relay.core.link import Hello
+from rocon_relay.core.link import Hello, proof
 from tcpros.core.header import header_bytes, header_fields
 
 # rosmaster leaves its connections to nodes to the garbage collector.
@@ -73,11 +73,12 @@ def test_a_password_that_changes_leaves_links_up_and_holds_for_new_ones(relays, 
 class Outsider:
     """A program that speaks the link protocol and knows no password."""
 
-    def __init__(self, source, **changes):
+    def __init__(self, source, beside=None, **changes):
         self.socket = socket.create_connection(source.address, 5)
         hello = Hello("/chatter", ANY, ANY, "/talker1", "source", "sink", ("sink",), "00", keys=source_keys(source))
         self.hello = dataclasses.replace(hello, **changes)
-        self.socket.sendall(header_bytes(self.hello.fields()))
+        self.sent = {**self.hello.fields(), **(beside or {})}
+        self.socket.sendall(header_bytes(self.sent))
 
     def answer(self):
         """The next header, None at the end."""
@@ -99,6 +100,18 @@ def test_the_connecting_side_proves_itself_first_and_learns_no_secret(relays, ta
     outsider.socket.sendall(header_bytes({"relay": "2", "proof": "00" * 32}))
     assert outsider.answer() == {"relay": "2", "error": "its password differs from ours", "state": "refused"}
     wait_for(source, LinkState.PENDING)
+
+
+def test_a_hello_with_a_field_that_the_source_does_not_know_is_proved_as_well(relays, talkers):
+    """The source computed the proof from the fields that it knew, so that a newer gateway was refused."""
+    source = relays("source", password="secret")
+    source.relay.apply({export()}, set())
+    newer = Outsider(source, beside={"every": "5"})
+    asked = newer.answer()
+    key = source.keyring.key((asked["key"],))[1]
+    shown = proof(key, "sink", newer.sent, asked["challenge"])
+    newer.socket.sendall(header_bytes({"relay": "2", "proof": shown}))
+    assert newer.answer()["proof"] == proof(key, "source", newer.sent, asked["challenge"])
 
 
 def test_a_source_that_does_not_prove_itself_is_refused(relays, talkers):
