@@ -1,4 +1,4 @@
-"""docker/base with an existing image, and with no way to get one: one line that says what to do."""
+"""docker/base with an existing image, and without any way to get one: one line says what to do."""
 
 import os
 import subprocess
@@ -8,13 +8,13 @@ import pytest
 
 BASE = Path(__file__).parents[2] / "docker" / "base"
 TOOLS = ("bash", "env", "timeout", "mktemp", "rm", "tar", "cat", "find", "sleep")
-"""What docker/base may use besides what a test gives it."""
+"""Programs that docker/base may use in addition to those that a test provides."""
 AS_ROOT = pytest.mark.skipif(os.geteuid() != 0, reason="as a user, docker/base ends before debootstrap")
 PULL = 'echo "Error response from daemon: dial tcp: lookup registry-1.docker.io: no such host" >&2; exit 1'
 
 
 def run_base(folder: Path, programs: dict[str, str], **variables: str) -> "subprocess.CompletedProcess[str]":
-    """Runs docker/base on a machine that has these programs, each a bash script; each call is noted in ``calls``."""
+    """Runs docker/base on a machine with these programs, each a bash script; each call is logged to ``calls``."""
     (folder / "bin").mkdir()
     for name in TOOLS:
         (folder / "bin" / name).symlink_to(Path("/usr/bin") / name)

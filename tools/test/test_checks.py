@@ -1,4 +1,4 @@
-"""How checks run: side by side, ended whole, and counted."""
+"""How checks run: in parallel, terminated completely, and counted."""
 
 import os
 import signal
@@ -27,7 +27,7 @@ def python(name: str, program: str, timeout: float = 60.0) -> Check:
 
 
 def meeting(own: Path, other: Path) -> str:
-    """A program that ends well only where the other one runs at the same time."""
+    """Returns a program that succeeds only if the other one runs at the same time."""
     return f"""
 import pathlib, time
 pathlib.Path({str(own)!r}).touch()
@@ -57,7 +57,7 @@ def test_one_at_once_run_in_their_order(tmp_path: Path) -> None:
 
 
 def test_nothing_runs_beside_a_check_that_is_alone() -> None:
-    """A page that has to show the fleet within 3 s was opened beside two other test fleets, and took 3.5 s."""
+    """A page that must show the fleet within 3 s used to be opened next to two other test fleets, and took 3.5 s."""
     checks = [Check(name, ["true"], alone=name == "timed") for name in ("one", "two", "timed", "three")]
     seen = list[list[str]]()
     assert all(not count.failed for _, count in run(checks, 3, lambda names, _: seen.append(names)))
@@ -75,20 +75,20 @@ def number(path: Path) -> int:
 
 
 def node(pid: Path, on_interrupt: str) -> str:
-    """A command of a shell that runs, as a roslaunch runs its nodes, in a session of its own."""
+    """Returns a shell command that runs in its own session, like the nodes of a roslaunch."""
     inside = f"trap '{on_interrupt}' INT; echo $$ > {pid}; while :; do sleep 0.01; done"
-    # A shell's background job has SIGINT ignored, and no trap of its own can change that.
+    # SIGINT is ignored in a shell's background job, and a trap in the job cannot change that.
     return f'setsid env --default-signal=INT bash -c "{inside}"'
 
 
 def endless(name: str, folder: Path, on_interrupt: str, patience: float) -> Check:
-    """A check that ends by an interrupt only, and not before it has done ``on_interrupt``."""
+    """Returns a check that ends only on an interrupt, after it has run ``on_interrupt``."""
     program = f"trap '{on_interrupt}' INT; echo $$ > {folder / name}; while :; do sleep 0.01; done"
     return Check(name, ["bash", "-c", program], patience=patience)
 
 
 def interrupted(running: Iterator[tuple[Check, Count]]) -> None:
-    """An interrupt that comes while the checks run."""
+    """Raises KeyboardInterrupt in the iterator while the checks run."""
     with pytest.raises(KeyboardInterrupt):
         running.throw(KeyboardInterrupt)  # type: ignore[attr-defined]
 
@@ -113,7 +113,7 @@ def test_what_a_check_leaves_behind_has_time_to_end_in_order(tmp_path: Path) -> 
 
 
 def test_an_interrupt_asks_all_checks_at_once_and_lets_them_tidy_up(tmp_path: Path) -> None:
-    # Each ends only once the other has been asked.
+    # Each check ends only after the other one has been interrupted, too.
     checks = [
         endless(
             own, tmp_path, f"touch {tmp_path}/asked-{own}; until [ -e {tmp_path}/asked-{other} ]; do :; done; exit", 60

@@ -1,4 +1,4 @@
-"""The command line before any work: help, unknown commands, completion."""
+"""The command line before any work is done: help, unknown commands, completion."""
 
 import subprocess
 import sys
@@ -9,7 +9,7 @@ import pytest
 from cli import COMMANDS, unknown
 
 ROOT = Path(__file__).resolve().parents[2]
-# [s] Ends what hangs.
+# Timeout for processes that hang [s].
 HANGS = 60
 
 
@@ -32,7 +32,7 @@ def test_every_command_has_help_with_a_sentence_and_an_example(command: str) -> 
     "command", ["demo", "fleet", "test", "bench", "run", "shell", "setup", "package", "docs", "up"]
 )
 def test_help_needs_no_set_up(tmp_path: Path, command: str) -> None:
-    """Without the tools that set-up installs: nothing but Python's own library and a checkout."""
+    """Help needs Python's standard library and a checkout, but no tools that set-up installs."""
     (tmp_path / "pioneer").write_text((ROOT / "pioneer").read_text())
     (tmp_path / "tools").symlink_to(ROOT / "tools")
     (tmp_path / "catkin_ws").mkdir()
@@ -84,7 +84,7 @@ def test_bash_completes_commands_options_and_values(line: str, offered: list[str
 
 
 def test_python_alone_answers_help() -> None:
-    """On a machine without python3-yaml, which set-up installs, the help of demo still appears."""
+    """The help of demo also appears on a machine without python3-yaml, which set-up installs."""
     script = "import sys; sys.modules['yaml'] = None; import cli; sys.exit(cli.main(['help', 'demo']))"
     done = subprocess.run(
         [sys.executable, "-c", script], cwd=ROOT / "tools", capture_output=True, text=True, timeout=HANGS, check=False

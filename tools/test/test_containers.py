@@ -1,4 +1,4 @@
-"""The compose file, the image's sources and the tables: what needs no engine."""
+"""The compose file, the image's sources and the tables: everything that can be tested without Docker."""
 
 import os
 import platform
@@ -41,7 +41,7 @@ def test_a_fleet_that_the_addresses_do_not_hold_is_refused(robots: int) -> None:
 
 
 def test_the_command_needs_nothing_but_python() -> None:
-    """Neither a workspace nor any package."""
+    """The command needs neither a workspace nor any installed package."""
     script = "import sys; sys.path.insert(0, sys.argv[1]); import containers.__main__"
     command = ["/usr/bin/python3", "-I", "-S", "-c", script, str(DOCKER.parent / "tools")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -1,4 +1,4 @@
-"""Each row of docs/differences.md's table names what holds it, and that exists."""
+"""Each row of the table in docs/differences.md names the test that covers it, and this test exists."""
 
 import re
 from pathlib import Path

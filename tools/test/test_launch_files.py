@@ -1,7 +1,7 @@
-"""Every launch file loads, what it starts exists, and each of its arguments is explained.
+"""Every launch file loads, everything that it starts exists, and each of its arguments is explained.
 
-Files are found by directory, never by list. Where a file has arguments without a default, the
-package's ``test/launch_args.yaml`` gives values: ``{file.launch: {argument: value}}``.
+Files are found by directory, not listed. For a file that has arguments without a default, the package's
+``test/launch_args.yaml`` gives values: ``{file.launch: {argument: value}}``.
 """
 
 import contextlib
@@ -22,7 +22,7 @@ import yaml
 WORKSPACE = Path(__file__).resolve().parents[2] / "catkin_ws"
 SOURCE = WORKSPACE / "src"
 LAUNCH_FILES = sorted(path for path in SOURCE.rglob("launch/**/*.launch"))
-# What a user may have installed beside this workspace and our launch files can start instead of ours.
+# Packages outside this workspace that a user may have installed and that our launch files can start instead.
 FOREIGN_NODES = {("rviz", "rviz")}
 
 

@@ -1,4 +1,4 @@
-"""Links of the documentation lead somewhere."""
+"""The documentation has no broken links."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""``./pioneer status`` shows every fleet of the machine, as processes and as containers."""
+"""``./pioneer status`` shows every fleet of the machine, whether it runs as processes or in containers."""
 
 import json
 import os

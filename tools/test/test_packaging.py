@@ -1,4 +1,4 @@
-"""The Debian package depends on what the sources start."""
+"""The Debian package depends on all programs that the sources start."""
 
 import ast
 import re
@@ -8,12 +8,12 @@ from collections.abc import Iterator
 from sources import ROOT, project_files
 
 SECTIONS = ("run", "view", "web")
-"""Of apt-packages.txt: what packaging/build writes for ``@run@``."""
+"""Sections of apt-packages.txt that packaging/build writes for ``@run@``."""
 EVERYWHERE = {"util-linux", "python3-minimal"}
 
 
 def named() -> set[str]:
-    """Returns the packages that the .deb depends on, or suggests."""
+    """Returns the packages that the .deb depends on or suggests."""
     control = (ROOT / "packaging" / "debian" / "control.in").read_text()
     fields = re.findall(r"^(?:Depends|Suggests): (.*)$", control, re.MULTILINE)
     own = {name.strip() for field in fields for name in field.split(",")}
@@ -22,7 +22,7 @@ def named() -> set[str]:
 
 
 def started(text: str) -> Iterator[str]:
-    """Yields the programs whose names stand in calls of ``subprocess`` and ``which``."""
+    """Yields the programs that are named in calls of ``subprocess`` and ``which``."""
     for node in ast.walk(ast.parse(text)):
         if not isinstance(node, ast.Call) or not node.args:
             continue
@@ -36,7 +36,7 @@ def started(text: str) -> Iterator[str]:
 
 
 def owners(program: str) -> set[str]:
-    """Returns the packages of this machine whose program it is."""
+    """Returns the installed packages that contain a program."""
     command = ["dpkg-query", "--search", f"/bin/{program}", f"/usr/bin/{program}"]
     found = subprocess.run(command, capture_output=True, text=True, check=False).stdout
     return {line.split(":")[0] for line in found.splitlines()}

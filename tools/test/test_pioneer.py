@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-# [s] Ends what hangs.
+# Timeout for processes that hang [s].
 HANGS = 60
 
 
@@ -19,7 +19,7 @@ def run(*command: str | Path | bytes, **options: object) -> "subprocess.Complete
 
 
 def copied(folder: Path) -> Path:
-    """Returns a copy of ``./pioneer`` in a checkout of its own, which lacks all that set-up would make."""
+    """Returns a copy of ``./pioneer`` in its own checkout, without anything that set-up creates."""
     shutil.copytree(ROOT / "tools", folder / "tools", ignore=shutil.ignore_patterns("test"))
     return Path(shutil.copy(ROOT / "pioneer", folder))
 
@@ -99,6 +99,6 @@ def test_ctrl_c_in_the_first_second_gives_no_traceback(tmp_path: Path, delay: fl
     time.sleep(delay)
     os.killpg(demo.pid, signal.SIGINT)
     text, _ = demo.communicate(timeout=HANGS)
-    # By the signal itself as long as it is Bash.
+    # Bash itself dies by the signal.
     assert demo.returncode in (130, -signal.SIGINT)
     assert "Traceback" not in text

@@ -1,4 +1,4 @@
-"""What ``./pioneer test`` makes of its command line, and of another run in the same checkout."""
+"""How ``./pioneer test`` handles its command line, and another run in the same checkout."""
 
 import importlib.util
 import sys
@@ -14,12 +14,12 @@ from checks import Check, Count
 
 @pytest.fixture
 def runner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """The command, with two stages of a check each and one that cannot run here; its logs are the test's."""
+    """Returns the command with two stages of one check and one that cannot run here; it logs to the test's folder."""
     spec = importlib.util.spec_from_file_location("runner", Path(checks.__file__).with_name("test.py"))
     assert spec
     assert spec.loader
     module = importlib.util.module_from_spec(spec)
-    # Its stages are dataclasses, which look their module up.
+    # Its stages are dataclasses, which look up their module in sys.modules.
     monkeypatch.setitem(sys.modules, "runner", module)
     spec.loader.exec_module(module)
     monkeypatch.setattr(checks, "LOG", tmp_path)

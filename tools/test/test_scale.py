@@ -22,7 +22,7 @@ def test_each_figure_stands_beside_its_goal():
 
 
 class Computers:
-    """Computers that are asked late, each later than the other, while simulated time passes at half speed."""
+    """Computers that are queried late, each later than the one before, while simulated time runs at half speed."""
 
     def __init__(self, robots):
         self.robots, self.wall = robots, 100.0

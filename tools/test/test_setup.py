@@ -1,4 +1,4 @@
-"""Set-up says in one line what is wrong, and repairs what was interrupted."""
+"""Set-up reports each problem in one line and repairs an interrupted installation."""
 
 import os
 import signal
@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-# [s] Ends what hangs; making an environment takes 30 s on a machine that does much else.
+# Timeout for processes that hang [s]; creating an environment takes 30 s on a busy machine.
 HANGS = 120
 
 

@@ -1,4 +1,4 @@
-"""Checks of texts read the project's own files, with or without git."""
+"""Text checks read the project's own files, with or without git."""
 
 from sources import ROOT, project_files
 

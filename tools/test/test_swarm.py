@@ -1,4 +1,4 @@
-"""The fleet on a Docker Swarm: the stack's file, what is refused before anything starts, and what status knows."""
+"""The fleet on a Docker Swarm: the stack file, what is refused before anything starts, and what status shows."""
 
 import json
 from collections.abc import Callable
@@ -100,7 +100,7 @@ def test_options_that_do_not_go_together_are_refused(
 
 
 def answers(**by_verb: object) -> Callable[..., str]:
-    """Returns an engine that answers each verb with a value, as JSON unless it is text."""
+    """Returns a fake engine that answers each verb with a value, encoded as JSON unless it is a string."""
 
     def output(*command: str) -> str:
         found = by_verb[next(word for word in command[1:] if word in by_verb)]
@@ -221,7 +221,7 @@ def test_a_registry_that_listens_on_a_former_address_is_replaced(
 
 
 def test_a_fleet_on_a_swarm_that_is_gone_is_forgotten(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """`down` failed for ever: the stack's file said that there was a fleet, and the engine that it manages no swarm."""
+    """`down` used to fail forever: the stack file indicated a fleet, but the engine did not manage a swarm."""
     gone = swarm.Stack("pioneer", tmp_path / "stack.yaml")
     gone.file.touch()
     monkeypatch.setattr(swarm, "output", lambda *command: {"info": "inactive\n"}[command[1]])

@@ -1,4 +1,4 @@
-"""What ``./pioneer up`` makes of the fleet that is there: an engine that starts what the compose file says, at once."""
+"""How ``./pioneer up`` handles an existing fleet, with an engine that starts the compose file at once."""
 
 import re
 from collections.abc import Sequence
@@ -16,17 +16,17 @@ from containers.state import BASE
 
 
 class FakeEngine:
-    """Computers that run as soon as Compose starts them; what ``up`` did with them."""
+    """Computers that run as soon as Compose starts them, and a record of what ``up`` did with them."""
 
     def __init__(self, file: Path) -> None:
-        self.computers: list[Computer] = []  #: those there are, in order
-        #: executed: what was run at the base station, but for questions
-        #: composed: words of each call of Compose
+        self.computers: list[Computer] = []  #: the existing computers, in order
+        #: executed: commands run at the base station, except queries
+        #: composed: arguments of each Compose call
         #: file: where ``up`` writes the compose file
         self.file, self.composed, self.executed = file, list[tuple[str, ...]](), list[str]()
-        #: by computer, the stage that was waited for and the waypoints it was sent to; in the last call
+        #: by computer, in the last call: the stage that was waited for, and the number of waypoints that it was sent to
         self.asked: dict[str, tuple[str, int]] = {}
-        self.joined = ""  #: what the base station has noted of robots that joined
+        self.joined = ""  #: the base station's list of robots that have joined
 
     def project(self, name: str, **variables: str) -> "FakeProject":
         return FakeProject(self, variables)
@@ -46,7 +46,7 @@ class FakeEngine:
         return ""
 
     def up(self, line: str = "") -> int:
-        """Types ``./pioneer up`` and these options; what an earlier call did is forgotten."""
+        """Runs ``./pioneer up`` with these options, after clearing the record of earlier calls."""
         self.composed, self.executed, self.asked = [], [], {}
         return main(["up", *line.split()])
 
@@ -105,7 +105,7 @@ def test_a_new_fleet_is_sent_on_a_tour(engine: FakeEngine, capsys: pytest.Captur
 def test_no_more_computers_start_at_once_than_the_processors_carry(
     engine: FakeEngine, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Sixteen on two processors: roslaunch gave up its own master, which had not come in ten seconds."""
+    """When sixteen computers started on two processors, roslaunch gave up on its own master after ten seconds."""
     monkeypatch.setattr(up, "processors", lambda: 2.0)
     assert engine.up("--robots 15") == 0
     waves = [[BASE, *(f"aadi{n}" for n in range(1, 6))], [f"aadi{n}" for n in range(6, 12)]]
@@ -168,7 +168,7 @@ def test_a_fleet_that_runs_as_it_is_asked_for_is_left_alone(
 
 
 def test_a_robot_whose_computer_was_late_and_one_whose_world_began_again_elsewhere_join(engine: FakeEngine) -> None:
-    """Their computers run already; `up` did not put them into the world, so no odometry came."""
+    """Their computers were already running, so `up` did not spawn the robots in the world and no odometry came."""
     engine.up("--robots 2")
     engine.up("--robots 3")
     engine.joined = ""

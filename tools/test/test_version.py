@@ -1,4 +1,4 @@
-"""One number for all packages."""
+"""All packages have the same version."""
 
 from pathlib import Path
 

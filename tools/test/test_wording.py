@@ -1,4 +1,4 @@
-"""Words that readers stumble over are refused in every text."""
+"""Words that readers stumble over are rejected in every text."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Robots on errands, each watched by its own computer, for tests of what faults do."""
+"""Robots on errands, each observed by its own computer, for tests of the effects of faults."""
 
 import json
 import subprocess
@@ -19,23 +19,23 @@ ROUNDS: dict[int, tuple[tuple[float, float], ...]] = {
     5: ((5.0, -11.0), (5.0, -7.5), (2.5, -11.0)),
     6: ((-2.0, 8.0), (-4.0, 6.5), (-3.5, 9.5)),
 }
-"""By robot, a way of 8 to 12 m around the room of utm_0 that it starts in, back to where it starts."""
+"""Per robot, a round of 8 to 12 m through the room of utm_0 in which it starts, and back to its start."""
 
 WALLS = {1: (-4.3, -12.3), 2: (-4.9, 16.5), 3: (2.0, -0.9), 4: (16.1, -8.0), 5: (5.0, -6.1)}
-"""By robot, a place of its room 1.1 m off a wall: a local costmap, 1.5 m to each side, has costs there. The rounds
-alone stay up to 2.5 m off, and its free space has no colour in RViz."""
+"""Per robot, a place in its room 1.1 m from a wall: a local costmap, 1.5 m to each side, has costs there. The rounds
+alone stay up to 2.5 m away from walls, and RViz draws free space without colour."""
 ROUND, ACROSS = slice(None), slice(1, 2)
-"""All of a round; its middle only, which is far from where it begins and ends, and from its first place."""
+"""A whole round; only its middle, which is far from its start and end and from its first place."""
 
 ODOM_GAP, SCAN_GAP = 0.5, 1.0
-"""Without odometry for so long a robot of this fleet stops (move_base's odom_timeout); scans are ten times rarer than
-odometry. Both [s] of simulated time, which a busy machine only slows down."""
+"""A robot of this fleet stops after this time without odometry (move_base's odom_timeout); scans come at a tenth of
+odometry's rate. Both in [s] of simulated time, which a busy machine only slows down."""
 
 Report = Mapping[str, Any]
 
 
 class Errand:
-    """One robot's round, and what its computer hears of it meanwhile."""
+    """One robot's round, and its computer's reports meanwhile."""
 
     def __init__(self, computer: Computer, places: Sequence[tuple[float, float]]) -> None:
         self.name, self._count, self._computer = computer.name, len(places), computer
@@ -69,7 +69,7 @@ class Errand:
             self._changed.notify_all()
 
     def under_way(self) -> Report:
-        """Waits until the robot drives; returns the first report of a robot that could take the errand."""
+        """Waits until the robot drives; returns the first report in which it was ready for the errand."""
         with self._changed:
             self._changed.wait_for(lambda: self._over or self._find("moving"), PATIENCE)
             assert self._find("moving"), f"{self.name} does not drive: {self._last()}"
@@ -84,20 +84,20 @@ class Errand:
         return self._reports[-1] if self._reports else "".join(self._other)
 
     def over(self) -> Report:
-        """Waits until every place of the round is dealt with; returns the last report."""
+        """Waits until every place of the round has been reached or aborted; returns the last report."""
         status = self._process.wait(PATIENCE + 30.0)
         self._thread.join()
         assert status == 0, f"{self.name} has not dealt with its waypoints: {self._last()}"
         return self._reports[-1]
 
     def reached(self) -> None:
-        """Sees the robot reach every place of its round."""
+        """Checks that the robot reaches every place of its round."""
         before, after = self.under_way(), self.over()
         assert after["reached"] - before["reached"] == self._count, self._told(after)
         assert after["aborted"] == before["aborted"], self._told(after)
 
     def undisturbed(self) -> None:
-        """Sees it do so with all rules in force at the end, and never out of touch for longer than a robot bears."""
+        """Like `reached`, with all rules in force at the end and no gap in the data above the robot's limit."""
         self.reached()
         after = self.over()
         assert after["active"] == after["rules"], self._told(after)
@@ -105,7 +105,7 @@ class Errand:
         assert after["scan_gap"] <= SCAN_GAP, self._told(after)
 
     def _told(self, report: Report) -> str:
-        """Returns a report with what its computer has said since."""
+        """Returns a report, followed by the computer's log since the errand began."""
         command = [
             *self._computer.docker,
             "logs",
@@ -119,7 +119,7 @@ class Errand:
         return f"{self.name}: {report}\n{said.stdout}"
 
     def abandon(self) -> None:
-        """Ends the watching of a computer that is gone, or of a test that has failed."""
+        """Stops observing a computer that no longer exists, or after a failed test."""
         self._process.kill()
         self._process.wait()
         self._thread.join()
@@ -129,11 +129,11 @@ class Errands:
     """The errands of a fleet; those that a test leaves unfinished are abandoned."""
 
     def __init__(self, fleet: Fleet) -> None:
-        self.fleet = fleet  #: whose
-        self.sent: list[Errand] = []  #: all that there have been
+        self.fleet = fleet  #: the fleet whose robots are sent
+        self.sent: list[Errand] = []  #: all errands so far
 
     def send(self, *numbers: int, part: slice = ROUND, wall: bool = False) -> dict[int, Errand]:
-        """Sends robots on their rounds, or a part of them, first to a ``wall``; returns once all of them drive."""
+        """Sends robots on their rounds or a ``part`` of them, first to a wall if ``wall``; returns once all drive."""
         computers = self.fleet.computers()
         errands = {
             number: Errand(computers[f"aadi{number}"], [*([WALLS[number]] if wall else []), *ROUNDS[number][part]])
@@ -145,6 +145,6 @@ class Errands:
         return errands
 
     def close(self) -> None:
-        """Abandons what still runs."""
+        """Abandons all errands."""
         for errand in self.sent:
             errand.abandon()

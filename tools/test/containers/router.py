@@ -1,4 +1,4 @@
-"""A router between two networks of the engine that lets some ports through and drops the rest, for tests."""
+"""A router between two Docker networks for tests; it forwards some ports and drops everything else."""
 
 import contextlib
 import json
@@ -11,19 +11,19 @@ from containers.engine import ContainerError, output
 
 @dataclass(frozen=True)
 class Network:
-    """A network of the engine: its name and the first three parts of its addresses."""
+    """A Docker network: its name and the first three octets of its addresses."""
 
     name: str
     subnet: str
 
     @property
     def router(self) -> str:
-        """The router's address in it."""
+        """The router's address in this network."""
         return f"{self.subnet}.250"
 
 
 class Router:
-    """A container in both networks; routes and rules are in containers only, so that they end with these."""
+    """A container in both networks. Routes and rules exist only in containers, so they disappear with them."""
 
     def __init__(self, container: str, networks: tuple[Network, Network], ports: Sequence[int]) -> None:
         self._pid, self._networks = _pid(container), networks
@@ -37,19 +37,19 @@ class Router:
         return _inside(self._pid, "iptables", "-w", *words)
 
     def join(self, container: str, network: Network) -> None:
-        """Tells a container of ``network`` the way to the other network."""
+        """Adds a route to the other network to a container of ``network``."""
         (other,) = (one for one in self._networks if one != network)
         _inside(_pid(container), "ip", "route", "add", f"{other.subnet}.0/24", "via", network.router)
 
     def packets(self, target: str) -> int:
-        """Returns how many packets it has let through (ACCEPT) or dropped (DROP)."""
+        """Returns how many packets the router has forwarded (ACCEPT) or dropped (DROP)."""
         lines = (line.split() for line in self._rules("-nvxL", "FORWARD").splitlines()[2:])
         return sum(int(words[0]) for words in lines if words[2] == target)
 
 
 @contextlib.contextmanager
 def router(name: str, image: str, networks: tuple[Network, Network], ports: Sequence[int]) -> Iterator[Router]:
-    """A router that is gone at the end; what an interrupted run left of it goes first."""
+    """Yields a router and removes it at the end; first removes one left by an interrupted run."""
     remove = ["docker", "rm", "-f", name]
     subprocess.run(remove, capture_output=True, check=False)
     first, second = networks
@@ -71,5 +71,5 @@ def _pid(container: str) -> int:
 
 
 def _inside(pid: int, *command: str) -> str:
-    """Runs a program of this machine in a container's network."""
+    """Runs a host program in a container's network namespace."""
     return output("nsenter", "-t", str(pid), "-n", *command)

@@ -1,4 +1,4 @@
-"""A person's shell on a computer: what is typed into it, what it shows, and Ctrl-C."""
+"""A user's shell on a computer: typed input, displayed output, and Ctrl-C."""
 
 import os
 import pty
@@ -9,13 +9,13 @@ import threading
 from containers.harness import PATIENCE
 
 PROMPT = re.compile(r"<shell (\d+)>\$ ")
-"""Nothing else prints that; with the status of the command before."""
+"""The prompt, with the status of the previous command; nothing else prints this."""
 REPEAT = 1.0 / 30.0
-"""A key that is held comes again after so long [s]."""
+"""Repeat interval of a held key [s]."""
 
 
 class Shell:
-    """An interactive bash in a terminal of its own on one computer, by ``docker exec -it``."""
+    """An interactive bash in its own terminal on one computer, through ``docker exec -it``."""
 
     def __init__(self, container: str) -> None:
         master, slave = pty.openpty()
@@ -34,7 +34,7 @@ class Shell:
         while not ended:
             try:
                 data = os.read(self._master, 65536)
-            except OSError:  # how Linux says that the other end of a terminal is closed
+            except OSError:  # on Linux, this means that the other end of the terminal is closed
                 data = b""
             ended = not data
             with self._changed:
@@ -46,7 +46,7 @@ class Shell:
         return self._ended or PROMPT.search(self.text, self._typed) is not None
 
     def _prompt(self, timeout: float) -> bool:
-        """Waits for the prompt that follows what was typed last; returns whether it came."""
+        """Waits for the prompt after the last typed command; returns whether it came."""
         with self._changed:
             return self._changed.wait_for(self._is_idle, timeout)
 
@@ -57,20 +57,20 @@ class Shell:
         os.write(self._master, f"{line}\n".encode())
 
     def run(self, line: str) -> str:
-        """Types a command, waits for its end and returns what the terminal shows of it."""
+        """Types a command, waits until it ends and returns its output."""
         self.type(line)
         assert self._prompt(PATIENCE), f"it does not end:\n{self.text[-3000:]}"
         return self.text[self._typed :]
 
     def shows(self, words: str, timeout: float = PATIENCE) -> None:
-        """Waits until ``words`` have been shown since the last command; fails when that ends before, or time is up."""
+        """Waits until the last command has shown ``words``; fails if the command ends or the time is up before."""
         with self._changed:
             self._changed.wait_for(lambda: words in self.text[self._typed :] or self._is_idle(), timeout)
             shown = self.text[self._typed :]
             assert words in shown, f"no {words!r} in:\n{shown[-3000:]}"
 
     def interrupt(self, held: bool = False, timeout: float = 60.0) -> int:
-        """Presses Ctrl-C, or holds it, until the command has ended; returns the command's status."""
+        """Presses or holds Ctrl-C until the command has ended; returns the command's status."""
         with self._changed:
             if not self._is_idle():
                 os.write(self._master, b"\x03")
@@ -83,7 +83,7 @@ class Shell:
         return int(prompt[1])
 
     def close(self) -> None:
-        """Leaves the shell, with Ctrl-C for whatever runs in it."""
+        """Exits the shell, after Ctrl-C for a command that is still running."""
         if not self._ended:
             os.write(self._master, b"\x03\nexit\n")
         self._process.wait(60.0)

@@ -1,4 +1,4 @@
-"""docker/base on a machine that no registry answers: the image is made with debootstrap, from Debian's mirror."""
+"""docker/base without a reachable registry: the image is built with debootstrap, from Debian's mirror."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""A swarm of two engines on this machine, without a fleet: what is known of its nodes, and what ``up`` refuses."""
+"""A swarm of two engines on this machine, without a fleet: the data about its nodes, and what ``up`` refuses."""
 
 import os
 import re
@@ -13,9 +13,9 @@ from containers.swarm import check_engines, nodes
 from pioneer_harness.wait import wait_until
 
 NOTICED = 60.0
-"""The swarm gives a machine up that has not been heard of for 10 to 20 s [s]; this one may be busy."""
+"""Time limit for the swarm to mark an unreachable machine as down [s]; usually 10 to 20 s, more on a busy machine."""
 ADDRESS = "127.0.0.1:9"
-"""Of no registry."""
+"""There is no registry at this address."""
 
 
 @pytest.fixture(scope="module")

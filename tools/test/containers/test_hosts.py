@@ -1,4 +1,4 @@
-"""Two hosts, each with a compose project of its own; a router joins their networks, open for two ports only."""
+"""Two hosts, each with its own compose project; a router connects their networks, open for two ports only."""
 
 import contextlib
 import os
@@ -29,7 +29,7 @@ def start(made: Fleet, *computers: str, **variables: str) -> None:
 
 
 class Hosts:
-    """A base station on one host, two robots' computers on another, and what these were sent to do."""
+    """A base station on one host, the computers of two robots on another, and the robots' errands."""
 
     def __init__(self, base: Fleet, robots: Fleet, way: Router, errands: Errands) -> None:
         self.base, self.robots, self.way, self.errands = base, robots, way, errands
@@ -53,7 +53,7 @@ def hosts() -> Iterator[Hosts]:
 
 
 def test_rviz_started_before_the_world_shows_robots_of_another_host(hosts: Hosts) -> None:
-    """Nothing of the fleet is there yet but the base station's master."""
+    """When RViz starts, the base station's master is the only running part of the fleet."""
     waiting = "until rosnode list >/dev/null 2>&1; do sleep 0.2; done"
     shot = f"exec rosrun pioneer_description rviz_snapshot --robots 2 -o /tmp/rviz.png --timeout {PATIENCE:g}"
     with hosts.base.meanwhile("aadiworkstation", "bash", "-c", f"{waiting}; {shot}") as seen:

@@ -1,4 +1,4 @@
-"""Two robots in containers in lockstep: the same way twice."""
+"""Two robots in containers in lockstep drive the same path twice."""
 
 import json
 import re
@@ -11,7 +11,7 @@ from containers.state import SHIPPED, project, written_compose
 
 PROJECT, SUBNET = "pioneer-test-lockstep", "10.88.9"
 GOALS = {1: (-4.0, 1.5, 0.0), 2: (1.5, 1.3, 3.0)}
-"""Of each robot; its client finds them in a file, so that it has them before time begins."""
+"""Goal of each robot. Its client loads it from a file, so that it is known before time starts."""
 TRUTH = (
     "until rostopic list >/dev/null 2>&1; do sleep 0.2; done; exec rostopic echo -p /pioneer{}/base_pose_ground_truth"
 )
@@ -30,7 +30,7 @@ def test_two_runs_of_a_fleet_of_containers_in_lockstep_are_equal(tmp_path: Path)
 
 
 def drive(made: Fleet, folder: Path) -> dict[int, dict[str, str]]:
-    """Starts the fleet and ends it at its goals; returns each robot's true odometry by its stamp [ns]."""
+    """Starts the fleet and ends it at its goals; returns each robot's true odometry by stamp [ns]."""
     folder.mkdir()
     write_fleet(folder)
     run = project(
@@ -55,13 +55,13 @@ def drive(made: Fleet, folder: Path) -> dict[int, dict[str, str]]:
 
 
 def by_stamp(text: str) -> dict[str, str]:
-    """Returns the whole lines of `rostopic echo -p` by header.stamp, from that on: what precedes it counts arrivals."""
+    """Returns the complete lines of `rostopic echo -p` by header.stamp, without the columns that depend on arrival."""
     lines = [line.split(",", 2)[2] for line in text[: text.rfind("\n") + 1].splitlines()[1:]]
     return {line.split(",")[0]: line for line in lines}
 
 
 def write_fleet(folder: Path) -> None:
-    """Writes the project's compose file: two robots, each with a file of its goal."""
+    """Writes the project's compose file for two robots, each with a file that holds its goal."""
     text = compose_text(SHIPPED.read_text(), len(GOALS))
     for number, (x, y, yaw) in GOALS.items():
         goal = {"x": x, "y": y, "yaw": yaw, "frame": "map"}

@@ -1,4 +1,4 @@
-"""The tutorial's steps, typed as published into shells of computers that do nothing yet, in several orders."""
+"""The tutorial's steps, typed as published into shells of idle computers, in several orders."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
@@ -22,11 +22,12 @@ STEPS = {
     "4b": ("aadi2", NAVIGATION),
     "5": (BASE, "roslaunch pioneer_description multi_pioneer_rviz.launch"),
 }
-"""Each is typed into a shell of its own."""
+"""Each step is typed into its own shell."""
 DOCUMENTED = list(STEPS)
 ROSLAUNCHES = ("1", "5")
-"""Each starts the base station's master if the other has not. Who types the next step has seen this one run: of two
-roslaunches that find no master in the same second, the later one gives up (`run_id … does not match`)."""
+"""Each of these starts the base station's master if it is not running. A user types the next step only once
+this one runs: of two roslaunches that find no master in the same second, the later one gives up
+(`run_id … does not match`)."""
 LINES = {
     "1": ["hub 'Pioneer Hub' on port 6380", "on hub 'Pioneer Hub'", "as 'Hub_Gateway'"],
     "2a": ["on hub 'Pioneer Hub'", "as 'aadi1_gateway'"],
@@ -36,14 +37,14 @@ LINES = {
     "4b": ["starting the navigation of {b}", "topics are pulled and flipped", "odom received!"],
     "5": ["process[rviz-"],
 }
-"""What a reader sees at each step (docs/tutorial.md)."""
+"""The lines that a user sees at each step (docs/tutorial.md)."""
 HERE = {"pioneer1": "-2.0, -8.0", "pioneer2": "-2.0, 16.0"}
 """Places in front of the robots."""
 
 
 @pytest.fixture(scope="module")
 def idle() -> Iterator[Fleet]:
-    """A base station, with a screen, and two robots' computers, on which nothing runs."""
+    """Yields a base station with a screen and the computers of two robots, all of them idle."""
     with fleet("pioneer-tutorial", "10.88.8") as made:
         made.pioneer("up", "--robots", "2", "--idle")
         output("docker", "exec", "-d", made.container(BASE), "Xvfb", ":1", "-screen", "0", "1024x768x24")
@@ -82,7 +83,7 @@ def test_the_steps_in_any_order(
             shows(shells[step], step, names)
         drive(idle, stack, names["a"], shells["4a"])
         statuses = {step: shells[step].interrupt(held) for step in endings}
-        # Of a key that is held, one more Ctrl-C can come in the moment in which an interpreter ends.
+        # While the key is held, one more Ctrl-C can arrive at the moment an interpreter exits.
         assert set(statuses.values()) <= ({0, 130} if held else {0}), statuses
     for step, shell in shells.items():
         for trouble in ("Traceback", "core dumped", "Exception"):
@@ -101,15 +102,15 @@ def test_the_fifth_step_says_that_there_is_no_display(idle: Fleet) -> None:
 
 
 def shows(shell: Shell, step: str, names: dict[str, str]) -> None:
-    """Sees what a step says, once it has what it needs."""
+    """Waits for the lines that a step prints once its prerequisites are running."""
     for line in LINES[step]:
         shell.shows(line.format(**names))
 
 
 def drive(idle: Fleet, stack: ExitStack, robot: str, navigation: Shell) -> None:
-    """Sends a robot as documented, and sees it arrive."""
+    """Sends a robot to a goal as documented, and waits until it arrives."""
     person = stack.enter_context(closing(Shell(idle.container("aadi1"))))
     person.run(f"rostopic pub -1 /{robot}/map_goal geometry_msgs/Twist '[{HERE[robot]}, 0.0]' '[0.0, 0.0, 90.0]'")
     navigation.shows("reached waypoint 1")
-    # Rules name RViz's node.
+    # Gateway rules refer to RViz's node by name.
     wait_until(lambda: "/rviz" in idle.execute(BASE, "rosnode", "list").split(), "RViz's node", PATIENCE)

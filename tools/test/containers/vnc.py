@@ -1,4 +1,4 @@
-"""What a browser does with the desktop: its page, and the screen's protocol through a WebSocket (RFC 6455, 6143)."""
+"""The browser's side of the desktop: its page, and the screen's protocol over a WebSocket (RFC 6455, 6143)."""
 
 import struct
 from collections.abc import Callable
@@ -14,19 +14,19 @@ _UPDATE, _COLOURS, _BELL, _CLIPBOARD = range(4)
 
 
 class VncError(Exception):
-    """The screen says something else than the protocol has it; the text tells what."""
+    """The server violates the VNC protocol; the message says how."""
 
 
 class Screen:
-    """A screen behind websockify; a context manager that leaves it.
+    """A screen behind websockify; as a context manager, it disconnects on exit.
 
     Args:
         url: "ws://…/websockify?token=…".
         patience: the longest wait for an answer [s].
 
     Raises:
-        websocket.WebSocketException, OSError: nobody is there, or the token is wrong.
-        VncError: what is there is no screen without a password.
+        websocket.WebSocketException, OSError: there is no server, or the token is wrong.
+        VncError: the server is not a screen without a password.
     """
 
     def __init__(self, url: str, patience: float) -> None:
@@ -49,7 +49,7 @@ class Screen:
         self._socket.send_binary(b"\x01")
         if self._read(4) != bytes(4):
             raise VncError("the screen refuses us")
-        self._socket.send_binary(b"\x01")  # others may look, too
+        self._socket.send_binary(b"\x01")  # shared: other clients stay connected
         width, height, _, length = struct.unpack(">HH16sI", self._read(24))
         self._read(length)
         self._socket.send_binary(b"\x00\x00\x00\x00" + _BLUE_GREEN_RED_DEPTH_24)
@@ -57,7 +57,7 @@ class Screen:
         return width, height
 
     def picture(self) -> NDArray[np.uint8]:
-        """Returns all of the screen as it is now, shape (height, width, 3), red, green, blue."""
+        """Returns the current screen as an array of shape (height, width, 3), RGB."""
         width, height = self.size
         self._socket.send_binary(struct.pack(">BBHHHH", 3, 0, 0, 0, width, height))
         found = np.zeros((height, width, 3), np.uint8)
@@ -66,7 +66,7 @@ class Screen:
         return found
 
     def _update(self, image: NDArray[np.uint8]) -> bool:
-        """Reads one message into the picture; whether it was one of the screen."""
+        """Reads one message into the picture; returns whether it was a framebuffer update."""
         others: dict[int, Callable[[], object]] = {
             _COLOURS: lambda: self._read(6 * struct.unpack(">x2xH", self._read(5))[0]),
             _BELL: lambda: None,

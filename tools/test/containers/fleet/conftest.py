@@ -1,4 +1,4 @@
-"""One fleet for all tests of this folder: five robots that drive."""
+"""One fleet for all tests of this folder: five driving robots."""
 
 import re
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from containers.harness import Fleet, fleet
 
 @pytest.fixture(scope="session")
 def started() -> Iterator[tuple[Fleet, float]]:
-    """Five robots that were sent to a place each, and the CPU time until all drove [s]."""
+    """Yields a fleet whose five robots were each sent to a place, and the CPU time until all were driving [s]."""
     with fleet("pioneer-test", "10.88.7") as made:
         said = made.pioneer("up", "--robots", "5", "--waypoints", "1")
         assert re.search(r"^5 robots drive after \d+ s", said, re.M), said
@@ -19,5 +19,5 @@ def started() -> Iterator[tuple[Fleet, float]]:
 
 @pytest.fixture(scope="session")
 def driving(started: tuple[Fleet, float]) -> Fleet:
-    """Five robots that drive; whichever test comes first starts them."""
+    """Returns the fleet of five driving robots; the first test that uses it starts it."""
     return started[0]

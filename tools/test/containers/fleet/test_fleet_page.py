@@ -1,4 +1,4 @@
-"""The fleet page beside the running fleet: its address, its lock, and the robots on it."""
+"""The fleet page of the running fleet: its address, its access control, and the robots on it."""
 
 import json
 import re
@@ -18,13 +18,13 @@ from pioneer_harness.wait import wait_until
 
 @pytest.fixture(scope="module")
 def page(driving: Fleet) -> Iterator[tuple[str, str]]:
-    """The address that `up --web` tells, and the token in it."""
+    """Yields the address that `up --web` prints, and the token in it."""
     said = driving.pioneer("up", "--web")
     found = re.search(r"^Fleet page, once it is up: (http://\S+)/#(\S+)$", said, re.M)
     assert found, said
     yield found[1], found[2]
     labels = f"label=com.docker.compose.project={driving.project}", f"label=com.docker.compose.service={WEB}"
-    # Killed, it leaves rules and publishers behind, and the tests of `up` that follow must not wait for them.
+    # The killed page leaves rules and publishers behind; tests of `up` that run later must not wait for them.
     output("docker", "rm", "-f", output("docker", "ps", "-aq", "--filter", labels[0], "--filter", labels[1]).strip())
 
 

@@ -1,4 +1,4 @@
-"""Five robots, each on its computer: that they drive, and that nothing but links connects them."""
+"""Five robots, each on its own computer: they drive, and only gateway links connect them."""
 
 import socket
 import struct
@@ -12,11 +12,11 @@ from pioneer_harness.wait import wait_until
 
 HUB, RELAY = 6380, 6381
 CXX = ("/rosout", "robot_state_publisher")
-"""Nodes in C++, whose XML-RPC server knows no loopback; their data port does."""
+"""C++ nodes: their XML-RPC server cannot be bound to loopback, but their data port can."""
 
 
 def test_five_robots_drive_a_minute_after_up(started: tuple[Fleet, float]) -> None:
-    # Two cores have so much in a minute; on a busy machine a clock would tell about its other work.
+    # Two cores provide 120 s of CPU in a minute; wall time would also measure the machine's other load.
     _, cpu = started
     assert cpu < 120.0
 
@@ -25,7 +25,7 @@ def test_status_has_a_row_for_each_computer_with_its_robots_state(driving: Fleet
     rows: list[list[str]] = []
 
     def drive_or_have_arrived() -> bool:
-        # A robot that drives stands for a moment, as where it replans.
+        # A robot on its way may stand still for a moment, for example while it replans.
         rows[:] = [line.split() for line in driving.pioneer("status").splitlines()[1:]]
         return all("drives" in row or "1/1" in row for row in rows[1:])
 
@@ -34,7 +34,7 @@ def test_status_has_a_row_for_each_computer_with_its_robots_state(driving: Fleet
 
 
 def listeners(fleet: Fleet, computer: str) -> set[int]:
-    """Returns the TCP ports on which a computer listens to others."""
+    """Returns the TCP ports on which a computer accepts connections from others."""
     lines = (line.split() for line in fleet.execute(computer, "cat", "/proc/net/tcp").splitlines()[1:])
     found = [words[1].split(":") for words in lines if words[3] == "0A"]
     addresses = ((socket.inet_ntoa(struct.pack("<I", int(address, 16))), int(port, 16)) for address, port in found)

@@ -1,7 +1,7 @@
-"""Computers that end, die, or lose their network, while all robots drive: they come back, and the rest never notices.
+"""Computers stop, die or lose their network while all robots drive: they recover, and the others are not affected.
 
-Undisturbed is a robot that reaches every waypoint of its round and whose computer never was without odometry for longer
-than a robot bears before it stops (`errand`).
+A robot is undisturbed if it reaches every waypoint of its round and its computer was never without odometry for longer
+than the time after which the robot stops (`errand`).
 """
 
 import re
@@ -28,20 +28,20 @@ def errands(driving: Fleet) -> Iterator[Errands]:
 
 @pytest.fixture(scope="module", autouse=True)
 def at_home(driving: Fleet) -> None:
-    """Robots that were sent elsewhere before turn round."""
+    """Drops the waypoints that robots were sent to earlier, so that they turn back."""
     for number in ALL:
         driving.execute(f"aadi{number}", "rosservice", "call", f"/pioneer{number}/map_goal_client/clear")
 
 
 def speed(fleet: Fleet, number: int) -> float:
-    """Returns how fast a robot moves in the simulator [m/s]."""
+    """Returns a robot's speed in the simulator [m/s]."""
     said = fleet.execute(BASE, "rosservice", "call", "/gazebo/get_model_state", f"{{model_name: pioneer{number}}}")
     x, y = (float(word) for word in re.findall(r"linear:\s*x: (\S+)\s*y: (\S+)", said)[0])
     return float((x * x + y * y) ** 0.5)
 
 
 def stands(fleet: Fleet, *numbers: int) -> None:
-    """Sees robots stop that nobody drives any more."""
+    """Waits until robots that are no longer commanded have stopped."""
     for number in numbers:
         wait_until(lambda n=number: speed(fleet, n) < 0.01, f"standstill of robot {number}", PATIENCE)
 
@@ -51,7 +51,7 @@ def started(fleet: Fleet, computer: str) -> str:
 
 
 def test_a_computer_that_is_stopped_and_one_that_is_killed_come_back(errands: Errands) -> None:
-    # From where `up` has sent them that is further than a round.
+    # From the places to which `up` has sent the robots, these are farther than a round.
     fleet, sent = errands.fleet, errands.send(*ALL, part=ACROSS)
     fleet.docker("kill", "aadi3")
     fleet.docker("stop", "aadi2")
@@ -109,7 +109,7 @@ def test_a_sixth_robot_joins(errands: Errands) -> None:
 
 
 def test_all_six_drive_in_the_next_world_when_the_simulator_is_killed(errands: Errands) -> None:
-    """Clock, odometry and robots restart; six robots drive there, also the one that joined the last world."""
+    """Clock, odometry and robots restart; six robots drive there, including the one that joined the previous world."""
     fleet, sent = errands.fleet, errands.send(*ALL, 6)
     before = started(fleet, BASE)
     fleet.execute(BASE, "pkill", "-KILL", "-f", SIMULATOR)

@@ -1,4 +1,4 @@
-"""The desktop in the browser, beside the running fleet: its page, its lock, and RViz on it."""
+"""The browser desktop of the running fleet: its page, its access control, and RViz on it."""
 
 import os
 import re
@@ -23,7 +23,7 @@ CONFIG = ROOT / "catkin_ws/src/pioneer_gazebo_ros/pioneer_description/rviz/multi
 
 @pytest.fixture(scope="module")
 def page(driving: Fleet) -> Iterator[str]:
-    """The address that `up --desktop` tells; the container goes at the end, RViz draws on the processor."""
+    """Yields the address that `up --desktop` prints; removes the container at the end. RViz renders on the CPU."""
     said = driving.pioneer("up", "--desktop")
     found = re.search(r"^desktop with RViz: (\S+)$", said, re.M)
     assert found, said
@@ -32,19 +32,19 @@ def page(driving: Fleet) -> Iterator[str]:
 
 
 def desktop(fleet: Fleet) -> str:
-    """Returns the desktop's container."""
+    """Returns the desktop's container ID."""
     labels = f"label=com.docker.compose.project={fleet.project}", f"label=com.docker.compose.service={DESKTOP}"
     return output("docker", "ps", "-aq", "--filter", labels[0], "--filter", labels[1]).strip()
 
 
 def address_of_screen(page: str) -> str:
-    """Returns where the page, as noVNC reads its address, finds the screen."""
+    """Returns the WebSocket address of the screen, parsed from the page's address as noVNC does it."""
     where = urllib.parse.urlsplit(page)
     return f"ws://{where.netloc}/{urllib.parse.parse_qs(where.query)['path'][0]}"
 
 
 def shown() -> list[Mark]:
-    """Returns what must be seen in any window, wherever it is: the map, and each robot's scan."""
+    """Returns what every window must show, wherever it is: the map and each robot's scan."""
     marks = marks_of(yaml.safe_load(CONFIG.read_text()))
     return [mark for mark in marks if mark.what in {"map", "scan"}]
 

@@ -1,4 +1,4 @@
-"""A swarm of three engines, of which one joins late, and one fleet on it for all tests of this folder."""
+"""A swarm of three engines, one of which joins late, and one fleet on it for all tests of this folder."""
 
 from collections.abc import Iterator, Sequence
 
@@ -11,7 +11,7 @@ from containers.hosts import Host, swarm_here
 
 @pytest.fixture(scope="session")
 def hosts() -> Iterator[Sequence[Host]]:
-    """Two further hosts; the first has joined, and may have the base station."""
+    """Yields two more hosts; the first one has joined the swarm and may run the base station."""
     with swarm_here(2) as made:
         made[0].join()
         made[0].may_have_base()
@@ -20,14 +20,14 @@ def hosts() -> Iterator[Sequence[Host]]:
 
 @pytest.fixture(scope="session")
 def on_swarm(hosts: Sequence[Host]) -> Iterator[Fleet]:
-    """A fleet that the tests start; at half speed, because three engines see each of this machine's processors."""
+    """Yields a fleet that the tests start, at half speed because three engines each count this machine's processors."""
     with fleet("pioneer-swarm", "10.88.12") as made:
         yield made
 
 
 @pytest.fixture
 def errands(on_swarm: Fleet) -> Iterator[Errands]:
-    """Robots' errands; those that a test leaves unfinished are abandoned."""
+    """Yields the robots' errands; those that a test leaves unfinished are abandoned."""
     made = Errands(on_swarm)
     yield made
     made.close()

@@ -1,8 +1,8 @@
-"""What an operator sees of a fleet on three machines, and what its robots do, when machines come, fail and go.
+"""A fleet on three machines as its operator sees it, and its robots' behaviour, when machines join, fail and leave.
 
 The tests build on each other, in this order: two machines, a third that joins, faults of each, a new image.
-Undisturbed is a robot that reaches every waypoint of its round and whose computer never was without odometry for longer
-than a robot bears before it stops (`errand`).
+A robot is undisturbed if it reaches every waypoint of its round and its computer was never without odometry for longer
+than the time after which the robot stops (`errand`).
 """
 
 import math
@@ -23,13 +23,14 @@ from pioneer_harness.wait import wait_until
 BASE = "aadiworkstation"
 ALL = (1, 2, 3)
 CUT = 20.0
-"""For so long a cable is out [s]: long enough for the swarm to give the machine up."""
+"""How long a cable is unplugged [s]: long enough for the swarm to mark the machine as down."""
 NEAR, AWAY = 0.4, 1.0
-"""A robot has come back, within a goal's tolerance and its localisation's error, or is on its way [m]."""
+"""A robot is back below the first distance (goal tolerance plus localisation error), and on its way above the second
+[m]."""
 
 
 def place(fleet: Fleet, number: int) -> tuple[float, float]:
-    """Returns where a robot is in the simulator [m]."""
+    """Returns a robot's position in the simulator [m]."""
     said = fleet.execute(BASE, "rosservice", "call", "/gazebo/get_model_state", f"{{model_name: pioneer{number}}}")
     x, y = (float(word) for word in re.findall(r"position:\s*x: (\S+)\s*y: (\S+)", said)[0])
     return x, y
@@ -40,13 +41,13 @@ def robots_on(fleet: Fleet, host: Host) -> list[int]:
 
 
 def host_with_robots_only(fleet: Fleet, hosts: Sequence[Host]) -> Host:
-    """Returns the host without the base station; a robot's computer moves there if it has none."""
+    """Returns the host without the base station, after moving a robot's computer there if it has none."""
     computers = fleet.computers()
     (host,) = (one for one in hosts if one.name != computers[BASE].node)
     if not robots_on(fleet, host):
         nodes = [one.node for one in computers.values() if one.number]
         moved = next(one for one in computers.values() if one.number and nodes.count(one.node) > 1)
-        # The swarm starts it on the machine with the fewest.
+        # The swarm restarts it on the machine with the fewest tasks.
         fleet.docker("rm", moved.name, "-f")
         assert runs_elsewhere(fleet, moved).node == host.name
         fleet.report(moved.name, "--until", "ready")
@@ -54,7 +55,7 @@ def host_with_robots_only(fleet: Fleet, hosts: Sequence[Host]) -> Host:
 
 
 def runs_elsewhere(fleet: Fleet, before: Computer) -> Computer:
-    """Waits until a computer runs in another container than before; returns it."""
+    """Waits until a computer runs in a different container than before; returns it."""
 
     def moved() -> Computer | None:
         now = fleet.computers().get(before.name)
@@ -66,12 +67,12 @@ def runs_elsewhere(fleet: Fleet, before: Computer) -> Computer:
 
 
 def from_home(fleet: Fleet, number: int) -> float:
-    """Returns how far a robot is from where its round begins and ends [m]."""
+    """Returns a robot's distance from the start and end of its round [m]."""
     return math.dist(place(fleet, number), ROUNDS[number][-1])
 
 
 def send(errands: Errands) -> dict[int, Errand]:
-    """Sends all robots on their rounds; returns once they are away from where these end."""
+    """Sends all robots on their rounds; returns once they are away from the end points."""
     sent = errands.send(*ALL)
     for number in ALL:
         wait_until(lambda one=number: from_home(errands.fleet, one) > AWAY, f"pioneer{number} on its way", PATIENCE)
@@ -79,7 +80,7 @@ def send(errands: Errands) -> dict[int, Errand]:
 
 
 def finishes(fleet: Fleet, number: int) -> None:
-    """Sees a robot reach what was left of its waypoints, which nobody sends again, and end where its round does."""
+    """Checks that a robot reaches its remaining waypoints, which are not sent again, and ends where its round ends."""
     wait_until(lambda: from_home(fleet, number) < NEAR, f"return of pioneer{number}", PATIENCE)
     wait_until(lambda: is_idle(fleet, number), f"an empty queue of pioneer{number}", PATIENCE)
 
@@ -91,7 +92,7 @@ def is_idle(fleet: Fleet, number: int) -> bool:
 
 @contextmanager
 def fewest_running(fleet: Fleet) -> Iterator[list[int]]:
-    """Looks how many robots' computers run, time and again meanwhile; what is given gets each number."""
+    """Counts the running robot computers repeatedly during the context; yields the list of counts."""
     seen, over = list[int](), threading.Event()
 
     def look() -> None:
@@ -118,7 +119,7 @@ def test_robots_without_room_on_any_machine_are_reported_in_one_line(on_swarm: F
 
 def test_two_robots_drive_on_two_machines(errands: Errands, hosts: Sequence[Host]) -> None:
     fleet = errands.fleet
-    # A tour might end where the third robot joins.
+    # No tour: it might end at the place where the third robot joins.
     said = fleet.pioneer("up", "--swarm", "--robots", "2", "--rtf", "0.5", "--waypoints", "0")
     assert re.search(r"^2 robots are ready after \d+ s", said, re.M), said
     found = fleet.computers()
@@ -150,7 +151,7 @@ def test_a_machine_that_joins_late_is_used_by_the_next_up(on_swarm: Fleet, hosts
 
 
 def undisturbed(fleet: Fleet, sent: dict[int, Errand], moved: Sequence[int]) -> None:
-    """Sees robots whose computers had to move finish, and the others notice nothing."""
+    """Checks that robots whose computers had to move finish their rounds, and that the others are undisturbed."""
     assert moved
     for number in ALL:
         if number not in moved:
@@ -230,7 +231,7 @@ def test_all_robots_drive_in_the_next_world_when_the_base_stations_machine_dies(
     sent, lost = send(errands), robots_on(fleet, host)
     host.kill()
     assert runs_elsewhere(fleet, before[BASE]).node != host.name
-    # The third one joined the world before: `up` puts it into the new one, and waits for all.
+    # The third robot joined the previous world: `up` spawns it in the new one and waits for all robots.
     fleet.pioneer("up", "--waypoints", "0")
     for number in set(ALL) - set(lost):
         sent[number].over()

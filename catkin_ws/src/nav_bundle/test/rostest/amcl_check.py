@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""amcl follows a synthetic robot through a room: poses, tf, services, jumps of time."""
+"""amcl tracks a synthetic robot in a room: poses, tf, services, clock jumps."""
 
 import math
 import sys
@@ -62,18 +62,18 @@ class AmclCheck(RoomTest):
         return self.map_from_odom.compose(self.robot.odom).distance(self.robot.pose)
 
     def answered(self) -> bool:
-        """Tells whether amcl has sent tf for the robot's last scan."""
+        """Returns whether amcl has published tf for the robot's latest scan."""
         return abs(self.stamp - self.robot.time - 0.5) < 1e-6
 
     def is_localised(self) -> bool:
-        """Tells whether that tf is right to 5 cm."""
+        """Returns whether amcl has answered and its pose is within 5 cm of the truth."""
         return self.answered() and self.error() < 0.05
 
     def particles(self) -> int:
         return len(self.cloud.poses) if self.cloud else 0
 
     def is_spread(self) -> bool:
-        """Tells whether the particles fill the room and look everywhere."""
+        """Returns whether the particles are spread over the room and over all headings."""
         poses = [pose_from_message(pose) for pose in self.cloud.poses] if self.cloud else [Pose()]
         return np.ptp([pose.x for pose in poses]) > 3.0 and np.ptp([pose.yaw for pose in poses]) > 4.0
 

@@ -1,4 +1,4 @@
-"""Drawn rooms, and what a laser measures in them; for unit tests and rostests."""
+"""Rooms drawn as text, and the ranges that a laser measures in them; for unit tests and rostests."""
 
 import math
 
@@ -31,13 +31,13 @@ ROOM = [
 
 
 def enlarged(rows: list[str], scale: int = 8) -> Grid:
-    """Returns a drawing in cells of 5 cm, each symbol ``scale`` cells wide."""
+    """Returns the grid of a drawing with cells of 5 cm; each symbol is ``scale`` cells wide."""
     cells = np.kron(grid_from_text(rows).cells, np.ones((scale, scale), np.int8))
     return Grid(0.05, Pose(), np.ascontiguousarray(cells))
 
 
 def ranges_at(grid: Grid, pose: Pose, laser: Pose, beams: int = 180, farthest: float = 30.0) -> NDArray[np.float64]:
-    """Returns the exact ranges [m] of beams all round, from -pi to pi, of a laser mounted at ``laser``."""
+    """Returns the exact ranges [m] of a laser mounted at ``laser``, with beams from -pi to pi."""
     ranges = np.empty((1, beams))
     robot = np.array([[pose.x, pose.y, pose.yaw]])
     mounted = np.array([laser.x, laser.y, laser.yaw])

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""map_server serves its map under every name, and map_saver writes what it serves."""
+"""map_server offers its map on all of its topics and services, and map_saver saves it."""
 
 import subprocess
 import sys

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A robot without a map reaches a waypoint in the map that it draws on the way, and knows where it is."""
+"""A robot without a map builds one as it drives, reaches a waypoint in it, and stays localised."""
 
 import unittest
 
@@ -40,7 +40,7 @@ class MappingRobotTest(unittest.TestCase):
         self.map = message
 
     def knows_its_place(self, robot: Robot) -> bool:
-        """Tells whether the robot is where it thinks it is, to 0.1 m; not while transforms are late."""
+        """Returns whether the robot's pose estimate is within 0.1 m of the truth; False while transforms are late."""
         stamp, truth = robot.stamp, robot.truth
         try:
             belief = robot.listener.lookup("map", "pioneer1/base_link", stamp).planar()

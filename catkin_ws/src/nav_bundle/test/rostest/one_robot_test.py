@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A robot in the simulator reaches its waypoints, knows where it is, and touches nothing."""
+"""A robot in the simulator reaches its waypoints, stays localised, and collides with nothing."""
 
 import math
 import unittest
@@ -20,13 +20,13 @@ from pioneer_harness.wait import wait_until
 
 WAYPOINTS = ((-2.5, -0.5), (3.5, -3.0))
 TOLERANCE = 0.25 + 0.1
-"""The goal tolerance of the local planner, and what localisation may add to it [m]."""
+"""The goal tolerance of the local planner plus the permitted localisation error [m]."""
 LONGEST_LAG = 0.5
-"""How long the truth waits for the belief of its time, which comes after it [s of wall time]."""
+"""How long a ground truth waits for the pose estimate of its stamp, which arrives later [s of wall time]."""
 
 
 class Robot:
-    """What the test sees of the robot: the truth, its own belief, its waypoints, its collisions."""
+    """What the test observes of the robot: ground truth, pose estimate, waypoint queue and collisions."""
 
     def __init__(self) -> None:
         self.queue: WaypointQueue | None = None

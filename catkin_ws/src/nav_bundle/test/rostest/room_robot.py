@@ -1,4 +1,4 @@
-"""A robot in a drawn chamber as a test's own topics: clock, odometry, scans; and tests that listen to map -> odom."""
+"""A synthetic robot in a drawn chamber (clock, odometry, scans), and a base class for tests of map -> odom."""
 
 import math
 import threading
@@ -19,14 +19,14 @@ START = Pose(1.5, 1.5, 0.0)
 ODOM_START = Pose(-4.0, 3.0, 1.0)
 LASER = Pose(0.1, 0.0, 0.0)
 _MOST_TICKS = 600
-"""A node that does not answer gets one in ``patience``."""
+"""A node that does not respond gets one tick per ``patience``."""
 
 
 class RoomRobot:
-    """Publishes what pioneer3 has in the chamber; time passes by ``tick`` alone.
+    """Publishes the topics of pioneer3 in the chamber. Time advances only in ``tick``.
 
     Args:
-        overrates: how much longer than driven the odometry says a distance is, as a share.
+        overrates: share by which the odometry overestimates distances (0.03: 3 % too long).
     """
 
     def __init__(self, overrates: float) -> None:
@@ -38,13 +38,13 @@ class RoomRobot:
         self._tf = TransformBroadcaster()
 
     def tick(self, length: float = 0.0, turn: float = 0.0) -> None:
-        """Lets 0.1 s pass, in which the robot drives."""
+        """Advances time by 0.1 s, in which the robot drives ``length`` [m] and turns by ``turn`` [rad]."""
         self.time += 0.1
         self.pose = self.pose.compose(Pose(length, 0.0, turn))
         self.odom = self.odom.compose(Pose((1.0 + self._overrates) * length, 0.0, turn))
         stamp = rospy.Time.from_sec(self.time)
         self._clock.publish(Clock(stamp))
-        # The scan goes out first: the node has to wait for the odometry of its stamp.
+        # The scan is published first, so the node has to wait for the odometry of that stamp.
         self._scan.publish(self._measured(stamp))
         self._tf.send("pioneer3/base_link", "pioneer3/laser", stamp, LASER)
         self._tf.send("pioneer3/odom", "pioneer3/base_link", stamp, self.odom)
@@ -57,7 +57,7 @@ class RoomRobot:
 
 
 class RoomTest(unittest.TestCase):
-    """Listens to the transform map -> pioneer3/odom, and drives the class's ``robot``."""
+    """Base class of tests that drive ``robot`` and listen to the transform map -> pioneer3/odom."""
 
     robot: RoomRobot
 
@@ -72,7 +72,7 @@ class RoomTest(unittest.TestCase):
             subscriber.unregister()
 
     def listen(self, topic: str, kind: type, name: str) -> None:
-        """Keeps the newest message of ``topic`` in the attribute ``name``, None before the first."""
+        """Keeps the newest message of ``topic`` in the attribute ``name``; it is None before the first message."""
         setattr(self, name, None)
 
         def keep(message: object) -> None:
@@ -92,22 +92,22 @@ class RoomTest(unittest.TestCase):
                     self.arrived.notify_all()
 
     def answered(self) -> bool:
-        """Tells whether the node has answered the last tick."""
+        """Returns whether the node has responded to the last tick."""
         raise NotImplementedError
 
     def drive_until(
         self, condition: Callable[[], bool], what: str, length: float = 0.0, turn: float = 0.0, patience: float = 0.1
     ) -> None:
-        """Ticks until the condition holds. The robot drives in a tick only where the node has answered the last.
+        """Ticks until ``condition`` holds. The robot moves in a tick only if the node responded to the last one.
 
-        A node that is late so finds the robot where it would have been for one in time.
+        A slow node therefore sees the same motion as a fast one.
 
         Args:
-            condition: looked at whenever a message has come.
-            what: what is awaited, for the failure's text.
-            length: driven in a tick [m].
-            turn: turned in a tick [rad].
-            patience: wall time [s] a tick is given.
+            condition: checked whenever a message arrives.
+            what: what the test waits for; used in the failure message.
+            length: distance per tick [m].
+            turn: rotation per tick [rad].
+            patience: wall time [s] to wait per tick.
         """
         drives = True
         for _ in range(_MOST_TICKS):

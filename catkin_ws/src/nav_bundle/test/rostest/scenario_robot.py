@@ -1,4 +1,4 @@
-"""What a scenario does with one robot, and what it sees of it. Times are simulated seconds."""
+"""One robot of a scenario: its actions, and what the test observes of it. Times are simulated seconds."""
 
 import math
 from collections.abc import Iterator
@@ -24,17 +24,17 @@ from nav_bundle.core.transform import TransformError
 from nav_bundle.nodes.transform import TransformListener
 
 LONGEST_LAG = 0.5
-"""How long the truth waits for the belief of its time [s of wall time]; without one it is not compared."""
+"""How long a ground truth waits for the pose estimate of its stamp [s of wall time]; then it is skipped."""
 PLACING = 30.0
-"""Longest wait for a robot to be where it was set, and to believe it: no test is of that."""
+"""Timeout for placing and localising a robot; this is set-up, not a tested bound."""
 RIGHT = 0.3
-"""A belief this near the truth [m] is right."""
+"""A pose estimate within this distance of the truth [m] is right."""
 SURE = 5.0
-"""A robot that is right for so long knows where it is."""
+"""A robot whose estimate is right for this long is localised."""
 
 
 class Robot:
-    """One robot: the truth about it, its own belief, and its navigation."""
+    """One robot: ground truth, pose estimate and navigation."""
 
     def __init__(self, name: str, world: World) -> None:
         self.name, self.world = name, world
@@ -83,12 +83,12 @@ class Robot:
         self.recoveries.append(message.recovery_behavior_name)
 
     def up(self) -> bool:
-        """Tells whether the robot knows where it is and accepts commands."""
+        """Returns whether the robot is localised and its nodes accept commands."""
         publishers = (self._goals, self._cancels, self._told, self._drive)
         return self.error < 1.0 and all(publisher.get_num_connections() for publisher in publishers)
 
     def place(self, pose: Pose) -> None:
-        """Moves the robot, gives it its new pose, and waits until it accepts it; its costmaps are reset."""
+        """Teleports the robot, publishes its initial pose, waits until it is localised, and clears its costmaps."""
         self.carry(pose)
         since = self.world.time
         told = PoseWithCovarianceStamped()
@@ -103,7 +103,7 @@ class Robot:
         self._forget()
 
     def carry(self, pose: Pose) -> None:
-        """Moves the robot without giving it its new pose."""
+        """Teleports the robot without publishing an initial pose."""
         self.world.put(self.name, pose)
         since = self.world.time
         self.world.wait(
@@ -111,17 +111,17 @@ class Robot:
         )
 
     def recover(self, slow: float, fast: float) -> None:
-        """Sets the rates of amcl's averages of likelihood; zeros for no recovery."""
+        """Sets amcl's recovery_alpha_slow and recovery_alpha_fast; zeros disable recovery."""
         client = Client(f"/{self.name}/amcl", timeout=START_UP)
         client.update_configuration({"recovery_alpha_slow": slow, "recovery_alpha_fast": fast})
         client.close()
 
     def lose(self) -> None:
-        """Has the robot forget where it is."""
+        """Spreads amcl's particles over the whole map."""
         self._scatter()
 
     def wander_until_found(self, limit: float) -> None:
-        """Lets the robot drive about by its laser until it has been right about where it is for ``SURE``."""
+        """Lets the robot wander by laser until its pose estimate has been right for ``SURE``."""
         with self.world.changed:
             self._right_since = math.inf
         with self._wandering():
@@ -147,7 +147,7 @@ class Robot:
             self.halt()
 
     def send(self, x: float, y: float) -> None:
-        """Sends move_base a goal."""
+        """Sends a goal to move_base."""
         self.result, self._goal = None, f"{x} {y} {self.world.time}"
         message = MoveBaseActionGoal()
         message.goal_id.id = self._goal
@@ -155,11 +155,11 @@ class Robot:
         self._goals.publish(message)
 
     def sees_a_way(self, x: float, y: float) -> bool:
-        """Tells whether move_base, which has no goal, would find a plan."""
+        """Returns whether move_base's make_plan finds a path. move_base must not have a goal."""
         return bool(self._make_plan(PoseStamped(), _stamped(Pose(x, y)), 0.0).plan.poses)
 
     def halt(self) -> None:
-        """Ends whatever the robot is at."""
+        """Stops the robot and cancels its goals."""
         self._drive.publish(Twist())
         self._cancels.publish(GoalID())
 

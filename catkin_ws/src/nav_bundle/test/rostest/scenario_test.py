@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Golden scenarios: robots in the simulator, with all of their nodes, do what a user expects, in time and untouched.
+"""Golden scenarios: simulated robots with all of their nodes do what a user expects, in time and without collisions.
 
-A scenario begins by setting the robots into its room (scenario.world). Bounds are simulated seconds.
+Each scenario first places the robots in its room (scenario.world). Time limits are simulated seconds.
 """
 
 import math
@@ -20,7 +20,7 @@ NO_PLAN = (GoalStatus.ABORTED, "Failed to find a valid plan. Even after executin
 RECOVERIES = ["conservative_reset", "rotate_recovery", "aggressive_reset", "rotate_recovery"]
 GARAGE = Pose(27.5, 1.5, 0.0)
 TOLERANCE = 0.25 + 0.1
-"""The goal tolerance of the local planner, and what localisation may add to it [m]."""
+"""The goal tolerance of the local planner plus the permitted localisation error [m]."""
 
 
 class ScenarioTest(unittest.TestCase):
@@ -44,7 +44,7 @@ class ScenarioTest(unittest.TestCase):
             self.second.place(GARAGE)
 
     def assert_arrives(self, robot: Robot, x: float, y: float, limit: float) -> None:
-        """Waits for the goal's success, and holds the robot to the goal's place."""
+        """Waits until the goal succeeds, and checks that the robot is at the goal."""
         assert self.end(robot, limit) == (GoalStatus.SUCCEEDED, "Goal reached.")
         assert robot.truth.distance(Pose(x, y)) < TOLERANCE
 
@@ -113,7 +113,7 @@ class ScenarioTest(unittest.TestCase):
         self.first.wander_until_found(60.0)
 
     def shut_in(self) -> None:
-        """Sets the robot into the dead end, and a gate before it, near enough that no recovery forgets it."""
+        """Places the robot in the dead end, with a gate so close to it that no recovery clears the gate."""
         self.first.place(Pose(23.2, -3.5, math.pi))
         self.world.spawn("gate", 0.1, 1.2, Pose(22.55, -3.5))
         wait_until(lambda: not self.first.sees_a_way(17.5, -3.5), "the gate in the costmap", START_UP)

@@ -1,4 +1,4 @@
-"""The simulator as scenarios see it: its time, and things that come and go in it. Times are simulated seconds."""
+"""The simulator as scenarios use it: its clock, and boxes to spawn and delete. Times are simulated seconds."""
 
 import threading
 from collections.abc import Callable
@@ -22,7 +22,7 @@ BOX = """<?xml version="1.0"?>
 
 
 class World:
-    """The simulator. ``changed`` is notified with each clock."""
+    """The simulator. ``changed`` is notified on each clock message."""
 
     def __init__(self) -> None:
         self.changed = threading.Condition()
@@ -41,7 +41,7 @@ class World:
             self.changed.notify_all()
 
     def wait(self, condition: Callable[[], object], what: str, limit: float) -> float:
-        """Waits for ``condition`` for at most ``limit`` simulated seconds; returns how long it took."""
+        """Waits up to ``limit`` simulated seconds for ``condition``; returns how long it took."""
         began = self.time
 
         def ended() -> bool:
@@ -54,24 +54,24 @@ class World:
         return took
 
     def spawn(self, name: str, across: float, along: float, pose: Pose) -> None:
-        """Puts a box into the world, ``across`` by ``along`` [m] in x and y."""
+        """Spawns a box of ``across`` by ``along`` [m] in x and y."""
         answer = self._spawn(name, BOX.format(across, along), "", message_from_pose(pose), "")
         assert answer.success, answer.status_message
         self._boxes.append(name)
 
     def delete(self, name: str) -> None:
-        """Takes a box out of the world."""
+        """Deletes a box from the world."""
         answer = self._delete(name)
         assert answer.success, answer.status_message
         self._boxes.remove(name)
 
     def clear(self) -> None:
-        """Takes out every box."""
+        """Deletes every box."""
         for name in list(self._boxes):
             self.delete(name)
 
     def put(self, name: str, pose: Pose) -> None:
-        """Sets a model somewhere, standing."""
+        """Moves a model to a pose and sets its velocity to zero."""
         state = ModelState(model_name=name, pose=message_from_pose(pose), reference_frame="world")
         answer = self._set(state)
         assert answer.success, answer.status_message

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""slam_gmapping draws a room from synthetic scans and odometry: map, metadata, entropy, service, tf."""
+"""slam_gmapping maps a room from synthetic scans and odometry: map, metadata, entropy, service, tf."""
 
 import math
 import sys
@@ -15,7 +15,7 @@ from nav_bundle.core.map_quality import agreement
 
 TF_DELAY = 0.25
 STEP, TURN = 0.3, math.pi / 10
-"""So much movement has a scan used [m, rad], and each used one makes a map (slam_gmapping.test)."""
+"""Movement after which a scan is used [m, rad]; each used scan yields a map (slam_gmapping.test)."""
 
 
 class SlamGmappingCheck(RoomTest):
@@ -32,16 +32,16 @@ class SlamGmappingCheck(RoomTest):
         self.listen("/pioneer3/slam_gmapping/entropy", Float64, "entropy")
 
     def answered(self) -> bool:
-        """Tells whether the last step has its map, and tf has been sent since, stamped ahead by tf_delay.
+        """Returns whether the last step has its map, followed by tf stamped ahead by tf_delay.
 
-        Tf alone comes in time from a node that leaves most scans out, too.
+        Tf alone does not suffice: a node that skips most scans still publishes it in time.
         """
         return self.map is not self.before and self.stamp >= self.robot.time + TF_DELAY - 1e-6
 
     def drive(self, length: float, turn: float) -> None:
-        """Drives a step and waits for its map.
+        """Drives one step and waits for its map.
 
-        The filter draws noise for each scan, so that one more or less makes another map: a step has one scan.
+        A step has exactly one scan: the filter draws noise for each scan, so one more or less changes the map.
         """
         self.before = self.map
         self.drive_until(self.answered, "map and tf of the step", length, turn, patience=5.0)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""amcl follows a robot in a map that another node has, behind nothing but the service ``static_map``."""
+"""amcl tracks a robot in a map that another node offers only through the service ``static_map``."""
 
 import sys
 
@@ -20,7 +20,7 @@ class StaticMapCheck(RoomTest):
 
     @classmethod
     def answer(cls, _: GetMapRequest) -> GetMapResponse:
-        """Answers as a node without our message classes does: cells are a list of ints."""
+        """Answers like a node without our message classes: the cells are a list of ints."""
         cls.asked += 1
         grid = cls.robot.grid
         info = MapMetaData(resolution=grid.resolution, width=grid.cols, height=grid.rows)
@@ -30,7 +30,7 @@ class StaticMapCheck(RoomTest):
         return GetMapResponse(message)
 
     def answered(self) -> bool:
-        """Tells whether amcl has sent tf for the robot's last scan."""
+        """Returns whether amcl has published tf for the robot's latest scan."""
         return abs(self.stamp - self.robot.time - 0.5) < 1e-6
 
     def test_the_robot_is_followed_in_the_map_of_the_service(self) -> None:

@@ -1,4 +1,4 @@
-"""How a robot drives about that does not know where it is: by its laser alone, as long as nothing is in the way."""
+"""Wandering for a robot that does not know where it is: it uses only its laser and drives where there is room."""
 
 import math
 
@@ -8,19 +8,19 @@ from numpy.typing import NDArray
 SPEED, TURN = 0.5, 0.8
 """[m/s], [rad/s]."""
 HALF_WIDTH = 0.45
-"""Of the lane that must be free ahead [m]: the robot can turn anywhere in it, its tail needs 0.36 m."""
+"""Half the width of the lane that must be free ahead [m]: the robot can turn anywhere in it; its tail needs 0.36 m."""
 NEAR, FAR = 0.7, 0.9
 """Room ahead [m, from the laser] below which the robot turns, and above which it drives on."""
 
 
 class Wanderer:
-    """Drives straight on while there is room, else turns to the freer side until there is."""
+    """Drives straight while there is room ahead, otherwise turns to the freer side until there is."""
 
     def __init__(self) -> None:
         self._side = 0
 
     def command(self, ranges: NDArray[np.floating], bearings: NDArray[np.floating]) -> tuple[float, float]:
-        """Returns speed [m/s] and turn [rad/s] for a scan: ``ranges`` [m] at ``bearings`` [rad, ahead is 0]."""
+        """Returns speed [m/s] and turn rate [rad/s] for a scan: ``ranges`` [m] at ``bearings`` [rad, 0 is ahead]."""
         seen = np.where(np.isfinite(ranges), ranges, 30.0)
         lane = (np.abs(seen * np.sin(bearings)) < HALF_WIDTH) & (np.abs(bearings) < math.pi / 2)
         room = (seen * np.cos(bearings))[lane].min(initial=30.0)

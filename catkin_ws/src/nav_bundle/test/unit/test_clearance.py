@@ -1,4 +1,4 @@
-"""What nearness to obstacles costs, and what of it the plan cannot avoid."""
+"""The cost of driving close to obstacles, and the part of it that no plan can avoid."""
 
 import numpy as np
 import pytest

@@ -14,7 +14,7 @@ def clock() -> ClockJump:
 
 
 def test_before_any_jump_every_stamp_is_of_now(clock: ClockJump) -> None:
-    """A robot whose clock is ahead, for one."""
+    """This includes stamps from a robot whose clock is ahead."""
     assert not clock.is_of_before(99.0)
 
 

@@ -1,4 +1,4 @@
-"""Array messages carry the same bytes as genpy's; conversions lose nothing but z, roll and pitch."""
+"""Array messages serialise to the same bytes as genpy's; conversions lose only z, roll and pitch."""
 
 import io
 import math
@@ -28,7 +28,7 @@ STAMP = genpy.Time(3, 4)
 
 def serialised(message: genpy.Message) -> bytes:
     buffer = io.BytesIO()
-    buffer.write(b"head")  # rospy serialises behind the length of the message
+    buffer.write(b"head")  # rospy serialises after the message's length field
     message.serialize(buffer)
     return buffer.getvalue()[4:]
 

@@ -48,7 +48,7 @@ def test_a_file_of_something_else_is_named(tmp_path: Path, text: str) -> None:
 
 
 def test_amcl_starts_at_its_initial_pose_where_the_file_holds_something_else(tmp_path: Path) -> None:
-    """It ended, and was started again every few seconds."""
+    """amcl used to exit on such a file, and was respawned every few seconds."""
     path = tmp_path / "correction"
     node = SimpleNamespace(_correction=CorrectionFile(str(path)), _odom_frame="odom")
     path.write_text("")
@@ -63,7 +63,7 @@ def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 
 def test_a_correction_is_forgotten_when_time_jumps_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An amcl that started before the next one was written resumed where the robot had been before the reset."""
+    """It used to survive: an amcl restarted before the next write resumed at the pose from before the reset."""
     file = CorrectionFile(str(tmp_path / "correction"))
     file.write(Pose(1.0, -2.0, 0.5), "odom")
     node = SimpleNamespace(_now=50.0, _correction=file, _store=PoseStore(1.0), _start_at_initial_pose=lambda: None)

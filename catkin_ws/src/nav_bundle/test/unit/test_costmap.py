@@ -1,4 +1,4 @@
-"""Costs around obstacles, what lasers mark and clear, and what of it is recomputed."""
+"""Costs around obstacles, marking and clearing by lasers, and which cells are recomputed."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Other robots in a costmap, maps that roll or are turned, and parameters that change under way."""
+"""Other robots in a costmap, rolling and rotated maps, and parameters that change at run time."""
 
 import math
 from dataclasses import replace
@@ -40,7 +40,7 @@ def fleet() -> Costmap:
 def test_another_robot_is_lethal_where_it_stands_and_inflated_around(fleet: Costmap) -> None:
     fleet.update(Pose(), (), [Pose(1.5, 0.0, math.pi / 2)])
     assert cost_at(fleet, 1.5, 0.0) == LETHAL
-    assert cost_at(fleet, 1.5, -0.25) == LETHAL  # turned: its back is to the south
+    assert cost_at(fleet, 1.5, -0.25) == LETHAL  # rotated: its rear points south
     assert cost_at(fleet, 1.85, 0.0) == INSCRIBED
     assert FREE < cost_at(fleet, 2.2, 0.0) < INSCRIBED
 
@@ -93,7 +93,7 @@ def test_a_map_lies_under_a_rolling_window_where_tf_says() -> None:
     assert cost_at(costmap, 3.0, 1.0) == LETHAL
     assert cost_at(costmap, 3.0, 1.45) == LETHAL
     assert cost_at(costmap, 3.0, 1.6) == FREE
-    assert cost_at(costmap, 3.0, 3.5) == UNKNOWN  # the map does not reach there
+    assert cost_at(costmap, 3.0, 3.5) == UNKNOWN  # beyond the edge of the map
     assert not costmap.update(Pose(3.0, 1.0), (), (), here_from_map)
 
 

@@ -1,4 +1,4 @@
-"""amcl's status is a warning as soon as one of its standard deviations is above the limit."""
+"""amcl's status becomes a warning as soon as one of its standard deviations exceeds its limit."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is DWAPlannerROS's alone: its parameters, its samples, its critics one by one."""
+"""What is specific to DWAPlannerROS: its parameters, its velocity samples, and each of its critics."""
 
 import math
 

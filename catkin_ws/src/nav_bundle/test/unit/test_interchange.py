@@ -1,6 +1,6 @@
-"""One argument starts the C++ navigation stack in place of ours.
+"""One launch argument starts the C++ navigation stack in place of our nodes.
 
-Debian has no such packages: here they are folders with empty executables of their names.
+Debian does not package that stack, so the tests use folders with empty executables of the same names.
 """
 
 import contextlib
@@ -30,7 +30,7 @@ FILES = {
 
 @pytest.fixture
 def packages(tmp_path: Path) -> rospkg.RosPack:
-    """Finds the C++ packages, and nothing else."""
+    """Returns a RosPack that finds only the C++ packages."""
     for package, executable in CPP.items():
         folder = tmp_path / package
         folder.mkdir()

@@ -1,4 +1,4 @@
-"""Kernels take what their annotations declare, and nothing else."""
+"""Kernels accept only the arguments that their annotations declare."""
 
 import numpy as np
 import pytest

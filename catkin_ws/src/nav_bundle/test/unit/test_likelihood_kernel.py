@@ -1,4 +1,4 @@
-"""The compiled kernels agree with what one computes by hand or by brute force."""
+"""The compiled kernels agree with results computed by hand or by brute force."""
 
 import math
 
@@ -40,7 +40,7 @@ def test_a_read_only_map_has_a_field() -> None:
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7, -2.0])
 def test_a_ray_measures_to_the_first_wall(yaw: float) -> None:
-    # A turned map with the robot turned along sees the same ranges.
+    # If the map and the robot are rotated together, the ranges stay the same.
     grid = grid_from_text(["########", "#......#", "#......#", "########"], 0.5, Pose(1.0, 2.0, yaw))
     robot = grid.origin.compose(Pose(1.25, 1.0, 0.0))
     poses = np.array([[robot.x, robot.y, robot.yaw]])

@@ -1,4 +1,4 @@
-"""What dynamic_reconfigure changes leads through the same checks as the parameters of the start."""
+"""Changes by dynamic_reconfigure pass the same checks as the parameters at start-up."""
 
 import pytest
 

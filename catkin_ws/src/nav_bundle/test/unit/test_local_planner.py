@@ -73,11 +73,11 @@ def heading_config_of(**parameters):
 
 @pytest.fixture(params=[config_of, heading_config_of, dwa_config_of], ids=["rollout", "headings", "dwa"])
 def configure(request):
-    """Makes the configuration of each local planner in turn; the contract tests below hold for all."""
+    """Returns each local planner's configuration factory in turn; the contract tests below apply to all of them."""
     return request.param
 
 
-# How near two robots' centres may come in passing [m]; DWA passes closer in a corridor, and nothing touches.
+# Minimum distance between the centres of two passing robots [m]. DWA passes closer in a corridor, without contact.
 NEAREST = {config_of: 0.6, dwa_config_of: 0.55}
 
 
@@ -88,7 +88,7 @@ def world_of(rows, scale):
 
 
 class World:
-    """A drawn map with a robot in it, and perhaps another body on the move."""
+    """A drawn map with a robot in it, and optionally another moving body."""
 
     def __init__(self, grid: Grid, pose: Pose, config=None):
         self.grid, self.pose, self.velocity = grid, pose, Velocity()
@@ -150,7 +150,7 @@ class World:
         return bool(self.solid()[rows, cols].any())
 
     def cycles(self, goal, seconds):
-        """Drives until the goal is reached, a cycle a step: looks at 5 Hz, plans at 0.5 Hz and controls at 20 Hz."""
+        """Drives to the goal, one control cycle (20 Hz) per step; senses at 5 Hz and plans at 0.5 Hz."""
         navfn, planned = NavfnPlanner(NavfnConfig()), -40
         for cycle in range(round(seconds / PERIOD)):
             if cycle % 4 == 0:
@@ -266,7 +266,7 @@ def test_with_a_wall_in_front_it_backs_up():
 
 @pytest.mark.parametrize(("gap", "beside", "heading"), [(0.30, 0.4, 0.0), (0.35, 0.25, 0.0), (0.35, 0.4, 0.3)])
 def test_out_of_a_dead_end_it_takes_another_way(gap, beside, heading):
-    """In front of a thin wall, with the goal behind it, the cheapest way led into the wall again and again."""
+    """With the goal behind a thin wall, the cheapest trajectory used to lead into the wall again and again."""
     cells = np.zeros((140, 160), np.int8)
     cells[:75, 79:81] = OCCUPIED
     world = World(Grid(RESOLUTION, Pose(), cells), Pose(3.95 - gap, 3.75 - beside, heading), config_of())
@@ -274,7 +274,7 @@ def test_out_of_a_dead_end_it_takes_another_way(gap, beside, heading):
 
 
 def tilted_passage(tilt):
-    """A passage of 1.2 m that opens into a room and lies askew to the cells, so that its walls are stairs."""
+    """Returns a 1.2 m wide passage into a room, rotated against the cells so that its walls are stepped."""
     row, col = np.mgrid[:160, :160]
     x, y = ((index + 0.5) * RESOLUTION - 4.0 for index in (col, row))
     along, across = x * math.cos(tilt) + y * math.sin(tilt), y * math.cos(tilt) - x * math.sin(tilt)
@@ -287,7 +287,7 @@ def tilted_passage(tilt):
     ("tilt", "gap", "into"), [(0.08, 0.255, 0.1), (0.08, 0.265, 0.2), (0.15, 0.265, 0.2), (0.15, 0.28, 0.2)]
 )
 def test_a_robot_close_beside_a_wall_gets_away_from_it(tilt, gap, into):
-    """It went 10 cm back and came to the same place again for good, or found no way back that was free for 1.7 s."""
+    """It used to back up 10 cm and return to the same place forever, or found no way back that was free for 1.7 s."""
     passage = Pose(4.0, 4.0, tilt)
     world = World(tilted_passage(tilt), passage.compose(Pose(2.3, 0.6 - gap, math.pi - into)), config_of())
     world.drive(passage.compose(Pose(-2.5, 0.0)), 60.0)
@@ -388,6 +388,6 @@ def test_with_heading_scoring_the_sample_that_turns_towards_the_plan_costs_less(
     assert alone.begin(Situation(world.local, world.pose, STANDSTILL, Pose()), plan)
     turns = (-0.5, 0.0, 0.5)
     costs = [scored.cost for scored in alone.all_of(np.array([[0.0, 0.0, turn] for turn in turns]))]
-    # At 0.5 s the robot has turned by nearly half of what it turns in a second; the plan leads straight to the left.
+    # After 0.5 s the robot has turned by almost half of its turn rate; the plan leads 90 degrees to the left.
     expected = [0.3 * (math.pi / 2 - 0.5 * turn) for turn in turns]
     assert costs == pytest.approx(expected, abs=0.04)

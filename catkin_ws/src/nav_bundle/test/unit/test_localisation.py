@@ -1,4 +1,4 @@
-"""A robot with noisy odometry and a noisy laser knows where it is: closed loop over the pure core."""
+"""A robot with noisy odometry and a noisy laser stays localised: closed-loop tests of the core without ROS."""
 
 import dataclasses
 import math
@@ -22,7 +22,7 @@ LASER = Pose(0.1, 0.0, 0.0)
 
 
 class FakeRobot:
-    """Drives round the room; its odometry overrates distances by 3 %, its laser has 1 cm of noise."""
+    """Drives round the room. Its odometry overestimates distances by 3 %, and its laser has 1 cm of noise."""
 
     def __init__(self, seed: int) -> None:
         self.grid = enlarged(ROOM)
@@ -96,7 +96,7 @@ def test_things_the_map_does_not_know_mislead_nobody() -> None:
 
     def scan_past_people() -> Scan:
         scan = in_the_way()
-        scan.ranges[40:75] = np.minimum(scan.ranges[40:75], 0.7)  # a fifth of the view
+        scan.ranges[40:75] = np.minimum(scan.ranges[40:75], 0.7)  # a fifth of the field of view
         return scan
 
     robot.scan = scan_past_people  # type: ignore[method-assign]

@@ -1,4 +1,4 @@
-"""Robots that may be anywhere, or that were carried off, find out where they are: seeded trials in a building.
+"""Global localisation, and recovery of a kidnapped robot: seeded trials in a building.
 
 The building is that of the golden scenarios: 167 m² of free space in six rooms. The robot wanders about its hall.
 """
@@ -34,7 +34,7 @@ BEARINGS = np.linspace(-math.pi, math.pi, 180)
 PERIOD = 0.2
 """[s] between scans."""
 SURE = 5.0
-"""A robot that is right for this long [s] is found."""
+"""A robot whose estimate is right for this long [s] is localised."""
 TRIALS = 25
 
 
@@ -49,7 +49,7 @@ class Trial:
         self.wanderer = Wanderer()
 
     def somewhere(self) -> Pose:
-        """Returns a pose in the hall that keeps 0.4 m from everything."""
+        """Returns a random pose in the hall with a clearance of 0.4 m."""
         while True:
             x, y, yaw = self.generator.uniform([0.4, 0.4, -math.pi], [9.6, 6.6, math.pi])
             cell = BUILDING.cell_at(x, y)
@@ -61,7 +61,7 @@ class Trial:
         return error.distance(self.pose) < 0.3 and abs(angle_difference(error.yaw, self.pose.yaw)) < 0.3
 
     def wander(self, seconds: float) -> Iterator[bool]:
-        """Tells for each scan whether the robot is right about where it is."""
+        """Yields for each scan whether the robot's pose estimate is right."""
         for _ in range(round(seconds / PERIOD)):
             ranges = ranges_at(BUILDING, self.pose, LASER) + self.generator.normal(0.0, 0.01, 180)
             if self.localisation.due(self.odom):
@@ -73,7 +73,7 @@ class Trial:
             self.pose, self.odom = self.pose.compose(step), self.odom.compose(step)
 
     def time_to_find(self, limit: float) -> float:
-        """Returns when the robot began to be right for good [s]; infinity if not within ``limit``."""
+        """Returns when the pose estimate became right for good [s]; infinity if not within ``limit``."""
         since = math.inf
         for index, right in enumerate(self.wander(limit + SURE)):
             since = min(since, index * PERIOD) if right else math.inf

@@ -1,4 +1,4 @@
-"""Maps are read as map_server reads them; a wrong file gets one line that names it."""
+"""Maps are read as map_server reads them; an invalid file gets a one-line error that names it."""
 
 from pathlib import Path
 

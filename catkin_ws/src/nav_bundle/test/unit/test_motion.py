@@ -1,4 +1,4 @@
-"""Particles move as the odometry says, with noise that grows with the movement."""
+"""Particles follow the odometry, with noise that grows with the movement."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""move_base's state machine: what follows on what, and when it gives up."""
+"""move_base's state machine: its transitions, and when it gives up."""
 
 from dataclasses import replace
 
@@ -35,7 +35,7 @@ PERIOD = 0.05
 
 
 class Machine:
-    """Runs the state machine at 20 Hz and keeps what it said."""
+    """Runs the state machine at 20 Hz and keeps its latest output."""
 
     def __init__(self, limits=LIMITS):
         self.limits, self.state, self.now, self.command = limits, State(), 0.0, None

@@ -1,4 +1,4 @@
-"""Headings along a path, by global_planner's modes; and its grid paths and potential."""
+"""Headings along a path in global_planner's orientation modes; its grid paths and its potential."""
 
 import math
 

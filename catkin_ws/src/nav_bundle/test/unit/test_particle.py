@@ -1,4 +1,4 @@
-"""Particles are drawn by weight, as many as their spread needs, and are summed up by clusters."""
+"""Particles are resampled by weight, as many as their spread requires, and the estimate is their heaviest cluster."""
 
 import math
 
@@ -62,7 +62,7 @@ def test_the_heaviest_cluster_is_the_estimate() -> None:
     far = np.random.default_rng(3).normal([8.0, 8.0, 2.0], 0.05, (60, 3))
     particles.replace(np.vstack([near, far]))
     estimate = particles.estimate()
-    assert type(estimate.pose.x) is float  # numpy's floats cannot go to the parameter server
+    assert type(estimate.pose.x) is float  # the parameter server does not accept numpy floats
     assert estimate.pose.distance(Pose(1, 1)) < 0.05
     assert math.isclose(estimate.weight, 100 / 160)
     particles.weigh(np.array([1.0] * 100 + [4.0] * 60))
@@ -119,7 +119,7 @@ def test_selective_resampling_keeps_particles_that_are_still_even() -> None:
 def test_the_likeliest_of_some_random_poses_is_taken() -> None:
     space = FreeSpace(grid_from_text(["." * 20], 1.0), np.random.default_rng(5))
     xs = space.draw_likely(500, 9, lambda poses: poses[:, 0])[:, 0]
-    assert abs(xs.mean() - 20.0 * 9 / 10) < 0.3  # the mean of the greatest of nine
+    assert abs(xs.mean() - 20.0 * 9 / 10) < 0.3  # the mean of the maximum of nine draws
 
 
 def test_random_poses_lie_in_free_cells_evenly() -> None:

@@ -1,4 +1,4 @@
-"""Messages that are written from arrays are the same bytes."""
+"""Messages written from arrays have the same bytes as genpy's."""
 
 import io
 import math

@@ -1,4 +1,4 @@
-"""What every global planner promises, on small drawn maps."""
+"""The contract of every global planner, on small drawn maps."""
 
 import contextlib
 import itertools
@@ -56,7 +56,7 @@ def costs_along(costmap, path):
     return [costmap.cells[place.row_of(y), place.col_of(x)] for x, y, _ in path]
 
 
-# With GlobalPlanner's own cost_factor of 3, costs above 67 are all the same, and these maps know hardly lower ones.
+# With GlobalPlanner's default cost_factor of 3, all costs above 67 count the same, and these maps have few lower ones.
 PLANNERS = [
     NavfnPlanner(NavfnConfig()),
     GlobalPlanner(GlobalPlannerConfig(cost_factor=0.8)),
@@ -91,7 +91,7 @@ def test_a_path_crosses_nothing_that_touches(planner):
 
 def test_over_free_ground_a_path_is_nearly_straight(planner):
     path = path_between(planner, costmap_of(WIDE), Pose(0.25, 0.25), Pose(1.75, 0.85))
-    longest = 1.083 if planner is FROM_CELL_TO_CELL else 1.05  # eight directions cost up to 8.24 %
+    longest = 1.083 if planner is FROM_CELL_TO_CELL else 1.05  # eight directions add up to 8.24 %
     assert length(path) < longest * math.hypot(1.5, 0.6)
 
 
@@ -236,7 +236,7 @@ def test_a_star_looks_at_less_and_finds_as_cheap_a_way():
 
 
 def cheapest(planner, costmap, start, goal):
-    """Returns what the way costs by the planner's potential, far where there is none."""
+    """Returns the path cost from the planner's potential; very large if there is no path."""
     search = planner.search(costmap, start, goal)
     with contextlib.suppress(NoPathError):
         search.advance(1 << 40)
@@ -256,7 +256,7 @@ def test_a_star_s_ways_are_at_most_two_hundredths_dearer_than_dijkstra_s():
 
 
 def test_a_block_weighs_halfway_between_its_least_and_mean_passable_cell():
-    """Also at the edges, where blocks are smaller; what no cell of leads through stays closed."""
+    """This includes the smaller blocks at the edges. A block without a passable cell stays closed."""
     costs = np.random.default_rng(3).choice(np.array([0, 40, 252, 253, 254, 255], np.uint8), (11, 14))
     costs[4:8, 4:8] = 254
     table, closed = weights(True), 255
@@ -273,7 +273,7 @@ def test_a_block_weighs_halfway_between_its_least_and_mean_passable_cell():
 
 
 def test_a_star_finds_the_way_round_that_its_guide_does_not_know():
-    """Walls thinner than the guide's blocks have gaps for it: it hopes for a way straight through."""
+    """To the guide, walls thinner than its blocks have gaps, so it expects a way straight through."""
     rows = [".." * 30] * 30 + ["." + "#" * 59] + [".." * 30] * 29
     costmap = costmap_of(rows)
     start, goal = Pose(5.55, 1.05), Pose(5.55, 4.85)

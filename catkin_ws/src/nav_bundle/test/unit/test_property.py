@@ -1,6 +1,6 @@
-"""What holds for every map: files, inflation, rays, outlines, paths, numbers of particles.
+"""Properties that hold for every map: files, inflation, rays, outlines, paths, particle counts.
 
-Examples are drawn alike each time.
+The examples are the same in every run.
 """
 
 import math
@@ -40,7 +40,7 @@ trinary_cells = arrays(np.int8, shapes, elements=st.sampled_from([FREE, OCCUPIED
 
 
 def obstacles(side: int, most: int = 30) -> st.SearchStrategy[NDArray[np.uint8]]:
-    """Draws costs of ``side`` x ``side`` cells, free but for some lethal ones."""
+    """Draws costs of ``side`` x ``side`` cells, all free except for at most ``most`` lethal ones."""
     places = st.lists(st.tuples(st.integers(0, side - 1), st.integers(0, side - 1)), max_size=most)
 
     def drawn(cells: list[tuple[int, int]]) -> NDArray[np.uint8]:
@@ -63,7 +63,7 @@ def test_a_map_that_was_saved_is_loaded_as_it_was(cells: NDArray[np.int8], resol
 
 
 def loaded(image: NDArray[np.uint8], **fields: object) -> NDArray[np.int8]:
-    """Returns the cells of a map whose file says ``fields``, the image's top row first."""
+    """Returns the cells of a map with ``fields`` in its YAML file, the image's top row first."""
     with tempfile.TemporaryDirectory() as folder:
         Image.fromarray(image).save(Path(folder) / "map.pgm")
         description = {"image": "map.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], **fields}
@@ -96,7 +96,7 @@ def test_thresholds_part_free_unknown_and_occupied(
 
 
 def inflated(costs: NDArray[np.uint8], radius: int, scaling: float) -> NDArray[np.uint8]:
-    """Returns the costs inflated as far as ``radius`` [cells], inscribed up to two cells."""
+    """Returns the costs inflated up to ``radius`` [cells], with an inscribed radius of two cells."""
     cells = costs.copy()
     kernel.inflate(cells, (0, cells.shape[0], 0, cells.shape[1]), radius, table_of(radius, scaling), False)
     return cells
@@ -198,7 +198,7 @@ def test_particles_in_more_places_are_never_fewer_after_resampling(first: int, s
 
 
 def resampled(places: int, error: float) -> int:
-    """Returns the number of particles that remain of 3000, spread evenly over that many places a metre apart."""
+    """Returns how many of 3000 particles remain if they are spread evenly over ``places`` points a metre apart."""
     config = AmclConfig(kld_err=error, min_particles=10, max_particles=3000)
     particles = ParticleFilter(config, np.random.default_rng(1))
     poses = np.zeros((3000, 3))

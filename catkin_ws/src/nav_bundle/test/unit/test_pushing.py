@@ -1,4 +1,4 @@
-"""A robot that pushes is noticed, one that drives is not, and it backs off before it does anything else."""
+"""A robot that pushes against something is detected, a driving one is not; it backs up before any other recovery."""
 
 import math
 
@@ -16,7 +16,7 @@ FORWARD = Velocity(0.3)
 
 
 def picture(true, odom, width=8.0, height=5.0):
-    """Returns what the laser sees at pose ``true`` in a room about the origin, laid out where odometry thinks it is."""
+    """Returns what the laser sees at ``true`` in a room around the origin, placed by the odometry pose ``odom``."""
     bearings = np.linspace(-math.pi, math.pi, 180, endpoint=False)
     x, y = np.cos(bearings + true.yaw), np.sin(bearings + true.yaw)
     to_x = (np.sign(x) * width / 2 - true.x) / np.where(x == 0.0, 1e-9, x)

@@ -1,4 +1,4 @@
-"""Recovery behaviours: what is forgotten, and how the robot turns."""
+"""Recovery behaviours: which part of a costmap is cleared, and how the robot rotates."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What is kept of a sensor's topic, whatever arrives on it."""
+"""The newest message of a sensor topic is kept; a message that cannot be parsed costs only itself."""
 
 import io
 from types import SimpleNamespace
@@ -11,7 +11,7 @@ from nav_bundle.nodes import sensor
 
 @pytest.fixture
 def odometry(monkeypatch: pytest.MonkeyPatch) -> sensor.Newest[Odometry]:
-    """A subscription without a master; ``arrive`` takes the place of the network."""
+    """Returns a subscription without a ROS master; ``arrive`` takes the place of the network."""
     found = SimpleNamespace(get_time=lambda: 1.0, logwarn_throttle=lambda *_: None)
     found.Subscriber = lambda _topic, kind, callback, **_: SimpleNamespace(kind=kind, callback=callback)
     monkeypatch.setattr(sensor, "rospy", found)

@@ -1,4 +1,4 @@
-"""A robot with a noisy laser and bad odometry draws its map: closed loop over the pure core."""
+"""A robot with a noisy laser and bad odometry builds its map: closed-loop tests of the core without ROS."""
 
 import dataclasses
 import math
@@ -36,7 +36,7 @@ LASER = Pose(0.1, 0.0, 0.2)
 
 
 class FakeRobot:
-    """Drives; its odometry overrates distances by 3 % and turns with noise, its laser has 1 cm of noise."""
+    """A robot whose odometry overestimates distances by 3 % and has noisy turns; its laser has 1 cm of noise."""
 
     def __init__(self, grid: Grid, start: Pose, seed: int, bad: float = 1.0) -> None:
         self.grid, self.bad = grid, bad
@@ -57,7 +57,7 @@ class FakeRobot:
 
 
 def laps(sides: tuple[float, ...], count: int) -> list[tuple[float, float]]:
-    """Steps of 5 cm along the sides, with a left turn after each."""
+    """Returns steps of 5 cm along the sides, with a left turn after each side."""
     return [
         step
         for _ in range(count)
@@ -146,7 +146,7 @@ def test_scans_count_after_enough_of_path_turn_or_time() -> None:
     for number, move in enumerate(moves):
         robot.drive(*move)
         used.append(slam.observe(robot.odom, robot.scan(), 0.1 * number))
-    assert used == [True, False, False, True, False, True, False]  # turns to and fro add up, as upstream
+    assert used == [True, False, False, True, False, True, False]  # opposite turns add up, as upstream
     assert not slam.observe(robot.odom, robot.scan(), 2.5)
     assert slam.observe(robot.odom, robot.scan(), 2.51)
 
@@ -197,7 +197,7 @@ def test_a_large_extent_costs_only_what_was_seen() -> None:
 
 
 def test_transforms_go_out_while_a_scan_is_matched() -> None:
-    """A thread that wakes every millisecond stands still for no more than a part of a long match."""
+    """A thread that wakes every millisecond is blocked for less than half of a long scan match."""
     robot, slam = in_room(1, dataclasses.replace(CONFIG, particles=400, kernelSize=2))
     slam.observe(robot.odom, robot.scan(360), 0.0)
     robot.drive(1.1, 0.0)

@@ -87,7 +87,7 @@ def test_a_new_parent_is_learned_when_the_watch_is_set_again() -> None:
 
 
 def unpacked(buffer: bytes) -> list[StampedTransform]:
-    """Returns what genpy's own deserialisation finds in a message, the records that no tree can take left out."""
+    """Returns the transforms that genpy finds in a message, without those that no tf tree accepts."""
     found = []
     for each in TFMessage().deserialize(buffer).transforms:
         place, turn = each.transform.translation, each.transform.rotation
@@ -104,7 +104,7 @@ EDGES = st.lists(st.tuples(NAMES, NAMES, st.floats(width=32)), max_size=4)
 
 @st.composite
 def hostile(draw: st.DrawFn) -> bytes:
-    """Returns a message with some bytes replaced, removed, inserted or cut off, or no message at all."""
+    """Draws a message with some bytes replaced, removed, inserted or cut off, or arbitrary bytes."""
     if draw(st.integers(0, 9)) == 0:
         return draw(st.binary(max_size=200))
     buffer = bytearray(serialised(*draw(EDGES)))
@@ -142,8 +142,8 @@ def test_hostile_bytes_cost_no_more_than_their_own_message(buffers: list[bytes],
         except DeserializationError:
             assert picked == []
             continue
-        # Full deserialisation replaces bytes that are not UTF-8, and a child under a second parent is learned with the
-        # next ``watch``.
+        # Full deserialisation replaces bytes that are not UTF-8, and the picker learns a child's second parent only
+        # with the next ``watch``.
         assert set(map(repr, picked)) <= set(map(repr, whole))
         if buffer is buffers[0] and not refused:
             assert picked == whole

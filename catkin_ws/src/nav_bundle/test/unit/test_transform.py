@@ -1,4 +1,4 @@
-"""A tree of transforms interpolates, refuses what it does not know, and says which frames are missing."""
+"""The transform tree interpolates, rejects lookups outside its data, and names missing frames."""
 
 import math
 

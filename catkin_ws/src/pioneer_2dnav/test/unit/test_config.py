@@ -1,4 +1,4 @@
-"""The configuration is one that move_base takes, with the values that users of this robot know."""
+"""move_base accepts the configuration, and its values are the ones that users of this robot know."""
 
 from pathlib import Path
 from typing import Any

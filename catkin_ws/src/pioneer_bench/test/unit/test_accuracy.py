@@ -1,4 +1,4 @@
-"""The Pioneer in the simulator moves, stops and sees as it should: the bench's own trials."""
+"""The bench's own trials: the simulated Pioneer moves, stops and senses as it should."""
 
 import math
 from collections.abc import Iterator

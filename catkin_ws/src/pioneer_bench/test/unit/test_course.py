@@ -1,4 +1,4 @@
-"""Courses and parameters of the bench's trials: what is random is as asked for, and the same for the same seed."""
+"""Courses and parameters of the bench's trials: random values follow the request and repeat with the seed."""
 
 import itertools
 import math

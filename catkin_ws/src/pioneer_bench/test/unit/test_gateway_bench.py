@@ -1,4 +1,4 @@
-"""Goals and table of the gateway's bench."""
+"""Goals and result table of the gateway bench."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""The navigation bench counts over all tours, and holds each tour to the goals of accuracy."""
+"""The navigation bench sums up all tours and checks each tour against the accuracy goals."""
 
 from pioneer_bench.core.row import Row, table
 from pioneer_bench.core.tour import CONDITIONS, Tour, tour_rows

@@ -1,4 +1,4 @@
-"""What a bench leaves: a table, the same as JSON, and an exit status; and what its command line changes."""
+"""The output of a bench: a table, the same data as JSON, and an exit status; and the effect of its options."""
 
 import argparse
 import json

@@ -1,4 +1,4 @@
-"""A robot drives courses on the shipped parameters, without ROS: what it must reach, and how near it may come."""
+"""A robot drives courses with the shipped parameters, without ROS: what it must reach, and with which clearance."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_a_robot_that_pushes_what_the_laser_does_not_see_gives_up(parameters: di
 def test_a_robot_does_not_circle_for_good_where_turning_is_cheapest(
     parameters: dict[str, object], seed: int, maze: int
 ) -> None:
-    """Parameters 29 look 0.35 m ahead: in maze 5 the robot turned by full circles before each corner for 600 s."""
+    """Parameter set 29 looks 0.35 m ahead: in maze 5 the robot used to turn full circles at each corner for 600 s."""
     through = ride(course.maze(maze), with_changes(parameters, random_changes(seed)), maze)
     assert (through.reached, through.contacts, through.stuck) == (4, 0, False)
 

@@ -1,4 +1,4 @@
-"""The map that plans are measured in."""
+"""The map in which planning is measured."""
 
 import numpy as np
 import pytest

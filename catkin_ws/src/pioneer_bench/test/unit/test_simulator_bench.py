@@ -1,4 +1,4 @@
-"""Goals, table and hall of the simulator's bench."""
+"""Goals, result table and hall of the simulator bench."""
 
 import pytest
 

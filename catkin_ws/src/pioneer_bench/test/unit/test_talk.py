@@ -1,4 +1,4 @@
-"""The publisher of the gateway's bench sends while somebody subscribes, and ends."""
+"""The publisher of the gateway bench sends while it has subscribers, and shuts down."""
 
 from pioneer_bench.nodes.talk import Demand
 

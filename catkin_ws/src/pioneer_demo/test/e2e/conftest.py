@@ -1,4 +1,4 @@
-"""Demos and fleets as a user starts them, by their own commands."""
+"""Starts demos and fleets as a user does, with their own commands."""
 
 import os
 import signal
@@ -14,11 +14,11 @@ from pioneer_harness.wait import wait_until
 _MARK = "PIONEER_DEMO_TEST"
 _CTRL_C = 5.0
 _FOREIGN = {"ROS_NAMESPACE": "/elsewhere", "ROS_HOSTNAME": "no-such-host.invalid", "GATEWAY_NETWORK_INTERFACE": "eth9"}
-"""What a user's shell may hold for another fleet: every demo here runs with it."""
+"""Variables that a user's shell may have set for another fleet; every demo of these tests runs with them."""
 
 
 class Running:
-    """A demo or a fleet in a session of its own; a mark in the environment shows which processes it started."""
+    """A demo or fleet in its own session; an environment variable marks all processes that it started."""
 
     def __init__(self, report, command, *options):
         self.report, self.command = report, command
@@ -41,7 +41,7 @@ class Running:
         return self.output.read_text(errors="replace")
 
     def processes(self):
-        """Returns the command lines of everything alive that carries the mark, by pid."""
+        """Returns the command line of each live process that carries the mark, by PID."""
         marked = (pid for pid, state in process_states().items() if state.alive and has_variable(pid, _MARK, self.mark))
         return {pid: " ".join(arguments(pid)) for pid in marked}
 
@@ -53,13 +53,13 @@ class Running:
         wait_until(said, f"'{words}' in its output", timeout)
 
     def interrupt(self, number=signal.SIGINT):
-        """Ends it by a signal, and sees that nothing is left."""
+        """Ends the command with a signal and checks that no process is left."""
         self.process.send_signal(number)
         began = time.monotonic()
         assert self.process.wait(3 * _CTRL_C) == 128 + number, self.text()
         assert time.monotonic() - began <= _CTRL_C
         assert self.processes() == {}
-        # After SIGHUP the terminal is gone, and nothing may be written to it.
+        # After SIGHUP the terminal is closed, and nothing may be written to it.
         said = f"every process of this {self.command} has ended" in self.text()
         assert said == (number != signal.SIGHUP)
 

@@ -1,4 +1,4 @@
-"""Measures a robot's link as it is, slow and lossy, and cut; to be run in a network namespace of its own."""
+"""Measures a robot's link without faults, with loss and delay, and cut. Run it in a network namespace of its own."""
 
 import pathlib
 import subprocess

@@ -1,4 +1,4 @@
-"""Takes the place of run-scenario in the tests of experiments: figures that follow from variant and seed."""
+"""Stands in for run-scenario in the tests of experiments: its figures depend only on variant and seed."""
 
 import argparse
 import json
@@ -23,7 +23,7 @@ def note(word: str) -> None:
 
 
 note("begin")
-time.sleep(1.0)  # the work of a run: long enough to be killed in the middle
+time.sleep(1.0)  # simulates the work of a run: long enough to be killed halfway
 note("end")
 robot = {"seconds": 10.0 * slow + options.seed, "path_length": 5.0, "collisions": 0}
 report = {"success": options.seed != 2, "faults": [], "robots": {"pioneer1": robot}, "drive": {}}

@@ -1,4 +1,4 @@
-"""Whole demos, by the demo's own command: a success, Ctrl-C at two moments, a node that dies, two side by side."""
+"""Complete demos, run by the demo's own command: success, Ctrl-C at two moments, a node that dies, two in parallel."""
 
 import json
 import os
@@ -47,7 +47,7 @@ def test_two_robots_reach_their_waypoints_through_the_gateways_and_are_filmed(st
 
 
 def assert_opens(recording):
-    """MCAP's own library finds every message of each computer once, where it was published."""
+    """Checks that the MCAP library finds each computer's messages once, under the computer that published them."""
     with recording.open("rb") as file:
         summary = make_reader(file).get_summary()
         counts = {one.topic: summary.statistics.channel_message_counts[key] for key, one in summary.channels.items()}
@@ -60,7 +60,7 @@ def assert_opens(recording):
 
 
 def assert_quiet(demo):
-    """Nothing that means nothing: neither on the screen nor in what the fleet's processes print."""
+    """Checks that neither the screen nor the output of the fleet's processes contains meaningless noise."""
     printed = {path.name: path.read_text() for path in (demo.report / "log").glob("*.log")}
     assert {"hub.log", "simulator.log", "navigation-of-pioneer1.log"} <= set(printed)
     for name, text in {**printed, "the screen": demo.text()}.items():
@@ -102,7 +102,7 @@ def test_a_move_base_that_dies_is_named_and_ends_the_demo(start):
 
 @pytest.fixture
 def own_world(tmp_path):
-    """A world that is not pioneer_gazebo's, without a map."""
+    """Returns a world file that is not one of pioneer_gazebo's and has no map."""
     worlds = Path(rospkg.RosPack().get_path("pioneer_gazebo")) / "worlds"
     return Path(shutil.copy(worlds / "closed_maze.world", tmp_path / "my own.world"))
 

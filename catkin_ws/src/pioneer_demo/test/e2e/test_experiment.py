@@ -1,4 +1,4 @@
-"""Experiments: what a killed worker and Ctrl-C leave, and what the same command then does."""
+"""Experiments: the state after a killed worker or Ctrl-C, and how the same command continues from it."""
 
 import csv
 import json
@@ -44,7 +44,7 @@ def experiment(study, *where):
 
 @pytest.fixture
 def scheduler(study):
-    """The address of a scheduler that was started by hand, with one worker."""
+    """Yields the address of a manually started scheduler with one worker."""
     file, common = study / "scheduler.json", ["--no-dashboard", "--scheduler-file", "scheduler.json"]
     with (study / "dask.txt").open("w") as log:
         words = ["distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", *common]
@@ -59,7 +59,7 @@ def scheduler(study):
 
 
 def noted(study, word):
-    """Returns variant and seed, and the worker, of each run that has begun or ended."""
+    """Returns [variant, seed] and the worker of each run that has begun or ended."""
     lines = [line.split(" ") for line in (study / "journal").read_text().splitlines()]
     return [(line[1:3], int(line[3])) for line in lines if line[0] == word]
 

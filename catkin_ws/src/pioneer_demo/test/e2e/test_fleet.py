@@ -1,4 +1,4 @@
-"""A fleet that stays up: found by ``./pioneer status``, driven by goals and by keyboard, ended by Ctrl-C."""
+"""A fleet that stays up: listed by ``./pioneer status``, driven by goals and by keyboard, ended by Ctrl-C."""
 
 import json
 import math
@@ -15,11 +15,11 @@ from pioneer_harness.wait import wait_until
 PIONEER = Path(__file__).resolve().parents[5] / "pioneer"
 START_UP, DRIVE, COMMAND = 120.0, 60.0, 30.0
 GOAL = 0.5
-"""How far from a goal a robot may stop, and from where it is it may believe to be [m]."""
+"""Largest distance [m] of a stopped robot from its goal, and of its estimated pose from the true one."""
 
 
 def status(fleet):
-    """Returns what ``./pioneer status`` says of this fleet; others may run beside it."""
+    """Returns the entry of this fleet in ``./pioneer status``; other fleets may be running."""
     command = [PIONEER, "status", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=COMMAND, check=False)
     fleets = json.loads(done.stdout)["fleets"] if done.stdout else []
@@ -44,7 +44,7 @@ def kill(fleet, node):
 
 @pytest.fixture
 def keyboard():
-    """A terminal: the end to type into, and the one to give to a command."""
+    """Yields both ends of a terminal: one to type into, and one to pass to a command."""
     ours, theirs = pty.openpty()
     yield ours, theirs
     os.close(ours)

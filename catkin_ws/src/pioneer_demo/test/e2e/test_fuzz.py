@@ -1,6 +1,6 @@
-"""Hostile input at every door of a fleet that drives: no process ends, no robot stops, no memory grows.
+"""Hostile input at every interface of a driving fleet: no process ends, no robot stops, no memory use grows.
 
-`PIONEER_FUZZ_MINUTES` and `PIONEER_FUZZ_SEED` say how long and which; `./pioneer test --fuzz` sets them.
+`PIONEER_FUZZ_MINUTES` and `PIONEER_FUZZ_SEED` set duration and seed; `./pioneer test --fuzz` sets both.
 """
 
 import json
@@ -25,32 +25,32 @@ MB = 1_000_000
 FUZZERS = Path(__file__).parent.parent / "fuzz"
 START_UP = 120.0
 LEG = 45.0
-"""Within which each robot must reach its next waypoint, 4 m away [s of simulated time]; it takes 9 to 15 s."""
+"""Time limit for a robot to reach its next waypoint, 4 m away [s of simulated time]; it takes 9 to 15 s."""
 CLOCK_STANDS_STILL = 20.0
-"""[s of wall time]"""
+"""Longest time for which the simulated clock may stand still [s of wall time]."""
 GROWTH, GROWTH_AT_FIRST = 12 * MB, 40 * MB
-"""What a process may have more at the end than it had after its first quarter; in a short run caches still fill."""
+"""Allowed growth of a process since its first quarter; higher in a short run, in which caches are still filling."""
 LONG = 10.0
-"""[min]"""
+"""From this duration on, a run counts as long [min]."""
 REPORT = 30.0
 PATROLS = {
     "pioneer1": [(2.4, -10.0), (-2.1, -7.3), (-2.1, -11.9)],
     "pioneer2": [(-2.7, 20.6), (1.6, 17.0), (-3.7, 15.2)],
 }
 """Places in ``closed_maze`` near where the robots start, x and y [m]."""
-# Debian's C++ nodes and ROS master are not of this project, and the fleet's command is no node.
+# Debian's C++ nodes and the ROS master are not part of this project, and the fleet's command is not a node.
 FOREIGN = ("rosout", "robot_state_publisher", "rosmaster", "roslaunch", "fleet_observer")
 
 
 class Fleet:
-    """Two robots on endless patrols, as ``./pioneer fleet`` starts them, watched from outside."""
+    """Two robots on endless patrols, started by ``./pioneer fleet`` and observed from outside."""
 
     def __init__(self, running, folder: Path) -> None:
         self.running = running
         running.await_words("2 robots are ready", START_UP)
         self.first = self.status()
         self.masters = {robot["robot"]: robot["master"] for robot in self.first["robots"]}
-        # Scripts that set rules up end by themselves.
+        # The scripts that set up rules exit by themselves.
         self.processes = {pid: line for pid, line in running.processes().items() if "/rocon_flip/" not in line}
         self.memory = {pid: [] for pid in self.processes}
         self.reached = dict.fromkeys(self.masters, 0)
@@ -75,7 +75,7 @@ class Fleet:
         assert answer.success, answer.message
 
     def addresses(self) -> list[str]:
-        """What there is to connect to, as ``wire.py`` takes it."""
+        """Returns everything that accepts connections, in the format that ``wire.py`` takes."""
         hub = urlsplit(self.first["hub"]).netloc
         slaves = set().union(*map(_slave_apis, [self.first["master"], *self.masters.values()]))
         found = [f"hub={hub}", f"member={hub}", *(f"slave={one}" for one in sorted(slaves))]
@@ -87,7 +87,7 @@ class Fleet:
         return found
 
     def look(self) -> None:
-        """Fails where a process has ended or a robot makes no progress."""
+        """Fails if a process has ended or a robot makes no progress."""
         assert self.running.process.poll() is None, self.running.text()
         status, moment = self.status(), time.monotonic()
         if status["simulated_seconds"] > self.clock:
@@ -102,7 +102,7 @@ class Fleet:
                 self.reached[name], self.left[name] = robot["reached"], self.clock
 
     def sample(self) -> None:
-        """Notes the memory of every process."""
+        """Records the memory of every process."""
         states = process_states()
         gone = [line for pid, line in self.processes.items() if pid not in states or not states[pid].alive]
         assert not gone, f"ended: {gone}"
@@ -111,7 +111,7 @@ class Fleet:
 
 
 def _slave_apis(uri: str) -> set[str]:
-    """Returns host and port of the XML-RPC server of each of this project's nodes on a master."""
+    """Returns the XML-RPC server's host:port of each of this project's nodes on a master."""
     master = Client(uri, "/fuzz")
     nodes = {node for kind in master.ask_master("getSystemState") for _, found in kind for node in found}
     ours = [node for node in nodes if not any(word in node for word in FOREIGN)]
@@ -131,7 +131,7 @@ def say(text: str) -> None:
 
 
 def start_fuzzers(group: ProcessGroup, fleet: Fleet, folder: Path, seed: int) -> list[Path]:
-    """Starts one fuzzer a master and one for ports; returns where they write their counts."""
+    """Starts one fuzzer per master and one for the ports; returns the files to which they write their counts."""
     logs = []
 
     def start(name: str, program: str, *words: str, **environment: str) -> None:
@@ -149,7 +149,7 @@ def start_fuzzers(group: ProcessGroup, fleet: Fleet, folder: Path, seed: int) ->
 
 
 def counts(logs: list[Path]) -> Counter[str]:
-    """How often each target has been met so far."""
+    """Returns how often each target has been hit so far."""
     total = Counter[str]()
     for log in logs:
         lines = [line for line in (log.read_text().splitlines() if log.exists() else []) if line.startswith("{")]
@@ -173,7 +173,7 @@ def test_a_fleet_keeps_reaching_waypoints_under_hostile_input(start, tmp_path, m
 
 
 def watch(fleet: Fleet, group: ProcessGroup, logs: list[Path], seconds: float) -> None:
-    """Looks at fleet and fuzzers for so long; fails too where a fuzzer waits for an answer that does not come."""
+    """Watches fleet and fuzzers for this long; fails, too, if a fuzzer is stuck waiting for an answer."""
     began = told = time.monotonic()
     end = began + seconds
     halfway: list[Counter[str]] = []
@@ -196,7 +196,7 @@ def watch(fleet: Fleet, group: ProcessGroup, logs: list[Path], seconds: float) -
 
 
 def verdict(fleet: Fleet, met: Counter[str], most: float, record_property) -> None:
-    """Shows and checks what was seen."""
+    """Reports and checks the results."""
     for target, count in sorted(met.items()):
         record_property(target, count)
         say(f"{target}: {count} inputs")

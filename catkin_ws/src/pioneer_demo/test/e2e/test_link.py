@@ -1,4 +1,4 @@
-"""Faults of links, on real packets."""
+"""Link faults, measured on real packets."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Demos in lockstep: the same bytes, whatever else the machine and its links do, recorded or not."""
+"""Demos in lockstep give identical bytes, whatever the load of machine and links, with and without recording."""
 
 import json
 import os
@@ -76,8 +76,8 @@ def test_faults_come_in_the_same_period_of_each_run_and_change_the_same_bytes(st
 
 
 def cut_link(demo):
-    """Stops a robot's gateway while the robot drives, until the base station gives its links up."""
-    demo.await_words("waypoints  [", _WHOLE)  # they are sent now
+    """Suspends a robot's gateway while the robot drives, until the base station drops its links."""
+    demo.await_words("waypoints  [", _WHOLE)  # waypoints are being sent now
     running = demo.processes().items()
     (gateway,) = (
         pid for pid, line in running if "__name:=gateway" in line and has_variable(pid, "ROBOT_NAME", "pioneer1")
@@ -98,7 +98,7 @@ def cut_link(demo):
 
 
 def assert_opens(bag):
-    """rosbags, as PyPI has it, reads the bag: each computer's messages, where they were published."""
+    """Checks that the rosbags package reads each computer's messages, under the computer that published them."""
     with AnyReader([bag]) as reader:
         counts = {topic: info.msgcount for topic, info in reader.topics.items()}
         scans = [one for one in reader.connections if one.topic == "/base/pioneer1/base_scan"]

@@ -1,4 +1,4 @@
-"""Launch files that name the originals' packages run with the overlay."""
+"""Launch files that refer to the original packages run with the overlay."""
 
 import os
 import subprocess

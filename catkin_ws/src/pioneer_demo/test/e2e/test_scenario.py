@@ -1,4 +1,4 @@
-"""Scenarios, by their own command."""
+"""Scenarios, run by their own command."""
 
 import json
 

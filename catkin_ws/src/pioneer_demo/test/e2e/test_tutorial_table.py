@@ -1,4 +1,4 @@
-"""The tutorial's table of terminals for one machine, typed as it stands, but for ports and the hub's name."""
+"""The tutorial's table of terminals for one machine, typed verbatim except for ports and the hub's name."""
 
 import os
 import re
@@ -20,14 +20,14 @@ HUB_MASTER, GATEWAY_MASTER, *ROBOTS = 11311, 11312, 11313, 11314
 
 
 def rows() -> dict[str, str]:
-    """Returns what is typed in each terminal of the table, by the terminal's name."""
+    """Returns the command line of each terminal in the table, by the terminal's name."""
     table = TUTORIAL[TUTORIAL.index("| terminal | `export` |") :].partition("\n\n")[0]
     cells = [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in table.splitlines()[2:]]
     return {name: "; ".join([f"export {given}"] * bool(given) + [command]) for name, given, _, command in cells}
 
 
 class Terminals:
-    """The terminals of the table; those of another test may be open beside them."""
+    """The terminals of the table; those of another test may be open at the same time."""
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.group, self.ports = folder, ProcessGroup(), PortReservation()
@@ -73,7 +73,7 @@ def test_the_table_of_terminals_starts_a_fleet_of_two_that_takes_waypoints(termi
     assert len(typed) == 7
     for name, line in typed.items():
         if name.endswith("RViz"):
-            # Two launches of the base station in the same second might both start Hub_Gateway's master.
+            # If both launches of the base station start in the same second, each may start Hub_Gateway's master.
             terminals.await_line("base station, hub", "as 'Hub_Gateway'")
         terminals.type(name, line)
     terminals.await_line("base station, simulation", "topics are advertised and flipped")

@@ -1,4 +1,4 @@
-"""Answers packets, or with an address asks there and prints its losses and its mean round trip [s]."""
+"""Echoes UDP packets; given an address, pings that echo server and prints the losses and mean round trip [s]."""
 
 import socket
 import sys

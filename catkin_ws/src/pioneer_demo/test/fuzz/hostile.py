@@ -1,7 +1,7 @@
-"""Messages, requests and bytes that no sane program sends, with nothing in them that a robot obeys.
+"""Messages, requests and bytes that no sane program sends, and that no robot obeys.
 
-What a program of the fleet may legitimately send (another goal, a sound pose in ``map``) would change what robots do,
-so every message has numbers that are none, or names of nothing that exists.
+Input that a program of the fleet may legitimately send (another goal, a valid pose in ``map``) would change what robots
+do. So every message contains invalid numbers or names of things that do not exist.
 """
 
 import io
@@ -18,12 +18,12 @@ ODD = (
     *("." * 5000, "ü" * 300, "a" * 200_000, "nan", "map/../odom", "/ghost/" * 40),
 )
 FOREIGN = ("ghost", "/a b", "x\0y", "ü" * 300, "." * 5000, "ghost/odom", "%s%n")
-"""Names of frames that no tree has; an empty one would mean the node's own."""
+"""Frames that no TF tree has. The empty name is left out: it would mean the node's own frame."""
 
 NOT_FINITE = (float("nan"), float("inf"), float("-inf"))
 HUGE = {"float32": (3e38, -3e38), "float64": (1e308, -1e308, 1e200)}
 FAR_AHEAD = (2_000_000_000, 2**32 - 1)
-"""Stamps [s]."""
+"""Stamps in the far future [s]."""
 SIZES = {"int8": (1, True), "uint8": (1, False), "byte": (1, True), "char": (1, False), "int16": (2, True)}
 SIZES |= {"uint16": (2, False), "int32": (4, True), "uint32": (4, False), "int64": (8, True), "uint64": (8, False)}
 
@@ -33,15 +33,15 @@ class Poison:
 
     Args:
         rng: the source of all draws.
-        names: what strings are drawn from, beside ``ODD``.
-        huge: whether numbers beyond all bounds are drawn beside those that are not finite.
+        names: strings to draw from, in addition to ``ODD``.
+        huge: whether to draw huge numbers as well as non-finite ones.
     """
 
     def __init__(self, rng: random.Random, names: tuple[str, ...], huge: bool = True) -> None:
         self._rng, self._names, self._huge = rng, names, huge
 
     def fill(self, message: genpy.Message) -> genpy.Message:
-        """Fills a message, whatever its type, and returns it."""
+        """Fills a message of any type and returns it."""
         for slot, kind in zip(message.__slots__, message._slot_types, strict=True):
             setattr(message, slot, self._value(kind))
         return message
@@ -75,7 +75,7 @@ class Poison:
 
 
 def foreign(rng: random.Random, message: genpy.Message) -> genpy.Message:
-    """Fills a message with sound numbers, in frames and under names of nothing that exists."""
+    """Fills a message with valid numbers, but with frames and names of things that do not exist."""
     for slot, kind in zip(message.__slots__, message._slot_types, strict=True):
         value = getattr(message, slot)
         if isinstance(value, genpy.Message):
@@ -93,7 +93,7 @@ def foreign(rng: random.Random, message: genpy.Message) -> genpy.Message:
 
 
 def spoilt(rng: random.Random, message: genpy.Message) -> bytes:
-    """Returns a message's bytes, cut off or with a length that is a lie."""
+    """Returns a message's bytes, truncated or with a wrong length field."""
     buffer = io.BytesIO()
     message.serialize(buffer)
     data = buffer.getvalue()
@@ -104,7 +104,7 @@ def spoilt(rng: random.Random, message: genpy.Message) -> bytes:
 
 
 def raw_class(kind: Any) -> Any:
-    """Returns a message class of the same name and MD5 sum as ``kind`` that holds bytes and writes just these."""
+    """Returns a message class with the name and MD5 sum of ``kind`` that stores and sends raw bytes."""
 
     class Raw(genpy.Message):  # type: ignore[misc]
         __slots__ = ("data",)
@@ -122,7 +122,7 @@ def raw_class(kind: Any) -> Any:
 
 
 def junk(rng: random.Random, depth: int = 3) -> Any:
-    """Returns a value for XML-RPC, lists and dictionaries included."""
+    """Returns a random XML-RPC value, which may be a list or a dictionary."""
     kind = rng.randrange(8 if depth else 6)
     if kind == 6:
         return [junk(rng, depth - 1) for _ in range(rng.randrange(4))]
@@ -145,11 +145,11 @@ METHODS = (
         "",
     ),
 )
-"""Not ``shutdown``, which ends a node of ROS 1 as it is meant to; nor are updates of topics in use made up."""
+"""Without ``shutdown``, which ends a ROS 1 node by design; updates for topics in use are not faked either."""
 
 
 def request(rng: random.Random) -> bytes:
-    """Returns what may come to an XML-RPC server: calls with odd arguments, broken documents and broken HTTP."""
+    """Returns hostile input for an XML-RPC server: calls with odd arguments, broken documents and broken HTTP."""
     method = rng.choice(METHODS)
     body = xmlrpc.client.dumps(("/fuzz", *(junk(rng) for _ in range(rng.randrange(4)))), method).encode()
     fault = rng.randrange(8)
@@ -170,7 +170,7 @@ def request(rng: random.Random) -> bytes:
 
 
 def hello(rng: random.Random) -> bytes:
-    """Returns what may come to a relay or a node's TCPROS port: headers with odd fields, and what is no header."""
+    """Returns hostile input for a relay or a node's TCPROS port: headers with odd fields, or no header at all."""
     keys = ("relay", "topic", "service", "call", "parameter", "type", "md5sum", "callerid", "persistent")
     keys += ("source_node", "source_gateway", "sink_gateway", "nonce", "proof", "gateways_passed", "rate", "tf_frames")
     body = b""
@@ -188,7 +188,7 @@ def hello(rng: random.Random) -> bytes:
 
 
 def proof(rng: random.Random) -> bytes:
-    """Returns what an unauthenticated client may say to a hub: parts of the proof, Redis' protocol, and neither."""
+    """Returns what an unauthenticated client may send to a hub: parts of the proof, Redis commands, or garbage."""
     session = rng.randbytes(rng.choice((16, 16, 0, 15, 200))).hex().encode()
     share = rng.choice((bytes(32), b"\xff" * 32, rng.randbytes(32), rng.randbytes(31), (1).to_bytes(32, "little")))
     tag = rng.randbytes(rng.choice((64, 64, 0, 3)))
@@ -216,4 +216,4 @@ COMMANDS = (
     ),
     *("HSET rocon:requests:ghost a [", "SET rocon:alive:ghost x", "SELECT 3", "RESET", "PING", "INFO", "MULTI", "EXEC"),
 )
-"""Of a member of the fleet: what it may not do, and nonsense where it may write."""
+"""Input from a member of the fleet: forbidden commands, and nonsense in keys that it may write."""

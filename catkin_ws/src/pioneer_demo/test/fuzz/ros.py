@@ -1,6 +1,6 @@
-"""Sends hostile messages, requests and parameters to the nodes of one ROS master until it is interrupted.
+"""Sends hostile messages, requests and parameters to the nodes of one ROS master until interrupted.
 
-Run as ``ros.py SEED RATE ROBOT…``; each second it writes a line of JSON: how many were sent to each target.
+Run it as ``ros.py SEED RATE ROBOT…``; each second it writes a line of JSON with the number of inputs per target.
 """
 
 import contextlib
@@ -22,12 +22,12 @@ import rosservice
 from dynamic_reconfigure.srv import Reconfigure
 
 NODES = ("amcl", "move_base", "map_goal_client", "pioneer_ros", "controller_spin_recover", "gazebo")
-"""Whose topics are used."""
+"""Nodes whose topics and services are fuzzed."""
 OBEYED = ("/clock", "/status", "/map_goal_client/cancel")
-"""Ends of topics that nobody can tell from the true ones: ROS 1 has no senders."""
+"""Suffixes of topics that are not fuzzed: ROS 1 does not authenticate senders, so nodes must obey fake messages."""
 ORDERS = ("pause_physics", "unpause_physics", "reset_world", "reset_simulation", "step", "global_localization", "clear")
 ORDERS += ("patrol", "set_logger_level", "clear_costmaps", "set_watcher_period")
-"""Services that do what they are asked to whatever the request holds."""
+"""Services that are not called, because they act whatever the request contains."""
 ROBOT_LINKS = ("", "::base_link", "::left_wheel", "::ghost")
 BODIES = (
     "<box><size>1 1 {}</size></box>",
@@ -42,7 +42,7 @@ MODEL = (
 
 
 class Fuzzer:
-    """What there is to send to on this master, and how often it was."""
+    """The targets on this master, and how often each was hit."""
 
     def __init__(self, seed: int, robots: list[str]) -> None:
         self.rng, self.counts = random.Random(seed), Counter[str]()
@@ -62,7 +62,7 @@ class Fuzzer:
                 self._add_service(name)
 
     def turn(self) -> None:
-        """Sends one hostile thing to each target."""
+        """Sends one hostile input to each target."""
         for action in self.rng.sample(self.actions, len(self.actions)):
             action()
 
@@ -81,7 +81,7 @@ class Fuzzer:
         framed = kind._type.endswith(("LaserScan", "Stamped", "TFMessage", "ActionGoal"))
         if framed and self.rng.random() < 0.3:
             return hostile.foreign(self.rng, kind())
-        # Finite commands are obeyed as far as the robot can, and finite speeds in odometry are what it drives at.
+        # Robots obey finite commands as far as they can, and take finite speeds in odometry as their true speed.
         poison = self.drive_poison if kind._type.endswith("Twist") else self.poison
         message = poison.fill(kind())
         if kind._type.endswith("GoalID"):
@@ -113,7 +113,7 @@ class Fuzzer:
         self.actions.append(partial(self._call, target, proxy, make))
 
     def _call(self, target: str, proxy: rospy.ServiceProxy, make: Callable[[], Any]) -> None:
-        # Refused, or the connection was closed: both are answers. No answer would be seen as a count that stands.
+        # A refusal or a closed connection is an answer, too. Without an answer the count stops and the test fails.
         with contextlib.suppress(rospy.ServiceException, rospy.ROSException):
             proxy.call(self._bytes(make()))
         self.counts[target] += 1
@@ -136,7 +136,7 @@ class Fuzzer:
         return message
 
     def _parameters(self, name: str) -> Any:
-        """Numbers that are none under names that exist, of the right kind or not; anything under names that do not."""
+        """Returns non-finite values for existing parameters, of the right type or not, or anything for unknown ones."""
         request = Reconfigure._request_class()
         own = rospy.get_param(name.rpartition("/")[0], {})
         names = [key for key, value in own.items() if isinstance(value, float)] or ["ghost"]

@@ -1,6 +1,7 @@
-"""Sends hostile bytes to the ports of a fleet until it is interrupted: relays, hub, and the nodes' slave API.
+"""Sends hostile bytes to the ports of a fleet (relays, hub, slave APIs of the nodes) until interrupted.
 
-Run as ``wire.py SEED RATE TARGET=HOST:PORT…``; each second it writes a line of JSON: how often each target was met.
+Run it as ``wire.py SEED RATE TARGET=HOST:PORT…``; each second it writes a line of JSON with the number of inputs per
+target.
 """
 
 import contextlib
@@ -20,12 +21,12 @@ from rocon_hub_protocol.adapters.redis_client import NotOurHubError, prove
 
 SPEECH = {"relay": hostile.hello, "hub": hostile.proof, "slave": hostile.request, "tcpros": hostile.hello}
 LEFT_OPEN = 30
-"""Connections that are kept, having said half of something."""
+"""Number of connections that are kept open after an incomplete message."""
 PATIENCE = 2.0
 
 
 def meet(rng: random.Random, target: str, address: tuple[str, int]) -> socket.socket:
-    """Connects, says something hostile, takes some of the answer, and returns the connection."""
+    """Connects, sends something hostile, reads part of the answer, and returns the connection."""
     connection = socket.create_connection(address, PATIENCE)
     connection.settimeout(0.05)
     with contextlib.suppress(OSError):
@@ -39,7 +40,7 @@ def meet(rng: random.Random, target: str, address: tuple[str, int]) -> socket.so
 
 
 def password() -> str:
-    """Returns the fleet's."""
+    """Returns the fleet's password, or "" if it has none."""
     known = password_from("")
     return known() if known else ""
 

@@ -1,4 +1,4 @@
-"""What is started where, and on which ports."""
+"""The commands that are started, where they run, and on which ports."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""When a fleet has succeeded, and what is said when it has not."""
+"""When a fleet counts as successful, and what is reported if it is not."""
 
 import numpy as np
 import pytest

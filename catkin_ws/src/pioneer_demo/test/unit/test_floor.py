@@ -1,4 +1,4 @@
-"""The floor's cells, clearances and ways."""
+"""The floor's cells, clearances and paths."""
 
 import itertools
 
@@ -9,7 +9,7 @@ from pioneer_demo.core.floor import Floor, distances, drivable, route
 
 
 def floor_from(art, resolution=1.0, x=0.0, y=0.0):
-    """'.' free, '#' occupied, ' ' unknown; the top line is the largest y."""
+    """Returns a floor drawn with '.' for free, '#' for occupied and ' ' for unknown; the top line has the largest y."""
     cells = np.array([list(line) for line in art][::-1])
     return Floor(resolution, x, y, cells == ".", cells == "#")
 

@@ -1,4 +1,4 @@
-"""Processes are sorted by their command lines."""
+"""Processes are classified by their command lines."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Deaths of nodes are read from roslaunch's own words."""
+"""Node deaths are parsed from roslaunch's output."""
 
 from pioneer_demo.core.launch_log import NodeDeath, node_deaths, restarted_nodes
 

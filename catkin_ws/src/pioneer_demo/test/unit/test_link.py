@@ -1,4 +1,4 @@
-"""What a link does to its packets."""
+"""The effect of a link on its packets."""
 
 from pioneer_demo.core.link import Condition, Direction
 

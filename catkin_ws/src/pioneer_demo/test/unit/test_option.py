@@ -1,4 +1,4 @@
-"""The command line is checked before anything starts, in one clear line."""
+"""The command line is checked before anything starts; each error is one clear line."""
 
 from pathlib import Path
 

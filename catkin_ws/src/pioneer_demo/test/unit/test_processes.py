@@ -1,4 +1,4 @@
-"""Which deaths of nodes end a fleet."""
+"""Which node deaths end a fleet."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ AGAIN = "[{}-4] restarting process\n"
 
 
 def fleet(folder: Path, config: FleetConfig, **logs: str) -> FleetProcesses:
-    """Returns a fleet of which nothing runs, with what two roslaunches have printed."""
+    """Returns a fleet without running processes, with the output of two roslaunches."""
     made = FleetProcesses(config)
     for name, text in logs.items():
         path = folder / name
@@ -38,7 +38,7 @@ def test_a_node_that_is_started_again_is_one_line_in_a_fleet_and_the_end_of_a_de
 def test_a_node_that_stays_dead_ends_a_fleet_whatever_another_masters_node_of_its_name_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each master has a node called gateway."""
+    """Each master has a node named gateway."""
     text = DIED.format("gateway", "gateway.py")
     with fleet(tmp_path, FleetConfig(), one=text, two=text + AGAIN.format("gateway")) as running:
         assert running.check() == ["gateway has died and is started again"]

@@ -1,4 +1,4 @@
-"""A node that keeps dying is named, and so is the end of that."""
+"""A node that keeps dying is reported, and so is its recovery."""
 
 from pioneer_demo.core.relapse import Relapses
 

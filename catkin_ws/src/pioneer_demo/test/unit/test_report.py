@@ -1,4 +1,4 @@
-"""The numbers, the table and the picture that a demo leaves."""
+"""The numbers, table and picture that a demo writes."""
 
 import dataclasses
 import json

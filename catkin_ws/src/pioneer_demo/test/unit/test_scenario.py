@@ -1,4 +1,4 @@
-"""Scenario files: those that are shipped, and what is said of wrong ones."""
+"""Scenario files: the shipped ones, and the errors for wrong ones."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Studies: their runs, their figures, their statistics."""
+"""Studies: their runs, figures and statistics."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Progress goes to a terminal in place, and elsewhere as lines now and then."""
+"""Progress is drawn in place on a terminal, and printed as occasional lines elsewhere."""
 
 import io
 

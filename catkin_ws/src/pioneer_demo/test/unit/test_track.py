@@ -1,4 +1,4 @@
-"""What is made of one robot's messages."""
+"""The track that is computed from one robot's messages."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The film of a run: what is recorded, what a frame shows, what ffmpeg gets and makes of it."""
+"""The video of a run: what is recorded, what a frame shows, what ffmpeg receives and produces."""
 
 import json
 import os
@@ -22,7 +22,7 @@ from pioneer_fleet.core.geometry import Pose
 FREE = np.ones((60, 100), bool)
 FREE[0] = FREE[-1] = FREE[:, 0] = FREE[:, -1] = False
 HEIGHT = 576 + 48
-"""Of the floor, and a legend of a line above the time's."""
+"""Height of a frame: the floor, plus a one-line legend above the line with the time."""
 FLOOR = Floor(0.1, -5.0, -3.0, FREE, ~FREE)
 
 

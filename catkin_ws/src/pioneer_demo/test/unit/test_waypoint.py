@@ -1,4 +1,4 @@
-"""Waypoints are reachable, roomy, apart from each other, and the same for the same seed."""
+"""Waypoints are reachable, have clearance and distance from each other, and repeat with the seed."""
 
 import itertools
 
@@ -15,7 +15,7 @@ STARTS = [Pose(1.5, 1.5), Pose(18.5, 1.5)]
 
 
 def hall(size=20.0, resolution=0.1):
-    """A square hall with a wall down its middle that leaves a gap of 3 m at the top, and a closed cell in a corner."""
+    """Returns a square hall: a wall down the middle leaves a 3 m gap at the top, and one corner has a closed cell."""
     cells = round(size / resolution)
     wall = np.zeros((cells, cells), bool)
     wall[[0, -1], :] = wall[:, [0, -1]] = True

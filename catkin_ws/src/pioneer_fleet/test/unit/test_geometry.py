@@ -1,4 +1,4 @@
-"""Poses in the plane compose, interpolate and measure as drawn on paper."""
+"""Planar poses: composition, interpolation and measurement."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Recordings from any time on, at any pace."""
+"""Playback of recordings from any time and at any rate."""
 
 import threading
 from pathlib import Path
@@ -14,7 +14,7 @@ SECOND = 10**9
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    """A map at 1 s, another one at 2 s; time at 1 to 4 s."""
+    """Returns a recording with a map at 1 s, another one at 2 s, and clock messages at 1 to 4 s."""
     file = McapFile(tmp_path / "run.mcap")
     for second in range(1, 5):
         file.add(Message("/base/clock", PLAIN, second * SECOND, b"%d" % second))

@@ -1,4 +1,4 @@
-"""Recordings: what is published on several masters lands in one file, and comes back as it was."""
+"""Recordings: messages of several masters are written to one file and replayed unchanged."""
 
 import os
 import signal
@@ -43,7 +43,7 @@ def test_two_masters_are_recorded_under_their_names_and_replayed_as_one(tmp_path
         environment = {**one.environment, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         words = module("pioneer_fleet.adapters.recorder", path, f"one={one.uri}", f"two={two.uri}")
         recorder = subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True)
-        # What the recorder is connected to is seen by its being among the talker's receivers.
+        # The recorder is connected once it is listed among the talker's subscribers.
         for master in (one, two):
             wait_until(lambda m=master: receives(m, "/fleet_recorder"), "the recorder's connection", START)  # type: ignore[misc]
         recorder.send_signal(signal.SIGINT)
@@ -59,7 +59,7 @@ def test_two_masters_are_recorded_under_their_names_and_replayed_as_one(tmp_path
 
 
 def receives(master: Master, name: str) -> bool:
-    """Whether the talker of a master sends to the node ``name``."""
+    """Returns whether the talker of a master sends to the node ``name``."""
     try:
         uri = Client(master.uri, "/test").ask_master("lookupNode", "/talker")
         with xmlrpc.client.ServerProxy(uri) as talker:
@@ -69,7 +69,7 @@ def receives(master: Master, name: str) -> bool:
 
 
 def opened_by_others(path: Path) -> set[str]:
-    """Returns the topics of words that readers of users find: rosbags in a bag, MCAP's own library in its files."""
+    """Returns the topics of words that common readers find: rosbags in a bag, the MCAP library in an MCAP file."""
     if path.suffix == ".bag":
         with AnyReader([path]) as reader:
             words = [one for one in reader.connections if one.msgtype == "std_msgs/msg/String"]
@@ -83,7 +83,7 @@ def opened_by_others(path: Path) -> set[str]:
 
 
 def assert_replayed(path: Path, environment: dict[str, str]) -> None:
-    """Sees that the words come again, without the masters' names."""
+    """Checks that the words are replayed, without the masters' names in their topics."""
     replay = subprocess.Popen(
         module("pioneer_fleet.nodes.replay", path, "--stay"), env=environment, stdout=subprocess.PIPE, text=True
     )

@@ -1,4 +1,4 @@
-"""Other machines on cables of their own."""
+"""Other machines, each connected by its own cable."""
 
 import subprocess
 

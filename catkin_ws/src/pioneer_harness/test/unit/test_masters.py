@@ -1,4 +1,4 @@
-"""Masters in the test's process are real, separate, and gone afterwards."""
+"""Masters in the test's process are real and independent, and leave nothing behind."""
 
 import threading
 import warnings
@@ -34,7 +34,7 @@ def test_a_stopped_master_answers_no_more_and_frees_its_port_home_and_threads():
     assert not is_running(master.uri)
     assert is_free(master.port)
     assert not master.home.exists()
-    assert threading.active_count() <= before + 3  # rosmaster's workers end when they next look
+    assert threading.active_count() <= before + 3  # rosmaster's workers exit at their next poll
 
 
 def test_the_environment_points_nodes_at_the_master_and_at_its_home():

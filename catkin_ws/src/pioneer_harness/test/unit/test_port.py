@@ -1,4 +1,4 @@
-"""Ports that are reserved are free, and reserved once."""
+"""Reserved ports are free, and each is reserved only once."""
 
 import contextlib
 import socket
@@ -52,6 +52,6 @@ def test_a_busy_preferred_port_gives_one_of_the_next_thousands():
 
 def test_no_candidate_left_is_an_error_that_names_the_first():
     with contextlib.closing(socket.create_server(("127.0.0.1", 0))) as server:
-        busy = server.getsockname()[1]  # the kernel's choice lies above the last candidate
+        busy = server.getsockname()[1]  # the kernel picks a port above the last candidate
         with PortReservation() as ports, pytest.raises(PortError, match=str(busy)):
             ports.take(busy)

@@ -1,4 +1,4 @@
-"""What /proc says of processes that we know."""
+"""/proc's data about known processes."""
 
 import os
 

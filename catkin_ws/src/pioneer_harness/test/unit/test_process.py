@@ -1,4 +1,4 @@
-"""Whatever a group started ends with it; whatever it did not start is left alone."""
+"""All processes that a group started end with it; all others are left alone."""
 
 import os
 import signal
@@ -37,7 +37,7 @@ def number_in(path):
 
 
 def stubborn(group, folder):
-    """Starts a process that ignores SIGINT and SIGTERM; returns its number once it does."""
+    """Starts a process that ignores SIGINT and SIGTERM; returns its PID once it does."""
     ready = folder / "ready"
     pid = group.start("stubborn", ["bash", "-c", f"trap '' INT TERM; echo 1 > {ready}; while :; do sleep 1000; done"])
     wait_until(lambda: number_in(ready), "the trap", 5.0)
@@ -67,9 +67,9 @@ def test_a_process_that_ignores_sigint_is_killed_after_the_grace(group, tmp_path
 
 
 def test_a_process_that_is_ending_as_the_grace_ends_did_not_have_to_be_killed(group, tmp_path, monkeypatch):
-    """A demo failed by "had to be killed at the end: ", with nothing after it."""
+    """A demo used to fail with "had to be killed at the end: " and an empty list."""
     pid = stubborn(group, tmp_path)
-    monkeypatch.setattr("pioneer_harness.process.arguments", lambda _: ())  # as of what has given back its memory
+    monkeypatch.setattr("pioneer_harness.process.arguments", lambda _: ())  # as once its memory is freed
     assert group.stop(grace=0.3) == ()
     assert not is_alive(pid)
 
@@ -95,7 +95,7 @@ def test_orphans_in_a_session_of_their_own_end_too(group, tmp_path):
 def test_what_an_ended_process_left_behind_is_asked_before_it_is_killed(group, tmp_path):
     noted, asked = tmp_path / "pid", tmp_path / "asked"
     trap = f"trap 'echo 1 > {asked}; exit' INT; echo $$ > {noted}; while :; do sleep 0.01; done"
-    # A shell's background job has SIGINT ignored, and no trap of its own can change that.
+    # SIGINT is ignored in a shell's background job, and a trap in the job cannot change that.
     script = f'setsid env --default-signal=INT bash -c "{trap}" & sleep 0.01'
     group.start("parent", ["bash", "-c", script], may_end=True)
     orphan = int(wait_until(lambda: number_in(noted), "the orphan", 5.0))

@@ -1,4 +1,4 @@
-"""Waiting returns as soon as it can and says what it waited for."""
+"""Waiting returns as soon as possible; a timeout names what was awaited."""
 
 import threading
 import time
@@ -35,7 +35,7 @@ def test_a_notification_ends_the_wait_without_polling():
 
     def condition():
         if not looks:
-            timer.start()  # not earlier: the first look may be late
+            timer.start()  # not earlier: the first check may be late
         looks.append(time.monotonic())
         return ready
 

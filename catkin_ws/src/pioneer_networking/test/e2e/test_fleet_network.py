@@ -1,4 +1,4 @@
-"""The tutorial's network as its commands start it: hub, Hub_Gateway and a robot, and the rules of rocon_flip."""
+"""The tutorial's network, started by its commands: hub, Hub_Gateway, a robot, and the rules of rocon_flip."""
 
 import os
 import signal
@@ -16,13 +16,13 @@ from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 from rocon_launch.core.concert import SHORT_LIFE
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 PATIENCE = 90.0
-"""Longest wait for anything [s]: on a machine that is busy with other things, a roslaunch alone takes twenty."""
+"""Longest wait for anything [s]; on a busy machine a roslaunch alone takes 20 s."""
 
-# A client as people write them: these imports and request objects are what a gateway's users rely on.
+# A typical client: users of a gateway rely on these imports and request objects.
 CLIENT = """
 import rospy
 import gateway_msgs.msg as gateway_msgs
@@ -48,7 +48,7 @@ class Network:
         self.hub_port, hub_master, gateway_master = (self.ports.take(port) for port in (18380, 18311, 18312))
         self.base = f"http://127.0.0.1:{gateway_master}"
         self.environment = {**os.environ, "ROS_IP": "127.0.0.1", "ROS_HOME": str(folder / "home")}
-        # Unlike that of any other hub that is announced on this machine now.
+        # Differs from every other hub that is currently announced on this machine.
         self.hub_name = f"Pioneer Hub {self.hub_port}"
         arguments = (
             f"hub_name:={self.hub_name}",
@@ -78,7 +78,7 @@ class Network:
         return {"ROS_MASTER_URI": self.base}
 
     def run(self, name: str, argv: list[str], **environment: str) -> str:
-        """Runs a command to its end, and returns what it printed; one that fails is a death of the group."""
+        """Runs a command to its end and returns its output; a failure counts as a death in the group."""
         self.start(name, argv, True, **environment)
         wait_until(lambda: not self.group.is_running(name), f"{name}'s end", PATIENCE)
         self.group.check()
@@ -91,7 +91,7 @@ class Network:
             return []
 
     def pid_of(self, node: str) -> int | None:
-        """Returns the process of a node of the base station, if it runs."""
+        """Returns the PID of a base station node, or None if it is not running."""
         alive = [one.pid for one in self.group.states().values() if one.alive]
         found = [pid for pid in alive if f"__name:={node}" in arguments(pid)]
         return found[0] if found else None
@@ -129,7 +129,7 @@ def test_the_scripts_connect_the_fleet_in_any_order_and_twice(network: Network) 
 
 def test_the_tutorials_second_step_needs_nothing_but_the_hosts_name(network: Network) -> None:
     gateway = ["roslaunch", "pioneer_networking", "pioneer_gateway.launch"]
-    # Only this tells the test's hub from others that run on this machine.
+    # Only the name distinguishes the test's hub from others that run on this machine.
     gateway.append(f"gateway_hub_whitelist:=['{network.hub_name}']")
     network.start("gateway", gateway, **network.at_robot, HOSTNAME="aadi1", GATEWAY_HUB_URI="")
     log = network.folder / "gateway.log"
@@ -175,6 +175,6 @@ def test_with_its_gateway_the_concert_ends(network: Network) -> None:
     os.kill(gateway, signal.SIGKILL)
     wait_until(lambda: not [one for one in network.group.states().values() if one.alive], "everything's end", PATIENCE)
     assert "everything ends with it" in (network.folder / "hub.log").read_text()
-    # A process that has ended may not have been waited for yet.
+    # The ended process may not have been reaped yet.
     (death,) = wait_until(lambda: network.group.deaths, "the report of the process that ended", PATIENCE)
     assert "ended, status 1" in str(death)

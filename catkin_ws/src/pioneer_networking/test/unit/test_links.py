@@ -1,4 +1,4 @@
-"""What a robot's gateway asks of its links when it is started as the tutorial says."""
+"""The options that a robot's gateway sets for its links when it is started as in the tutorial."""
 
 import pytest
 import roslaunch.config
@@ -65,5 +65,5 @@ def test_every_message_crosses_for_a_computer_of_no_robot_or_if_so_wanted(monkey
     ],
 )
 def test_a_gateway_on_host_aadi3_is_pioneer3s_without_being_told(monkeypatch, host, name, namespace):
-    """With the steps typed as published, robots' gateways had no namespace, so full rates and no log on the page."""
+    """With the tutorial's steps, robots' gateways used to have no namespace: full rates, and no log on the page."""
     assert _parameters(monkeypatch, name, host=host)["/gateway/namespace"] == namespace

@@ -1,4 +1,4 @@
-"""A node for tests of `node_host`: it passes words on, with its name, a gain and ROS time."""
+"""A node for the tests of `node_host`: it forwards words with its name, a gain and the ROS time."""
 
 import threading
 
@@ -48,7 +48,7 @@ class Echo:
         return SetBoolResponse(True, self.node.resolved("words"))
 
 
-# What `advertise` publishes is a message; here a word makes one.
+# `advertise` publishes messages; here, a word is turned into one.
 def build(node):
     echo = Echo(node)
     publish = echo.publisher.publish

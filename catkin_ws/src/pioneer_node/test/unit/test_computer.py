@@ -1,4 +1,4 @@
-"""The steps of one computer start together and end together."""
+"""The steps of one computer start and end together."""
 
 import os
 import signal

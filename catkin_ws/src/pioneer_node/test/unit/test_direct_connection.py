@@ -1,4 +1,4 @@
-"""Messages go to a subscriber's socket from the publishing thread, whole and in order, whatever the subscriber does."""
+"""The publishing thread writes to a subscriber's socket, messages whole and in order, whatever the subscriber does."""
 
 import random
 import socket
@@ -21,7 +21,7 @@ Pair = tuple[TCPROSTransport, socket.socket]
 
 @pytest.fixture
 def ends() -> Iterator[Pair]:
-    """A publisher's transport, as rospy makes it, and the subscriber's socket."""
+    """Yields a publisher's transport, as rospy creates it, and the subscriber's socket."""
     ours, theirs = socket.socketpair()
     for one in (ours, theirs):
         one.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 8192)
@@ -39,7 +39,7 @@ def frame(number: int, size: int = 8) -> bytes:
 
 
 def received(subscriber: socket.socket, until: int) -> list[int]:
-    """Returns the numbers of the frames up to that one; fails where a frame is not whole."""
+    """Returns the numbers of the frames up to ``until``; fails if a frame is incomplete."""
 
     def exactly(count: int) -> bytes:
         data = b""
@@ -137,7 +137,7 @@ def test_the_publisher_hears_of_a_subscriber_that_went_while_messages_waited(end
 
 
 def test_what_waited_for_a_subscriber_that_has_gone_is_dropped_and_each_later_message_fails(ends: Pair) -> None:
-    """It was kept, and messages were added to it without end and without an error."""
+    """The queue used to be kept after the subscriber had closed, and grew without limit and without an error."""
     transport, subscriber = ends
     connection = DirectConnection(transport, 0)
     for number in range(10):

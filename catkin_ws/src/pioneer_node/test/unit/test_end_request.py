@@ -1,4 +1,4 @@
-"""What a signal handler sets."""
+"""The shutdown flag that a signal handler sets."""
 
 import subprocess
 import sys
@@ -23,12 +23,12 @@ print("done")
 
 
 def test_signals_in_the_middle_of_a_wait_or_of_one_another_hang_nothing() -> None:
-    """With a threading.Event the handler waited for a lock that the interrupted main thread held."""
+    """With a threading.Event, the handler used to deadlock on a lock that the interrupted main thread held."""
     done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, timeout=60.0, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "done\n", "")
 
 
-# The signal comes to another thread than the main one, as it may when that goes to sleep in the same moment.
+# The signal is delivered to a thread other than the main one, as can happen just when the main thread goes to sleep.
 ASLEEP = """
 import os, signal, threading, time
 from pathlib import Path
@@ -57,7 +57,7 @@ os.read(nothing, 1)
 
 
 def test_a_signal_is_seen_while_the_main_thread_sleeps() -> None:
-    """Nodes that waited so did not end, once in some ten times: nothing called the handler any more."""
+    """About one in ten nodes that waited like this used not to end, because the handler was never called."""
     done = subprocess.run([sys.executable, "-c", ASLEEP], capture_output=True, text=True, timeout=60.0, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "15", "")
 

@@ -1,4 +1,4 @@
-"""How nodes end."""
+"""How nodes shut down."""
 
 import os
 import re
@@ -27,7 +27,7 @@ rospy.signal_shutdown("test")
 
 
 def test_a_loop_that_is_woken_at_shutdown_sees_the_shutdown():
-    # rospy.on_shutdown calls before the flag is set: on a loaded machine amcl and others then slept on for ever.
+    # rospy.on_shutdown runs callbacks before it sets the flag: on a loaded machine amcl and others then slept forever.
     done = subprocess.run([sys.executable, "-c", SHUT_DOWN], capture_output=True, text=True, timeout=60, check=True)
     assert "is_shutdown True" in done.stdout
 
@@ -51,7 +51,7 @@ raise SystemExit(entry.run("node", Node))
 
 @pytest.mark.parametrize(("asked", "status"), [("asked", 0), ("", 1)])
 def test_a_node_that_lost_its_master_shuts_down_without_a_traceback(asked: str, status: int) -> None:
-    """A waypoint client that reconnected in that moment printed one. Where nobody has asked, it is a fault."""
+    """A waypoint client that was reconnecting used to print one. Without a shutdown request it is still an error."""
     command = [sys.executable, "-c", LOSES_ITS_MASTER, asked]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == status
@@ -95,7 +95,7 @@ raise SystemExit(entry.run("node", Node))
 
 
 def test_a_signal_while_the_main_thread_joins_another_ends_the_node() -> None:
-    """The handler used to start a thread, and waited for a lock of the main thread that it had interrupted."""
+    """The handler used to start a thread, and deadlocked on a lock held by the main thread that it had interrupted."""
     command = [sys.executable, "-c", SIGNAL_WHILE_A_THREAD_IS_JOINED]
     done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -119,7 +119,7 @@ raise SystemExit(entry.run("node", Node))
 
 
 def test_a_node_that_was_asked_to_end_leaves_without_taking_python_apart() -> None:
-    """That costs a node with numba and scipy 0.15 s of processor time, with which a busy machine needed SIGTERM."""
+    """Finalizing Python costs a node with numba and scipy 0.15 s of CPU; on a busy machine it then needed SIGTERM."""
     with Master() as master, ProcessGroup() as group:
         log = master.home / "node.log"
         node = group.start("node", [sys.executable, "-c", TAKES_LONG_TO_TAKE_APART], master.environment, log, True)
@@ -158,7 +158,7 @@ raise SystemExit(entry.run("server", Node))
 
 
 def test_a_server_that_ran_out_of_file_descriptors_serves_again() -> None:
-    """Its accepting thread used to end with a traceback; the node stayed registered and answered nobody."""
+    """Its accept thread used to die with a traceback; the node stayed registered but answered no requests."""
     with Master() as master, ProcessGroup() as group:
         log = master.home / "server.log"
         server = group.start("server", [sys.executable, "-u", "-c", SERVES], master.environment, log)
@@ -166,7 +166,7 @@ def test_a_server_that_ran_out_of_file_descriptors_serves_again() -> None:
         os.kill(server, signal.SIGUSR1)
         wait_until(lambda: "used up" in log.read_text(), "its last file", 10)
         with socket.create_connection((host, int(port))) as client:
-            # Accepted with the descriptor that accept() has set aside; the next call of it finds none.
+            # The pending accept() has reserved a descriptor and uses it here; the next call finds none.
             header = {"callerid": "/client", "service": "/answer", "md5sum": "*", "persistent": "1"}
             client.sendall(encode_ros_handshake_header(header))
             wait_until(lambda: "out of file descriptors" in log.read_text(), "its error", 10)
@@ -205,7 +205,7 @@ raise SystemExit(entry.run("node", Node))
 
 
 def test_the_threads_of_a_node_share_two_heaps() -> None:
-    """Each had its own, which kept the holes of large requests: under hostile input the simulator grew by 25 MB."""
+    """Each thread had its own heap, fragmented by large requests: hostile input used to grow the simulator by 25 MB."""
     command = [sys.executable, "-c", THREADS_ALLOCATE]
     done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=True)
     assert 1 <= done.stdout.count("<heap nr=") <= 2, done.stdout

@@ -1,4 +1,4 @@
-"""What a member of a ring does with tokens."""
+"""How a member of a ring handles tokens."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,4 @@
-"""Fleet files: what they may say, and what is said of those that are wrong."""
+"""Fleet files: what they may contain, and the errors for wrong ones."""
 
 from pathlib import Path
 from typing import Any

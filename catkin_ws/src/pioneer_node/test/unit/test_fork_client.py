@@ -1,4 +1,4 @@
-"""``forked`` runs programs as forks of a computer's interpreter, and executes them where there is none."""
+"""``forked`` runs programs as forks of a computer's interpreter, or executes them if there is no such interpreter."""
 
 import contextlib
 import os
@@ -19,12 +19,12 @@ from pioneer_harness.wait import wait_until
 FORKED = str(Path(__file__).parents[2] / "scripts" / "forked")
 PATIENCE = 60.0
 PARENT = "open(f'/proc/{os.getppid()}/comm').read().strip()"
-# Prints its pid and what its parent is, then waits for the end of its input.
+# Prints its PID and its parent's name, then waits for the end of its input.
 WAITS = f"import os, sys\nprint(os.getpid(), {PARENT}, flush=True)\nsys.exit(len(sys.stdin.read()))\n"
 
 
 def installed(folder: Path, package: str, text: str) -> Path:
-    """Returns the path of a Python program as catkin lays it out below ``folder``."""
+    """Installs a Python program below ``folder``, laid out as by catkin, and returns its path."""
     path = folder / "lib" / package / "program"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(f"#!{sys.executable}\n{textwrap.dedent(text)}")
@@ -37,23 +37,23 @@ class Machine:
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.socket = folder, folder / "socket"
-        # As in a container, without a locale: each interpreter then adds one to its environment.
+        # No locale is set, as in a container: each interpreter then adds one to its environment.
         others = {name: value for name, value in os.environ.items() if not name.startswith(("LC_", "LANG"))}
         self.environment = {**others, "PIONEER_FORK_SOCKET": str(self.socket)}
         main = "from pioneer_node.nodes.computer import main\nraise SystemExit(main())"
         self._computer = installed(folder, "pioneer_node", main)
 
     def start(self) -> "subprocess.Popen[str]":
-        """Starts the computer; it prints a line once its step runs."""
+        """Starts the computer, which prints a line once its step runs."""
         command = [str(self._computer), "sh -c 'echo runs; exec sleep 600'"]
         return subprocess.Popen(command, env=self.environment, stdout=subprocess.PIPE, text=True)
 
     def program(self, text: str) -> str:
-        """Returns the path of a program of the workspace."""
+        """Creates a program of the workspace and returns its path."""
         return str(installed(self.folder, "programs", text))
 
     def run(self, *words: str, folder: Path | None = None, **variables: str) -> "subprocess.CompletedProcess[str]":
-        """Runs ``forked`` with these words to its end."""
+        """Runs ``forked`` with these arguments and waits until it exits."""
         return subprocess.run(
             [FORKED, *words],
             env={**self.environment, **variables},
@@ -66,8 +66,8 @@ class Machine:
 
     @contextlib.contextmanager
     def running(self, text: str) -> "Iterator[subprocess.Popen[str]]":
-        """``forked`` with a program of the workspace, which runs meanwhile."""
-        # The tests may run in the background of a shell, which ignores interrupts there.
+        """Runs ``forked`` with a program of the workspace for the duration of the context."""
+        # The tests may run in the background of a shell, where interrupts are ignored.
         command, pipe = ["env", "--default-signal=INT", FORKED, self.program(text)], subprocess.PIPE
         with subprocess.Popen(
             command, env=self.environment, stdin=pipe, stdout=pipe, stderr=pipe, text=True
@@ -80,7 +80,7 @@ class Machine:
 
 @pytest.fixture(scope="module")
 def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machine]:
-    """A machine whose computer runs."""
+    """Yields a machine whose computer is running."""
     made = Machine(tmp_path_factory.mktemp("machine"))
     with made.start() as computer:
         assert computer.stdout is not None
@@ -90,13 +90,13 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machine]:
 
 
 def line_of(process: "subprocess.Popen[str]") -> list[str]:
-    """Returns the words of the next line of a program."""
+    """Returns the words of the next line that a program prints."""
     assert process.stdout is not None
     return process.stdout.readline().split()
 
 
 def ends(program: int) -> bool:
-    """Waits for the end of a process by its handle; returns False where it still runs."""
+    """Waits for a process to end, given its pidfd; returns False if it is still running."""
     return bool(select.select([program], [], [], PATIENCE)[0])
 
 
@@ -153,7 +153,7 @@ def test_program_that_is_interrupted_ends_its_caller_by_the_signal(machine: Mach
     with machine.running(WAITS) as process:
         line_of(process)
         process.send_signal(signal.SIGINT)
-        assert process.wait(PATIENCE) == -signal.SIGINT  # its input stays open until then
+        assert process.wait(PATIENCE) == -signal.SIGINT  # its stdin stays open until then
         assert process.stderr is not None
         assert "KeyboardInterrupt" in process.stderr.read()
 
@@ -217,7 +217,7 @@ def test_program_is_executed_where_a_fork_would_behave_differently(machine: Mach
 
 
 def own_name() -> str:
-    """Returns the name of this process, whose child an executed program is."""
+    """Returns the name of this process, which is the parent of a program that is executed and not forked."""
     return Path("/proc/self/comm").read_text().strip()
 
 

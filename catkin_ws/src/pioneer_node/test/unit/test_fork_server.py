@@ -1,4 +1,4 @@
-"""The fork server with real processes: a driver is executed for each test, because pytest has threads."""
+"""The fork server with real processes. Each test executes a driver, because pytest itself has threads."""
 
 import subprocess
 import sys
@@ -29,7 +29,7 @@ def status(process):
 
 
 def drive(folder: Path, program: str, steps: str) -> str:
-    """Runs ``steps`` beside a fork server that starts ``program``; returns all output."""
+    """Runs ``steps`` next to a fork server that starts ``program``; returns all output."""
     script, driver = folder / "program", folder / "driver.py"
     script.write_text(textwrap.dedent(program))
     driver.write_text(f"PROGRAM, FOLDER = {str(script)!r}, {str(folder)!r}\n{START}{textwrap.dedent(steps)}")

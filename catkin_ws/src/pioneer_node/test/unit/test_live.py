@@ -1,4 +1,4 @@
-"""Which parameters may change while a node runs, and what becomes of values that they cannot have."""
+"""Which parameters may change while a node runs, and how invalid values are handled."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any

@@ -1,4 +1,4 @@
-"""A member's subscriptions."""
+"""The subscriptions of a lockstep member."""
 
 from unittest import mock
 

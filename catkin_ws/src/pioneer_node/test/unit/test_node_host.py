@@ -1,4 +1,4 @@
-"""Nodes without rospy: several in one process, each a node for all others."""
+"""Nodes without rospy: several run in one process, and each is an ordinary node to all others."""
 
 import logging
 import os
@@ -40,7 +40,7 @@ def master() -> Iterator[Master]:
 
 
 class Host:
-    """A process of nodes."""
+    """A process that hosts nodes."""
 
     def __init__(self, master: Master, folder: Path, words: tuple[str, ...]) -> None:
         environment = master.environment
@@ -66,7 +66,7 @@ class Host:
 
 @pytest.fixture
 def host(master: Master, tmp_path: Path) -> Iterator[Callable[..., Host]]:
-    """Starts a process of nodes; it has ended at the end."""
+    """Yields a function that starts a process with nodes; kills these processes at the end."""
     started: list[Host] = []
 
     def start(*words: str) -> Host:
@@ -81,7 +81,7 @@ def host(master: Master, tmp_path: Path) -> Iterator[Callable[..., Host]]:
 
 
 class Peer:
-    """A node of the test, on a loop of its own."""
+    """A node of the test, with its own event loop."""
 
     def __init__(self, uri: str) -> None:
         self.reactor = Reactor(logging.getLogger("peer"))

@@ -1,4 +1,4 @@
-"""A configuration names what is wrong with a parameter and what was probably meant."""
+"""A configuration error names the bad parameter and suggests the one that was probably meant."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Nodes that compute nothing do not load numpy, and can if they want to."""
+"""Nodes that do not compute anything do not load numpy, but can if they need it."""
 
 import subprocess
 import sys
@@ -90,9 +90,9 @@ assert last.wait(20) and order == ["first", "second"]
 
 
 def test_master_does_its_work_at_once_and_in_order() -> None:
-    """240 tasks one after the other: with ROS's workers, which look 10 times a second each, they take 7 s.
+    """240 tasks in sequence: with ROS's own workers, which poll 10 times a second, they take 7 s.
 
-    Workers of two masters in one process once took one another's notices, and a task waited for up to a second.
+    With two masters in one process, their workers used to take each other's notifications, and a task waited up to 1 s.
     """
     done = subprocess.run([sys.executable, "-c", MASTER], check=True, capture_output=True, text=True)
     assert float(done.stdout) < 3.0
@@ -143,7 +143,7 @@ assert not serving.is_alive()
 
 
 def test_thread_that_serves_requests_ends_at_shutdown() -> None:
-    """With rospy's own shutdown it tries without pause to accept from the closed socket."""
+    """With rospy's own shutdown, the thread keeps calling accept() on the closed socket in a busy loop."""
     done = subprocess.run([sys.executable, "-c", SERVING], check=False, capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (0, "")
 

@@ -1,4 +1,4 @@
-"""Waiting for processes as roslaunch's monitor does, but until something happens."""
+"""Waits for processes in place of roslaunch's monitor, but returns as soon as something happens."""
 
 import subprocess
 import threading
@@ -15,7 +15,7 @@ PATIENCE = 20.0
 
 
 class Monitor(threading.Thread):
-    """A thread with processes, as roslaunch's, that waits once."""
+    """A thread with processes, like roslaunch's monitor, that waits once."""
 
     def __init__(self, watch: ProcessWatch, *popens: Any, seconds: float = 0.1) -> None:
         super().__init__(daemon=True)

@@ -1,4 +1,4 @@
-"""Whether a connection that rospy still has stands."""
+"""Whether a connection that rospy still holds is really open."""
 
 import socket
 
@@ -6,7 +6,7 @@ from pioneer_node.nodes.rospy_handle import _stands
 
 
 def test_a_connection_stands_until_the_other_end_closes_it() -> None:
-    """A goal for the next move_base went to the last one's socket, as rospy sees an end only when it writes."""
+    """A goal for a new move_base went to the old one's socket: rospy notices a closed connection only on write."""
     ours, theirs = socket.socketpair()
     with ours:
         assert _stands(ours)

@@ -1,4 +1,4 @@
-"""Warnings that end are followed by one line."""
+"""When the cause of a repeated warning ends, one line is logged."""
 
 import logging
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from pioneer_node.nodes.standing_warning import StandingWarning
 
 @pytest.fixture
 def lines(caplog: pytest.LogCaptureFixture) -> Callable[[], list[str]]:
-    """What is logged by rospy's logger."""
+    """Returns a function that lists what rospy's logger has logged."""
     caplog.set_level(logging.INFO, "rosout")
     return lambda: [f"{one.levelname.lower()}: {one.getMessage()}" for one in caplog.records]
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Two robots swap the ends of a corridor by way of its bay, and touch nothing."""
+"""Two robots swap the ends of a corridor by using its bay, without a collision."""
 
 import unittest
 
@@ -12,9 +12,9 @@ from std_msgs.msg import UInt32
 from pioneer_harness.wait import wait_until
 
 GOALS = {"pioneer1": 8.4, "pioneer2": 0.6}
-"""Where each robot goes, x [m]."""
+"""Goal of each robot, x [m]."""
 LONGEST = 150.0
-"""Wall time [s] for both to arrive, on a busy machine."""
+"""Time limit for both to arrive, on a busy machine [s of wall time]."""
 
 
 class SwapTest(unittest.TestCase):

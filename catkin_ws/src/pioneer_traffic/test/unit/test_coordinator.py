@@ -1,4 +1,4 @@
-"""Coordinators among themselves: no place is held twice and everybody arrives, also when reports or robots get lost."""
+"""Coordinators together: no place is held twice and all robots arrive, even if reports or robots are lost."""
 
 import math
 import random
@@ -15,7 +15,7 @@ from pioneer_traffic.core.simulation import Trial
 
 
 def lattice(drawing: list[str]) -> Roadmap:
-    """A place for each dot, 1 m apart, joined to those beside it."""
+    """Returns a roadmap with one place per dot, 1 m apart, joined to its neighbours."""
     places = [(float(x), float(-y)) for y, line in enumerate(drawing) for x, cell in enumerate(line) if cell == "."]
     near = [[other for other, (u, v) in enumerate(places) if abs(u - x) + abs(v - y) == 1.0] for x, y in places]
     return Roadmap(places, near)
@@ -95,7 +95,7 @@ def test_a_robot_that_is_held_up_delays_others_and_nothing_else(late: int, since
 
 
 def test_a_plan_stays_while_it_leads_a_robot_off_its_goal() -> None:
-    """Robots stood for good: the next plan, made as soon as the robot made way, no longer had the others pass."""
+    """Robots used to deadlock: as soon as the robot had made way, a new plan no longer let the others pass."""
     one = Coordinator("a", ROW)
 
     def plan_number(begin: float, *held: int) -> int:
@@ -135,7 +135,7 @@ def test_who_comes_back_hears_all_others_before_it_makes_a_plan() -> None:
 def test_a_robot_leaves_the_roadmap_only_when_nobody_comes_by_or_has_claimed_the_ground(
     claimed: tuple[int, ...],
 ) -> None:
-    """It did so over ground that a robot without a plan, where it started, had claimed since."""
+    """It used to drive over ground that a robot without a plan, starting there, had claimed in the meantime."""
     waypoint = (2.5, 0.0)
     leaver = Coordinator("z", ROW)
     assert leaver.set_waypoint(waypoint, 0.0)

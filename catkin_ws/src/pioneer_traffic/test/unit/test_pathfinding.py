@@ -1,4 +1,4 @@
-"""Paths for many robots: safe in every step, found on random graphs, and right in narrow ways."""
+"""Paths for many robots: safe in every step, found on random graphs, and correct in narrow corridors."""
 
 import random
 
@@ -19,7 +19,7 @@ def graph_of(places: int, ways: list[tuple[int, int]]) -> list[list[int]]:
 
 
 def corridor(length: int, bays: list[int]) -> list[list[int]]:
-    """Places 0 … length - 1 in a row; a bay beside each place named."""
+    """Returns places 0 … length - 1 in a row, with a bay next to each place in ``bays``."""
     row = [(place, place + 1) for place in range(length - 1)]
     return graph_of(length + len(bays), row + [(place, length + number) for number, place in enumerate(bays)])
 
@@ -62,7 +62,7 @@ def test_in_every_step_robots_move_along_ways_to_places_of_their_own(seed: int, 
             assert after[one] == before[one] or after[one] in graph[before[one]]
             front = after[one]
             ring = {one}
-            # A robot that moves to where another one stands waits for it: the chain must not lead back to itself.
+            # A robot that moves to an occupied place waits for the robot there: the chain of waits must not be a cycle.
             while front in before and after[before.index(front)] != front:
                 other = before.index(front)
                 assert other not in ring

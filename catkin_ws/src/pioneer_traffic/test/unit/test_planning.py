@@ -1,4 +1,4 @@
-"""Plans: who is led where, and over what ground."""
+"""Plans: which robot is led where, and over which ground."""
 
 from pioneer_traffic.core.planning import planned
 from pioneer_traffic.core.report import Plan, PlanId, Report
@@ -63,11 +63,11 @@ def test_places_held_behind_a_robot_are_free_only_when_it_has_reached_its_first_
 
 ROW = Roadmap(PLACES[:COLS], [[1], [0, 2], [1, 3], [2, 4], [3, 5], [4, 6], [5]])
 BAY = Roadmap([*PLACES[:COLS], (3.0, 1.0)], [[1], [0, 2], [1, 3], [2, 4, 7], [3, 5], [4, 6], [5], [3]])
-"""A row of seven places, and the same with one more beside its middle."""
+"""A row of seven places, and the same row with one more place next to its middle."""
 
 
 def test_a_younger_robot_is_led_where_the_oldest_one_cannot_be() -> None:
-    """Fifteen robots in a corridor with bays stood for good: only the older half was tried, down to the oldest."""
+    """Fifteen robots in a corridor with bays deadlocked: only the older half was tried, down to the oldest alone."""
     first = Report("first", ROW.signature, ROW.places[0], (0,), 6, since=1.0)
     second = Report("second", ROW.signature, ROW.places[6], (6,), 1, since=2.0)
     plan = planned(ROW, [first, second], (), PlanId(1, "first"))
@@ -75,7 +75,7 @@ def test_a_younger_robot_is_led_where_the_oldest_one_cannot_be() -> None:
 
 
 def test_a_robot_makes_room_at_goals_of_robots_that_cannot_come() -> None:
-    """Nobody moved out of the region that a robot waited for, as all places about were goals of robots cut off."""
+    """No robot used to leave a region that another waited for, if all places around were goals of robots cut off."""
     asking = Report("asking", ROW.signature, ROW.places[3], (3,), 3, since=3.0, region=(4,))
     inside = Report("inside", ROW.signature, ROW.places[4], (4,), 2, since=4.0)
     outside = [Report(f"cut off {goal}", ROW.signature, ROW.places[6 - goal], (6 - goal,), goal) for goal in (5, 6)]
@@ -85,7 +85,7 @@ def test_a_robot_makes_room_at_goals_of_robots_that_cannot_come() -> None:
 
 
 def test_a_robot_parked_behind_the_goal_of_another_is_led_past_it() -> None:
-    """It could not get out of the region that its owner had been granted, and the owner waited for it."""
+    """It used to be stuck in the region that had been granted to the other robot, which waited for it to leave."""
     parked = Report("parked", BAY.signature, BAY.places[7], (7,))
     for at in (3, 0):
         asking = Report("asking", BAY.signature, BAY.places[at], (at,), 3, region=(7,))
@@ -95,7 +95,7 @@ def test_a_robot_parked_behind_the_goal_of_another_is_led_past_it() -> None:
 
 
 def test_who_has_to_leave_a_region_does_not_wait_for_a_place_whose_robot_is_cut_off() -> None:
-    """Fifteen robots stood for good: the way out led to a pocket as well, and one stood there that waited itself."""
+    """Fifteen robots used to deadlock: the way out also led to a pocket, whose robot was waiting itself."""
     places = [(0.0, 0.0), (1.0, 0.0), (0.5, 0.8), (2.0, 0.0), (3.0, 0.0)]
     pocket = Roadmap(places, [[1, 2], [0, 2, 3], [0, 1], [1, 4], [3]])
     asking = Report("asking", pocket.signature, places[0], (0,), 0, since=1.0, region=(1,))
@@ -107,7 +107,7 @@ def test_who_has_to_leave_a_region_does_not_wait_for_a_place_whose_robot_is_cut_
 
 
 def test_nobody_is_granted_a_region_whose_robot_could_leave_it_only_for_a_place_that_is_full() -> None:
-    """All stood for good in a dead end: its last place counted as a way out, with a robot there that was cut off."""
+    """All robots used to deadlock in a dead end: the last place counted as a way out with a cut-off robot on it."""
     asking = Report("asking", BAY.signature, BAY.places[2], (2,), 2, since=1.0, region=(1,))
     inside = Report("inside", BAY.signature, BAY.places[1], (1,), 5, since=2.0)
     cut_off = Report("cut off", BAY.signature, BAY.places[0], (0,), 6, since=3.0)
@@ -117,7 +117,7 @@ def test_nobody_is_granted_a_region_whose_robot_could_leave_it_only_for_a_place_
 
 
 def test_a_robot_backs_off_where_those_it_pushes_have_no_room_to_let_it_pass() -> None:
-    """Robots stood for good before a room that was full but for the goal: who had gone in could not come out."""
+    """Robots used to deadlock at a room where only the goal was free: a robot that had gone in could not come out."""
     places = [*PLACES[:COLS], (0.0, 1.0), (0.0, -1.0), (4.0, 1.0)]
     room = Roadmap(places, [[1, 7, 8], [0, 2], [1, 3], [2, 4], [3, 5, 9], [4, 6], [5], [0], [0], [4]])
     coming = Report("coming", room.signature, room.places[2], (2,), 7, since=1.0)

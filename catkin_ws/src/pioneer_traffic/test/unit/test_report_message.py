@@ -1,4 +1,4 @@
-"""Reports cross as messages unchanged; messages that fit no roadmap are refused."""
+"""Reports survive the conversion to and from messages; messages that fit no roadmap are refused."""
 
 import genpy
 import pytest

@@ -1,4 +1,4 @@
-"""Roadmaps: connected, in free space, and so far apart that places and ways are all that matters."""
+"""Roadmaps are connected and lie in free space, with enough spacing that only places and ways matter."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ ROOMS = [
     "##################",
 ]
 CELL = 18
-"""Grid cells of 0.05 m along a character: passages are 0.9 m wide."""
+"""Grid cells of 0.05 m per character: passages are 0.9 m wide."""
 
 
 def space_of(drawing: list[str]) -> FreeSpace:

@@ -1,4 +1,4 @@
-"""The fleet page on a stand-in for the base station, and a browser to look at it."""
+"""The fleet page with a stand-in for the base station, and a browser that shows it."""
 
 import functools
 import time
@@ -46,7 +46,7 @@ def shot(driver):
 
 @pytest.fixture
 def opened(driver, fleet):
-    """Opens the page with the operator's token, once; returns what is known in the page, by name."""
+    """Opens the page once with the operator's token; returns a getter for the page's state, and the loading time."""
     state = functools.partial(known, driver)
     driver.get(f"{fleet.url}/#{TOKEN}")
     began = time.monotonic()

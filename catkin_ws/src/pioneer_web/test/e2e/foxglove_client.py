@@ -1,4 +1,4 @@
-"""A client of Foxglove's protocol, as Foxglove and Lichtblick are."""
+"""A client of Foxglove's protocol, like Foxglove and Lichtblick."""
 
 import json
 import struct
@@ -44,7 +44,7 @@ class Client:
         self.socket.send(json.dumps(fields))
 
     def messages(self, **topics):
-        """Returns the first message of each topic, by its number."""
+        """Returns the first message of each topic, in the order of the arguments."""
         wanted = {number: self.channels[topic] for number, topic in enumerate(topics.values(), 1)}
         rows = [{"id": number, "channelId": channel["id"]} for number, channel in wanted.items()]
         self.send(op="subscribe", subscriptions=rows)
@@ -75,7 +75,7 @@ def body(message):
 
 
 def advertise(client, number, topic, kind):
-    """Announces that this client publishes messages of a type on channel ``number``."""
+    """Advertises messages of type ``kind`` on channel ``number``."""
     channel = {"id": number, "topic": topic, "encoding": "ros1", "schemaName": kind}
     client.send(op="advertise", channels=[channel])
 

@@ -1,4 +1,4 @@
-"""What the tests do with the page in the browser."""
+"""The tests' actions on the page in the browser."""
 
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import WebDriverWait
@@ -21,7 +21,7 @@ return boxes.flatMap((a, i) => boxes.slice(i + 1).filter(b => !apart(a, b)).map(
 
 
 def known(driver, name):
-    """Returns a value that the page has, by its name in the stream; None without a page."""
+    """Returns a value of the page's state by its name in the stream, or None if no page is open."""
     return driver.execute_script("return window.fleetPage ? fleetPage.state[arguments[0]] ?? null : null", name)
 
 
@@ -31,19 +31,19 @@ def shown(driver):
 
 
 def press(driver, act):
-    """Presses a button once it is there."""
+    """Presses a button as soon as it exists."""
     button = WebDriverWait(driver, SOON).until(lambda _: driver.find_element(By.CSS_SELECTOR, f'[data-act="{act}"]'))
     driver.execute_script("arguments[0].click()", button)
 
 
 def send_to(driver, x, y):
-    """Clicks on the map, as a mouse or a finger does."""
+    """Clicks on the map, as with a mouse or a finger."""
     press(driver, "tool-drive")
     driver.execute_script(MOVE, x, y)
 
 
 def assert_fits_a_phone(driver):
-    """Fails where the page is wider than a phone, a button outside of it or too low, or a label on another."""
+    """Fails if the page is wider than a phone, a button is outside it or too low, or labels overlap."""
     width = driver.execute_script("return document.documentElement.scrollWidth")
     assert width <= PHONE["width"], f"the page is {width} pixels wide"
     for act in ("stop-all", "tool-drive", "stop"):

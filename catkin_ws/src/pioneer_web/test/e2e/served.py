@@ -1,4 +1,4 @@
-"""The fleet page on a stand-in for the base station."""
+"""Serves the fleet page with a stand-in for the base station."""
 
 import functools
 import os
@@ -21,7 +21,7 @@ STAND_IN = Path(__file__).parent / "stand_in.py"
 
 
 def request(url, path="/", cookie="", data=None, context=None, **headers):
-    """Returns status, headers and body."""
+    """Sends an HTTP request; returns status, headers and body."""
     headers = {key.replace("_", "-"): value for key, value in headers.items()}
     if cookie:
         headers["Cookie"] = cookie
@@ -34,20 +34,20 @@ def request(url, path="/", cookie="", data=None, context=None, **headers):
 
 
 def publish(fleet, topic, kind, value):
-    """Publishes a message on the master of a fleet that is served."""
+    """Publishes a message on the master of a served fleet."""
     command = ["rostopic", "pub", "-1", topic, kind, value]
     subprocess.run(command, env={**os.environ, **fleet.master.environment}, check=True, capture_output=True, timeout=60)
 
 
 def login(url, token, context=None):
-    """Returns the cookie of a new session."""
+    """Logs in; returns the cookie of the new session."""
     status, headers, _ = request(url, "/login", data=token.encode(), context=context)
     assert status == 204
     return headers["Set-Cookie"].partition(";")[0]
 
 
 def wait_for_page(url, check=lambda: None, context=None):
-    """Waits until the page is served to those who log in; what ``check`` raises ends it."""
+    """Waits until the server asks for a login; an exception from ``check`` ends the wait."""
 
     def answers():
         check()
@@ -61,7 +61,7 @@ def wait_for_page(url, check=lambda: None, context=None):
 
 @contextmanager
 def served(folder, robots=2, rate=100, parameters=(), scheme="http", context=None):
-    """Yields a page, started with these parameters, of a stand-in with so many robots, whose odometry has this rate."""
+    """Yields a page with ``parameters``, served for a stand-in with ``robots`` robots and odometry at ``rate``."""
     with Master() as master, PortReservation() as ports, ProcessGroup() as group:
         port = ports.take(18090)
         tokens = {"PIONEER_WEB_TOKEN": TOKEN, "PIONEER_WEB_VIEWER_TOKEN": VIEWER}

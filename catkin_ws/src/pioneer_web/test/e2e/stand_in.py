@@ -1,4 +1,4 @@
-"""A base station's master as the page sees it, without simulator and gateways: two robots that obey, rules, a map."""
+"""A stand-in for the base station, without simulator and gateways: robots that obey, rules, and a map."""
 
 import math
 import sys
@@ -29,7 +29,7 @@ def turned(message, yaw):
 
 
 class Robot:
-    """Obeys pioneer/cmd_vel as the simulator does; commands itself towards its goals as its own computer does."""
+    """Obeys pioneer/cmd_vel as the simulator does, and commands itself towards its goals as its own computer does."""
 
     def __init__(self, name, x, y, rates):
         self.name, self.x, self.y, self.yaw, self.speed, self.turn = name, x, y, 0.0, 0.0, 0.0
@@ -228,7 +228,7 @@ def main(count, rate, samples):
 
 
 def transform(parent, child, stamp):
-    """Returns a transform that nobody looks at but for its frames."""
+    """Returns a transform of which only the frames matter."""
     one = TransformStamped()
     one.header.stamp, one.header.frame_id, one.child_frame_id = stamp, parent, child
     one.transform.rotation.w = 1.0

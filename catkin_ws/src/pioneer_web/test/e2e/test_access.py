@@ -1,4 +1,4 @@
-"""Who gets in: nobody without a token, no page of another origin, a viewer only to look."""
+"""Access control: a token is required, pages of another origin are refused, and a viewer can only watch."""
 
 import json
 import time
@@ -14,7 +14,7 @@ from tcpros.adapters.client import Client
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 STOP = 1.0
-"""A stop must take 0.2 s at most; here with room for a busy machine [s]."""
+"""A stop may take 0.2 s at most; this limit leaves room for a busy machine [s]."""
 PATHS = ("/", "/map.png", "/metrics", "/static/fleet.js", "/_nicegui_ws/socket.io/?EIO=4&transport=polling", "/docs")
 
 
@@ -40,7 +40,7 @@ def subscribed(fleet):
 
 
 def test_nothing_is_subscribed_while_no_page_is_open(fleet):
-    # Which rules there are already; latched, and rarely published.
+    # The current rules: this topic is latched and rarely published.
     rest = ["/gateway/gateway_info"]
     assert subscribed(fleet) == rest
     with live(fleet, Cookie=fleet.login(fleet.viewer)) as socket:
@@ -70,7 +70,7 @@ def test_a_stop_acts_at_once_and_holds_against_commands(fleet):
         took = time.monotonic() - began
         assert took < STOP
         assert answer_from(socket)["good"]
-        # The robot's own computer keeps commanding until it has heard of the end of its waypoints.
+        # The robot's own computer keeps commanding until it learns that its waypoints were dropped.
         assert not ask(socket, do="drive", robots=["pioneer2"], x=0.0, y=0.0)["good"]
         assert ask(socket, do="release", robots=["pioneer2"])["good"]
         assert ask(socket, do="drive", robots=["pioneer2"], x=0.0, y=2.0)["good"]

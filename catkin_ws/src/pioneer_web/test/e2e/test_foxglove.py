@@ -1,4 +1,4 @@
-"""A client of Foxglove's protocol reads topics as they are, publishes, calls services."""
+"""A client of Foxglove's protocol reads topics unchanged, publishes, and calls services."""
 
 import json
 import struct
@@ -28,7 +28,7 @@ def test_tf_and_scans_come_as_raw_ros1_with_their_definition(fleet):
         one.await_topic("/tf", "/pioneer1/base_scan")
         channel = one.channels["/pioneer1/base_scan"]
         assert (channel["encoding"], channel["schemaEncoding"]) == ("ros1", "ros1msg")
-        # What a reader makes of the definition alone reads the bytes.
+        # A class generated from the channel's schema alone decodes the messages.
         reader = genpy.dynamic.generate_dynamic("sensor_msgs/LaserScan", channel["schema"])["sensor_msgs/LaserScan"]
         assert reader._md5sum == LaserScan._md5sum
         tf, scan = one.messages(tf="/tf", scan="/pioneer1/base_scan")
@@ -37,7 +37,7 @@ def test_tf_and_scans_come_as_raw_ros1_with_their_definition(fleet):
 
 
 def test_a_client_takes_no_topic_away_from_the_page(fleet):
-    """Publishers keep one connection a subscriber's name: the page lost its own to a client of the same topic."""
+    """Publishers keep one connection per subscriber name: the page lost its own to another client of the same topic."""
     cookie, url = fleet.login(fleet.viewer), fleet.url.replace("http", "ws") + "/live"
     with connect(url, additional_headers={"Cookie": cookie}, max_size=None) as page:
         while b"pioneer1.scan" not in page.recv(WAIT):
@@ -108,7 +108,7 @@ def test_a_frame_that_breaks_the_protocol_is_answered_and_the_connection_lives(f
 
 
 def test_the_makers_own_server_is_read_by_the_same_client():
-    """Holds the client of these tests to the protocol: what it reads of ours it reads of theirs."""
+    """Checks the tests' client against the reference server: it reads that server as it reads ours."""
     subscribed = threading.Event()
     listener = SimpleNamespace(on_subscribe=lambda *_: subscribed.set())
     server = foxglove.start_server(port=0, supported_encodings=["ros1"], server_listener=listener)

@@ -1,4 +1,4 @@
-"""Fifteen robots: all of them are shown, one that joins too, and a page's stream stays small."""
+"""Fifteen robots: all of them are shown, so is one that joins later, and the stream to a page stays small."""
 
 import functools
 import json
@@ -16,9 +16,9 @@ pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:py
 COUNT, SOON = 15, 60.0
 NAMES = [f"pioneer{number}" for number in range(1, COUNT + 1)]
 WATCHED = 3.0
-"""How long the stream is counted [s]."""
+"""How long the stream's bytes are counted [s]."""
 MOST_BYTES = 200_000
-"""A second, to one page."""
+"""Limit for the stream to one page [bytes/s]."""
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def fifteen(tmp_path_factory):
 
 
 def drives(socket, name):
-    """Sends a robot far off, so that it has plan and costmap to the end; returns whether it can be reached yet."""
+    """Sends a robot so far that it has plan and costmap until the end; returns whether it can be reached yet."""
     socket.send(json.dumps({"do": "drive", "robots": [name], "x": 9000, "y": 0}))
     while not isinstance(frame := socket.recv(SOON), str):
         pass
@@ -76,7 +76,7 @@ def test_a_robot_that_joins_is_shown_on_a_page_that_is_open_and_can_be_sent(fift
     ) as socket:
         wait_until(lambda: drives(socket, "pioneer16"), "it under way", SOON)
     wait_until(lambda: known(driver, "pioneer16.plan"), "its plan", SOON)
-    # What is no list of names adds nothing, and breaks nothing.
+    # A value that is not a list of names adds no robot and breaks nothing.
     for value in (5, ["no name", 7], {"pioneer1": "x"}):
         fifteen.master.set_param("/robot_names", value)
     clock = known(driver, "time")

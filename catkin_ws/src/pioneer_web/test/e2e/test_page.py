@@ -1,4 +1,4 @@
-"""The fleet page in a browser: it shows the robots, drives them, stops them, and tells what is wrong."""
+"""The fleet page in a browser: it shows, drives and stops robots, and reports faults."""
 
 import math
 import time
@@ -24,7 +24,7 @@ def place(opened, robot="pioneer1"):
 
 
 def goals(opened, robot="pioneer1"):
-    """Returns the x of a robot's waypoints."""
+    """Returns the x coordinates of a robot's waypoints."""
     return [goal[0] for goal in opened.state(f"{robot}.goals")]
 
 
@@ -57,7 +57,7 @@ def test_stop_all_holds_the_robots_until_they_are_released(driver, opened, shot)
 
 def test_a_waypoint_replaces_those_that_wait_and_append_does_not(driver, opened):
     send_to(driver, 4.0, 2.0)
-    # The robot may still have its last one.
+    # The robot may still have its previous waypoint.
     wait_until(
         lambda: [goal[0] for goal in opened.state("pioneer1.goals")] == [pytest.approx(4.0, abs=0.1)],
         "one waypoint",
@@ -74,7 +74,7 @@ def test_a_waypoint_replaces_those_that_wait_and_append_does_not(driver, opened)
 
 def test_a_patrol_repeats_the_waypoints_until_they_are_dropped(driver, opened):
     here = place(opened)
-    # So that it reaches nothing meanwhile.
+    # Paused, so that the robot reaches no waypoint meanwhile.
     press(driver, "simulate-pause")
     send_to(driver, here[0] + 1.0, here[1])
     wait_until(lambda: len(goals(opened)) == 1, "one waypoint", SOON)

@@ -1,4 +1,4 @@
-"""The page of a real fleet of two robots: shown, driven, stopped, faulty, on a phone; and in Foxglove's protocol."""
+"""The page of a real fleet of two robots: display, driving, stop, faults, phone layout, and Foxglove's protocol."""
 
 import math
 import time
@@ -26,20 +26,20 @@ from pioneer_harness.wait import wait_until
 
 pytestmark = [
     pytest.mark.alone,
-    # Selenium leaves a connection to its driver open; rospy uses an old name of threading's.
+    # Selenium leaves a connection to its driver open; rospy uses a deprecated name from threading.
     pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"),
     pytest.mark.filterwarnings("ignore:notifyAll:DeprecationWarning"),
 ]
 NAMES = ["pioneer1", "pioneer2"]
 SHOWN, STOPPED, RED = 3.0, 0.2, 3.0
-"""What the page may take to show the robots, to stop one, to show a fault [s]."""
+"""Time limits for the page to show the robots, to stop one, and to show a fault [s]."""
 LOG = "return Object.keys(fleetPage.state).filter(key => key.startsWith('log.')).map(key => fleetPage.state[key])"
 STOP = "const at = Date.now(); document.querySelector('[data-act=\"stop-all\"]').click(); return at / 1000;"
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """Two robots of small_world that take waypoints."""
+    """Yields a fleet of two robots in small_world that accept waypoints."""
     config = FleetConfig(
         world="small_world", real_time_factor=0.5, log=tmp_path_factory.mktemp("fleet"), web=True, token=TOKEN
     )
@@ -56,7 +56,7 @@ def run(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def url(run):
-    """The page's address. The fleet itself does not wait for its page: robots may drive before it is served."""
+    """Returns the page's address once it is served. The fleet does not wait for its page; robots may drive before."""
     address = f"http://127.0.0.1:{run.processes.ports.page}"
     wait_for_page(address)
     return address
@@ -64,7 +64,7 @@ def url(run):
 
 @pytest.fixture(scope="module")
 def page(url, driver):
-    """The page with the operator's token; how long it took to show both robots."""
+    """Opens the page with the operator's token; returns how long it took to show both robots."""
     began = time.monotonic()
     driver.get(f"{url}/#{TOKEN}")
     wait_until(lambda: shown(driver) == NAMES, "both robots on the map", SOON)
@@ -74,7 +74,7 @@ def page(url, driver):
 
 @pytest.fixture
 def heard(run):
-    """What comes at the simulator's master meanwhile: when, and the message."""
+    """Yields lists of the messages received at the simulator's master, each with its time of arrival."""
     messages = {"odom": [], "pioneer/cmd_vel": []}
     subscribers = [
         rospy.Subscriber(f"/pioneer1/{topic}", kind, lambda one, kept=messages[topic]: kept.append((time.time(), one)))

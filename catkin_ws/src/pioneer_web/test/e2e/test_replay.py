@@ -1,4 +1,4 @@
-"""A recording on the fleet page, with a slider for its time."""
+"""A recording on the fleet page, with a time slider."""
 
 import re
 import signal
@@ -19,7 +19,7 @@ slider.value = arguments[0]; slider.dispatchEvent(new Event("change", {bubbles: 
 
 @pytest.fixture
 def recording(fleet, tmp_path):
-    """Some seconds of two robots."""
+    """Returns a recording of a few seconds with two robots."""
     path = tmp_path / "run.mcap"
     words = [sys.executable, "-m", "pioneer_fleet.adapters.recorder", str(path), f"base={fleet.master.uri}"]
     with subprocess.Popen(words) as recorder:

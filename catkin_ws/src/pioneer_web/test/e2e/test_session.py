@@ -12,7 +12,7 @@ from websockets.sync.client import connect
 
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 HOURS = 0.002
-"""Of a session: 7.2 s."""
+"""Lifetime of a session: 7.2 s."""
 CLOSED, NOT_LOGGED_IN = 4401, 401
 WAIT = 60
 

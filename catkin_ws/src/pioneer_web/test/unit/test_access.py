@@ -1,4 +1,4 @@
-"""Tokens become expiring sessions; origins are compared whole."""
+"""Tokens are exchanged for sessions that expire; origins must match exactly."""
 
 import itertools
 

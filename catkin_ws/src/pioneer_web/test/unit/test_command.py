@@ -1,4 +1,4 @@
-"""What a page sends is checked before anything is done."""
+"""Commands from a page are validated before anything is done."""
 
 import json
 import math

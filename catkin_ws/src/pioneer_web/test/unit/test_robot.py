@@ -1,4 +1,4 @@
-"""What a page gets of a robot, and the words for what is wrong with it."""
+"""The data that a page gets about a robot, and the messages for its faults."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Which rules each script asks its gateway for, and what it does with a wrong command line."""
+"""The rules that each script requests from its gateway, and how it handles an invalid command line."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -12,13 +12,13 @@ Asked = tuple[Action, list[Wish], bool]
 
 
 class FakeGateway:
-    """Keeps what is asked; refuses it if told to."""
+    """Records all requests; refuses them unless `accepts` is set."""
 
     asked: list[Asked]
     accepts = True
 
     def wait(self) -> None:
-        """Is there at once."""
+        """Returns at once: the fake gateway is always ready."""
 
     def ask(self, action: Action, wishes: Sequence[Wish], cancel: bool) -> bool:
         self.asked.append((action, list(wishes), cancel))

@@ -1,4 +1,4 @@
-"""What is asked of a gateway, given the rules it has, and what its answers mean."""
+"""The requests sent to a gateway, given its current rules, and how its answers are interpreted."""
 
 import logging
 
@@ -13,7 +13,7 @@ FIRST, SECOND = (Wish("publisher", f"/{name}", "", "Hub_Gateway") for name in ("
 
 
 class Gateway:
-    """Answers each call with the next of ``answers``, success when there are none left."""
+    """Answers each call with the next of ``answers``, or with success once there are none left."""
 
     def __init__(self) -> None:
         self.calls: list[tuple[str, list[str], bool]] = []

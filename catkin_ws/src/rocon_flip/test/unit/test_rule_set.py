@@ -1,4 +1,4 @@
-"""The topics that cross are the tutorial's, and the robot's name comes from where it may come from."""
+"""The forwarded topics match the tutorial's; the robot's name is an argument, a variable or the host name."""
 
 import pytest
 

@@ -1,6 +1,6 @@
-"""A move_base without a robot: what becomes of a goal is written in its x.
+"""A move_base without a robot: a goal's x decides its outcome.
 
-x >= 100 is aborted, x < 0 stays active until it is cancelled, any other is reached at once.
+x >= 100 is aborted, x < 0 stays active until it is cancelled, and any other goal is reached at once.
 """
 
 import rospy
@@ -9,7 +9,7 @@ from move_base_msgs.msg import MoveBaseAction
 
 
 class FakeMoveBase:
-    """Serves the action ``move_base``; a newer goal preempts the one before."""
+    """Serves the action ``move_base``; a new goal preempts the current one."""
 
     def __init__(self) -> None:
         self._current = None

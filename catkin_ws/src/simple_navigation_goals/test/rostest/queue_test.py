@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Real waypoint clients against a fake move_base that comes late, is killed and comes back."""
+"""Real waypoint clients against a fake move_base that starts late, is killed and restarts."""
 
 import math
 import os
@@ -28,7 +28,7 @@ TIMEOUT = 60.0
 
 
 class Client:
-    """One client node seen from outside: its topics, its newest status, its texts."""
+    """One client node seen from outside: its topics, its newest status, and its status texts."""
 
     def __init__(self, node: str, topic: str) -> None:
         self.node = rospy.resolve_name(node)
@@ -46,7 +46,7 @@ class Client:
         self.texts.append(status.text)
 
     def sends_goals_here(self) -> bool:
-        """Tells whether this test hears the goals; the node reconnects whenever a move_base has gone."""
+        """Returns whether the node's goals reach this test. The node reconnects whenever move_base disappears."""
         uri = rosgraph.Master(rospy.get_name()).lookupNode(self.node)
         with xmlrpc.client.ServerProxy(uri) as slave:
             links = slave.getBusInfo(rospy.get_name())[2]
@@ -66,7 +66,7 @@ class Client:
 
 
 class QueueTest(unittest.TestCase):
-    """The clients live as long as the test; move_base is there where a case wants it."""
+    """The clients run for the whole test; each case starts or kills move_base as needed."""
 
     @classmethod
     def setUpClass(cls) -> None:
@@ -108,7 +108,7 @@ class QueueTest(unittest.TestCase):
             type(self).process = None
 
     def sent(self, count: int) -> list[PoseStamped]:
-        """Waits for so many goals; returns where they lead. A goal and a status come by ways of their own."""
+        """Waits for ``count`` goals; returns their poses. Goals and statuses arrive on separate connections."""
         wait_until(lambda: len(self.goals) >= count, f"{count} goals", TIMEOUT)
         return [goal.goal.target_pose for goal in self.goals]
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The spin recovery seen from outside, on a clock that the test sets: it advances only when the node has come along."""
+"""The spin recovery seen from outside. The test sets the clock, and advances it only once the node has caught up."""
 
 import unittest
 import xmlrpc.client
@@ -47,24 +47,24 @@ class SpinRecoverTest(unittest.TestCase):
         return sum(connection[1] for name, connections in heard if name == topic for connection in connections)
 
     def tell(self, topic: str, publish: Callable[[], None]) -> None:
-        """Returns when the node is done with what is published: it reads the second of two when done with the first."""
+        """Publishes a message twice: once the node has read the second one, it has handled the first."""
         for _ in range(2):
             before = self.read_from(topic)
             publish()
             wait_until(lambda: self.read_from(topic) > before, f"the node to read {topic}", TIMEOUT)  # noqa: B023 - done within the round
 
     def say(self, active: bool) -> None:
-        """Sets the clock, lets move_base publish its status, and waits until the node has heard both."""
+        """Sets the clock, publishes move_base's status, and waits until the node has handled both."""
         self.tell("/clock", lambda: self.clock.publish(Clock(rospy.Time.from_sec(self.time))))
         status = [GoalStatus(status=GoalStatus.ACTIVE)] if active else []
         self.tell("/pioneer1/move_base/status", lambda: self.status.publish(GoalStatusArray(status_list=status)))
 
     def command(self, turn: float) -> None:
-        """Lets move_base command a turn [rad/s], and waits until the node has heard it."""
+        """Publishes a turn [rad/s] as move_base's command, and waits until the node has handled it."""
         self.tell("/pioneer1/cmd_vel", lambda: self.commands.publish(Twist(Vector3(), Vector3(0.0, 0.0, turn))))
 
     def stand_until_it_turns(self) -> float:
-        """Lets time pass in steps with a goal active; returns how long it took until the node turned."""
+        """Advances time in steps with an active goal; returns how long it took until the node turned the robot."""
         start = self.time
         self.turns.clear()
 

@@ -1,4 +1,4 @@
-"""What a client of move_base makes of statuses and results."""
+"""How a move_base client interprets statuses and results."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +15,7 @@ SERVER = "/robot/move_base"
 
 
 class FakeHandle:
-    """A node without connections: what is published is kept, and a test hands on what is heard."""
+    """A node without connections: it keeps what is published, and a test injects the received messages."""
 
     name, lockstep = "/robot/client", None
 

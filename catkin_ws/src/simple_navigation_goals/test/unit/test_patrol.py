@@ -1,4 +1,4 @@
-"""A patrol is read as it stands in its file, and what is wrong with one is said in one line."""
+"""A patrol is read from its file as written; an invalid one gets a one-line error."""
 
 import math
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The queue sends one waypoint after the other, and what happens on failure is what was configured."""
+"""The queue sends one waypoint after the other, and handles failures as configured."""
 
 import pytest
 from hypothesis import given
@@ -195,7 +195,7 @@ def test_no_waypoint_is_counted_twice_and_none_is_sent_without_move_base(steps: 
 
 
 def patrolling(rounds: int, **config: object) -> WaypointQueue:
-    """Returns a queue on a patrol: to 0, under way, then to 1, where the robot stands 5 s."""
+    """Returns a queue on a patrol: to x = 0 (under way), then to x = 1, where the robot waits for 5 s."""
     queue = WaypointQueue(QueueConfig(**config))  # type: ignore[arg-type]
     queue.server_found()
     queue.patrol(Patrol((waypoint(0.0), Waypoint(1.0, 0.0, 0.0, "map", 5.0)), rounds))

@@ -1,4 +1,4 @@
-"""Waypoints on disk, for a client that starts in place of one that ended."""
+"""Waypoints on disk, for a client that replaces one that has exited."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A robot that has a goal and stands is turned after five seconds, for one and a half, to the side last commanded."""
+"""A robot that stands still with a goal is turned after 5 s, for 1.5 s, in the direction last commanded."""
 
 from simple_navigation_goals.core.spin import SpinConfig, SpinState, commanded, watched
 
@@ -7,7 +7,7 @@ Command = tuple[float, float] | None
 
 
 def run(seconds: float, command: Command = None, state: SpinState | None = None, active: bool = True) -> SpinState:
-    """Returns the state after ``seconds`` of status at 5 Hz, with one command (linear, angular) before each."""
+    """Returns the state after ``seconds`` of status messages at 5 Hz, each after ``command`` (linear, angular)."""
     state = state or SpinState()
     start = state.now
     for step in range(1, round(seconds * 5) + 1):

@@ -1,4 +1,4 @@
-"""A waypoint is finite, and its heading survives the way through messages."""
+"""A waypoint is finite, and its heading survives conversion to messages and back."""
 
 import math
 

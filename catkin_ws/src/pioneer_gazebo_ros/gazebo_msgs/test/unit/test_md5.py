@@ -1,4 +1,4 @@
-"""The definitions are those of the real gazebo_msgs: a client of Gazebo connects only if the MD5 sums agree."""
+"""The definitions match the real gazebo_msgs: a Gazebo client connects only if the MD5 sums agree."""
 
 import gazebo_msgs.msg
 import gazebo_msgs.srv

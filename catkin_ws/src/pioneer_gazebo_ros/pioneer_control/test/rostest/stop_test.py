@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""ESTOP and cancel_waypoint against a real waypoint client and controller; the test plays the rest of the robot."""
+"""ESTOP and cancel_waypoint against a real waypoint client and controller; the test simulates the rest of the robot."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""The controllers' configuration has ros_control's names, the fleet's rate, and joints that the robot has."""
+"""The controllers' configuration uses ros_control's names, the fleet's rate, and joints that the robot has."""
 
 import re
 import xml.etree.ElementTree as ElementTree

@@ -1,4 +1,4 @@
-"""What a stop is said to is found in the master's state, whatever the robots are called."""
+"""The targets of a stop are found in the master's state, whatever the robots are called."""
 
 from pioneer_control.core.target import Targets, any_live, targets_from_graph
 

@@ -1,4 +1,4 @@
-"""The robot's model is what its interface promises, and the simulator's reader understands all of it."""
+"""The robot's model matches its interface, and the simulator's URDF reader understands all of it."""
 
 import subprocess
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""RViz's configuration of a fleet shows the robots that there are, each in its colour, and the whole world."""
+"""A fleet's RViz configuration shows the existing robots, each in its own colour, and the whole world."""
 
 from itertools import combinations
 from pathlib import Path

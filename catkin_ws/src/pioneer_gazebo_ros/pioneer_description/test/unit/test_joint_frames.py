@@ -1,4 +1,4 @@
-"""When the frames of joints are due, and what a JointState says."""
+"""When the frames of joints are due, and how a JointState is read."""
 
 import io
 import random

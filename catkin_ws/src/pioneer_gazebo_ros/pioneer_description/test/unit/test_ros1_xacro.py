@@ -1,4 +1,4 @@
-"""The workspace's ``xacro`` reads what Indigo's files have and what newer robots use."""
+"""The workspace's ``xacro`` supports Indigo's syntax and the features that newer robots use."""
 
 import subprocess
 from pathlib import Path

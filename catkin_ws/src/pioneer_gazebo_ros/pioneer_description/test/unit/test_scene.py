@@ -1,4 +1,4 @@
-"""What RViz's configuration promises is found in its picture, and what is not there is named."""
+"""The displays of an RViz configuration are found in its picture, and missing ones are named."""
 
 from pathlib import Path
 
@@ -30,7 +30,7 @@ MARKS = [
 
 
 def picture():
-    """20 x 20 m of free space with a robot at (5, 2): its top plate, costs beside it, and a scan far away."""
+    """Returns 20 x 20 m of free space with a robot at (5, 2): its top plate, costs beside it, and a distant scan."""
     image = np.full((400, 400, 3), FREE, np.uint8)
     image[156:164, 296:304] = TOP_PLATE
     image[150:156, 296:320] = (166, 165, 253)

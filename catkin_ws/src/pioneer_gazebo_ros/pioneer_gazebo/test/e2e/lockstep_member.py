@@ -1,4 +1,4 @@
-"""A node in lockstep: adds its name and the time to a file in each period, and hears what the one before it said."""
+"""A lockstep member: in each period it appends the time, its name and the messages it received to a file."""
 
 import os
 import sys
@@ -11,7 +11,7 @@ from pioneer_node.nodes import entry
 
 
 class MemberNode:
-    """Publishes and subscribes ``/said``."""
+    """Publishes and subscribes to ``/said``."""
 
     def __init__(self) -> None:
         self._file = Path(os.environ["DIARY"])
@@ -20,7 +20,7 @@ class MemberNode:
         self._publisher = rospy.Publisher("/said", String, queue_size=1)
 
     def step(self) -> None:
-        """Writes a line, and publishes."""
+        """Appends a line to the file and publishes."""
         name, now = rospy.get_name().rpartition("/")[2], rospy.get_time()
         with self._file.open("a") as file:
             file.write(f"{now:.2f} {name} {','.join(self._heard)}\n")

@@ -1,4 +1,4 @@
-"""Forwards the tokens of a topic to another one, but loses that of each given period as often as it is given."""
+"""Forwards tokens from one topic to another, but drops a period's token as many times as the period is listed."""
 
 import sys
 
@@ -7,7 +7,7 @@ from pioneer_msgs.msg import LockstepToken
 
 
 def main() -> None:
-    """Forwards until shutdown."""
+    """Forwards tokens until shutdown."""
     source, sink, *periods = sys.argv[1:]
     losses = list(map(int, periods))
     rospy.init_node("lossy_link", anonymous=True)

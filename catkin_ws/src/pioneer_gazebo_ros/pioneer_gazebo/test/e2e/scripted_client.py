@@ -1,8 +1,8 @@
-"""A client that follows a script to the step, and writes down every message that the simulator sends.
+"""A client that follows a script step by step, and records every message that the simulator sends.
 
 Usage: scripted_client.py ROBOTS SECONDS RATES OUTPUT, with RATES [Hz] as a JSON object by topic. The simulator is
-paused at the start. Commands are sent while time stands and counted as sent when the simulator has read them; then time
-continues by single steps, later at its own pace. It ends when every topic has come up to SECONDS.
+paused at the start. Commands are sent while time is paused, and count as sent once the simulator has read them. Time
+then advances by single steps, and later at its own rate. The client exits when every topic has reached SECONDS.
 """
 
 import json
@@ -32,11 +32,11 @@ SCRIPT = {0: (0.6, 0.3), 31: (0.9, -0.4), 60: (0.0, 1.5)}
 LAST = (0.5, 0.2)
 TOPICS = ("base_scan", "odom", "base_pose_ground_truth", "joint_states")
 ROOM = 4 * 2**20
-"""For what comes while this client does not run [bytes]: the simulator drops what a full connection does not take."""
+"""Receive buffer for the time in which this client is not scheduled [bytes]: the simulator drops the rest."""
 
 
 class Recorder:
-    """Keeps every message of a topic, as it came."""
+    """Keeps every message of its topics in serialised form."""
 
     def __init__(self) -> None:
         self.messages: dict[str, list[bytes]] = {}
@@ -50,7 +50,7 @@ class Recorder:
         )
 
     def make_room(self) -> None:
-        """Gives every connection, all of which stand by now, room for what is not read at once."""
+        """Enlarges the receive buffer of every connection. All connections must be established by now."""
         for subscriber in self._subscribers:
             for connection in subscriber.impl.connections:
                 connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM)
@@ -68,7 +68,7 @@ class Recorder:
         wait_until(come, f"{seconds} s of simulated time", PATIENCE, self.changed)
 
     def wait_for_all(self, seconds: float, rates: dict[str, float]) -> None:
-        """Waits for every topic's messages: each comes on a connection of its own, the clock's ahead of others'."""
+        """Waits for every topic's messages: each topic has its own connection, and the clock may arrive first."""
 
         def missing() -> list[str]:
             due = {topic: int(seconds * rates[topic.rpartition("/")[2]]) for topic in self.messages}
@@ -78,7 +78,7 @@ class Recorder:
 
 
 def statistics(kind: int) -> list[Any]:
-    """Returns what the simulator's node says of its topics: kind 0 of those it publishes, 1 of those it hears."""
+    """Returns the simulator node's bus statistics: kind 0 for its publications, 1 for its subscriptions."""
     with xmlrpc.client.ServerProxy(rosgraph.Master("/client").lookupNode("/gazebo")) as slave:
         return slave.getBusStats("/client")[2][kind]
 
@@ -102,7 +102,7 @@ class Pilot:
         wait_until(lambda: self._publisher.get_num_connections() > 0, f"a listener to {self._topic}", PATIENCE)
 
     def send(self, speed: float, turn: float) -> None:
-        """Returns when the simulator has obeyed: it reads the second of two when done with the first."""
+        """Sends a command twice: once the simulator has read the second one, it has applied the first."""
         command = Twist()
         command.linear.x, command.angular.z = speed, self._sign * turn
         for _ in range(2):

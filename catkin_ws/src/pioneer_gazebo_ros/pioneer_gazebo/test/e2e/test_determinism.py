@@ -1,4 +1,4 @@
-"""The running simulator sends the same bytes for the same seed, world and commands, however fast time runs."""
+"""The running simulator sends the same bytes for the same seed, world and commands, at any real-time factor."""
 
 import json
 import subprocess
@@ -13,14 +13,14 @@ from pioneer_harness.masters import Master
 from pioneer_harness.process import ProcessGroup
 
 Recording = dict[str, list[str]]
-"""By topic the messages, in hexadecimal digits."""
+"""The messages by topic, in hexadecimal digits."""
 
 Record = Callable[..., Recording]
 
 SECONDS = 4.0
 RATES = {"base_scan": 10, "odom": 50, "base_pose_ground_truth": 20, "joint_states": 20, "clock": 100, "tf": 50}
 
-# rosmaster, in this process, leaves connections to nodes that have ended.
+# rosmaster runs in this process and leaves connections to exited nodes open.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 CLIENT = Path(__file__).with_name("scripted_client.py")
@@ -33,7 +33,7 @@ def description() -> str:
 
 @pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
-    """Returns what runs the scripted client on a simulator of its own."""
+    """Returns a function that runs the scripted client on its own simulator."""
     urdf = description()
 
     def run(factor: float, robots: str = "ab", seed: int = 3) -> Recording:
@@ -69,9 +69,9 @@ def reference(record: Record) -> Recording:
 
 
 def within(recording: Recording) -> Recording:
-    """Returns the messages of the first `SECONDS`, as many as their rates ask for."""
+    """Returns each topic's messages of the first `SECONDS`, as many as its rate requires."""
     due = {topic: int(SECONDS * RATES[topic.rpartition("/")[2]]) for topic in recording}
-    # What the clock said while time stood, to newcomers, came as often as they did.
+    # While paused, the simulator repeats the clock for each new subscriber: drop the duplicates.
     clock = sorted(set(recording["/clock"]))
     found = {topic: (clock if topic == "/clock" else messages)[: due[topic]] for topic, messages in recording.items()}
     assert {topic: len(messages) for topic, messages in found.items()} == due
@@ -79,7 +79,7 @@ def within(recording: Recording) -> Recording:
 
 
 def differing(a: Recording, b: Recording) -> dict[str, int]:
-    """Returns the topics that differ, with the number of their first message that does."""
+    """Returns the topics that differ, each with the index of its first differing message."""
     return {
         topic: next(number for number, (x, y) in enumerate(zip(a[topic], b[topic], strict=True)) if x != y)
         for topic in a

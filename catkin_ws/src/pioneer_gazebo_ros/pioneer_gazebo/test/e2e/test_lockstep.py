@@ -1,4 +1,4 @@
-"""The simulator in lockstep with nodes that do nothing but say when they act."""
+"""The simulator in lockstep with nodes that only report when they act."""
 
 import os
 import signal
@@ -24,7 +24,7 @@ RINGS = {"a": "one two", "b": "three"}
 
 
 class Fleet:
-    """The simulator and the ring ``a`` of ``one`` and ``two``, and where asked for the ring ``b`` of ``three``."""
+    """The simulator with the ring ``a`` (``one`` and ``two``) and, if requested, the ring ``b`` (``three``)."""
 
     def __init__(
         self, master: Master, group: ProcessGroup, folder: Path, rings: str, silence: str, *remappings: str
@@ -38,37 +38,37 @@ class Fleet:
 
     @property
     def log(self) -> Path:
-        """What the simulator prints."""
+        """The file with the simulator's output."""
         return self.folder / "simulator.log"
 
     def start(self, name: str, *remappings: str) -> int:
-        """Starts a member; returns its process."""
+        """Starts a member; returns its process ID."""
         ring = next(ring for ring, members in RINGS.items() if name in members)
         own = {"LOCKSTEP_MEMBERS": RINGS[ring], "MEMBER": name, "DIARY": str(self.diary), "ROS_NAMESPACE": ring}
         command = [sys.executable, str(MEMBER), *remappings]
         return self.group.start(name, command, {**self._environment, **own}, self.folder / f"{name}.log")
 
     def lose(self, topic: str, *periods: int) -> Path:
-        """Has tokens of a topic go to ``TOPIC_lossy`` but for those of some periods; returns what the link prints."""
+        """Forwards a topic to ``TOPIC_lossy`` without the tokens of ``periods``; returns the link's log file."""
         log = self.folder / f"{topic.rpartition('/')[2]}.log"
         command = [sys.executable, str(LOSSY_LINK), topic, f"{topic}_lossy", *map(str, periods)]
         self.group.start(f"lossy {topic}", command, self._environment, log)
         return log
 
     def lines(self) -> list[str]:
-        """Returns the whole lines of the diary."""
+        """Returns the complete lines of the diary."""
         text = self.diary.read_text() if self.diary.exists() else ""
         return text[: text.rfind("\n") + 1].splitlines()
 
     def times(self, name: str) -> list[float]:
-        """Returns when a member has acted [s of simulated time]."""
+        """Returns the times at which a member acted [s of simulated time]."""
         words = (line.split() for line in self.lines())
         return [float(time) for time, member, *_ in words if member == name]
 
 
 @pytest.fixture
 def fleet(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Fleet]:
-    """Returns a simulator that waits for its rings; its parameter is their names and what follows silence."""
+    """Returns a simulator that waits for its rings. Parameters: ring names, action on silence, remappings."""
     rings, silence, *remappings = getattr(request, "param", ("a", "abort"))
     with Master() as master, ProcessGroup() as group:
         yield Fleet(master, group, tmp_path, rings, silence, *remappings)
@@ -97,7 +97,7 @@ def test_members_act_in_their_order_in_each_period_and_a_silent_one_is_named(fle
 
 
 def assert_acts_in_order(fleet: Fleet) -> None:
-    """Sees the first fifty periods: who acted when, and what it had heard."""
+    """Checks the first fifty periods: which member acted when, and which messages it had received."""
     wait_until(lambda: len(fleet.lines()) > 100, "fifty periods", PATIENCE)
     expected = []
     for number in range(2, 51):
@@ -108,7 +108,7 @@ def assert_acts_in_order(fleet: Fleet) -> None:
 
 @pytest.mark.parametrize("fleet", [("a", "abort", "/a/lockstep/done:=/a/lockstep/done_lossy")], indirect=True)
 def test_a_lost_token_is_sent_again_wherever_it_was_lost_and_changes_nothing(fleet: Fleet) -> None:
-    """Before the ring, within it, behind it; one is lost twice."""
+    """Tokens are lost before, within and after the ring; one is lost twice."""
     losses = {"period": (10, 10), "after_one": (20, 40), "done": (30, 40)}
     logs = {name: fleet.lose(f"/a/lockstep/{name}", *periods) for name, periods in losses.items()}
     fleet.start("one", "/a/lockstep/period:=/a/lockstep/period_lossy")

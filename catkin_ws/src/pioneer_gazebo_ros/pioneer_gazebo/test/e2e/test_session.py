@@ -1,4 +1,4 @@
-"""What a session's command does with Ctrl-C."""
+"""How a session's command handles Ctrl-C."""
 
 import contextlib
 import signal
@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 REPEAT = 0.002
-"""A held key comes again sooner or later; the shorter, the surer a signal falls into the moment of ending [s]."""
+"""Key repeat period [s]: the shorter it is, the likelier a signal arrives during the shutdown."""
 MOST = 30_000
 
 PROGRAM = """

@@ -1,4 +1,4 @@
-"""What does not fit is refused before anything drives: worlds that contradict each other, places in walls."""
+"""Start-up checks: mismatched worlds and start poses outside free space are rejected before anything drives."""
 
 import subprocess
 from collections.abc import Iterator

@@ -10,7 +10,7 @@ from pioneer_harness.masters import Master
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 
-# rosmaster, in this process, leaves connections to nodes that have ended.
+# rosmaster runs in this process and leaves connections to exited nodes open.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 

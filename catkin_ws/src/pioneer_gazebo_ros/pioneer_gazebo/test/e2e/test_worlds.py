@@ -1,4 +1,4 @@
-"""Each shipped world comes up by its own launch file, and a robot without a namespace by pioneer_world.launch."""
+"""Each shipped world starts from its own launch file; pioneer_world.launch starts a robot without a namespace."""
 
 import subprocess
 from collections.abc import Iterator
@@ -12,17 +12,17 @@ from pioneer_harness.masters import Master
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 
-# rosmaster, in this process, leaves connections to nodes that have ended.
+# rosmaster runs in this process and leaves connections to exited nodes open.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 PACKAGE = Path(rospkg.RosPack().get_path("pioneer_gazebo"))
 PATIENCE = 90.0
-"""Longest wait [s]: a dozen processes start beside whatever else the machine does."""
+"""Timeout [s]: a dozen processes start, possibly on a busy machine."""
 WORLDS = sorted(path.stem for path in (PACKAGE / "worlds").glob("*.world"))
 
 
 class Launched:
-    """A launch file on a master of its own."""
+    """A launch file that runs on its own ROS master."""
 
     def __init__(self, master: Master, group: ProcessGroup, folder: Path) -> None:
         self.master, self.group, self.log = master, group, folder / "launch.log"

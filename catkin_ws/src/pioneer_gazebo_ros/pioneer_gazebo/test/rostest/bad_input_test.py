@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Bad input to the running simulator: each gets one clear line, and time continues for the robot that is there."""
+"""Bad input to the running simulator: each case gets a one-line error, and the existing robot keeps running."""
 
 import math
 import os
@@ -27,7 +27,7 @@ def pose(x: float, y: float, z: float = 0.0) -> Pose:
 
 
 class BadInputTest(unittest.TestCase):
-    """One robot drives in circles through all of it; after each test its odometry must continue."""
+    """One robot drives in circles throughout; after each test its odometry must keep arriving."""
 
     @classmethod
     def setUpClass(cls) -> None:

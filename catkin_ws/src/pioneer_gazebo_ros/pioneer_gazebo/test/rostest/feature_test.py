@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What a user of rosaria asks a robot of the simulator, and people who walk, met by a robot."""
+"""What a user of rosaria expects of a simulated robot, and how robots encounter walking people."""
 
 import re
 import sys
@@ -20,11 +20,11 @@ from tf2_msgs.msg import TFMessage
 
 PATIENCE = 60.0
 START = Pose(Point(-3.5, 0.0, 0.0), Quaternion(0.0, 0.0, -0.7071, 0.7071))
-"""In the way of person_1, with the back to it."""
+"""In the path of person_1, facing away."""
 
 
 def first(topic: str, kind: Any, wanted: Callable[[Any], bool] = lambda message: True) -> Any:
-    """Returns the first message that is wanted."""
+    """Returns the first message for which ``wanted`` holds."""
     found: list[Any] = []
     came = threading.Event()
 
@@ -54,7 +54,7 @@ SLIDER = """<robot name="slider"><link name="base"><inertial><mass value="5"/><i
 
 
 class FeatureTest(unittest.TestCase):
-    """One robot, spawned once."""
+    """pioneer1 and pioneer2, each spawned once for all tests."""
 
     @classmethod
     def setUpClass(cls) -> None:

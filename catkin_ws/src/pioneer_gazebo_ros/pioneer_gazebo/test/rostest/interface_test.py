@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Gazebo's ROS interface as a whole: what is offered, and what each service and setter does to a robot and a box."""
+"""Gazebo's complete ROS interface: what is offered, and what each service and setter does to a robot and a box."""
 
 import subprocess
 import sys
@@ -60,14 +60,14 @@ def at(x: float, y: float, z: float = 0.0) -> Pose:
 
 
 def until(found: Callable[[], bool], what: str) -> None:
-    """Asks the simulator again and again; each question takes as long as it takes to answer."""
+    """Polls the simulator until ``found`` holds, without a sleep: each service call takes its own time."""
     end = time.monotonic() + PATIENCE
     while not found():
         assert time.monotonic() < end, what
 
 
 class InterfaceTest(unittest.TestCase):
-    """A robot and a box, brought by spawn_model, which lets time go with the second of them."""
+    """A robot and a box, both spawned by spawn_model, which unpauses the simulation with the second one."""
 
     @classmethod
     def setUpClass(cls) -> None:

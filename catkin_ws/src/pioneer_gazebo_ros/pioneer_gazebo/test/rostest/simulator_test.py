@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A client of Gazebo against the running simulator: topics, services and the spawn script."""
+"""A Gazebo client against the running simulator: topics, services and the spawn script."""
 
 import math
 import subprocess
@@ -30,7 +30,7 @@ START = ("-x", "-1.0", "-y", "-2.0", "-Y", "0.0")
 
 
 class Listener:
-    """Keeps the newest message of a topic and lets a test wait for one that it wants."""
+    """Keeps the newest message of a topic and lets a test wait for a matching one."""
 
     def __init__(self, topic: str, kind: type) -> None:
         self._topic = topic
@@ -46,7 +46,7 @@ class Listener:
             self._condition.notify_all()
 
     def wait_for(self, wanted: Callable[[Any], bool], what: str) -> Any:
-        """Returns a message that came after this call and is wanted."""
+        """Waits for a matching message that arrives after this call, and returns it."""
         with self._condition:
             count = self.count
             fresh = self._condition.wait_for(lambda: self.count > count and wanted(self.newest), PATIENCE)
@@ -66,7 +66,7 @@ def spawn(model: str, *where: str) -> subprocess.CompletedProcess:
 
 
 class SimulatorTest(unittest.TestCase):
-    """One robot, spawned once; each test leaves time running and the robot at its start."""
+    """One robot, spawned once. After each test, time is running and the robot is back at its start."""
 
     @classmethod
     def setUpClass(cls) -> None:
@@ -132,7 +132,7 @@ class SimulatorTest(unittest.TestCase):
         self.drive(0.5, 0.0)
         self.odometry.wait_for(lambda odometry: odometry.pose.pose.position.x > 0.5, "way")
         self.command.publish(Twist())
-        # Commands and services come by ways of their own: a stop that comes after the reset finds the robot on its way.
+        # Topics and services use separate connections: a stop that arrives after the reset finds the robot moving.
         self.odometry.wait_for(lambda odometry: abs(odometry.twist.twist.linear.x) < 0.01, "standstill")
         before = service("get_world_properties", srv.GetWorldProperties)().sim_time
         service("reset_world", Empty)()

@@ -1,4 +1,4 @@
-"""What several tests of the simulator need: a robot, and worlds on the real engine."""
+"""Shared fixtures of the simulator's tests: a robot, and worlds on the real engine."""
 
 import math
 import struct
@@ -31,7 +31,7 @@ def box_model(name: str, pose: Pose, size: tuple[float, float, float], static: b
 
 @pytest.fixture(autouse=True)
 def _source_packages(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Packages are found in the source tree, with or without a sourced workspace."""
+    """Finds packages in the source tree, with or without a sourced workspace."""
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(Path(__file__).parents[4]))
 
 
@@ -49,7 +49,7 @@ SIDES = 24
 
 
 def write_drum(path: Path, radius: float, width: float) -> Path:
-    """Writes a drum about y as binary STL."""
+    """Writes a cylinder around the y axis as binary STL."""
     rim = [(radius * math.cos(a), radius * math.sin(a)) for a in np.arange(SIDES) * math.tau / SIDES]
     triangles = []
     for (x, z), (u, w) in zip(rim, rim[1:] + rim[:1], strict=True):
@@ -77,7 +77,7 @@ def _joint(name: str, kind: str, parent: str, child: str, xyz: str, axis: str = 
 
 @pytest.fixture
 def mesh_robot(tmp_path: Path) -> Robot:
-    """A robot whose wheels, hubcaps and caster are meshes, as in the original's description."""
+    """Returns a robot whose wheels, hubcaps and caster are meshes, as in the original description."""
     folder = tmp_path
     tyre = f'<mesh filename="{write_drum(folder / "tyre.stl", 0.0975, 0.04)}"/>'
     cap = f'<mesh filename="{write_drum(folder / "cap.stl", 0.05, 0.044)}"/>'
@@ -107,7 +107,7 @@ def mesh_robot(tmp_path: Path) -> Robot:
 
 @pytest.fixture
 def simulate() -> Iterator[MakeSimulation]:
-    """Makes worlds of a floor and the models given, on engines that are closed afterwards."""
+    """Returns a function that makes a world with a floor and the given models; closes the engines afterwards."""
     engines: list[BulletEngine] = []
 
     def make(*models: Model, seed: int = 0, odometry_error: float = 0.0, odometry_scale: float = 1.0) -> Simulation:

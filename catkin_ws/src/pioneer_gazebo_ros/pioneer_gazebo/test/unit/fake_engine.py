@@ -1,6 +1,6 @@
-"""An engine without physics, for tests of what stands on top of one: wheels never slip and nothing ever touches.
+"""An engine without physics, for tests of the code above an engine: wheels never slip and nothing ever touches.
 
-A body whose turned parts are two wheels moves as they roll; any other keeps its velocity. Every call is remembered.
+A body with two turned parts moves as if they were its wheels; any other body keeps its velocity. Calls are recorded.
 """
 
 import math
@@ -26,14 +26,14 @@ class FakeEngine:
     """An engine without physics: bodies move as commanded, on a plane."""
 
     def __init__(self, track: float = 0.33, radius: float = 0.0975) -> None:
-        #: radius: of its wheels [m]
-        #: track: between a body's wheels [m]
+        #: track: distance between a body's wheels [m]
+        #: radius: radius of its wheels [m]
         self.track, self.radius = track, radius
-        self.steps = 0  #: taken so far
+        self.steps = 0  #: steps so far
         self.touched: set[int] = set()  #: handles that `touching` reports; set by the test
         self.resting: set[int] = set()  #: handles that may sleep
         self.pushed: list[tuple[int, int, Vector, Vector, Vector]] = []  #: arguments of every `push`
-        #: what `set_standing` was given last: ground, obstacles
+        #: arguments of the last `set_standing`: ground, obstacles
         self.standing: tuple[list[PlacedCollision], list[PlacedCollision]] = ([], [])
         self.refuses = ""  #: a body of this name is refused
         self._bodies: dict[int, _FakeBody] = {}
@@ -74,7 +74,7 @@ class FakeEngine:
         body.pose = Pose.from_rpy(x + vx * step, y + vy * step, z + vz * step, yaw=yaw)
 
     def pose(self, handle: int, part: int = 0) -> Pose:
-        """Every part stands as it was described."""
+        """Returns a part's pose as described; joint positions have no effect."""
         body = self._bodies[handle]
         if part == 0:
             return body.pose
@@ -83,7 +83,7 @@ class FakeEngine:
         return self.pose(handle, body.body.parts[part].parent).compose(joint.pose)
 
     def velocity(self, handle: int, part: int = 0) -> Velocity:
-        """Every part has the base's."""
+        """Returns the base's velocity for every part."""
         del part
         return self._bodies[handle].velocity
 
@@ -101,7 +101,7 @@ class FakeEngine:
         return [(body.angles.get(part, 0.0), body.speeds.get(part, 0.0)) for part in parts]
 
     def efforts(self, handle: int, parts: Sequence[int]) -> list[float]:
-        """Nothing resists."""
+        """Returns zeros: nothing resists."""
         del handle
         return [0.0] * len(parts)
 
@@ -119,7 +119,7 @@ class FakeEngine:
         self.pushed.append((handle, part, force, torque, point))
 
     def contacts(self, handle: int) -> list[Contact]:
-        """There are none."""
+        """Returns no contacts."""
         del handle
         return []
 
@@ -127,11 +127,11 @@ class FakeEngine:
         return self.touched & self._bodies.keys()
 
     def support(self, points: Sequence[tuple[float, float]], top: float) -> float | None:
-        """The ground is at 0."""
+        """Returns the height of the ground, which is at 0."""
         return 0.0 if points and top >= 0.0 else None
 
     def overlap(self, handle: int) -> list[Contact]:
-        """There are none."""
+        """Returns no overlaps."""
         del handle
         return []
 

@@ -1,4 +1,4 @@
-"""Actors: their scripts, their SDF, and what lasers and robots meet of them."""
+"""Actors: their scripts, their SDF, and how lasers see them and robots collide with them."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Battery and bumpers: numbers that can be worked out by hand."""
+"""Battery and bumpers, checked against values computed by hand."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Cameras: pictures show what stands where the intrinsics say."""
+"""Cameras: objects appear in the picture where the intrinsics project them."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ def renderer():
 
 
 def of_colour(picture, channel):
-    """Returns where one channel is clearly above the two others."""
+    """Returns a mask of the pixels where one channel is clearly above the other two."""
     others = np.delete(picture.astype(int), channel, axis=2).max(axis=2)
     return picture[:, :, channel].astype(int) > others + 40
 

@@ -1,4 +1,4 @@
-"""A template's frame is what rospy would have serialised."""
+"""A template's frame has the bytes that rospy would have serialised."""
 
 import io
 import struct

@@ -1,4 +1,4 @@
-"""The same seed, world and commands give the same bits, however fast time runs and however it is cut into pieces."""
+"""The same seed, world and commands give the same bits, at any speed and for any split of time into steps."""
 
 import hashlib
 from collections.abc import Callable, Iterator
@@ -19,13 +19,13 @@ from pioneer_gazebo.nodes.pace import Pacer
 MakeSimulation = Callable[..., Simulation]
 
 COMMANDS = {300: (0.6, 0.4), 900: (0.0, -1.5), 1512: (0.9, 0.0), 2400: (-0.3, 0.7)}
-"""The commands of both robots, by tick; they come to the walls and to one another."""
+"""The commands of both robots, by tick; they lead to the walls and to each other."""
 
 END = 6 * TICK_RATE
 
 
 def digest(simulation: Simulation, robot: Robot, pieces: Iterator[int]) -> str:
-    """Runs six seconds in pieces of so many ticks; returns a digest of everything two robots report on the way."""
+    """Runs six seconds in ``pieces`` [ticks]; returns a digest of everything that two robots report."""
     entities = [
         simulation.add_robot(name, name, robot, Pose.from_rpy(0.9 * k, yaw=2.0 * k)) for k, name in enumerate("ab")
     ]
@@ -51,7 +51,7 @@ def digest(simulation: Simulation, robot: Robot, pieces: Iterator[int]) -> str:
     schedule.add("reports", 50, report)
     while simulation.tick < END:
         due = schedule.next_after(simulation.tick)
-        # Time may halt anywhere on the way to what is due next, as it does at other rates and in single steps.
+        # Time may stop anywhere before the next due task, as it does at other rates and in single steps.
         simulation.advance(min(due, simulation.tick + next(pieces)))
         if simulation.tick == due:
             schedule.run(due)

@@ -35,7 +35,7 @@ SKID = """<gazebo><plugin name="skid" filename="libgazebo_ros_skid_steer_drive.s
 
 
 def rover(extra: str = "", wheels: str = '<cylinder radius="0.1" length="0.08"/>', smooth: bool = False) -> Robot:
-    """Returns a robot with four wheels, of which the rear ones slide if ``smooth``."""
+    """Returns a four-wheeled robot; its rear wheels slide if ``smooth``."""
     links = ['<link name="base"><inertial><mass value="15"/><inertia ixx="0.3" iyy="0.4" izz="0.6"/></inertial>'
              '<collision><geometry><box size="0.5 0.28 0.15"/></geometry></collision></link>']  # fmt: skip
     for name, x, y in WHEELS:
@@ -285,7 +285,7 @@ def test_a_controlled_robot_drives_within_its_limits_and_stops_without_commands(
         run(simulation, 0.5)
         assert simulation.odometry(entity.drives[0]).speed < 0.62
     x, y, _ = simulation.pose(entity).position
-    # 1.5 s of 0.4 m/s², then 2.5 s at 0.6 m/s.
+    # 1.5 s at 0.4 m/s², then 2.5 s at 0.6 m/s.
     assert x == pytest.approx(0.45 + 1.5, abs=0.06)
     assert abs(y) < 0.03
     assert simulation.odometry(entity.drives[0]).speed == pytest.approx(0.6, abs=0.02)

@@ -1,4 +1,4 @@
-"""A simulation that is slower than asked for is a warning; a paused one is not."""
+"""A simulation that runs slower than requested is a warning; a paused one is not."""
 
 from diagnostic_msgs.msg import DiagnosticStatus
 

@@ -15,7 +15,7 @@ CONFIG = DiffDrive(wheelSeparation=0.33, wheelDiameter=0.195, wheelAcceleration=
 
 
 def follow(drive: Drive, steps: int, slip: float = 1.0) -> tuple[float, float]:
-    """Turns ideal wheels as the drive asks; returns their angles."""
+    """Turns ideal wheels at the commanded speeds; returns their angles."""
     left = right = 0.0
     speeds = (0.0, 0.0)
     drive.measure(left, right, STEP)
@@ -42,7 +42,7 @@ def test_without_a_command_for_the_timeout_the_wheels_stop_until_the_next() -> N
     drive = Drive(dataclasses.replace(CONFIG, commandTimeout=0.6))
 
     def rim_after(seconds: float) -> float:
-        """Speed of a wheel's rim after some time without a command."""
+        """Returns the rim speed last sent within ``seconds`` without a command; NaN if none was sent."""
         sent = [drive.wheel_speeds(STEP) for _ in range(round(seconds / STEP))]
         told = [speeds for speeds in sent if speeds is not None]
         return told[-1][0] * 0.0975 if told else math.nan
@@ -51,7 +51,7 @@ def test_without_a_command_for_the_timeout_the_wheels_stop_until_the_next() -> N
         drive.command(0.5, 0.0)
         assert rim_after(0.5) == pytest.approx(0.5)
         drive.command(0.5, 0.0)
-        assert math.isnan(rim_after(0.56))  # nothing new to send: they keep turning
+        assert math.isnan(rim_after(0.56))  # nothing new to send: the wheels keep turning
         assert rim_after(0.5) == pytest.approx(0.0)
 
 

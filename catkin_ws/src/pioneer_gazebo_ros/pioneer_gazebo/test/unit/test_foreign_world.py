@@ -1,4 +1,4 @@
-"""Worlds that others made for Gazebo load as they are: what is odd in them is noted, and only that is left out."""
+"""Third-party Gazebo worlds load unchanged: faulty parts are reported, and only invalid ones are left out."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What robots of others' making stand and drive on: mesh wheels, thick floors, platforms, ramps."""
+"""Third-party robots and what they stand and drive on: mesh wheels, thick floors, platforms, ramps."""
 
 import math
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The learned driver's headings."""
+"""Headings of the learned driver."""
 
 import math
 
@@ -19,7 +19,7 @@ def test_in_the_open_it_drives_straight_to_the_goal() -> None:
 
 def test_it_turns_away_from_what_stands_on_the_way_to_the_goal() -> None:
     ranges = OPEN.copy()
-    ranges[70:95] = 0.8  # ahead, more of it to the right
+    ranges[70:95] = 0.8  # an obstacle ahead, mostly to the right
     speed, turn = act(WEIGHTS, ranges, 3.0, 0.0)
     assert turn > 0.2
     assert speed < 1.0

@@ -1,4 +1,4 @@
-"""The caster sees what the physics engine's rays see, and rooms have the distances that geometry says."""
+"""The ray caster agrees with the physics engine's rays and with the geometry of rooms."""
 
 import math
 
@@ -33,7 +33,7 @@ def distances(walls: WallIndex, sensor: tuple[float, float, float], count: int =
 
 
 def random_shapes(seed: int) -> list[tuple[Shape, Pose]]:
-    """Upright and tilted boxes, cylinders and spheres."""
+    """Returns upright and tilted boxes, cylinders and spheres."""
     rng = np.random.default_rng(seed)
     placed: list[tuple[Shape, Pose]] = []
     for k in range(60):
@@ -81,12 +81,12 @@ def test_caster_agrees_with_the_engines_rays(seed: int) -> None:
             hits = pybullet.rayTestBatch([(x, y, HEIGHT)] * 180, ends, physicsClientId=client)
             theirs = np.array([hit[2] for hit in hits]) * REACH
             corners = (x - 0.01, y - 0.01, HEIGHT - 0.01), (x + 0.01, y + 0.01, HEIGHT + 0.01)
-            # From inside a shape the engine sees nothing of it.
+            # The engine's rays do not hit a shape that they start in.
             if not pybullet.getOverlappingObjects(*corners, physicsClientId=client):
                 errors.append(np.abs(ours - theirs))
         error = np.concatenate(errors)
         assert len(error) > 1000
-        # A ray that grazes an edge may meet it in one and miss it in the other.
+        # A ray that grazes an edge may hit it in one and miss it in the other.
         assert np.mean(error < 0.01) > 0.99
         assert np.median(error) < 0.0005
     finally:

@@ -1,4 +1,4 @@
-"""Learning environments: PettingZoo's and Gymnasium's own checks, seeds, rewards, and what a step costs."""
+"""Learning environments: PettingZoo's and Gymnasium's own checks, seeds, rewards, and the cost of a step."""
 
 import math
 import time
@@ -28,7 +28,7 @@ def test_pettingzoos_own_checks_pass(pioneer: Robot) -> None:
     parallel_seed_test(lambda: PioneerParallelEnv(robots=2, description=pioneer, limit=30), num_cycles=40)
 
 
-@pytest.mark.filterwarnings("ignore")  # gymnasium's advice on spaces
+@pytest.mark.filterwarnings("ignore")  # gymnasium's recommendations on spaces
 def test_gymnasiums_own_check_passes(pioneer: Robot) -> None:
     env = PioneerEnv(description=pioneer, limit=20)
     check_env(env, skip_render_check=True)
@@ -95,7 +95,7 @@ def test_numbers_of_starts_and_robots_must_fit(pioneer: Robot) -> None:
 
 
 def test_a_second_of_processor_takes_many_steps_of_many_agents(pioneer: Robot, record_property) -> None:  # type: ignore[no-untyped-def]
-    """The goal, 1,200, is a bench's; this bound holds on a machine that is busy with other things."""
+    """The benchmark checks the target of 1,200; this lower bound also holds on a busy machine."""
     assert len(pioneer.lasers) == 1
     assert pioneer.lasers[0].samples == 180
     env = PioneerParallelEnv("utm_0", robots=10, description=pioneer)

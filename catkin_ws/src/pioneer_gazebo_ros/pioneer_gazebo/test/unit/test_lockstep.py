@@ -1,4 +1,4 @@
-"""Rings, periods, and which message goes where."""
+"""Rings, periods, and message routing."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ class Sent:
 
 @pytest.fixture
 def state() -> Lockstep:
-    """Returns the state with two rings that have joined."""
+    """Returns a state with two rings that have joined."""
     state = Lockstep()
     state.expect(["b", "a"])
     state.subscribe(["/a/command", "/b/command"])

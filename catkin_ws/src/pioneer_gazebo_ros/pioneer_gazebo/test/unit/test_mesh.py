@@ -60,7 +60,7 @@ def test_collada_node_transforms_apply_in_order_and_through_parents(tmp_path):
 
 
 def ball(count):
-    """Returns triangles of a ball of radius 1 about (0, 0, 0)."""
+    """Returns the triangles of a ball of radius 1 around the origin."""
     rows, cols = count, 2 * count
     v, u = np.meshgrid(np.linspace(0, np.pi, rows + 1), np.linspace(0, 2 * np.pi, cols + 1), indexing="ij")
     p = np.stack([np.sin(v) * np.cos(u), np.sin(v) * np.sin(u), np.cos(v)], axis=-1)

@@ -1,6 +1,6 @@
 """Robots on the real engine among walls, boxes and each other.
 
-How exactly they follow commands and stand still is held by ``pioneer_bench``'s test_accuracy.
+``pioneer_bench``'s test_accuracy checks how accurately they follow commands and stand still.
 """
 
 import math
@@ -92,7 +92,7 @@ def test_a_loose_box_is_pushed_and_seen_where_it_went(simulate: MakeSimulation, 
 
 
 def record(simulation: Simulation, robot: Robot) -> list[float]:
-    """Two robots that drive and scan; everything they report."""
+    """Lets two robots drive and scan; returns everything that they report."""
     entities = [settled(simulation, robot, name, Pose((0.0, k * 2.0, 0.0))) for k, name in enumerate("ab")]
     for k, entity in enumerate(entities):
         drive(entity, 0.5, 0.3 - 0.5 * k)

@@ -1,4 +1,4 @@
-"""Physics keep their pace beside cameras that ask for more than the machine can draw."""
+"""Physics keeps its pace even if cameras request more pictures than the machine can draw."""
 
 import logging
 from collections.abc import Callable
@@ -9,11 +9,11 @@ from pioneer_gazebo.nodes import budget
 from pioneer_gazebo.nodes.pace import Pacer
 
 STEP, STEP_COST = 0.02, 0.002
-"""[s] of simulated and of wall time."""
+"""Simulated time per step, and its cost in wall time [s]."""
 
 
 class Clock:
-    """Wall time that passes only by what is done."""
+    """A fake wall clock that advances only by the cost of simulated work."""
 
     def __init__(self) -> None:
         self.now = 0.0
@@ -30,7 +30,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 
 def run(clock: Clock, pacer: Pacer, seconds: float, each_step: Callable[[], object]) -> float:
-    """Runs for so many wall seconds; returns simulated seconds a wall second."""
+    """Runs for ``seconds`` of wall time; returns the real-time factor."""
     simulated, end, began = 0.0, clock.now + seconds, clock.now
     while clock.now < end:
         clock.now += max(0.0, pacer.wait_for(simulated))

@@ -1,4 +1,4 @@
-"""Where a robot can start, and what is said of a place where it cannot."""
+"""Where a robot can start, and the error for a place where it cannot."""
 
 from pathlib import Path
 
@@ -70,7 +70,7 @@ def test_the_readmes_example_goal_is_in_free_space(path: Path) -> None:
 
 
 def test_the_place_of_pioneer1_in_utm_0_is_outside_small_world() -> None:
-    """pioneer_world.launch spawned the robot there, outside the walls, and said nothing."""
+    """pioneer_world.launch used to spawn the robot there, outside the walls, without an error."""
     drawn = read_map(MAPS / "small_world.yaml")
     assert drawn is not None
     with pytest.raises(PlacementError, match="small_world"):

@@ -1,4 +1,4 @@
-"""The physics engine is imported silently, and the output of the process is as before."""
+"""The physics engine is imported silently, and the process can print as before."""
 
 import subprocess
 import sys

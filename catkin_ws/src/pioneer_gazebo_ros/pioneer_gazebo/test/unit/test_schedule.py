@@ -1,4 +1,4 @@
-"""Ticks: what is due when, and rates that do not fit."""
+"""Ticks: which tasks are due when, and rates that do not divide the tick rate."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What is shipped fits together: drawings, worlds, maps and initial poses."""
+"""The shipped drawings, worlds, maps and initial poses are consistent."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What the simulation does with any engine: order, time, names, wrenches."""
+"""Engine-independent behaviour of the simulation: order, time, names, wrenches."""
 
 import math
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The picture from above shows walls, robots and where beams ended, each at its place."""
+"""The top-down picture shows walls, robots and beam endpoints, each in its place."""
 
 import math
 

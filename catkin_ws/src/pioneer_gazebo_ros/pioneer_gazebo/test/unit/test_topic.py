@@ -1,4 +1,4 @@
-"""A subscriber that does not read costs frames, never time."""
+"""A subscriber that does not read loses frames, but never delays the publisher."""
 
 import math
 import socket
@@ -24,7 +24,7 @@ def pair():
 
 
 def read_exactly(sock: socket.socket, count: int, outlet: _Outlet | None = None) -> bytes:
-    """Reads so many bytes; each further frame of ``outlet`` pushes on what waits, here before each read."""
+    """Reads ``count`` bytes. Flushes ``outlet`` before each read, as each further frame would do."""
     data = b""
     while len(data) < count:
         if outlet is not None:
@@ -75,7 +75,7 @@ def test_a_subscriber_that_has_gone_is_reported(pair) -> None:
 
 
 class _ClosedPublisher:
-    """As rospy leaves a publisher that it has closed."""
+    """A publisher in the state in which rospy leaves a closed one."""
 
     closed = True
 

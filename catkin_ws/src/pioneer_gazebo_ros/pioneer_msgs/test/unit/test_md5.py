@@ -1,4 +1,4 @@
-"""The definition is that of the real driver: the same bytes on the wire."""
+"""The definition matches that of the real driver: the same bytes on the wire."""
 
 from pioneer_msgs.msg import BumperState
 

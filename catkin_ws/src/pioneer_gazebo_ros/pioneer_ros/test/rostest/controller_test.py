@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The controller seen from outside: scaling, refusal, and the stop after silence on the simulation's clock."""
+"""The controller from outside: scaling, rejected commands, and the stop after a timeout in simulated time."""
 
 import math
 import unittest

@@ -1,4 +1,4 @@
-"""Commands are scaled, bad ones refused, and silence after movement is noticed once."""
+"""Commands are scaled, invalid ones are rejected, and a timeout after movement is detected once."""
 
 import io
 import math

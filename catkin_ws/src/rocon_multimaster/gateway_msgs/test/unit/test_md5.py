@@ -1,4 +1,4 @@
-"""Clients written for rocon's gateway find the same sums here."""
+"""Message MD5 sums match those expected by clients that were written for rocon's gateway."""
 
 import pytest
 from gateway_msgs import msg, srv

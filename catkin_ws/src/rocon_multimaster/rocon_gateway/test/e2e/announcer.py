@@ -1,7 +1,7 @@
-"""A gateway's search for hubs beside hostile announcements, both in one process; prints what it did.
+"""Runs a gateway's hub discovery against hostile announcements, both in one process, and prints the result.
 
-Run in a network namespace of its own, as ``announcer.py FALSE HALF``: so many hubs that are none are announced, and so
-many that never tell their address; then a true one.
+Run it in its own network namespace as ``announcer.py FALSE HALF``. It announces FALSE services that are not hubs and
+HALF services that never give their address, then one real hub.
 """
 
 import logging
@@ -23,7 +23,7 @@ PTR, TXT, A, SRV, ANSWER, IN, TTL = 12, 16, 1, 33, 0x8400, 1, 4500
 
 
 def announcement(name: str, address: str) -> bytes:
-    """Returns a packet; without an address it names the service only."""
+    """Returns an announcement packet; without an address it contains only the service name."""
     out, service, host = DNSOutgoing(ANSWER), f"{name}.{SERVICE}", f"{name}.local."
     out.add_answer_at_time(DNSPointer(SERVICE, PTR, IN, TTL, service), 0)
     if address:

@@ -1,4 +1,4 @@
-"""Real masters, a real hub and real gateway processes, and a client that speaks to any of their services."""
+"""Real masters, a real hub and real gateway processes, with a client for any of their services."""
 
 import contextlib
 import os
@@ -29,7 +29,7 @@ PROBE = Path(__file__).with_name("probe.py")
 
 
 class Site:
-    """A master with a gateway, and probes."""
+    """A master with a gateway and probes."""
 
     def __init__(self, name: str, fleet: "Fleet", master: Any = None, prefix: Sequence[str] = ()) -> None:
         self.name = name
@@ -42,19 +42,19 @@ class Site:
         self._probes: dict[str, int] = {}
 
     def start(self, environment: Mapping[str, str] | None = None, **parameters: Any) -> "Site":
-        """Starts the gateway, with more variables in its environment if given."""
+        """Starts the gateway; `environment` adds environment variables."""
         defaults = {"name": self.name, "disable_uuids": True, "firewall": False, "hub_uri": self._fleet.hub_uri}
         self.master.set_param("/gateway", {**defaults, **parameters})
         argv = [*self._prefix, "rosrun", "rocon_gateway", "gateway"]
         environment = {**self.master.environment, **(environment or {})}
         before = self._starts()
         self.pid = self._fleet.group.start(self.name, argv, environment, self.log)
-        # Services alone would not do: those of a killed gateway stay on the master. The line comes after the last one.
+        # A killed gateway's services stay on the master, so check the log: this line follows the last registration.
         wait_until(lambda: self._starts() > before, f"{self.name}'s start", START)
         return self
 
     def _starts(self) -> int:
-        """How often a gateway here has said that it is ready."""
+        """Returns how often a gateway at this site has logged that it is ready."""
         return len(self._relay_ports())
 
     def _relay_ports(self) -> list[str]:
@@ -84,11 +84,11 @@ class Site:
         )
 
     def info(self) -> msg.GatewayInfo:
-        """The latched gateway_info."""
+        """Returns the latched gateway_info."""
         return self.latched("/gateway/gateway_info", msg.GatewayInfo)
 
     def states(self) -> dict[str, str]:
-        """By action and name of each rule: state and reason; "" for one that the gateway has not told of yet."""
+        """Returns state and reason of each rule, by action and name; "" for a rule that is not published yet."""
         found: dict[str, str] = defaultdict(str)
         for status in self.latched("/gateway/rules", DiagnosticArray).status:
             values = {one.key: one.value for one in status.values}
@@ -96,32 +96,32 @@ class Site:
         return found
 
     def latched(self, topic: str, kind: type) -> Any:
-        """Returns the message that waits for each new subscriber of the gateway's topic."""
+        """Returns the latched message of one of the gateway's topics."""
         return self._client.latched("/gateway", topic, kind)
 
     def subscription(self, node: str, topic: str) -> Connection:
-        """A connection to a publisher of this site's master of which nothing but the header was read."""
+        """Connects to a publisher on this site's master and reads only the header."""
         return self._client.subscribe(node, topic)
 
     def relay_port(self) -> int:
-        """Where the gateway's relay listens, as it says itself."""
+        """Returns the port of the gateway's relay, as logged by the gateway."""
         return int(self._relay_ports()[-1])
 
     def talk(self, topic: str, name: str = "talker") -> int:
-        """Starts a node that publishes its name on `topic`, and waits until the master knows."""
+        """Starts a node that publishes its name on `topic`; waits until the master lists it."""
         pid = self.probe("talk", name, topic)
         wait_until(lambda: f"/{name}" in self.master.system_state()[0].get(topic, []), f"{topic} of {name}", START)
         return pid
 
     def hear(self, topic: str, name: str = "listener") -> "Ear":
-        """Starts a node that listens to `topic`, and waits until the master knows."""
+        """Starts a node that subscribes to `topic`; waits until the master lists it."""
         log = self._fleet.folder / f"{self.name}-{name}.log"
         pid = self.probe("hear", name, topic, log=log)
         wait_until(lambda: f"/{name}" in self.master.system_state()[1].get(topic, []), f"{name} on {topic}", START)
         return Ear(log, pid)
 
     def probe(self, what: str, name: str, *arguments: object, log: Path | None = None) -> int:
-        """Starts a probe, see `probe.py`."""
+        """Starts a probe (see `probe.py`)."""
         argv = [*self._prefix, sys.executable, str(PROBE), what, name, *map(str, arguments)]
         log = log or self._fleet.folder / f"{self.name}-{name}.log"
         pid = self._fleet.group.start(f"{self.name} {name}", argv, self.master.environment, log, may_end=True)
@@ -143,7 +143,7 @@ class Site:
         self.end_probes()
 
     def cancel_all(self) -> None:
-        """Takes all rules back."""
+        """Cancels all rules."""
         info = self.info()
         self.call("advertise_all", srv.AdvertiseAll, cancel=True)
         if info.flip_watchlist:
@@ -152,7 +152,7 @@ class Site:
             assert self.call("pull", srv.Remote, remotes=info.pull_watchlist, cancel=True).result == 0
 
     def publishers(self, topic: str) -> list[str]:
-        """Nodes that the master says publish `topic`."""
+        """Returns the nodes that publish `topic` according to the master."""
         return sorted(self.master.system_state()[0].get(topic, []))
 
 
@@ -164,31 +164,31 @@ def _end(pids: list[int]) -> None:
 
 
 def lives(pid: int) -> bool:
-    """Tells whether a process has not ended."""
+    """Returns whether a process is still running."""
     state = process_state(pid)
     return state is not None and state.alive
 
 
 class Ear:
-    """What a hearing probe has heard."""
+    """The messages that a `hear` probe has received."""
 
     def __init__(self, log: Path, pid: int) -> None:
         self._log = log
         self.pid = pid
 
     def times(self, text: str = "") -> list[float]:
-        """When each message came, monotonic [s]; only those that say `text` if given."""
+        """Returns the receive time of each message, monotonic [s]; with `text`, only of messages equal to it."""
         rows = [line.split(" ", 1) for line in self._log.read_text().splitlines() if line[:1].isdigit()]
         return [float(row[0]) for row in rows if not text or row[1] == text]
 
     def first_after(self, moment: float, text: str = "", timeout: float = 10) -> float:
-        """Waits for a message after `moment`; returns how long after [s]."""
+        """Waits for a message after `moment`; returns the delay [s]."""
         wait_until(lambda: any(t > moment for t in self.times(text)), f"a message {text} in {self._log.name}", timeout)
         return min(t for t in self.times(text) if t > moment) - moment
 
 
 class Fleet:
-    """A hub, and sites; all end together."""
+    """A hub and its sites, which are torn down together."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -202,7 +202,7 @@ class Fleet:
 
     @property
     def hub_name(self) -> str:
-        """Unlike that of any other hub that is announced on this machine now."""
+        """A name that no other hub announces on this machine."""
         return f"Test Hub {self.hub_port}"
 
     def start_hub(self, environment: Mapping[str, str] | None = None, node: str = "hub", **parameters: Any) -> int:
@@ -215,17 +215,17 @@ class Fleet:
         return pid
 
     def start_second_hub(self) -> tuple[int, str]:
-        """Starts another hub; returns its process number and address."""
+        """Starts another hub; returns its PID and address."""
         port = self.ports.take(18380)
         return self.start_hub(node="second_hub", name=f"Second Hub {port}", port=port), f"http://127.0.0.1:{port}"
 
     def site(self, name: str, master: Any = None, prefix: Sequence[str] = ()) -> Site:
-        """Adds a site; `prefix` is a command that runs others where it is."""
+        """Adds a site; `prefix` is a command that runs other commands on the site's machine."""
         self.sites.append(Site(name, self, master, prefix))
         return self.sites[-1]
 
     def family(self, pid: int) -> set[int]:
-        """A process with all its descendants."""
+        """Returns a process and all its descendants."""
         return descendants(self.group.states(), [pid])
 
     def signal(self, pids: Iterable[int], number: signal.Signals) -> None:
@@ -234,7 +234,7 @@ class Fleet:
             os.kill(pid, number)
 
     def redis_pid(self) -> int:
-        """The process of the first hub's Redis; 0 while there is none."""
+        """Returns the PID of the first hub's Redis; 0 while it is not running."""
         found = [pid for pid in self.family(self.hub_pid) if "redis-server" in " ".join(arguments(pid)[:1])]
         return found[0] if found else 0
 
@@ -253,7 +253,7 @@ def fleet(tmp_path: Path) -> Iterator[Fleet]:
 
 @pytest.fixture(scope="module")
 def shared_fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
-    """A fleet that all tests of a file share."""
+    """A fleet shared by all tests of a file."""
     yield from _fleet(tmp_path_factory.mktemp("fleet"))
 
 
@@ -267,7 +267,7 @@ def _fleet(folder: Path) -> Iterator[Fleet]:
 
 @pytest.fixture(scope="module")
 def machine() -> Iterator[FarMachine]:
-    """Another machine on the network, for all tests of a file."""
+    """Another machine on the network, shared by all tests of a file."""
     try:
         made = FarMachine()
     except MachineError as error:
@@ -278,7 +278,7 @@ def machine() -> Iterator[FarMachine]:
 
 @pytest.fixture(scope="module")
 def standing_fleet(shared_fleet: Fleet) -> Fleet:
-    """A hub with two sites, `base` and `robot`, for all tests of a module."""
+    """A hub with two sites, `base` and `robot`, shared by all tests of a module."""
     shared_fleet.start_hub()
     for name in ("base", "robot"):
         shared_fleet.site(name).start()
@@ -287,7 +287,7 @@ def standing_fleet(shared_fleet: Fleet) -> Fleet:
 
 @pytest.fixture
 def standing(standing_fleet: Fleet) -> Iterator[tuple[Site, Site]]:
-    """The two standing sites without any rule, and without probes afterwards."""
+    """The two shared sites without any rules; their probes are ended afterwards."""
     base, robot = standing_fleet.sites[:2]
     for site in (base, robot):
         site.connected()
@@ -304,7 +304,7 @@ def standing(standing_fleet: Fleet) -> Iterator[tuple[Site, Site]]:
 
 @pytest.fixture
 def pair(fleet: Fleet) -> tuple[Site, Site]:
-    """Two sites, `base` and `robot`, on a hub."""
+    """Two sites, `base` and `robot`, on one hub."""
     fleet.start_hub()
     base, robot = fleet.site("base"), fleet.site("robot")
     base.start()
@@ -314,7 +314,7 @@ def pair(fleet: Fleet) -> tuple[Site, Site]:
 
 @pytest.fixture
 def report(record_property: Any) -> Any:
-    """Notes a measured time [s] in the results, and shows it with `-s`."""
+    """Records a measured time [s] in the test results and prints it (visible with `-s`)."""
 
     def note(what: str, seconds: float) -> None:
         record_property(what, round(seconds, 3))

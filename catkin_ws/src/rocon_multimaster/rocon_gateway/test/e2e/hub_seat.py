@@ -1,4 +1,4 @@
-"""A hub's Redis, and clients of it without gateways around them: a test decides what they report."""
+"""A hub's Redis and clients of it without gateways: the test decides what they report."""
 
 import logging
 from collections.abc import Callable
@@ -25,16 +25,16 @@ REQUEST = PeerRequest(offers=(Offer("/flow", "std_msgs/String", "/talker", Purpo
 
 
 class Seat:
-    """One gateway's place on a hub, which can be taken away and given back."""
+    """One gateway's connection to a hub, which the test can cut and restore."""
 
     def __init__(self, name: str, port: int, instance: str, restore: Callable[[str], str] = str) -> None:
-        #: view: what it knows now
+        #: view: its current view of the hub
         self.name, self.view, self.is_barred = name, HubView(), False
         self.session: Any = None  #: its connection
-        #: called before each try to get on the hub, by the thread that tries
+        #: called before each attempt to join the hub, in the thread that tries
         self.before_try: Callable[[], object] = list
-        self.tries = 0  #: how many of them there were
-        self.complaints: list[tuple[int, str]] = []  #: why it is not on the hub, each with the number of the try
+        self.tries = 0  #: number of attempts to join the hub
+        self.complaints: list[tuple[int, str]] = []  #: reasons why it is not on the hub, each with the attempt's number
         self._address, self._instance = HubAddress("127.0.0.1", port), instance
         context = HubContext(
             open=self._open,
@@ -63,15 +63,15 @@ class Seat:
         return Publication(Record(self.name, self._instance, "127.0.0.1", 9), requests, frozenset({".*"}))
 
     def tell(self, **requests: PeerRequest) -> None:
-        """Sets what it tells whom."""
+        """Sets its requests to other gateways."""
         self._hub.publish(self._said(requests))
 
     def keep(self, text: str) -> None:
-        """Has the hub keep a text for the next gateway of its name."""
+        """Stores a text on the hub for the next gateway of the same name."""
         self._hub.keep(text)
 
     def hears(self, sender: str) -> PeerRequest | None:
-        """The request of `sender`, as it knows it; None for a gateway that it does not know."""
+        """Returns the request of `sender` as this gateway sees it; None if it does not know the sender."""
         remote = self.view.remotes.get(sender)
         return remote.request if remote else None
 
@@ -80,13 +80,13 @@ class Seat:
         return self
 
     def lose(self) -> None:
-        """Cuts its connection, and keeps it from making another."""
+        """Cuts its connection and prevents it from reconnecting."""
         self.is_barred = True
         self.session.events.connection._sock.shutdown(2)
         wait_until(lambda: not self.view.connected, f"{self.name} off the hub", 5)
 
     def find(self) -> None:
-        """Lets it back on the hub."""
+        """Lets it reconnect and waits until it has."""
         self.is_barred = False
         self.connected()
 
@@ -97,7 +97,7 @@ class Seat:
 
 
 class Bench:
-    """A Redis with a hub's keys in it, and seats."""
+    """A Redis with a hub's keys, and the seats on it."""
 
     def __init__(self, folder: Path) -> None:
         self._ports = PortReservation()

@@ -1,9 +1,9 @@
-"""A node of one topic: `probe.py WHAT NAME TOPIC [BYTES RATE]`.
+"""A node with one topic: `probe.py WHAT NAME TOPIC [BYTES RATE]`.
 
-`talk` publishes its name, `hear` appends a line `seconds text` for each message of `talk`; `load` publishes numbered
-texts that can be checked, of BYTES and at RATE, `check` appends a line `seconds number bytes good|bad` for each;
-`count` publishes numbers, std_msgs/Int32;
-`clock` publishes /clock at RATE; SIGUSR1 sets it a million seconds on, SIGUSR2 back to its beginning.
+`talk` publishes its name; `hear` appends a line `seconds text` for each message of `talk`.
+`load` publishes numbered, verifiable texts of BYTES at RATE; `check` appends `seconds number bytes good|bad` for each.
+`count` publishes numbers as std_msgs/Int32.
+`clock` publishes /clock at RATE; SIGUSR1 advances it by a million seconds, SIGUSR2 resets it to its start.
 """
 
 import signal
@@ -21,7 +21,7 @@ def say(*words: object) -> None:
 
 
 def text(number: int, size: int) -> str:
-    """A text that shows whether any part of it was lost or doubled."""
+    """Returns a text that reveals whether any part of it was lost or duplicated."""
     unit = f"{number:08d}"
     return (unit * (size // len(unit) + 1))[: max(size, len(unit))]
 

@@ -1,4 +1,4 @@
-"""What the tutorial's appendix warns of, from outside: one test a row of the table in docs/differences.md."""
+"""Pitfalls from the tutorial's appendix, tested from outside: one test per row of the table in docs/differences.md."""
 
 import itertools
 import os
@@ -16,7 +16,7 @@ from gateway_msgs import msg
 
 from pioneer_harness.wait import START, wait_until
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 TF_PROBE = Path(__file__).with_name("tf_probe.py")
@@ -57,7 +57,7 @@ def test_what_the_fleets_blacklist_bars_is_refused_and_the_answer_names_the_rule
     refused = robot.advertise("/rosout_of_mine")
     assert refused.result == msg.ErrorCodes.UNKNOWN_ADVERTISEMENT_ERROR
     assert "blacklisted by publisher /rosout.*" in refused.error_message
-    # A remote gateway that asks for it learns this from the rule's state.
+    # A remote gateway that requests it sees the refusal in the rule's state.
     assert base.flip("robot", "subscriber", "/rosout_of_mine") == 0
     wait_until(lambda: base.states()["flip /rosout_of_mine"].startswith("blacklisted"), "the rule's answer", 10)
     assert "/rosout.*" in base.states()["flip /rosout_of_mine"]
@@ -136,7 +136,7 @@ def test_a_hub_that_goes_and_comes_is_one_line_each_in_every_gateway(pair: Any, 
     os.kill(fleet.hub_pid, signal.SIGINT)
     wait_until(lambda: not any(site.info().connected for site in pair), "gateways without a hub", 10)
     gone = time.monotonic()
-    # Meanwhile they keep trying, and log nothing.
+    # Meanwhile they retry and log nothing.
     wait_until(lambda: time.monotonic() - gone > 5.0, "attempts of some seconds", 10)
     fleet.start_hub()
     for site in pair:

@@ -1,4 +1,4 @@
-"""Rules that end while their gateway is not on the hub end everywhere."""
+"""Rules that end while their gateway is off the hub end everywhere."""
 
 import os
 import signal
@@ -7,7 +7,7 @@ import pytest
 
 from pioneer_harness.wait import wait_until
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 

@@ -1,4 +1,4 @@
-"""`connect_hub`: every outcome has its code, and a refusal is not remembered."""
+"""`connect_hub`: every outcome has its own code, and a refusal is not remembered."""
 
 import logging
 from collections.abc import Callable, Iterator
@@ -14,7 +14,7 @@ from rocon_hub_protocol.core.code import Code, HubError
 from rocon_hub_protocol.core.key import NAME_KEY, PROTOCOL_KEY
 from rocon_hub_protocol.core.record import PROTOCOL, Record
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 Connect = Callable[..., Code]
@@ -22,7 +22,7 @@ Connect = Callable[..., Code]
 
 @pytest.fixture
 def connect() -> Iterator[Connect]:
-    """Calls what the service calls, for a gateway of these settings; returns the code that the service answers."""
+    """Calls what the service calls, for a gateway with the given settings; returns the service's result code."""
     made: dict[str, Hubs] = {}
 
     def call(uri: str, name: str = "caller", **settings: object) -> Code:
@@ -41,7 +41,7 @@ def connect() -> Iterator[Connect]:
 
 @pytest.fixture
 def strange_redis(fleet) -> str:
-    """The address of a Redis that is no hub."""
+    """The address of a Redis that is not a hub."""
     port = fleet.ports.take(17380)
     fleet.group.start("redis", ["redis-server", "--port", str(port), "--save", ""], {}, fleet.folder / "redis.log")
     wait_until(lambda: is_running(f"http://127.0.0.1:{port}"), "the server", START)

@@ -1,4 +1,4 @@
-"""A gateway that is not told where its hub is."""
+"""Gateways without a configured hub address."""
 
 import os
 import signal
@@ -12,7 +12,7 @@ from gateway_msgs import srv
 
 from pioneer_harness.wait import wait_until
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 
@@ -69,7 +69,7 @@ QUIET_NETWORK = 'ip link set lo up multicast on && ip route add 224.0.0.0/4 dev 
 
 
 def test_a_flood_of_announced_hubs_costs_few_threads_and_hides_no_true_one() -> None:
-    """Each had a thread that tried it for ever, and one without an address held the others up for 3 s."""
+    """Each announced hub once had a thread that retried forever; one without an address delayed the others by 3 s."""
     alone = ["unshare", "--net", "--", "sh", "-c", QUIET_NETWORK, "sh"]
     if subprocess.run([*alone, "true"], capture_output=True, check=False).returncode:
         pytest.skip("no network namespaces here")

@@ -1,4 +1,4 @@
-"""`doctor`: every link is looked at from every gateway, and each fault is named with where it was seen and its fix."""
+"""`doctor`: checks every link from every gateway and reports each fault with its location and its fix."""
 
 import os
 import signal
@@ -11,13 +11,13 @@ from pioneer_harness.machine import MachineError
 from pioneer_harness.master_process import MasterProcess
 from pioneer_harness.wait import wait_until
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 
 @pytest.fixture(scope="module")
 def three(machine, shared_fleet):
-    """Two gateways here and one on another machine, which may reach the hub and whatever tests allow."""
+    """Two gateways here and one on another machine, which can reach the hub and whatever the tests allow."""
     fleet = shared_fleet
     fleet.hub_uri = f"http://{machine.here}:{fleet.hub_port}"
     fleet.start_hub(insecure=True)
@@ -38,7 +38,7 @@ def doctor(site, *argv: str, uri: str = "") -> tuple[int, str]:
 
 
 def row(said: str, name: str) -> list[str]:
-    """The cells of a gateway's row in the table."""
+    """Returns the cells of a gateway's row in the table."""
     (line,) = [one for one in said.splitlines() if one.split()[1:2] == [name] or one.split()[:1] == [name]]
     cells = line.split()
     return cells[cells.index(name) + 1 :]
@@ -87,7 +87,7 @@ def test_a_gateway_that_does_not_answer_is_a_finding_and_costs_a_bounded_time(th
     silent = shared_fleet.family(second.pid)
     shared_fleet.signal(silent, signal.SIGSTOP)
     try:
-        # A frozen gateway whose sign of life has not expired yet; here it does not expire.
+        # Simulates a frozen gateway whose heartbeat has not expired yet, by extending the expiry.
         client.set("rocon:alive:second", client.get("rocon:alive:second") or b"x", px=60_000)
         status, said = doctor(base)
     finally:

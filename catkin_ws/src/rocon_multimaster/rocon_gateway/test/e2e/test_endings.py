@@ -1,4 +1,4 @@
-"""A gateway ends quickly and quietly, whatever ended before it."""
+"""A gateway shuts down quickly and without log noise, whatever ended before it."""
 
 import os
 import signal
@@ -11,12 +11,12 @@ from pioneer_harness.port import PortReservation
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 
 def interrupted(site, fleet) -> float:
-    """Interrupts the site's gateway and returns how long its end took [s]."""
+    """Interrupts the site's gateway; returns how long its shutdown took [s]."""
     os.kill(site.pid, signal.SIGINT)
     asked = time.monotonic()
     wait_until(lambda: not fleet.group.is_running(site.name), "the gateway's end", 10)
@@ -24,7 +24,7 @@ def interrupted(site, fleet) -> float:
 
 
 def later_lines(site, before: str) -> list[str]:
-    """What the gateway has said since its log was `before`."""
+    """Returns what the gateway has logged since its log was `before`."""
     return [line for line in site.log.read_text().removeprefix(before).splitlines() if line.strip()]
 
 
@@ -35,7 +35,7 @@ def test_a_gateway_whose_hub_is_gone_ends_at_once(fleet, pair, report, how) -> N
     base.flip("robot", "subscriber", "/a")
     wait_until(lambda: base.publishers("/a"), "the proxy", 10)
     before = base.log.read_text()
-    # A Redis that is killed alone is there again before everybody has missed it.
+    # If only Redis is killed, it is restarted before every gateway has noticed.
     hubs = fleet.family(fleet.hub_pid) if how == signal.SIGKILL else {fleet.redis_pid()}
     for pid in hubs:
         os.kill(pid, how)
@@ -47,7 +47,7 @@ def test_a_gateway_whose_hub_is_gone_ends_at_once(fleet, pair, report, how) -> N
     assert took < 3.0
     assert len([line for line in later_lines(base, before) if "lost" in line]) == 1
     assert base.publishers("/a") == []
-    # Its own unregistration was once taken for a restart of the master, and everything registered again.
+    # The gateway once mistook its own unregistration for a restart of the master and re-registered everything.
     assert "restarted" not in base.log.read_text()
 
 

@@ -1,4 +1,4 @@
-"""What breaks around a gateway: hub, Redis, gateways, masters, clocks, names. Rules hold, data flows on or again."""
+"""Faults in hub, Redis, gateways, masters, clocks and names: rules persist, and data flow continues or resumes."""
 
 import itertools
 import os
@@ -14,13 +14,13 @@ from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
 from tcpros.adapters.client import ClientError
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 
 @pytest.fixture
 def flow(standing):
-    """A flipped topic with a talker and an ear."""
+    """A flipped topic with a talker and a listener."""
     base, robot = standing
     robot.talk("/flow")
     ear = base.hear("/flow")
@@ -154,12 +154,12 @@ def test_in_a_ring_of_three_that_flips_everything_each_message_comes_once(standi
     for site in ring:
         assert site.publishers("/ring").count("/source") == 1
         numbers = [number for _, number, _ in checked(ears[site])]
-        # Three sources count from 0 on: a number may come three times, an echo would be a fourth.
+        # Three sources count from 0, so a number may arrive three times; a fourth time would be an echo.
         assert max(numbers.count(one) for one in set(numbers)) <= 3
 
 
 def test_a_publisher_that_returns_with_another_type_is_reported_with_both(standing, report) -> None:
-    """Who publishes has not changed then, so nobody read the type again."""
+    """The set of publishers does not change in this case, so the type was not read again."""
     base, robot = standing
     first = robot.talk("/fickle")
     ear = base.hear("/fickle")
@@ -177,7 +177,7 @@ def test_a_publisher_that_returns_with_another_type_is_reported_with_both(standi
 
 
 def published_type(site, node: str, topic: str) -> str:
-    """The type of a topic's next message, as a node of this site's master publishes it; "" while it does not."""
+    """Returns the topic type in the header of a node on this site's master; "" while the node publishes nothing."""
     try:
         with site.subscription(node, topic) as connection:
             connection.read_frame()

@@ -1,4 +1,4 @@
-"""Unauthenticated clients and excessive load do a gateway no harm, or no more than its bounds allow."""
+"""Unauthenticated clients and excessive load do not harm a gateway beyond its resource limits."""
 
 import itertools
 import json
@@ -19,13 +19,13 @@ from nonsense import drawn
 from pioneer_harness.wait import START, wait_until
 from rocon_hub_protocol.core.key import GATEWAYS_KEY, alive_key, record_key, requests_key
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 
 @pytest.fixture
 def flow(standing, standing_fleet, request):
-    """A flipped stream of numbered messages from robot to base; yields the log of its checks."""
+    """A flipped stream of numbered messages from robot to base; returns the log of the `check` probe."""
     base, robot = standing
     robot.probe("load", "flow_source", "/flow", 64, 50)
     log = standing_fleet.folder / f"{request.node.name}.log"
@@ -36,7 +36,7 @@ def flow(standing, standing_fleet, request):
 
 
 def assert_unbroken(log: Path) -> None:
-    """Every message came once, in order, whole, and the last one just now."""
+    """Asserts that every message arrived once, in order and intact, and that the stream is still flowing."""
     asked = time.monotonic()
     wait_until(lambda: checked(log)[-1][0] > asked, "the flow continues", 5)
     rows = checked(log)
@@ -46,13 +46,13 @@ def assert_unbroken(log: Path) -> None:
 
 
 def sent_since(log: Path, moment: float) -> int:
-    """How many numbers the messages span that came since: what was sent, whatever of it got lost."""
+    """Returns how many messages were sent since `moment`, including lost ones, from the range of received numbers."""
     numbers = [number for one, number, _ in checked(log) if one > moment]
     return numbers[-1] - numbers[0] + 1 if numbers else 0
 
 
 def assert_none_doubled(log: Path) -> None:
-    """Messages arrive whole and in order; a client that overwrites requests on the hub may have made them pause."""
+    """Asserts that messages are intact and in order; short pauses are allowed, as a client may overwrite requests."""
     began = time.monotonic()
     wait_until(lambda: checked(log)[-1][0] > began, "the flow continues", 5)
     rows = checked(log)
@@ -101,7 +101,7 @@ def test_a_wrong_type_under_every_key_of_the_hub_is_overcome(standing_fleet, sta
     base, robot = standing
     client = redis.Redis(port=standing_fleet.hub_port)
     for key in (GATEWAYS_KEY, record_key("base"), alive_key("base"), "rocon:lost:base"):
-        # Both at once: in between its owner could write it again.
+        # In one transaction: otherwise the owner could write the key again in between.
         client.pipeline().delete(key).hset(key, "x", "x").execute()
     client.set(requests_key("base"), "x")
     client.close()
@@ -113,7 +113,7 @@ def test_a_wrong_type_under_every_key_of_the_hub_is_overcome(standing_fleet, sta
 
 
 def test_a_member_that_advertises_a_name_of_1_mb_stalls_nobody(standing_fleet, standing, flow) -> None:
-    """Every gateway with a pattern that begins with `.*` once tried it on that name for hours."""
+    """Every gateway with a pattern that begins with `.*` once spent hours matching it against that name."""
     base, robot = standing
     assert base.pull(".*", "publisher", ".*/move_base/.*") == 0
     assert robot.pull(".*", "publisher", r"/(\w+/?)+/odom") == 0
@@ -133,7 +133,7 @@ def test_a_member_that_advertises_a_name_of_1_mb_stalls_nobody(standing_fleet, s
 
 
 def known(site) -> list[str]:
-    """The gateways that a site knows of."""
+    """Returns the names of the gateways that a site knows."""
     answer = site.call("remote_gateway_info", srv.RemoteGatewayInfo, gateways=[])
     return [one.name for one in answer.gateways]
 
@@ -185,7 +185,7 @@ def test_a_subscriber_that_never_reads_costs_bounded_memory_and_slows_nobody(sta
     wait_until(lambda: checked(log), "the big flow", START)
     with base.subscription("/robot/big_source", "/big"):
         before, began = memory(base.pid), time.monotonic()
-        # As much as would be too much, if all of it were kept; and for so long that somebody who waits would be seen.
+        # More data than may be buffered, over a time long enough to expose a blocked reader.
         wait_until(lambda: sent_since(log, began) > 80 and time.monotonic() - began > 4.0, "a reader beside it", 30)
         assert memory(base.pid) - before < 40 * MB
     came = len([one for one, *_ in checked(log) if one > began])
@@ -212,7 +212,7 @@ def test_messages_of_50_mb_pass_whole_beside_small_ones_and_leave_no_memory_behi
     wait_until(three_are_there, "three of them", START)
     assert all(good for *_, good in checked(log))
     os.kill(pid, signal.SIGINT)
-    # One message may wait whatever its size, and another be on its way.
+    # One message may be queued whatever its size, and another may be in transit.
     assert peak < max(before.values()) + 3 * 50 * MB
     wait_until(lambda: base.publishers("/huge") == [], "the publisher's end", 10)
     for site, least in before.items():

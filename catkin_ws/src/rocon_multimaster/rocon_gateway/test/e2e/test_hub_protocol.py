@@ -1,4 +1,4 @@
-"""What a gateway writes on a real hub and reads from it, by the keys of docs/gateway.md."""
+"""What a gateway writes to and reads from a real hub, according to the keys in docs/gateway.md."""
 
 import json
 import time
@@ -23,7 +23,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 
 
 def told(bench: Bench) -> tuple[Seat, Seat]:
-    """A base and a robot that has written it a request, which the base knows."""
+    """Returns a base and a robot, once the base has received the robot's request."""
     base, robot = bench.seat("base"), bench.seat("robot")
     robot.tell(base=REQUEST)
     wait_until(lambda: base.hears("robot") == REQUEST, "the request", 5)
@@ -47,7 +47,7 @@ def test_what_a_killed_gateway_had_told_is_withdrawn_by_its_next_instance(bench:
 
 
 def test_a_gateway_that_lost_its_name_writes_nothing_over_its_successor(bench: Bench) -> None:
-    """Until its next heartbeat it does not know; what it wrote meanwhile stayed for good."""
+    """A gateway learns of the loss only at its next heartbeat; what it wrote until then once stayed forever."""
     base, robot = told(bench)
     bench.client.set(alive_key("robot"), "2")
     robot.session.write(Record("robot", "1", "127.0.0.1", 9), {})
@@ -80,7 +80,7 @@ def test_requests_survive_an_emptied_hub_until_their_senders_can_write(bench: Be
 
 
 def test_a_thousand_who_join_at_once_are_read_together_and_cost_no_sign_of_life(bench: Bench) -> None:
-    """Each had cost a request to the hub, with no heartbeat in between: a slow gateway was declared lost."""
+    """Each joiner once cost a request to the hub, with no heartbeat in between: a slow gateway was declared lost."""
     proxy = TcpProxy("127.0.0.1", bench.port)
     proxy.delay = 0.005
     base = bench.seat("base", "1", proxy.port)
@@ -95,7 +95,7 @@ def test_a_thousand_who_join_at_once_are_read_together_and_cost_no_sign_of_life(
             pipe.publish(GATEWAYS_KEY, json.dumps({"gateway": name, "event": "joined"}))
         pipe.execute()
     lost: set[str] = set()
-    # The last name's record is not always the last one to be read.
+    # The last name's record is not always read last.
 
     def all_are_heard() -> bool:
         lost.update(bench.registry.look(time.monotonic()))
@@ -110,7 +110,7 @@ def test_a_thousand_who_join_at_once_are_read_together_and_cost_no_sign_of_life(
 
 
 def questions(bench: Bench, command: str = "hmget") -> int:
-    """How often the hub was asked that; by default: to read requests of single senders."""
+    """Returns how often the hub received a command; the default reads the requests of single senders."""
     return int(bench.client.info("commandstats").get(f"cmdstat_{command}", {"calls": 0})["calls"])
 
 
@@ -129,7 +129,7 @@ def test_who_is_gone_is_struck_from_each_receivers_requests_by_one_command(bench
 
 
 def test_a_starting_hub_without_a_name_is_accepted_unless_it_stays_so(bench: Bench) -> None:
-    """Its Redis answers a moment before the hub has written its name there; that was a line in gateways' logs."""
+    """The hub's Redis answers shortly before the hub has written its name; gateways once logged a line about it."""
     base = bench.seat("base")
 
     def name_at_the_second_try() -> None:
@@ -152,7 +152,7 @@ def test_a_starting_hub_without_a_name_is_accepted_unless_it_stays_so(bench: Ben
 
 
 def test_requests_to_who_takes_its_leave_go_with_it(bench: Bench) -> None:
-    """A sender that is away at that time could not withdraw its request, and would not when the receiver returns."""
+    """A sender that is offline at that time cannot withdraw its request, and would not when the receiver returns."""
     base = bench.seat("base")
     bench.client.hset(requests_key("base"), "robot", text_from_request(REQUEST))
     base.leave()

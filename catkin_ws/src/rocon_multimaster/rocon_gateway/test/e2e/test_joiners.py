@@ -1,4 +1,4 @@
-"""Late and early joiners: hub, gateways, nodes and rule in every order end with a message that arrives."""
+"""Late and early joiners: hub, gateways, nodes and rule may come in any order, and a message arrives in the end."""
 
 import itertools
 import time
@@ -9,7 +9,7 @@ from gateway_msgs import msg
 
 from pioneer_harness.wait import wait_until
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 ORDERS = (
@@ -22,13 +22,13 @@ ORDERS = (
 
 def test_each_part_comes_before_and_after_each_other_in_some_order() -> None:
     seen = {pair for order in ORDERS for pair in itertools.combinations(order.split(), 2)}
-    # A rule is asked of the gateway that holds it.
+    # A rule is requested from the gateway that holds it, so it cannot come before that gateway.
     assert seen == set(itertools.permutations(ORDERS[0].split(), 2)) - {("rule", "base")}
 
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_parts_may_come_in_any_order(fleet, report, order: str) -> None:
-    # Names of which the original's hub could keep no account.
+    # The original's hub could not keep track of gateways with these names.
     base, robot = fleet.site("Hub Gateway"), fleet.site("robot:*?[1]")
     ears = []
     steps: dict[str, Callable[[], object]] = {

@@ -1,4 +1,4 @@
-"""What a hub keeps for a gateway: its files, for the next gateway of its name, on whichever computer."""
+"""Files that a hub stores for a gateway: the next gateway of that name receives them, on any computer."""
 
 import logging
 from collections.abc import Iterator

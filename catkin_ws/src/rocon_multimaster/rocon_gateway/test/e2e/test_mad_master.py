@@ -1,4 +1,4 @@
-"""A ROS master that answers nonsense for a while, or late: running links continue, and those that end are closed."""
+"""A ROS master that answers with errors or late for a while: running links continue, and links that end are closed."""
 
 import http.client
 import os
@@ -16,12 +16,12 @@ from measure import longest_gap
 from pioneer_harness.masters import Master
 from pioneer_harness.wait import wait_until
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 
 class MadMaster(Master):
-    """A master with a web server before it, which passes all on, late, or answers each question with an error."""
+    """A master behind a web server that forwards each request, delays it, or answers it with an error."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -57,7 +57,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(said)
 
     def log_message(self, format: str, *args: object) -> None:
-        """Nothing is said."""
+        """Suppresses logging."""
 
 
 def _asked(port: int, body: bytes) -> tuple[int, bytes]:
@@ -99,7 +99,7 @@ def test_a_master_that_answers_nonsense_stops_no_data_and_is_one_line(standing_f
 
 
 def test_a_change_by_service_shows_once_it_has_answered_on_a_slow_master(standing_fleet, mad) -> None:
-    """A script that flips and then looks had received the rules as they were before."""
+    """A script that flipped and then read the rules once received the old ones."""
     site = standing_fleet.site("hospital", mad).start().connected()
     slow = threading.Event()
     mad.front.before["getSystemState"] = lambda: slow.wait(0.2)
@@ -113,7 +113,7 @@ def test_a_change_by_service_shows_once_it_has_answered_on_a_slow_master(standin
 
 
 def test_a_gateway_unregistered_during_shutdown_does_not_re_register(standing_fleet, standing, mad) -> None:
-    """A look at the master in the midst of the shutdown took it for a restarted one, and left a dead node there."""
+    """A gateway that polled the master during shutdown once took it for a restarted one and left a dead node there."""
     site = standing_fleet.site("asylum", mad).start().connected()
     asked, looked, registered = threading.Event(), threading.Event(), threading.Event()
 
@@ -127,7 +127,7 @@ def test_a_gateway_unregistered_during_shutdown_does_not_re_register(standing_fl
     mad.front.before["registerPublisher"] = registered.set
     mad.front.after["getSystemState"] = looked.set
     mad.front.before["getSystemState"] = answer_late
-    # A gateway that is between two looks ends without another one.
+    # Interrupt it during a poll: between two polls, a gateway shuts down without another one.
     assert asked.wait(10)
     looked.clear()
     os.kill(site.pid, signal.SIGINT)

@@ -1,4 +1,4 @@
-"""A network that is cut, narrow, slow or lossy between two machines."""
+"""A network between two machines that is cut, slow, lossy or limited in bandwidth."""
 
 import signal
 import time
@@ -13,13 +13,13 @@ from pioneer_harness.machine import MachineError
 from pioneer_harness.master_process import MasterProcess
 from pioneer_harness.wait import START, wait_until
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 
 @pytest.fixture(scope="module")
 def far(machine, shared_fleet):
-    """A base station here and a robot on another machine, with its stream of small messages flipped here."""
+    """A base station here and a robot on another machine, whose stream of small messages is flipped to the base."""
     fleet = shared_fleet
     fleet.hub_uri = f"http://{machine.here}:{fleet.hub_port}"
     fleet.start_hub(insecure=True)
@@ -126,7 +126,7 @@ def test_a_link_dropped_by_a_middlebox_is_noticed_within_10_s(machine, far, repo
 
 @pytest.fixture
 def behind_proxy(fleet) -> Iterator[tuple]:
-    """A robot that reaches the hub through a proxy, and a base station that does not."""
+    """A robot that reaches the hub through a proxy, and a base station that connects directly."""
     fleet.start_hub()
     base = fleet.site("base").start().connected()
     proxy = TcpProxy("127.0.0.1", fleet.hub_port)
@@ -152,7 +152,7 @@ def test_rules_work_over_a_hub_that_is_200_ms_away(behind_proxy, report) -> None
 
 
 def test_a_peer_from_which_nothing_comes_any_more_is_noticed_within_10_s(fleet, behind_proxy, report) -> None:
-    """What a cut cable does, for machines without network namespaces: the kernels keep acknowledging."""
+    """Emulates a cut cable on machines without network namespaces; the kernels keep acknowledging."""
     base, robot, proxy = behind_proxy
     ear = base.hear("/a")
     assert base.flip("robot", "subscriber", "/a") == 0

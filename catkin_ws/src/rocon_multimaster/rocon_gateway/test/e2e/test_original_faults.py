@@ -1,4 +1,4 @@
-"""What the original did wrong, each with the tests that show it right here; those that stand nowhere else are below."""
+"""Faults of the original, each with the tests that show it fixed; those not tested elsewhere are tested below."""
 
 import re
 import time
@@ -9,7 +9,7 @@ from gateway_msgs import msg, srv
 
 from pioneer_harness.wait import wait_until
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 MULTIMASTER = Path(__file__).parents[3]
@@ -101,7 +101,7 @@ def test_every_fault_of_the_original_has_tests_that_exist() -> None:
 
 
 def test_a_flipped_roscpp_subscriber_keeps_its_local_publishers(fleet, pair) -> None:
-    """topic_tools' relay is the roscpp node: it copies whatever it hears."""
+    """The roscpp node is topic_tools' relay, which copies every message it receives."""
     base, robot = pair
     base.talk("/chatter", "local")
     argv = ["/usr/lib/topic_tools/relay", "/chatter", "/copy", "__name:=copier"]
@@ -161,7 +161,7 @@ def test_a_refused_or_untimely_request_answers_its_code_and_changes_nothing(flee
     assert lone.call("advertise", srv.Advertise, rules=bad).result == codes.UNKNOWN_ADVERTISEMENT_ERROR
     period = lone.call("set_watcher_period", srv.SetWatcherPeriod, period=3.0).last_period
     assert lone.call("set_watcher_period", srv.SetWatcherPeriod, period=period).last_period == pytest.approx(3.0)
-    # The gateway publishes the new state a moment after it has answered.
+    # The gateway publishes the new state shortly after its answer.
     wait_until(lambda: not watchlists(lone), "nothing is asked for", 5)
     assert lone.master.system_state()[1]["/gateway/force_update"] == ["/gateway"]
 

@@ -1,18 +1,18 @@
-"""What another machine on the network reaches of a gateway."""
+"""What another machine on the network can reach of a gateway."""
 
 import subprocess
 import sys
 
 import pytest
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 CONNECT = "import socket, sys; socket.create_connection((sys.argv[1], int(sys.argv[2])), 3)"
 
 
 def is_reached(machine, port: int) -> bool:
-    """Tells whether the other machine can connect to a port of ours."""
+    """Returns whether the other machine can connect to one of our ports."""
     argv = [*machine.prefix, sys.executable, "-c", CONNECT, machine.here, str(port)]
     done = subprocess.run(argv, capture_output=True, text=True, check=False)
     assert done.returncode == 0 or "ConnectionRefusedError" in done.stderr, done.stderr
@@ -21,7 +21,7 @@ def is_reached(machine, port: int) -> bool:
 
 @pytest.mark.parametrize("variables", [{}, {"ROS_IP": "127.0.0.1"}, {"ROS_IP": ""}], ids=["", "loopback", "any"])
 def test_without_a_credential_no_other_machine_reaches_a_relay(fleet, machine, variables) -> None:
-    """Any host on the network that guessed two names once could read topics and call services."""
+    """Any host on the network that guessed two names could once read topics and call services."""
     fleet.start_hub()
     site = fleet.site("base").start(variables).connected()
     assert not is_reached(machine, site.relay_port())

@@ -1,4 +1,4 @@
-"""Rules between real gateways: what they bring, how fast, in which order, and what is refused."""
+"""Rules between real gateways: their effect, timing and order, and which requests are refused."""
 
 import os
 import signal
@@ -9,7 +9,7 @@ from gateway_msgs import msg, srv
 
 from pioneer_harness.wait import wait_until
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 

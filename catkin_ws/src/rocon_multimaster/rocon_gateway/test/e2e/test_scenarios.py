@@ -1,4 +1,4 @@
-"""What rocon's own tests check: one of each kind on one gateway, every way to ask, and whether it works.
+"""The checks of rocon's own tests: one connection of each kind on one gateway, every kind of request, and the result.
 
 One hub, two gateways and five nodes serve all tests of this file.
 """
@@ -15,7 +15,7 @@ from gateway_msgs import msg, srv
 
 from pioneer_harness.wait import wait_until
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 NODES = Path(__file__).parent.parent / "node"
@@ -37,7 +37,7 @@ LATE_FLIP = {"gateway": "late", "rule": {"type": "publisher", "name": "/nothing"
 
 @pytest.fixture(scope="module")
 def sites(shared_fleet) -> tuple[Any, Any]:
-    """`base`, where the five nodes are, and `robot`, which flips to a gateway that comes late."""
+    """`base`, which runs the five nodes, and `robot`, which flips to a gateway that joins late."""
     shared_fleet.start_hub()
     base, robot = shared_fleet.site("base"), shared_fleet.site("robot")
     rules = yaml.safe_load(BLACKLIST.read_text())

@@ -1,4 +1,4 @@
-"""A call never hangs: what a client hears when the gateway behind the service stops or dies in the middle."""
+"""A call never hangs: what a client receives when the gateway behind the service stops or dies during the call."""
 
 import os
 import signal
@@ -11,7 +11,7 @@ import pytest
 
 from pioneer_harness.wait import START, wait_until
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 SERVER = Path(__file__).parents[3] / "rocon_relay/test/node/server.py"

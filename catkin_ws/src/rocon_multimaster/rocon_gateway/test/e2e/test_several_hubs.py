@@ -1,4 +1,4 @@
-"""A gateway on several hubs at once."""
+"""A gateway on several hubs at the same time."""
 
 import itertools
 import os
@@ -10,7 +10,7 @@ from gateway_msgs import srv
 from pioneer_harness.masters import is_running
 from pioneer_harness.wait import START, wait_until
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 

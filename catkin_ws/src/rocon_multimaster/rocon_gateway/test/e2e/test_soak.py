@@ -1,6 +1,6 @@
-"""A handful of gateways with traffic, and a fault every 20 s: nothing leaks, is lost or comes twice.
+"""Several gateways with traffic and a fault every 20 s: nothing leaks, is lost or is duplicated.
 
-`PIONEER_SOAK_MINUTES` and `PIONEER_SOAK_SEED` say how long and which; `./pioneer test --soak` sets them.
+`PIONEER_SOAK_MINUTES` and `PIONEER_SOAK_SEED` set duration and seed; `./pioneer test --soak` sets both variables.
 """
 
 import itertools
@@ -19,7 +19,7 @@ from measure import MB, checked, memory, open_files, threads
 
 from pioneer_harness.wait import wait_until
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = [
     pytest.mark.soak,
     pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"),
@@ -35,7 +35,7 @@ ROBOTS = ("robot1", "robot2", "robot3")
 
 
 class Soak:
-    """A base station and robots: each robot's stream is flipped to the base, the base's is pulled by each robot."""
+    """A base station and robots: each robot's stream is flipped to the base, and each robot pulls the base's stream."""
 
     def __init__(self, fleet, seed: int) -> None:
         self.fleet, self.random = fleet, random.Random(seed)
@@ -66,7 +66,7 @@ class Soak:
 
     @property
     def faults(self) -> list[Callable[[], None]]:
-        """All that may break; each returns when it is over."""
+        """The faults to inject; each function returns when its fault is over."""
         return [
             self.hub_killed,
             self.hub_frozen,
@@ -90,7 +90,7 @@ class Soak:
         self.frozen([self.fleet.redis_pid()], 4.0)
 
     def redis_killed(self) -> None:
-        # Dying often counts as failing, and ends the hub.
+        # If Redis dies often, the hub counts it as failing and shuts down.
         old = self.fleet.redis_pid()
         os.kill(old, signal.SIGKILL)
         wait_until(lambda: self.fleet.redis_pid() not in (0, old), "another Redis", 10)
@@ -102,7 +102,7 @@ class Soak:
         self.ended(signal.SIGINT)
 
     def ended(self, how: signal.Signals) -> None:
-        # The first robot's gateway lives through all, as the base's does: leaks would show there.
+        # The gateways of the base and the first robot run throughout, so that leaks would show there.
         robot = self.random.choice(self.robots[1:])
         os.kill(robot.pid, how)
         wait_until(lambda: not self.fleet.group.is_running(robot.name), "the gateway's end", 10)
@@ -117,7 +117,7 @@ class Soak:
     def frozen(self, pids: list[int], seconds: float) -> None:
         for pid in pids:
             os.kill(pid, signal.SIGSTOP)
-        # What is tested is time in which nothing happens.
+        # The test needs a period in which nothing happens.
         time.sleep(seconds)
         for pid in pids:
             os.kill(pid, signal.SIGCONT)
@@ -147,7 +147,7 @@ class Soak:
             time.sleep(3.0)
 
     def recover(self) -> float:
-        """Waits until everything is as it should be; returns how long that took [s]."""
+        """Waits until everything works again; returns how long that took [s]."""
         began = time.monotonic()
         for site, count in ((self.base, len(ROBOTS) + 1), *((robot, 1) for robot in self.robots)):
             wait_until(
@@ -158,7 +158,7 @@ class Soak:
         return time.monotonic() - began
 
     def sample(self) -> dict[str, tuple[int, int, int]]:
-        """Memory, file descriptors and threads of the gateways that were never ended."""
+        """Returns memory, file descriptors and threads of the gateways that run throughout."""
         return {
             site.name: (memory(site.pid), open_files(site.pid), threads(site.pid))
             for site in (self.base, self.robots[0])
@@ -170,7 +170,7 @@ def rule(kind: str, name: str) -> dict[str, str]:
 
 
 def last_time(log) -> float:
-    """When the last message came."""
+    """Returns the time of the last message."""
     with log.open("rb") as file:
         file.seek(max(0, file.seek(0, 2) - 200))
         lines = file.read().splitlines()
@@ -208,12 +208,12 @@ def test_a_fault_every_20_s_leaks_nothing_loses_no_rule_and_doubles_no_message(f
 
 
 def verdict(soak, samples, recoveries, record_property) -> None:
-    """Holds what was seen against what is to be."""
+    """Compares the observations with the expectations."""
     for key, log in soak.logs.items():
         rows = checked(log)
         assert all(good for *_, good in rows), f"a message at {key} came damaged"
         for (early, before, _), (late, after, _) in itertools.pairwise(rows):
-            # A restarted publisher counts from 0.
+            # A restarted publisher counts from 0 again.
             restarted = any(early < restart < late for restart in soak.restarts)
             assert after > before or restarted, f"{key}: {after} after {before}"
         say(f"{key}: {len(rows)} messages, none twice")

@@ -1,4 +1,4 @@
-"""A fleet with TLS: gateways with a certificate work as before; one without gets one clear error."""
+"""A fleet with TLS: gateways with a certificate work as before; one without gets a single clear error."""
 
 import subprocess
 import sys
@@ -8,7 +8,7 @@ import pytest
 
 from pioneer_harness.wait import START, wait_until
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 SERVER = Path(__file__).parents[3] / "rocon_relay/test/node/server.py"
@@ -21,7 +21,7 @@ def authorities(tmp_path_factory):
 
 
 def certified(folder: Path, *names: str, options: tuple[str, ...] = ()) -> list[dict[str, str]]:
-    """What machines of the fleet `folder` have in their environment, made as a user makes it."""
+    """Creates certificates as a user would; returns the environment for each machine of the fleet `folder`."""
     argv = ["rosrun", "rocon_gateway", "make_certificates", str(folder), *names, *options]
     made = subprocess.run(argv, capture_output=True, text=True, check=True).stdout
     assert all(f"{folder / name}: copy it to {name}" in made for name in names)
@@ -29,7 +29,7 @@ def certified(folder: Path, *names: str, options: tuple[str, ...] = ()) -> list[
 
 
 def examine(site, *arguments: str, environment: dict[str, str]) -> str:
-    """What the doctor says."""
+    """Returns the doctor's output."""
     argv = ["rosrun", "rocon_gateway", "doctor", *arguments]
     everything = {**site.master.environment, **environment}
     return subprocess.run(argv, env=everything, capture_output=True, text=True, check=False).stdout
@@ -66,9 +66,9 @@ def test_a_gateway_without_a_certificate_is_reported_once_and_by_the_doctor(flee
     fleet.start_hub(at_hub)
     site = fleet.site("base").start()
     wait_until(lambda: said in site.log.read_text(), said, START)
-    assert said in examine(site, "--hub", fleet.hub_uri, environment={})  # meanwhile it keeps trying, twice a second
+    assert said in examine(site, "--hub", fleet.hub_uri, environment={})  # meanwhile it retries twice a second
     lines = [line for line in site.log.read_text().splitlines() if f":{fleet.hub_port}" in line]
-    # The gateway may have been there first.
+    # The gateway may have started before the hub.
     lines = [line for line in lines if "refused" not in line]
     assert len(lines) == 1, lines
     assert not site.info().connected

@@ -11,12 +11,12 @@ import pytest
 
 from pioneer_harness.wait import wait_until
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 
 def tool(site: Any, *argv: str, path: str = "") -> tuple[int, str]:
-    """Runs a tool on the site's master, `path` before the PATH; returns its status and all that it said."""
+    """Runs a tool on the site's master with `path` in front of PATH; returns its status and all its output."""
     command = ["rosrun", "rocon_gateway", *argv]
     environment = {**site.master.environment, "PATH": f"{path}{os.pathsep}{os.environ['PATH']}"}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=60)
@@ -101,7 +101,7 @@ def test_a_subscriber_not_covered_by_a_flip_is_named_by_rules_and_doctor(pair) -
 
 
 def refused_simulation(master):
-    """Starts step 3 on a master, where it must fail before it starts a node; returns what it printed."""
+    """Starts step 3 on a master where it must fail before it starts a node; returns its error output."""
     command = ["rosrun", "pioneer_gazebo", "run-multi-pioneer-gazebo-master", "robots:=1", "world_name:=blank"]
     done = subprocess.run(command, env=master.environment, capture_output=True, text=True, check=False, timeout=60)
     assert done.returncode == 1

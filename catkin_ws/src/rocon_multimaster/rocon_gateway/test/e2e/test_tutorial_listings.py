@@ -1,4 +1,4 @@
-"""The tutorial's Listings 1 to 3: clients that know nothing of us get what the tutorial says they get."""
+"""The tutorial's Listings 1 to 3: clients that know nothing of this gateway get the results the tutorial describes."""
 
 import subprocess
 import sys
@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 CLIENT = Path(__file__).parent.parent / "node" / "tutorial_client.py"
 
 
 def run(site, *argv: str) -> tuple[int, str]:
-    """Runs one listing at a site; returns result and error message of the service."""
+    """Runs one listing at a site; returns the service's result and error message."""
     command = [sys.executable, str(CLIENT), *argv]
     done = subprocess.run(command, env=site.master.environment, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,4 @@
-"""A node of /tf: `tf_probe.py talk` publishes transforms of two robots, `hear` appends a line for each child frame."""
+"""A /tf node: `tf_probe.py talk` publishes transforms of two robots; `hear` appends a line for each child frame."""
 
 import sys
 

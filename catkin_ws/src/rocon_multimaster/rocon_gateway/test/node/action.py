@@ -1,4 +1,4 @@
-"""An action: `action.py serve|idle|call NAME`. A goal of n has n steps of feedback; calling tells what comes."""
+"""An action: `action.py serve|idle|call NAME`. A goal of n has n steps of feedback; `call` prints what it receives."""
 
 import sys
 import threading
@@ -13,7 +13,7 @@ STEP = 0.02
 
 
 class Server:
-    """Counts up to the goal, unless it is preempted."""
+    """Counts up to the goal unless it is preempted."""
 
     def __init__(self, name: str) -> None:
         self._server = actionlib.SimpleActionServer(name, TestAction, self._count, auto_start=False)
@@ -30,11 +30,11 @@ class Server:
 
 
 class Goal:
-    """A goal, and what comes of it.
+    """A goal and its outcome.
 
-    It stands on ActionClient: SimpleActionClient drops what a server says before `send_goal` has returned, which
-    happens where this process waits for the processor. And feedback is taken from its topic, because a client drops
-    what comes after the result; nobody says which of two topics comes first.
+    It uses ActionClient because SimpleActionClient drops what a server sends before `send_goal` has returned, which
+    happens when the process waits for CPU time. Feedback is read from its topic because a client drops feedback that
+    arrives after the result, and the order of messages on two topics is undefined.
     """
 
     def __init__(self, client: actionlib.ActionClient, steps: int) -> None:
@@ -56,15 +56,15 @@ class Goal:
             self.told_all.set()
 
     def end(self) -> str:
-        """Waits for the end; returns its state, or that there was none."""
+        """Waits for the goal to end; returns its final state, or "no end" on a timeout."""
         return GoalStatus.to_string(self.handle.get_terminal_state()) if self.done.wait(20) else "no end"
 
 
 def call(client: actionlib.ActionClient) -> None:
-    """A goal to its end, and one that is cancelled once it is known to be active.
+    """Runs one goal to its end, then cancels another once it is known to be active.
 
-    Not earlier: a status that was sent before the goal arrived, and came after the cancel, would make a client of
-    actionlib's believe that its goal is lost.
+    It must not cancel earlier: if a status that was sent before the goal arrived comes after the cancel, an actionlib
+    client considers its goal lost.
     """
     say(f"server {client.wait_for_server(rospy.Duration(20))}")
     goal = Goal(client, 5)

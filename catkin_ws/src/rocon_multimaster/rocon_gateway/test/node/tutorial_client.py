@@ -1,6 +1,6 @@
-"""A client as the tutorial's Listings 1 to 3 are, call by call, in our own words: `tutorial_client.py WHAT ARGUMENT …`.
+"""A client that makes the same calls as the tutorial's Listings 1 to 3: `tutorial_client.py WHAT ARGUMENT …`.
 
-What they import, which services they call and how they fill in requests is theirs; their text is not copied.
+Imports, services and the way requests are filled in match the listings; their text is not copied.
 """
 
 import sys
@@ -9,7 +9,7 @@ import gateway_msgs.msg as gateway_msgs
 import gateway_msgs.srv as gateway_srvs
 import rospy
 
-import rocon_gateway  # noqa: F401  (the listings import it and use nothing of it)
+import rocon_gateway  # noqa: F401  (the listings import it without using it)
 
 
 def advertise(topic):
@@ -24,7 +24,7 @@ def advertise(topic):
 
 
 def pull(topic):
-    """Listing 2: the rule's node is never set."""
+    """Listing 2: never sets the rule's node."""
     rospy.init_node("pull_hub_publisher")
     rospy.wait_for_service("/gateway/pull")
     service = rospy.ServiceProxy("/gateway/pull", gateway_srvs.Remote)
@@ -36,7 +36,7 @@ def pull(topic):
 
 
 def flip(namespace, topic, node, gate):
-    """Listing 3: waits for no service."""
+    """Listing 3: does not wait for the service."""
     rospy.init_node("flip_hub_subscriber")
     service = rospy.ServiceProxy("/gateway/flip", gateway_srvs.Remote)
     request, rule = gateway_srvs.RemoteRequest(), gateway_msgs.Rule()

@@ -1,4 +1,4 @@
-"""Lets the tests import what stands beside them, and what the relay's tests make up."""
+"""Adds this folder and the relay's test helpers to the import path."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Gateways on one hub, without hub, relay or master: each reconciles what the others wrote."""
+"""Gateways on one hub, without a real hub, relay or master: each reconciles with what the others wrote."""
 
 from dataclasses import dataclass, field
 
@@ -58,7 +58,7 @@ class FakeGateway:
 
 
 class Fleet:
-    """Gateways on one hub whose links always work; `settle` repeats until nothing changes."""
+    """Gateways on one hub whose links always work; `settle` repeats reconciliation until nothing changes."""
 
     def __init__(self, *gateways: FakeGateway) -> None:
         self.gateways = {gateway.name: gateway for gateway in gateways}
@@ -94,7 +94,7 @@ class Fleet:
         )
 
     def check(self) -> None:
-        """What one imports the other exports to it, and nothing else; and it is the other's own publisher."""
+        """Asserts that imports and exports match exactly, and that each imported connection is the exporter's own."""
         imports = {
             (one.subject, one.source_gateway, name, one.key.topic, one.key.source_node)
             for name, gateway in self.gateways.items()

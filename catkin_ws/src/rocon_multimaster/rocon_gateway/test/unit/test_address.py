@@ -1,4 +1,4 @@
-"""Under which address a gateway tells others to reach it."""
+"""The address that a gateway announces to others."""
 
 import pytest
 import rosgraph.network

@@ -1,4 +1,4 @@
-"""The gateway's parameters: what launch files of rocon write is understood, and one bad rule harms no other."""
+"""The gateway's parameters: rocon's launch files are understood, and one invalid rule does not affect any other."""
 
 import pytest
 

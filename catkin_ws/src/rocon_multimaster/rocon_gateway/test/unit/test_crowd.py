@@ -1,4 +1,4 @@
-"""What a thousand gateways on a hub cost one that they do not concern: nothing, as long as nobody comes or goes."""
+"""A thousand unrelated gateways on a hub cost a gateway nothing, as long as none joins or leaves."""
 
 import difflib
 

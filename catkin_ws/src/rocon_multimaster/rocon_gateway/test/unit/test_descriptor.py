@@ -1,4 +1,4 @@
-"""Limits of open files, and waiting for files whose numbers are high."""
+"""Limits of open files, and waiting for files with high descriptor numbers."""
 
 import fcntl
 import os

@@ -1,4 +1,4 @@
-"""Findings: each fault comes with its fix, and only faults fail."""
+"""Findings: each fault comes with its fix, and only faults make the check fail."""
 
 import pytest
 

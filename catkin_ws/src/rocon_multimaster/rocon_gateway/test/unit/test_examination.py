@@ -1,4 +1,4 @@
-"""What gateways answer the doctor: read as it was written, and whatever else comes is refused."""
+"""What gateways answer the doctor: valid answers are read as written, and anything else is refused."""
 
 import json
 

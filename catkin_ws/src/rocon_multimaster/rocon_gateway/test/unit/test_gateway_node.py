@@ -1,4 +1,4 @@
-"""What the gateway's node does at its start, where its master may go at any moment."""
+"""Startup of the gateway's node, during which its master may disappear at any moment."""
 
 import logging
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""Addresses of hubs, lists of hubs, and who counts as present."""
+"""Addresses of hubs, lists of hubs, and which gateways count as present."""
 
 import pytest
 
@@ -96,7 +96,7 @@ def test_who_returns_late_to_a_restarted_hub_stays_longer_if_links_stand() -> No
 
 
 def test_a_hub_that_is_restarted_twice_gives_time_twice() -> None:
-    """Redis and then the hub were killed: who was on neither was dropped, though there had been no hub meanwhile."""
+    """Redis and then the hub were killed: gateways that had joined neither were dropped, although no hub had run."""
     presence = Presence()
     presence.start({"a", "b"}, 0.0)
     presence.start(set(), 10.0)

@@ -1,4 +1,4 @@
-"""The folder whose files the hubs keep."""
+"""The folder whose files the hubs store."""
 
 import json
 import logging

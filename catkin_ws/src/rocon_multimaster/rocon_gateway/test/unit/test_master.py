@@ -1,4 +1,4 @@
-"""What a ROS master may answer, and what becomes of it."""
+"""Possible answers of a ROS master, and how they are handled."""
 
 import threading
 import xmlrpc.client
@@ -24,7 +24,7 @@ CHATTER = {Connection(Kind.PUBLISHER, "/chatter", "std_msgs/String", "/talker")}
 
 
 class FakeMaster(ThreadingHTTPServer):
-    """Answers each method with what it was given, whatever that is."""
+    """Answers each method with the configured value, whatever that is."""
 
     def __init__(self) -> None:
         super().__init__(("127.0.0.1", 0), _Handler)
@@ -45,7 +45,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(said)
 
     def log_message(self, format: str, *args: object) -> None:
-        """Nothing is said."""
+        """Suppresses logging."""
 
 
 @pytest.fixture
@@ -86,7 +86,7 @@ NONSENSE = {
 def test_a_master_that_answers_nonsense_counts_as_lost_until_it_answers_again(
     master: FakeMaster, watch: MasterWatch, method: str, nonsense: bytes
 ) -> None:
-    """Most of it ended the gateway."""
+    """Most invalid answers once ended the gateway."""
     assert watch.changed()
     master.answers |= {"getSystemState": STATE.replace(b"/talker", b"/other"), method: nonsense}
     for _ in range(2):

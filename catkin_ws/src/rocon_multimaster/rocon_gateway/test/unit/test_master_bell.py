@@ -1,4 +1,4 @@
-"""When the gateway looks at its master: at once where the master tells, else again and again, never without pause."""
+"""When the gateway polls its master: at once if the master reports changes, else periodically, always with a pause."""
 
 import os
 import threading
@@ -15,7 +15,7 @@ PATIENCE = 20.0
 
 
 class TellingMaster(ThreadingHTTPServer):
-    """Answers as many questions as it is let, each as `said` says."""
+    """Answers as many requests as the test permits through `let`, each with `said`."""
 
     daemon_threads = True
 
@@ -48,7 +48,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(said)
 
     def log_message(self, format: str, *args: object) -> None:
-        """Nothing is said."""
+        """Suppresses logging."""
 
 
 @pytest.fixture
@@ -79,7 +79,7 @@ def reader() -> Iterator[int]:
 
 
 def told(master: TellingMaster, bell: MasterBell, reader: int) -> None:
-    """Lets the bell learn that this master tells."""
+    """Lets the bell learn that this master reports changes."""
     master.let.release()
     bell.wait(reader)
 

@@ -1,4 +1,4 @@
-"""Who is on which of several hubs, put together."""
+"""Which gateways are on which of several hubs, combined."""
 
 from rocon_gateway.core.membership import Memberships
 from rocon_gateway.core.presence import HubView
@@ -65,7 +65,7 @@ def test_a_hub_that_is_given_up_takes_along_what_only_it_knew() -> None:
 
 
 def test_we_are_on_a_hub_once_the_overview_has_it_and_until_it_is_lost_or_given_up() -> None:
-    """`connect_hub` had answered that a hub is joined before `gateway_info` showed it."""
+    """`connect_hub` once reported that a hub was joined before `gateway_info` showed it."""
     both = Memberships()
     assert not both.is_on("a")
     assert both.take("a", view("by a")).connected

@@ -1,4 +1,4 @@
-"""The network's picture: arrows between gateways, as text and for Graphviz."""
+"""The network picture: arrows between gateways, as text and for Graphviz."""
 
 from rocon_gateway.core.network import LABEL_LINES, Member, arrows, dot, text
 from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule

@@ -1,4 +1,4 @@
-"""Any input from outside is understood or refused with a typed error; nothing else is ever raised."""
+"""Any input from outside is understood or refused with a typed error; no other exception is ever raised."""
 
 import pytest
 from gateway_model import gateway, publisher
@@ -27,7 +27,7 @@ from rocon_relay.core.connection import RelayError
 from rocon_relay.core.link import Hello
 from rocon_relay.core.option import LinkOptions
 
-# What a pattern may be warned about, it may be: nested sets, flags in the middle.
+# Patterns may cause warnings, e.g. for nested sets or flags in the middle.
 pytestmark = pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::DeprecationWarning")
 
 

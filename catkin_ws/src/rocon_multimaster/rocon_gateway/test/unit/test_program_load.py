@@ -1,10 +1,10 @@
-"""Which programs count as a computer's, and what they take."""
+"""Which programs are counted for a computer, and what they use."""
 
 from rocon_gateway.adapters.program_load import Load, ProgramLoad
 
 
 def program(root, pid, uri, seconds, kilobytes):
-    """Writes what the kernel has of a program: its master, processor time and share of memory."""
+    """Writes a program's /proc files: its master, CPU time and share of memory."""
     folder = root / str(pid)
     folder.mkdir(exist_ok=True)
     (folder / "environ").write_bytes(b"PATH=/bin\0ROS_MASTER_URI=" + uri.encode() + b"\0HOME=/root\0")

@@ -1,4 +1,4 @@
-"""Gateways that exchange records and requests agree on what flows; here without hub, relay or master."""
+"""Gateways that exchange records and requests agree on the links; tested without hub, relay or master."""
 
 import dataclasses
 

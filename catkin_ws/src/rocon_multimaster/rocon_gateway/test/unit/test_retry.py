@@ -1,4 +1,4 @@
-"""When gateways try again to reach a hub."""
+"""When gateways retry to connect to a hub."""
 
 from rocon_gateway.adapters.hub_client import RETRY, retry_pause
 

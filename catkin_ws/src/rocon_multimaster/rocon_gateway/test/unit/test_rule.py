@@ -1,4 +1,4 @@
-"""Names, nodes and gateways match whole, by base name, and relative to the root or to us."""
+"""Names, nodes and gateways match in full; relative names also match in our namespace, gateways by base name."""
 
 import pytest
 from gateway_msgs.msg import ConnectionType, ErrorCodes

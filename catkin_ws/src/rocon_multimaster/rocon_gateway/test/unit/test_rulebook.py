@@ -1,4 +1,4 @@
-"""A request changes the rules as a whole, or is refused with the protocol's code and changes nothing."""
+"""A request changes all its rules, or is refused with the protocol's code and changes nothing."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The search for hubs that announce themselves outlives what goes wrong in it."""
+"""Discovery of announced hubs survives errors."""
 
 import logging
 import threading
@@ -18,7 +18,7 @@ SIGHTING = SimpleNamespace(hubs=(), ways=lambda _own, _stack: [HubAddress("127.0
 def test_a_gateway_that_has_no_descriptor_for_a_hub_joins_it_once_there_is_one(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """The search ended with the first error, and with it every hub that came later was never found."""
+    """The first error once ended the search, so every hub that appeared later was never found."""
     tries, joined = [], threading.Event()
 
     def hub(ways: Any, *_: Any) -> SimpleNamespace:

@@ -1,4 +1,4 @@
-"""A real hub with a real Redis: it comes back, it never uses somebody else's, and it leaves nothing behind."""
+"""A real hub with a real Redis: it recovers, never uses a foreign Redis, and leaves nothing behind."""
 
 import contextlib
 import itertools
@@ -25,7 +25,7 @@ from rocon_hub_protocol.adapters.redis_client import OPEN, Access, NotOurHubErro
 from rocon_hub_protocol.core.address import HubAddress
 from tcpros.adapters.descriptor import raise_limit
 
-# rosmaster, in our process here, leaves its connections to nodes to the garbage collector.
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 
@@ -45,7 +45,7 @@ class Bench:
         return redis_client(HubAddress("127.0.0.1", self.port), Access((lambda: password) if password else None))
 
     def admin(self) -> redis.Redis:
-        """A client of the hub's own user, who may do everything; only this user's processes can be one."""
+        """Returns a client of the hub's own user, who has all permissions; only this OS user's processes can be one."""
         (configuration,) = self.home.glob("redis/*/redis.conf")
         (password,) = re.findall(r'^user hub reset on ">(\w+)"', configuration.read_text(), re.MULTILINE)
         folder = os.open(configuration.parent, os.O_PATH)
@@ -133,7 +133,7 @@ def test_a_changed_password_file_applies_to_new_connections_only(bench: Bench, t
 
 @pytest.fixture
 def server(bench: Bench, tmp_path: Path) -> Iterator[RedisServer]:
-    """A hub's Redis, as it is by default, without the hub."""
+    """A hub's Redis with default settings, without the hub."""
     made = RedisServer(HubConfig(port=bench.port), tmp_path / "redis", OPEN)
     made.start()
     yield made
@@ -141,7 +141,7 @@ def server(bench: Bench, tmp_path: Path) -> Iterator[RedisServer]:
 
 
 def test_a_gateway_that_joins_while_the_hub_looks_is_not_called_expired(server: RedisServer) -> None:
-    # A frozen Redis once came back so: everybody joined, and was declared gone right after, for good.
+    # After a frozen Redis resumed, every gateway once joined and was declared lost right after, for good.
     client = server.client
     registry = Registry(client, 60.0)
     registry.open("Test Hub")
@@ -200,7 +200,7 @@ def test_a_thousand_gateways_find_room_when_they_come_back_at_once(bench: Bench,
                 "exec\r\n",
             ]
             one.sendall("\r\n".join(said).encode())
-        # Nobody has read a word, so all that everybody says to everybody waits in Redis.
+        # No client has read anything yet, so all messages between them are queued in Redis.
         answers = [stack.enter_context(one.makefile("rb")) for one in speaking]
         said = [line for answer in answers for line in (answer.readline() for _ in range(6))]
         assert not [line for line in said if line.startswith(b"-")]
@@ -219,7 +219,7 @@ def test_a_full_hub_logs_once_and_accepts_gateways_when_there_is_room(bench: Ben
         client.sadd("rocon:gateways", "ghost")
         client.set("rocon:alive:ghost", "instance", px=1500)
         fill(client)
-        # Each is reported once, and not both at the same moment.
+        # Each is reported once, but not both at the same moment.
         wait_until(events.get_message, "the event of the ghost's expiry", 10)
         wait_until(lambda: "ghost" in log.read_text(), "the line of it", 10)
         wait_until(lambda: "is full (8mb)" in log.read_text(), "the hub says that it is full", 15)
@@ -245,7 +245,7 @@ def test_a_full_redis_keeps_the_gateways_it_has_and_forgets_those_that_are_gone(
         client.sadd("rocon:gateways", "ghost")
         client.set("rocon:gateway:ghost", "{}")
         fill(client)
-        # A sign of life counts for two seconds: the ghost goes later than a gateway would that gives none.
+        # A heartbeat counts for two seconds, so the ghost expires later than a gateway without a heartbeat would.
         wait_until(lambda: not client.exists("rocon:gateway:ghost"), "the ghost is forgotten", 30)
         assert client.smembers("rocon:gateways") == {"early"}
         assert client.exists("rocon:alive:early")
@@ -261,7 +261,7 @@ def start_gateway(bench: Bench, name: str) -> Path:
 
 
 def fill(client: redis.Redis) -> None:
-    """Fills a Redis to some megabytes beyond its limit: it looks before a command, not after it."""
+    """Fills a Redis a few megabytes beyond its limit: Redis checks the limit before a command, not after it."""
     client.setrange("junk", 3_000_000, "x")
     with contextlib.suppress(redis.ResponseError):
         for number in itertools.count():
@@ -293,7 +293,7 @@ def fill(client: redis.Redis) -> None:
 def test_a_gateway_may_use_nothing_but_what_the_protocol_needs(
     bench: Bench, server: RedisServer, command: tuple[str, ...]
 ) -> None:
-    """Each of the first five once stopped the hub for everybody."""
+    """Each of the first five once stopped the hub for all clients."""
     Registry(server.client, 60.0).open("Test Hub")
     with bench.client() as client, pytest.raises(redis.exceptions.NoPermissionError):
         client.execute_command(*command)
@@ -301,7 +301,7 @@ def test_a_gateway_may_use_nothing_but_what_the_protocol_needs(
 
 
 def test_a_record_that_is_too_long_is_refused(bench: Bench, server: RedisServer) -> None:
-    """Gateways that read one of 25 MB gave no sign of life meanwhile, and the others took them for dead."""
+    """Gateways that read a record of 25 MB once sent no heartbeat meanwhile, and the others declared them lost."""
     Registry(server.client, 60.0).open("Test Hub")
     with bench.client() as client, pytest.raises((redis.ResponseError, redis.ConnectionError)):
         client.set("rocon:gateway:ghost", "x" * (LONGEST_VALUE + 1))

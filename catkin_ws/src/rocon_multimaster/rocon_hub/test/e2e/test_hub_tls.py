@@ -1,4 +1,4 @@
-"""A hub's Redis with TLS: it accepts certificates of its fleet, and refuses other clients with the reason."""
+"""A hub's Redis with TLS: it accepts certificates of its fleet and refuses other clients, giving the reason."""
 
 import contextlib
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ from tcpros.adapters.tls import certificates_from
 
 
 class Servers:
-    """A hub's Redis in plain and one with TLS, and what gateways may come with."""
+    """A hub's Redis without TLS and one with TLS, and the credentials that gateways may use."""
 
     def __init__(self, folder: Path) -> None:
         authorities = Authority(folder / "ours"), Authority(folder / "theirs"), Authority(folder / "ours", -1)
@@ -40,7 +40,7 @@ class Servers:
             Registry(server.client, 30.0).open("Test Hub")
 
     def session(self, hub: str, access: str) -> HubSession:
-        """Raises HubError."""
+        """Opens a session; raises HubError on failure."""
         return HubSession(self._addresses[hub], self.accesses[access], "robot", "instance")
 
     def close(self) -> None:

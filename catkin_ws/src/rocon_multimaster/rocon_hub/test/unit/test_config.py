@@ -1,4 +1,4 @@
-"""Redis is open to others only with a password, or where the user insists; and keeps nothing on disk."""
+"""Redis is open to others only with a password or if the user insists, and stores nothing on disk."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The hub's port with a password."""
+"""The hub's port when a password is set."""
 
 import contextlib
 import logging
@@ -25,7 +25,7 @@ PATIENCE = 60.0
 
 @contextlib.contextmanager
 def listening(redis: str = "", context: ssl.SSLContext | None = None) -> Iterator[tuple[int, Front]]:
-    """Yields a port and what listens there."""
+    """Yields a port and the front that listens on it."""
     with contextlib.ExitStack() as stack:
         ports = PortReservation()
         stack.callback(ports.release)
@@ -36,7 +36,7 @@ def listening(redis: str = "", context: ssl.SSLContext | None = None) -> Iterato
 
 
 def line(connection: socket.socket) -> bytes:
-    """Reads a line; empty where the hub has closed."""
+    """Reads a line; returns an empty one if the hub has closed the connection."""
     said = b""
     while not said.endswith(b"\n") and (more := connection.recv(512)):
         said += more
@@ -44,7 +44,7 @@ def line(connection: socket.socket) -> bytes:
 
 
 def test_gateways_that_come_all_at_once_are_admitted_at_their_first_attempt(tmp_path: Path) -> None:
-    """Of more than 256 the hub once closed the oldest, which came back and pushed others out."""
+    """With more than 256 clients, the hub once closed the oldest, which reconnected and displaced others."""
     raise_limit()
     with contextlib.ExitStack() as stack:
         port, _ = stack.enter_context(listening(str(tmp_path / "redis")))
@@ -63,7 +63,7 @@ def test_gateways_that_come_all_at_once_are_admitted_at_their_first_attempt(tmp_
 
 
 def test_clients_that_leave_while_they_wait_do_not_pile_up() -> None:
-    """One that connects, begins and leaves cost a turn each: with many, the queue grew without end."""
+    """Each client that connected, began and left once cost a turn, so with many the queue grew without bound."""
     left, known = list[int](), threading.Event()
     with listening() as (port, made), socket.create_connection(("127.0.0.1", port), PATIENCE) as first:
         first.sendall(GatewaySide("open sesame").first)
@@ -81,14 +81,14 @@ def test_clients_that_leave_while_they_wait_do_not_pile_up() -> None:
 
 @pytest.mark.parametrize("context", [None, ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)], ids=["plain", "tls"])
 def test_who_says_nothing_is_closed(monkeypatch: pytest.MonkeyPatch, context: ssl.SSLContext | None) -> None:
-    """With TLS it could stay for a minute, counted nowhere."""
+    """With TLS, such a client could once stay for a minute without being counted."""
     monkeypatch.setattr(front, "HANDSHAKE_TIME", 0.2)
     with listening(context=context) as (port, _), socket.create_connection(("127.0.0.1", port), 10.0) as silent:
         assert silent.recv(1) == b""
 
 
 def test_stalled_tls_handshakes_count_as_clients_that_have_not_proved_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """They counted from the end of the handshake, so that any number of them held a descriptor for 5 s."""
+    """They once counted only from the end of the handshake, so any number of them could hold a descriptor for 5 s."""
     monkeypatch.setattr(front, "MAX_UNPROVEN", 3)
     with listening(context=ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)) as (port, _), contextlib.ExitStack() as stack:
         monkeypatch.setattr(front, "HANDSHAKE_TIME", PATIENCE)
@@ -104,7 +104,7 @@ def test_stalled_tls_handshakes_count_as_clients_that_have_not_proved_it(monkeyp
 
 @contextlib.contextmanager
 def files_open_at_most(most: int) -> Iterator[None]:
-    """Lowers this process' limit."""
+    """Lowers this process's limit of open files."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
     try:
@@ -132,7 +132,7 @@ def test_where_few_files_may_be_open_fewer_unproven_clients_are_held(caplog: pyt
 
 
 def test_a_client_is_answered_where_others_hold_all_files_that_may_be_open() -> None:
-    """Until they left, nobody was accepted."""
+    """Before, no client was accepted until the others left."""
     with listening() as (port, _), contextlib.ExitStack() as stack:
         crowd = [stack.enter_context(socket.socket()) for _ in range(30)]
         with files_open_at_most(lowest_unused() + 4):
@@ -144,7 +144,7 @@ def test_a_client_is_answered_where_others_hold_all_files_that_may_be_open() -> 
 
 
 def test_a_front_that_is_closed_while_it_starts_leaves_no_socket() -> None:
-    """Closed before its loop had taken the sockets, it ended by a traceback and they stayed."""
+    """If closed before its loop had taken over the sockets, it once ended with a traceback and left them open."""
     with PortReservation() as ports:
         port = ports.take(17380)
         for _ in range(20):

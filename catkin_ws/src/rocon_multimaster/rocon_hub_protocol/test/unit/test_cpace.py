@@ -1,4 +1,4 @@
-"""CPace, against the draft's own numbers and against who cheats."""
+"""CPace, checked against the draft's own test vectors and against cheating peers."""
 
 import pytest
 

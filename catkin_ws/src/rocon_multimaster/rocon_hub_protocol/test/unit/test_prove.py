@@ -1,4 +1,4 @@
-"""A gateway's side of the proof, against whatever listens where it expects a hub."""
+"""A gateway's side of the proof, against arbitrary servers where it expects a hub."""
 
 import socket
 import threading
@@ -12,7 +12,7 @@ STEP = 0.05
 
 
 def test_a_hub_that_sends_a_byte_at_a_time_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each byte began the time-out again, so that it held a gateway's thread for 40 minutes."""
+    """Each byte once restarted the timeout, so that such a hub blocked a gateway's thread for 40 minutes."""
     monkeypatch.setattr(redis_client, "PROOF_TIMEOUT", 10 * STEP)
     ours, theirs = socket.socketpair()
     over = threading.Event()

@@ -70,7 +70,7 @@ LONG = "/" + "a/" * 500_000
 
 @pytest.mark.parametrize("name", [LONG, "/a b", "/\x00", "", "/é", "9lives", "/a\n"])
 def test_an_invalid_or_too_long_name_is_skipped_and_the_rest_is_read(name: str) -> None:
-    """One member that advertised a name of 1 MB once stalled every gateway with a pull such as `.*/move_base/.*`."""
+    """A member that advertised a name of 1 MB once stalled every gateway with a pull such as `.*/move_base/.*`."""
     bad = Connection(Kind.PUBLISHER, name, "std_msgs/String", "/talker")
     record = dataclasses.replace(RECORD, advertisements=(bad, *RECORD.advertisements))
     assert record_from_text(text_from_record(record)) == RECORD

@@ -1,4 +1,4 @@
-"""Announced hubs: which address of theirs is dialled, and what they call themselves."""
+"""Announced hubs: which of their addresses is used, and the name they announce."""
 
 from ipaddress import IPv4Interface
 

@@ -15,7 +15,7 @@ from pioneer_harness.proc import ProcessState, arguments, process_states
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 
-# rosmaster, in this process, leaves connections to nodes that have ended.
+# rosmaster runs in this process and leaves connections to nodes that have ended.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
 
 PATIENCE = 60.0
@@ -36,7 +36,7 @@ LAUNCH = """
 
 
 class Launched:
-    """The launch file, running."""
+    """A running instance of the launch file."""
 
     def __init__(self, master: Master, group: ProcessGroup, folder: Path, command: list[str]) -> None:
         self.master, self.group, self.log, self.folder = master, group, folder / "log", folder
@@ -56,7 +56,7 @@ class Launched:
         return wait_until(found, f"the process of {name}", PATIENCE)[0]
 
     def seen(self) -> dict[str, Any]:
-        """All that a user could see of the nodes, without numbers and folders that differ from run to run."""
+        """Returns everything that a user can see of the nodes, without numbers and folders that differ between runs."""
         run = str(self.master.get_param("/run_id"))
         connections = [{name: sorted(nodes) for name, nodes in part.items()} for part in self.master.system_state()]
         facts: dict[str, Any] = {"nodes": self.nodes(), "connections": connections}

@@ -1,4 +1,4 @@
-"""A .concert file becomes launches; what is wrong with one is said in one line."""
+"""A .concert file becomes launches; any error in it is reported in one line."""
 
 from collections.abc import Mapping
 

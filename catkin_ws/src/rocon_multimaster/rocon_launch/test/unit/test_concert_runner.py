@@ -1,4 +1,4 @@
-"""Launches run side by side, each on its own master, and nothing of them survives the end."""
+"""Launches run side by side, each on its own master, and none of their processes survives the end."""
 
 import os
 import signal
@@ -30,7 +30,7 @@ esac; done
 
 @pytest.fixture
 def pids(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """Puts the script in the place of roslaunch; returns the file where it writes its processes."""
+    """Replaces roslaunch by the script; returns the file to which it writes its PIDs."""
     program = tmp_path / "roslaunch"
     program.write_text(ROSLAUNCH)
     program.chmod(program.stat().st_mode | stat.S_IXUSR)
@@ -47,7 +47,7 @@ def launch(name: str, port: int = 11311, **fields: object) -> Launch:
 
 
 def interrupt_once(condition: Path) -> threading.Thread:
-    """Interrupts this process once the file exists."""
+    """Interrupts this process once the file has been written."""
 
     def wait_and_interrupt() -> None:
         wait_until(lambda: condition.exists() and condition.read_text().endswith("\n"), "the launch", 30)
@@ -81,7 +81,7 @@ def test_the_end_of_a_required_launch_ends_all(pids, capsys, name, status) -> No
 
 
 def test_a_launch_that_respawns_is_started_again(pids, capsys, monkeypatch) -> None:
-    """The second one ends too soon after its start, which ends the concert."""
+    """The second run ends too soon after its start, which ends the concert."""
     lives = iter([20.0, 0.5])
     monkeypatch.setattr(concert_runner.RoslaunchProcess, "lived", property(lambda _self: next(lives)))
     assert ConcertRunner([launch("ends", respawn=True)], screen=False).run() == 1

@@ -1,4 +1,4 @@
-"""A computer's fork server starts the launches of a concert, too."""
+"""A computer's fork server starts the launches of a concert as well."""
 
 import subprocess
 import sys

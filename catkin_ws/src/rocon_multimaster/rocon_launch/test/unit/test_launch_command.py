@@ -1,4 +1,4 @@
-"""What the command finds, and what it says of a file that does not exist."""
+"""The files that the command finds, and its error for a file that does not exist."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from rocon_launch.core.error import ConcertError
 
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[Launch], bool]]:
-    """Returns what was started, with whether its output is shown; nothing is."""
+    """Returns the recorded launches, each with whether its output is shown; nothing is actually started."""
     runs: list[tuple[list[Launch], bool]] = []
 
     class Runner:

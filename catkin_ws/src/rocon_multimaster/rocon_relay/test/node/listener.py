@@ -1,4 +1,4 @@
-"""Writes a line for each text that arrives on the topic given: its number, and whether it is as it was sent."""
+"""Writes a line for each text that arrives on the given topic: its number, and whether it is intact."""
 
 import hashlib
 import sys

@@ -1,6 +1,6 @@
-"""Serves /echo: answers with the text that it gets; some texts make it fail, wait, die or tell who calls.
+"""Serves /echo: answers with the text it receives; some texts make it fail, wait, die or return the caller's name.
 
-"hold" waits until somebody else says "release".
+"hold" waits until another client sends "release".
 """
 
 import os

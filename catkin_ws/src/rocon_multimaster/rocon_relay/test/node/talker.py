@@ -1,6 +1,6 @@
 """Publishes numbered texts on /chatter, long ones on /big, and its arguments once, latched, on /latched.
 
-On /flood it publishes as fast as its only subscriber takes it, without a queue; on /tf_static two frames, latched.
+On /flood it publishes without a queue, as fast as its only subscriber reads; on /tf_static two latched frames.
 """
 
 import hashlib
@@ -21,7 +21,7 @@ FLOOD_SIZE = 1_000_000
 
 
 def text(number: int, size: int) -> str:
-    """A text of that size that nobody could make up."""
+    """Returns a text of the given size that cannot occur by chance."""
     return f"{number:08d}" + (hashlib.sha256(str(number).encode()).hexdigest() * (size // 64 + 1))[: size - 8]
 
 
@@ -51,7 +51,7 @@ class Flood(rospy.SubscribeListener):
 
 
 class Burst(rospy.SubscribeListener):
-    """Publishes three poses each of two frames, all of one stamp, to each new subscriber, and then nothing."""
+    """Publishes three poses for each of two frames, all with one stamp, to each new subscriber, and then nothing."""
 
     def peer_subscribe(self, _topic, _publish, peer_publish) -> None:
         for x in range(3):
@@ -71,7 +71,7 @@ def main() -> None:
     latched.publish(" ".join(rospy.myargv()[1:]))
     frames = rospy.Publisher("/tf_static", TFMessage, queue_size=5, latch=True)
     frames.publish([TransformStamped(child_frame_id=f"pioneer{number}/laser") for number in (1, 2)])
-    bursts = rospy.Publisher("/tf_burst", TFMessage, Burst(), queue_size=5)  # noqa: F841 # published while it is kept
+    bursts = rospy.Publisher("/tf_burst", TFMessage, Burst(), queue_size=5)  # noqa: F841 # publishes while referenced
     number = 0
     while not rospy.is_shutdown():
         chatter.publish(text(number, 80))

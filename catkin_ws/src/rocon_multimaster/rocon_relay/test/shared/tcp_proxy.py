@@ -1,4 +1,4 @@
-"""A small TCP proxy that delays what passes, or swallows it."""
+"""A small TCP proxy that delays or swallows data."""
 
 import contextlib
 import selectors
@@ -9,19 +9,19 @@ from collections import deque
 
 
 class TcpProxy:
-    """Passes connections on to an address; one thread.
+    """Forwards connections to an address, in one thread.
 
     Args:
-        host: where to.
-        port: where to.
+        host: host to forward to.
+        port: port to forward to.
     """
 
     def __init__(self, host: str, port: int) -> None:
         self._target = (host, port)
         self._listener = socket.create_server(("127.0.0.1", 0))
-        self.port = self._listener.getsockname()[1]  #: where it listens, on the loopback
-        #: swallows: whether what arrives is read and thrown away, and nothing comes back
-        #: delay: for how long each byte is held back in each direction [s]
+        self.port = self._listener.getsockname()[1]  #: its listening port, on the loopback interface
+        #: swallows: whether incoming data is read and discarded, and nothing is sent back
+        #: delay: how long each byte is delayed in each direction [s]
         self.delay, self.swallows = 0.0, False
         self._peers: dict[socket.socket, socket.socket] = {}
         self._late: deque[tuple[float, socket.socket, bytes]] = deque()
@@ -73,7 +73,7 @@ class TcpProxy:
             one.close()
 
     def close(self) -> None:
-        """Ends all connections."""
+        """Closes all connections."""
         self._stopping = True
         self._thread.join()
         for one in list(self._peers):

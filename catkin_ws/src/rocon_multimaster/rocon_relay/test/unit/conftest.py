@@ -1,4 +1,4 @@
-"""Lets the tests import what stands beside them, and the certificates of tcpros' tests."""
+"""Adds this folder and the certificates of tcpros' tests to the import path."""
 
 import sys
 from pathlib import Path

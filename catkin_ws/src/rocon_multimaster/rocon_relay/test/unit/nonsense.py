@@ -1,4 +1,4 @@
-"""Hypothesis strategies for bad input: nearly right, and plain garbage."""
+"""Hypothesis strategies for invalid input: almost valid data and plain garbage."""
 
 import json
 import struct
@@ -100,7 +100,7 @@ heads = (
 
 
 def drawn(strategy: st.SearchStrategy[Drawn], count: int) -> list[Drawn]:
-    """Returns so many examples, the same in every run, for a test whose subject is not restarted for each."""
+    """Returns `count` examples, the same in every run, for a test that does not restart its subject for each."""
     found: list[Drawn] = []
 
     @settings(

@@ -15,7 +15,7 @@ def test_a_hello_is_read_as_it_was_written():
 
 
 def test_a_hello_with_whole_rates_is_written_alike_on_both_sides():
-    """Its bytes are under the proof: a rate of 20 that came back as 20.0 once made every password differ."""
+    """The proof covers its bytes: a rate of 20 that came back as 20.0 once made every password differ."""
     hello = dataclasses.replace(HELLO, options=LinkOptions(rate=20, stamp_rate=20))
     assert Hello.from_fields(hello.fields()).fields() == hello.fields()
 

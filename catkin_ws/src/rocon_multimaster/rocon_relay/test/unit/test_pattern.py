@@ -1,4 +1,4 @@
-"""Patterns match in linear time, and what cannot is refused."""
+"""Patterns match in linear time; those that cannot are refused."""
 
 import time
 
@@ -9,7 +9,7 @@ from rocon_relay.core.pattern import PatternError, compiled, matches_whole
 
 @pytest.mark.parametrize("pattern", [r"/(\w+/?)+/odom", "(a+)+b", "(.*)*x", ".*.*.*.*.*=", "(a|a)*b", "(/?a?){50}b"])
 def test_no_pattern_takes_long_for_a_name_of_any_length(pattern):
-    """The first of these once stalled its gateway beyond SIGTERM, for a name of 40 characters."""
+    """With a name of 40 characters, the first of these once stalled its gateway, which then ignored even SIGTERM."""
     began = time.process_time()
     assert not matches_whole(pattern, "/" + "a" * 100_000)
     assert time.process_time() - began < 1.0

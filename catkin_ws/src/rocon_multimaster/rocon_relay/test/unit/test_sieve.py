@@ -103,7 +103,7 @@ def test_frames_in_messages_of_their_own_do_not_keep_each_other_back():
 
 
 def test_a_frame_that_comes_less_often_than_another_of_its_message_is_not_left_out():
-    """At 25 Hz and picked at 20 Hz it met the first message of a period only each 0.2 s."""
+    """At 25 Hz, throttled to 20 Hz, it once coincided with the first message of a period only every 0.2 s."""
     pace, times = StampPace(20.0, "tf2_msgs/TFMessage"), range(10, 1010, 10)
     frames = {ms: ("fast", *(("slow",) if ms % 40 == 0 else ())) for ms in times}
     assert sum(_goes(pace, _of_frames(ms * 10**6, *frames[ms])) and len(frames[ms]) > 1 for ms in times) >= 20

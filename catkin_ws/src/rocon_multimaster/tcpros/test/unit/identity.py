@@ -1,4 +1,4 @@
-"""Certificates for tests, of this package and of those that use it."""
+"""Certificates for the tests of this package and of those that use it."""
 
 import pytest
 
@@ -7,14 +7,14 @@ from tcpros.adapters.tls import certificates_from
 
 
 class Identities:
-    """Certificates, made by the authority of one fleet or another when first asked for."""
+    """Certificates, created on first use by the authority of a given fleet."""
 
     def __init__(self, folder):
         self._folder = folder
         self._made = {}
 
     def directory(self, name="robot", fleet="ours", days=30):
-        """Returns a machine's directory; `days` below 0 make one that has expired, under its own name."""
+        """Returns a machine's directory; negative `days` make an expired certificate, which needs a name of its own."""
         made, directory = self._made.get((name, fleet), (days, None))
         assert made == days, f"{name} of {fleet} has a certificate of {made} days already; use another name"
         if directory is None:

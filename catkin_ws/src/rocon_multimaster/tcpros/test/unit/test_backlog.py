@@ -11,7 +11,7 @@ from tcpros.core.frame import FrameSplitter
 
 
 class FakeReceiver:
-    """Takes a set number of bytes at each attempt."""
+    """Accepts a set number of bytes at each attempt."""
 
     def __init__(self, appetite, max_messages=5, max_bytes=10_000):
         self.backlog = Backlog(max_messages, max_bytes)
@@ -78,7 +78,7 @@ def frame(body):
 
 
 def messages_in(stream):
-    """The bodies of a stream that must consist of whole frames."""
+    """Returns the message bodies of a stream; asserts that it consists of whole frames."""
     bodies = []
     while stream:
         length = int.from_bytes(stream[:4], "little")

@@ -6,7 +6,7 @@ from tcpros.adapters.brake import Brake
 
 
 class Clock:
-    """A reactor whose timers fire when the test moves its clock."""
+    """A reactor whose timers fire when the test advances its clock."""
 
     def __init__(self) -> None:
         self._due = None
@@ -16,13 +16,13 @@ class Clock:
         return SimpleNamespace(cancel=lambda: None)
 
     def pass_time(self) -> None:
-        """Lets the time pass that the brake waits between two looks."""
+        """Advances the clock by the brake's interval between two checks."""
         due, self._due = self._due, None
         due()
 
 
 def test_a_receiver_that_takes_something_again_is_waited_for_at_once() -> None:
-    """It was not for up to a second, and a publisher without pauses lost messages to somebody who took them."""
+    """For up to a second the brake did not wait for it, so it lost messages of a publisher without pauses."""
     taken = [0]
     clock, fanout = Clock(), SimpleNamespace(acknowledged=lambda: taken[0], relieved=None)
     brake = Brake(clock, fanout, 1e9, lambda: None)

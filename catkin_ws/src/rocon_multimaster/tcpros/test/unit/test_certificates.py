@@ -1,4 +1,4 @@
-"""A fleet's certificates: made in one step, kept to whom they belong, and what is wrong with them said in one line."""
+"""A fleet's certificates: created in one step, readable only by their owner, and each error reported in one line."""
 
 import shutil
 import subprocess

@@ -1,4 +1,4 @@
-"""The blocking client, against a master, a node and a server made up here."""
+"""The blocking client, against a fake master, node and server."""
 
 import socket
 import struct
@@ -14,7 +14,7 @@ from tcpros.core.header import header_bytes
 
 
 class Text:
-    """A message, request and response as ROS generates them: one text."""
+    """A message, request and response with a single text, like the classes that ROS generates."""
 
     _type, _md5sum = "std_msgs/String", "992ce8a1687cec8c8bd883ec73ca41d1"
 
@@ -38,7 +38,7 @@ def frame(data):
 
 @contextmanager
 def graph(*answers, **lookups):
-    """A master that is also the only node; each connection to it gets one of `answers` and is closed."""
+    """A fake master that is also the only node; each connection to it gets one of `answers` and is closed."""
     listener = socket.create_server(("127.0.0.1", 0))
     port = listener.getsockname()[1]
     values = {

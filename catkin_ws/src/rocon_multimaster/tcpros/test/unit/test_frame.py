@@ -14,7 +14,7 @@ cuts = st.lists(st.integers(min_value=1, max_value=50), min_size=1, max_size=30)
 
 
 def pieces(data, sizes):
-    """Cuts data into pieces of these sizes, over and over."""
+    """Cuts data into pieces of the given sizes, repeating the sizes."""
     position, index = 0, 0
     while position < len(data):
         size = sizes[index % len(sizes)]
@@ -23,7 +23,7 @@ def pieces(data, sizes):
 
 
 def chunks(splitter, data, sizes):
-    """What the splitter makes of data that arrives in pieces, with what it leaves prepended to the next."""
+    """Yields the splitter's output for data that arrives in pieces; unused data is prepended to the next piece."""
     rest = b""
     for piece in pieces(data, sizes):
         rest += piece

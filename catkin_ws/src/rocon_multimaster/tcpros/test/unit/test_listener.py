@@ -1,4 +1,4 @@
-"""A port of the relay's."""
+"""A listening port of the relay."""
 
 import logging
 import select
@@ -16,7 +16,7 @@ def congestion_control(sock: socket.socket) -> bytes:
 
 @pytest.mark.parametrize("peer", ["127.0.0.1", "127.0.0.2"])
 def test_only_peers_on_this_machine_are_sent_to_without_pacing(peer: str) -> None:
-    """BBR's timers cost both relays a third more processor time a megabyte, between two processes of one machine."""
+    """Between two processes on one machine, BBR's timers cost both relays a third more CPU time per megabyte."""
     with socket.socket() as fresh:
         usual = congestion_control(fresh)
     accepted: list[bytes] = []

@@ -10,7 +10,7 @@ FLOOD = 1.0 / 12_500.0
 
 
 def rests(pauses: list[float], moved: list[int]) -> list[float]:
-    """Returns the rests after rounds that end so long after one another, the rests before them included."""
+    """Returns the rest after each round; each round ends `pause` after the previous rest."""
     moderation, now, found = Moderation(), 0.0, [0.0]
     for pause, count in zip(pauses, moved, strict=True):
         now += found[-1] + pause

@@ -16,7 +16,7 @@ def pipe():
 
 @pytest.fixture
 def ends():
-    """What is written to the first is to be moved from the second to the third, and arrives at the last."""
+    """Four sockets: data written to the first is moved from the second to the third and arrives at the last."""
     pairs = (*socket.socketpair(), *socket.socketpair())
     for end in pairs:
         end.setblocking(False)
@@ -66,7 +66,7 @@ def test_a_sink_that_is_gone_takes_nothing_and_the_pipe_continues(pipe, ends):
 
 
 def drained(reader):
-    """All that is there."""
+    """Returns all data that is available."""
     data = b""
     with contextlib.suppress(BlockingIOError):
         while more := reader.recv(2**20):

@@ -1,4 +1,4 @@
-"""The loop."""
+"""The event loop."""
 
 import subprocess
 import sys
@@ -23,5 +23,5 @@ reactor.run()
 
 
 def test_a_signal_that_comes_to_another_thread_is_seen_at_once() -> None:
-    """Python calls its handler in the main thread, which waited for an event."""
+    """Python runs the signal handler in the main thread, which was once still waiting for an event."""
     subprocess.run([sys.executable, "-c", PROGRAM], timeout=20.0, check=True)

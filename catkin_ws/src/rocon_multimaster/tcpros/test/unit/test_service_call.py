@@ -1,4 +1,4 @@
-"""Requests and responses are followed however the bytes are cut."""
+"""Requests and responses are tracked however the bytes are split."""
 
 import random
 import struct
@@ -17,7 +17,7 @@ def response(body: bytes, good: bool = True) -> bytes:
 
 
 def cut(data: bytes, generator: random.Random) -> list[memoryview]:
-    """The bytes in pieces."""
+    """Cuts the bytes into pieces."""
     places = sorted(generator.randrange(len(data) + 1) for _ in range(generator.randrange(12)))
     return [memoryview(data)[a:b] for a, b in zip([0, *places], [*places, len(data)], strict=True)]
 

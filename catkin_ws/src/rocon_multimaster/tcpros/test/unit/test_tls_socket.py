@@ -1,4 +1,4 @@
-"""An encrypted socket that never waits: whatever the kernel takes and gives, what goes in comes out."""
+"""A non-blocking TLS socket: whatever the kernel accepts and delivers, the data arrives unchanged."""
 
 import contextlib
 import random
@@ -14,7 +14,7 @@ SIZE = 3_000_000
 
 @pytest.fixture
 def pair():
-    """Two connected sockets whose buffers hold little."""
+    """Two connected sockets with small buffers."""
     ends = socket.socketpair()
     for end in ends:
         end.setblocking(False)
@@ -26,7 +26,7 @@ def pair():
 
 @pytest.fixture
 def ends(pair, identities):
-    """The client's and the server's encrypted sockets, before any handshake."""
+    """The client's and the server's TLS sockets, before any handshake."""
     tls = Tls(identities())
     return tls.dialled(pair[0]), tls.accepted(pair[1])
 

@@ -1,4 +1,4 @@
-"""Lets the tests import what stands beside them."""
+"""Adds this folder to the import path."""
 
 import sys
 from pathlib import Path

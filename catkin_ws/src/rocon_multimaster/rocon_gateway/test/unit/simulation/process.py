@@ -1,4 +1,4 @@
-"""One run of a gateway in simulated time: hub client and compare loop, driven as `HubClient` and `GatewayNode` do."""
+"""One run of a gateway in simulated time: hub client and compare loop, driven as by `HubClient` and `GatewayNode`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ HUB = HubAddress("hub", 6380)
 
 @dataclass
 class Computer(FakeGateway):
-    """What survives a gateway's process: its rules, and the nodes on its master."""
+    """State that outlives a gateway's process: its rules and the nodes on its master."""
 
     process: Process | None = None
 
@@ -95,7 +95,7 @@ class Process:
             raise redis.TimeoutError("Timeout reading from socket")
         return self.world.hub_server()
 
-    # As HubClient does
+    # As in HubClient
 
     def _try(self) -> None:
         if self._ended:
@@ -176,7 +176,7 @@ class Process:
         }
         return up | feeding
 
-    # As GatewayNode does
+    # As in GatewayNode
 
     def wake(self) -> None:
         if not self._turning:
@@ -231,7 +231,7 @@ class Process:
 
 @contextmanager
 def opened_by(client: ClientModel) -> Iterator[None]:
-    """Has sessions speak to the simulated hub."""
+    """Makes sessions connect to the simulated hub."""
     real = hub_session.redis_client, hub_session.unreachable
     hub_session.redis_client = lambda *_: client
     hub_session.unreachable = lambda *_: HubError(Code.HUB_CONNECTION_UNRESOLVABLE, "no hub there")

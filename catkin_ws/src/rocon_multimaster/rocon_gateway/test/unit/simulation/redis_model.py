@@ -1,4 +1,4 @@
-"""A Redis in memory with simulated time: the commands that gateways and hub use, and nothing else."""
+"""An in-memory Redis with simulated time; implements only the commands that gateways and hub use."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Clock = Callable[[], float]
 
 
 class RedisModel:
-    """One run of a Redis server. Events go to `deliver(subscription, message)`, which may hold them back."""
+    """One run of a Redis server. Events are passed to `deliver(subscription, message)`, which may delay them."""
 
     def __init__(self, number: int, clock: Clock, deliver: Callable[[Subscription, dict[str, Any]], None]) -> None:
         self.number = number
@@ -84,7 +84,7 @@ class RedisModel:
         return {"run_id": str(self.number)}
 
     def expire_script(self, keys: list[str], event: str) -> int:
-        """Does what the hub's script does to a gateway that has fallen silent."""
+        """Emulates the hub's script: marks a gateway as lost if its heartbeat has expired."""
         alive, lost, channel = keys
         if self.live(alive) is not None:
             return 0
@@ -94,7 +94,7 @@ class RedisModel:
 
 
 class ClientModel:
-    """A connection of one process. `server()` returns the Redis that it reaches now, or raises a `redis.RedisError`."""
+    """One process's connection. `server()` returns the Redis that it reaches now, or raises a `redis.RedisError`."""
 
     def __init__(self, server: Callable[[], RedisModel]) -> None:
         self._server = server
@@ -119,7 +119,7 @@ class ClientModel:
 
 
 class PipelineModel:
-    """Commands that are done together."""
+    """Commands that are executed together."""
 
     def __init__(self, server: Callable[[], RedisModel]) -> None:
         self._server = server
@@ -133,7 +133,7 @@ class PipelineModel:
         """Nothing to release."""
 
     def watch(self, _key: str) -> None:
-        """Nothing comes between, in one thread."""
+        """Needs no check: in a single thread, nothing can happen in between."""
         self._watching = True
 
     def multi(self) -> None:
@@ -153,7 +153,7 @@ class PipelineModel:
 
 
 class Subscription:
-    """A connection that gets events; bound to the run of Redis that it was made at."""
+    """A connection that receives events; bound to the run of Redis that it was created on."""
 
     def __init__(self, server: Callable[[], RedisModel]) -> None:
         self._server = server
@@ -174,10 +174,10 @@ class Subscription:
             self.redis.subscriptions[channel].pop(self, None)
 
     def get_message(self, timeout: float = 0.0) -> None:
-        """What `HubSession` reads itself are acknowledgements, which a simulation delivers later instead."""
+        """`HubSession` itself reads only acknowledgements, which the simulation delivers later instead."""
 
     def take(self) -> list[dict[str, Any]]:
-        """Returns what has arrived; raises redis.ConnectionError if the connection's Redis has ended."""
+        """Returns the events that have arrived; raises redis.ConnectionError if the connection's Redis has ended."""
         self._check()
         arrived, self.arrived = self.arrived, []
         return arrived

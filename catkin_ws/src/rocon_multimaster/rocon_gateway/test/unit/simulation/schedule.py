@@ -1,4 +1,4 @@
-"""Fault schedules: drawn from a seed, and made smaller while they still fail."""
+"""Fault schedules: drawn from a seed, and shrunk while they still fail."""
 
 import random
 from collections.abc import Callable, Sequence
@@ -24,7 +24,7 @@ SPAN = 8.0
 
 @dataclass(frozen=True, order=True)
 class Fault:
-    """What happens at a time [s], to whom, and for how long [s]; `choice` picks one of several."""
+    """A fault: when it begins [s], whom it affects and how long it lasts [s]; `choice` selects one of several."""
 
     at: float
     kind: str
@@ -35,7 +35,7 @@ class Fault:
 
 
 def drawn(seed: int) -> list[Fault]:
-    """Returns a schedule of one to five faults, in their order."""
+    """Returns a schedule of one to five faults, ordered by time."""
     source = random.Random(seed)
     faults = []
     for _ in range(source.randint(1, 5)):
@@ -48,7 +48,7 @@ def drawn(seed: int) -> list[Fault]:
 
 
 def shrunk(faults: Sequence[Fault], fails: Callable[[Sequence[Fault]], bool]) -> list[Fault]:
-    """Returns a failing schedule from which no fault can be left out."""
+    """Returns a reduced schedule that still fails and from which no fault can be removed."""
     faults = list(faults)
     for fault in list(faults):
         fewer = [one for one in faults if one is not fault]

@@ -1,4 +1,4 @@
-"""Thousands of drawn fault schedules around the real compare function, hub client and hub registry."""
+"""Thousands of random fault schedules against the real compare function, hub client and hub registry."""
 
 import os
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ def test_a_failing_schedule_shrinks_to_the_fault_that_fails() -> None:
 
 
 def _reports(start: int) -> list[str]:
-    """Returns what fails of `CHUNK` schedules, with the smallest faults that make it fail."""
+    """Returns the failures among `CHUNK` schedules, each with a minimal set of faults that causes it."""
     found = []
     for seed in range(start, min(start + CHUNK, FIRST + SCHEDULES)):
         if wrong(seed, drawn(seed)):
@@ -39,5 +39,5 @@ def _reports(start: int) -> list[str]:
 
 
 def wrong(seed: int, faults: Sequence[Fault]) -> str:
-    """Returns what is wrong at the end of a schedule, "" for nothing."""
+    """Returns what is wrong at the end of a schedule, or "" if nothing is."""
     return World(seed, faults).run()

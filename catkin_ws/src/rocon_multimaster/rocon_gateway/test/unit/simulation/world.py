@@ -37,13 +37,13 @@ _RULES: tuple[tuple[str, Kind, str], ...] = (
 
 
 def _nodes(name: str) -> list[Connection]:
-    # A name has one server, and who serves it depends on who came first; here each computer has names of its own.
+    # A name has one server, and which one depends on the order of arrival; here each computer has names of its own.
     nodes = publisher("/scan", "/laser"), publisher("/tf", "/localisation"), subscriber("/scan", "/viewer")
     return [*nodes, service(f"/{name}/add", "/adder")]
 
 
 class World:
-    """Everything that a schedule of faults acts on."""
+    """Everything that a fault schedule acts on."""
 
     def __init__(self, seed: int, faults: Sequence[Fault]) -> None:
         self.now = 0.0
@@ -78,7 +78,7 @@ class World:
         self.at(self.now + self.random.uniform(0.0, longest), act)
 
     def run(self) -> str:
-        """Lets everything happen; returns what is still wrong when it should have converged, "" for nothing."""
+        """Runs the simulation; returns what is still wrong when it should have converged, or "" if nothing is."""
         check, wrong = self.end, ""
         while True:
             while self._due[0][0] <= check:
@@ -114,7 +114,7 @@ class World:
     def _deliver(self, subscription: Subscription, message: dict[str, Any]) -> None:
         owner = next((one for one in self.listening.values() if one.events is subscription), None)
         held = max(self.now, self.frozen, self.cut_from_hub.get(owner.name, 0.0) if owner else 0.0)
-        # One connection keeps the order of a channel; across channels more is allowed than a connection does.
+        # One connection keeps the order within a channel; across channels, the model allows more than a connection.
         channel = message["channel"]
         when = max(held + self.random.choice((0.0, 0.001, 0.02, 0.2)), subscription.last.get(channel, 0.0))
         subscription.last[channel] = when
@@ -127,7 +127,7 @@ class World:
         if owner is not None and subscription.is_open:
             subscription.arrived.append(message)
             owner.take()
-        elif subscription.is_open:  # not yet returned to its session's maker
+        elif subscription.is_open:  # not yet returned to the session's creator
             subscription.arrived.append(message)
 
     # Processes
@@ -175,7 +175,7 @@ class World:
     def _crash_hub(self, ends: float) -> None:
         self.redis = None
         for process in self.listening.values():
-            # A broken connection is noticed by who waits on it.
+            # A broken connection is noticed by the process that waits on it.
             self.soon(0.05, process.take)
 
         def restart() -> None:
@@ -185,7 +185,7 @@ class World:
         self.at(ends, restart)
 
     def change_rule(self, computer: Computer, choice: int) -> None:
-        """Adds a rule, or takes it away if it is there."""
+        """Adds a rule, or removes it if it exists."""
         book, (action, kind, name) = computer.book, _RULES[choice % len(_RULES)]
         others = [one for one in NAMES if one != computer.name]
         target = [*others, ".*"][choice // 7 % 3]
@@ -201,10 +201,10 @@ class World:
         if advertised not in computer.book.advertisements.rules:
             computer.book = computer.book.advertised([advertised])
 
-    # What must hold
+    # Invariants
 
     def fault(self) -> str:
-        """Returns the first thing that is not as gateways that never failed would have it; "" for nothing."""
+        """Returns the first difference from the state of gateways that never failed, or "" if there is none."""
         assert self.redis is not None
         for computer in self.computers.values():
             others = {name for name in NAMES if name != computer.name}

@@ -39,13 +39,13 @@ def talkers(source_master, tmp_path_factory):
 
 @pytest.fixture
 def certificates():
-    """What relays have that are not told otherwise."""
+    """The certificates of relays that are not given others: none."""
     return
 
 
 @pytest.fixture
 def relays(source_master, sink_master, certificates):
-    """Makes relays, and ends them."""
+    """Creates relays and shuts them down."""
     made = []
 
     def make(name, **settings):
@@ -61,5 +61,5 @@ def relays(source_master, sink_master, certificates):
 
 @pytest.fixture
 def sides(relays, talkers):
-    """A source and a sink, nothing asked of them yet."""
+    """A source and a sink without any links."""
     return relays("source"), relays("sink")

@@ -1,4 +1,4 @@
-"""Two relays, each with a master of its own, and a subscriber that is not ROS's."""
+"""Two relays, each with its own master, and a subscriber that does not use ROS's code."""
 
 import contextlib
 import hashlib
@@ -43,12 +43,12 @@ class Side:
         return Address("127.0.0.1", self.relay.port)
 
     def state(self):
-        """The states of all imports and exports."""
+        """Returns the states of all imports and exports."""
         status = self.relay.status()
         return [link.state for link in (*status.imports.values(), *status.exports.values())]
 
     def link(self):
-        """The status of the one import or export."""
+        """Returns the status of the only import or export."""
         status = self.relay.status()
         (link,) = (*status.imports.values(), *status.exports.values())
         return link
@@ -58,7 +58,7 @@ class Side:
 
 
 class Subscriber:
-    """A TCPROS subscriber of one publisher, written here so that no ROS code hides a fault."""
+    """A TCPROS subscriber of one publisher, implemented here so that no ROS code hides a fault."""
 
     def __init__(self, side, node, topic, name="/tester", type_=ANY, md5sum=ANY, receive_buffer=None):
         self.uri = side.master.proxy().lookupNode(node)
@@ -78,16 +78,16 @@ class Subscriber:
         self.header = header_fields(self.bytes())
 
     def bytes(self):
-        """The next length and what follows; b"" at the end."""
+        """Reads a length and returns the data that follows; b"" at the end."""
         length = self._exactly(4)
         return self._exactly(struct.unpack("<I", length)[0]) if length else b""
 
     def text_of_message(self):
-        """The next std_msgs/String."""
+        """Returns the text of the next std_msgs/String."""
         return self.bytes()[4:].decode()
 
     def is_ended(self, within):
-        """Whether the connection ends so soon, whatever comes before."""
+        """Returns whether the connection ends in time, whatever arrives before."""
         self.socket.settimeout(within)
         deadline = time.monotonic() + within
         try:
@@ -146,7 +146,7 @@ def wait_for(side, state, timeout=5):
 
 
 def number_of_good(subscriber):
-    """The number of the next message, whose text must be as it was sent."""
+    """Returns the number of the next message; asserts that its text is intact."""
     text = subscriber.text_of_message()
     whole = hashlib.sha256(str(int(text[:8])).encode()).hexdigest() * (len(text) // 64 + 1)
     assert whole.startswith(text[8:])

@@ -1,4 +1,4 @@
-"""What peers and unauthenticated clients may take of a relay, and what it measures of them."""
+"""How much peers and unauthenticated clients may use of a relay, and what it measures of them."""
 
 import contextlib
 import socket

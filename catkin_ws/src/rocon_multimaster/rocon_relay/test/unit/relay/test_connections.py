@@ -1,4 +1,4 @@
-"""The TCP connections that messages cross on: how many, and how they are set."""
+"""The TCP connections that carry messages: how many there are, and their socket options."""
 
 import contextlib
 import socket
@@ -17,13 +17,13 @@ ESTABLISHED = "01"
 
 
 def connections_to(port):
-    """How many connections of this machine stand that were dialled to `port`, as the kernel says."""
+    """Returns how many established connections to `port` this machine has, according to the kernel."""
     rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
     return sum(int(row[2].split(":")[1], 16) == port and row[3] == ESTABLISHED for row in rows)
 
 
 def waits_for_nagle(side):
-    """Each of the relay's open connections by its kind, and whether it does; looked at while none can end."""
+    """Returns kind and use of Nagle's algorithm for each of the relay's open connections; none can end meanwhile."""
     found = []
 
     def look():

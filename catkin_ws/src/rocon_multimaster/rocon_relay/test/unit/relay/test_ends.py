@@ -1,4 +1,4 @@
-"""Ends of connections in the middle of something: nothing of them stays behind."""
+"""Connections that end in the middle of something leave nothing behind."""
 
 import contextlib
 import logging
@@ -20,7 +20,7 @@ RESET = struct.pack("ii", 1, 0)
 
 
 class Exporter:
-    """Admits everybody, and keeps the one subscription."""
+    """Admits every link and keeps the only subscription."""
 
     def __init__(self, context):
         self.context = context
@@ -36,7 +36,7 @@ class Exporter:
         return self.current
 
     def ended(self, end):
-        """Nothing is kept of it here."""
+        """Does nothing: no state of the link is kept here."""
 
     def _emptied(self):
         self.emptied += 1
@@ -44,7 +44,7 @@ class Exporter:
 
 @pytest.fixture
 def exporter():
-    """An exporter whose loop does not run: nothing happens but what the test does."""
+    """An exporter whose loop does not run, so that only the test makes things happen."""
     logger = logging.getLogger("relay.ends")
     reactor = Reactor(logger)
     config = RelayConfig("source", "/gateway", "http://127.0.0.1:1/", "127.0.0.1")
@@ -55,7 +55,7 @@ def exporter():
 
 @contextlib.contextmanager
 def connection():
-    """Both ends of one."""
+    """Yields both ends of a connection."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
         dialled = socket.create_connection(listener.getsockname())
         accepted, _ = listener.accept()

@@ -1,4 +1,4 @@
-"""File descriptors run out and become free again: what failed meanwhile is logged once, and then works."""
+"""File descriptors run out and become free again: failures are logged once, and everything works afterwards."""
 
 import errno
 import logging
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptio
 
 
 class Scarce:
-    """Stands in for the module `socket`, and has no sockets for a module of the relay's, so many times."""
+    """Replaces the module `socket`; one of the relay's modules gets no sockets for a given number of attempts."""
 
     def __init__(self):
         self._left = {}

@@ -1,4 +1,4 @@
-"""What crosses two relays between two real masters, with real nodes."""
+"""Messages that cross two relays between two real masters, with real nodes."""
 
 import errno
 import os
@@ -51,7 +51,7 @@ def test_a_roscpp_node_subscribes(sides, tmp_path):
         listener(group, sink, "", tmp_path / "relay", argv)
         wait_until(lambda: sink.publishers("/copy"), "roscpp's relay knows the type", START)
         with Subscriber(sink, "/copier", "/copy", type_=STRING, md5sum=STRING_MD5) as copy:
-            # Its own queue holds ten messages, a tenth of a second: what it drops is none of ours.
+            # The node's own queue holds ten messages (0.1 s); messages dropped there are not the relay's fault.
             assert number_of_good(copy) < number_of_good(copy)
 
 
@@ -85,7 +85,7 @@ def test_the_proxy_answers_as_a_node(sides):
 def test_newcomers_get_the_last_latched_message_of_each_source(sides):
     source, sink = sides
     connect(source, sink, ("/latched",), ("/talker1", "/talker2"))
-    for _ in range(2):  # the second subscriber of each comes while the first is served
+    for _ in range(2):  # the second subscriber of each connects while the first is served
         for name in ("talker1", "talker2"):
             with (
                 Subscriber(sink, f"/source/{name}", "/latched") as first,
@@ -101,7 +101,7 @@ def test_newcomers_get_the_last_latched_message_of_each_source(sides):
 
 def test_a_topic_is_subscribed_at_its_source_only_while_somebody_listens(sides):
     source, sink = sides
-    # The talker sees that a connection has ended when it publishes next.
+    # The talker notices a closed connection only when it publishes the next message.
     wait_until(lambda: not subscribers_of_talker(source.master), "those of other tests are gone", 5)
     connect(source, sink)
     assert subscribers_of_talker(source.master) == []

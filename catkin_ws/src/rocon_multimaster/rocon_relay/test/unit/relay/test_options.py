@@ -1,4 +1,4 @@
-"""What rules may ask of a link, done at its source: real publishers, two relays, real sockets."""
+"""Per-link options of rules, applied at the source: real publishers, two relays, real sockets."""
 
 import time
 
@@ -41,7 +41,7 @@ def test_the_strictest_of_both_ends_counts(sides):
 
 
 def test_the_last_message_of_each_frame_crosses_when_a_stream_pauses_whatever_its_stamp(sides):
-    """All of this stream's messages carry one stamp: of each frame only the first is in time."""
+    """All messages of this stream have the same stamp, so only the first of each frame is due."""
     source, sink = sides
     wanted = {"type_": TF, "options": LinkOptions(stamp_rate=20.0)}
     connect(source, sink, ("/tf_burst",), at_source={"type_": TF}, **wanted)
@@ -98,7 +98,7 @@ def test_a_queue_drops_the_oldest_at_the_source_where_the_link_is_slow(sides):
     connect(source, sink, ("/flood",), options=LinkOptions(queue_size=1))
     with Subscriber(sink, "/source/talker1", "/flood", receive_buffer=4096) as slow:
         first = number_of_flood(slow)
-        # Only until the sink does not wait any more for who takes nothing, a second or two: how many, the pace decides.
+        # Drops end after a second or two, when the sink stops waiting for the slow reader; the pace sets their number.
         wait_until(lambda: source.link().drops > 3, "drops at the source", 10)
         late = [number_of_flood(slow) for _ in range(60)]
     assert late == sorted(set(late))

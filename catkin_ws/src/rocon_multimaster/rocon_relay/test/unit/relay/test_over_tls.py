@@ -1,4 +1,4 @@
-"""Links over TLS do what plain ones do: tests that were written for those, with certificates."""
+"""Links over TLS behave like plain ones: the tests of plain links, run with certificates."""
 
 import pytest
 import test_messages

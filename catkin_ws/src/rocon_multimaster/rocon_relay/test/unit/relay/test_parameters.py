@@ -1,4 +1,4 @@
-"""Parameters across two relays: once, whole, bounded."""
+"""Parameters across two relays: they cross once, complete, and within limits."""
 
 import pytest
 from relay_side import wait_for

@@ -1,4 +1,4 @@
-"""Who is slow, and whom that slows: real publishers, two relays, subscribers that read when they like."""
+"""Slow subscribers, and what they slow down: real publishers, two relays, subscribers that read at their own pace."""
 
 import time
 
@@ -25,7 +25,7 @@ def test_a_slow_subscriber_slows_its_publisher_and_loses_nothing(sides):
     with Subscriber(sink, "/source/talker1", "/flood", receive_buffer=65536) as slow:
         got = [number(slow)]
         for _ in range(30):
-            time.sleep(RESTS)  # what it does with the message
+            time.sleep(RESTS)  # time to process the message
             got.append(number(slow))
         got += [number(slow) for _ in range(100)]
     assert got == list(range(got[0], got[0] + len(got)))
@@ -39,7 +39,7 @@ def test_a_subscriber_that_stands_still_stops_neither_the_link_nor_others(sides)
         first = number(still)
         wait_until(lambda: sink.link().drops > 20, "what it does not take is dropped", 10)
         with Subscriber(sink, "/source/talker1", "/flood", "/other") as other:
-            # Of what was under way when it came, the source may have dropped some while nobody took anything.
+            # While no subscriber was reading, the source may have dropped some of the messages in transit.
             lost_before = source.link().drops
             got = [number(other) for _ in range(100)]
         assert got == sorted(set(got))

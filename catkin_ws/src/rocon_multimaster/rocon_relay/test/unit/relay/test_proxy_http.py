@@ -1,4 +1,4 @@
-"""XML-RPC at a proxy's port: any client gets answers for as long as it asks."""
+"""XML-RPC at a proxy's port: any client gets answers as long as it sends requests."""
 
 import contextlib
 import itertools
@@ -22,7 +22,7 @@ FLOOD = 120_000
 
 
 class Asker:
-    """A connection to a proxy that is kept."""
+    """A persistent connection to a proxy."""
 
     def __init__(self, port, receive_buffer=None):
         self.socket = socket.socket()
@@ -33,7 +33,7 @@ class Asker:
         self._data = b""
 
     def answer(self):
-        """The next answer's status code of the slave API; None at the end."""
+        """Returns the slave API's status code in the next answer; None at the end."""
         while not (message := http_message(self._data, 0)) or len(self._data) < message.end:
             more = self.socket.recv(1 << 16)
             if not more:
@@ -59,7 +59,7 @@ def port_of_proxy(sink):
 
 
 def waiting(sink):
-    """The most that any connection of its proxies has to say and cannot [bytes]."""
+    """Returns the largest amount of unsent data on any connection of the sink's proxies [bytes]."""
     nodes = tuple(sink.relay._nodes._nodes.values())
     return max((one.backlog.size for node in nodes for one in tuple(node._port._connections)), default=0)
 

@@ -1,4 +1,4 @@
-"""Calls across two relays: what clients get, also when something ends in the middle."""
+"""Service calls across two relays: what clients receive, even when something ends during a call."""
 
 import contextlib
 import socket
@@ -26,11 +26,11 @@ MEGABYTES = 5_000_000
 
 
 class ServiceFailedError(Exception):
-    """The service answered with an error; the text says which."""
+    """The service answered with an error, which is in the text."""
 
 
 class Client:
-    """A ROSRPC client that is not ROS's: one connection to the server that the master names."""
+    """A ROSRPC client without ROS's code: one connection to the server that the master names."""
 
     def __init__(self, side, service="/echo", md5sum=ConnectHub._md5sum, **fields):
         address = urlsplit(side.master.proxy().lookupService(service))
@@ -40,7 +40,7 @@ class Client:
         self.header = header_fields(self._frame())
 
     def call(self, text):
-        """Returns the answer's text. Raises ServiceFailedError, or ConnectionError where the connection ends."""
+        """Returns the answer's text; raises ServiceFailedError, or ConnectionError if the connection ends."""
         body = BytesIO()
         ConnectHubRequest(text).serialize(body)
         self.socket.sendall(struct.pack("<I", len(body.getvalue())) + body.getvalue())
@@ -94,7 +94,7 @@ def connect(source, sink, service="/echo", node="/server"):
 
 @pytest.fixture
 def sink(relays, server):
-    """A sink on which the source's /echo is shown."""
+    """A sink that offers the source's /echo."""
     source, sink = relays("source"), relays("sink")
     connect(source, sink)
     return sink

@@ -1,4 +1,4 @@
-"""A link on which nothing comes, though every byte of it is acknowledged: a middlebox that swallows, a frozen relay."""
+"""A silent link whose bytes are all acknowledged: a middlebox that swallows data, or a frozen relay."""
 
 import dataclasses
 import time
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptio
 
 @pytest.fixture
 def middlebox(relays, talkers):
-    """Two relays with a proxy on the way from one to the other."""
+    """Two relays that connect through a proxy."""
     source, sink = relays("source"), relays("sink")
     proxy = TcpProxy("127.0.0.1", source.relay.port)
     yield source, sink, proxy
@@ -48,7 +48,7 @@ def test_a_black_holed_link_is_noticed_within_10_s_and_reconnects(middlebox, flo
 
 
 def test_an_idle_link_whose_far_end_answers_stays(relays, talkers, record_property):
-    # Long enough that an end which waits for the processor is not taken for one that is gone.
+    # Long enough that an end that waits for CPU time is not taken for a dead one.
     source, sink = relays("source", silence=1.5), relays("sink", silence=1.5)
     connect(source, sink)
     (end,) = sink.relay._imports.values()

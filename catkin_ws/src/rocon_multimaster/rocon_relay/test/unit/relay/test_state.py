@@ -1,4 +1,4 @@
-"""Who may have what, what is missing or ends, and what comes back."""
+"""Link states: which nodes have access, what is missing or ends, and what recovers."""
 
 import socket
 import sys
@@ -30,7 +30,7 @@ def test_only_allowed_nodes_may_subscribe(sides):
 
 
 def test_rules_with_flags_and_groups_hold_beside_one_another(sides):
-    """Two of them, joined into one expression, were none, and ended the gateway."""
+    """Two of them, joined into one expression, were once invalid and ended the gateway."""
     source, sink = sides
     allowed = ("(?i)/viewer", "/(?P<twice>ab)+", "/(?P<twice>c)c")
     connect(source, sink, allowed=allowed)
@@ -81,7 +81,7 @@ def test_a_missing_publisher_is_a_state(sides):
 
 
 def test_an_export_may_come_later_than_the_question_for_it(relays, talkers):
-    # Who asks is not refused before the end of the test, nor tires of waiting.
+    # Long timeouts: during the test, the request is neither refused nor abandoned.
     source, sink = relays("source", patience=60.0), relays("sink", handshake_timeout=60.0)
     sink.relay.apply(set(), {imported(source)})
     wait_until(lambda: source.relay._parked, "the question", 5)
@@ -165,7 +165,7 @@ def test_a_cancelled_import_can_come_back_at_once(sides):
 def test_a_shutdown_unregisters_also_what_comes_after_an_import_that_was_never_shown(sides):
     source, sink = sides
     source.relay.apply({export()}, set())
-    sink.relay.apply(set(), {imported(source, topic="/never", node="/nobody")})  # asked for first, never exported
+    sink.relay.apply(set(), {imported(source, topic="/never", node="/nobody")})  # requested first, never exported
     sink.relay.apply(set(), {imported(source, topic="/never", node="/nobody"), imported(source)})
     wait_until(lambda: sink.publishers("/chatter"), "a registration", 5)
     sink.relay.shutdown()

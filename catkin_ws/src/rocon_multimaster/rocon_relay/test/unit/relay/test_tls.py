@@ -1,4 +1,4 @@
-"""Whom links over TLS let in, and what is said of the others: one line, and nothing else happens."""
+"""Links over TLS: which peers are admitted; each refused peer is logged in one line and has no other effect."""
 
 import logging
 import socket
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptio
 
 @pytest.fixture
 def guarded(relays, talkers, identities):
-    """A source and a sink with certificates of one fleet, and a subscriber that must hear on whatever happens."""
+    """A source and a sink with certificates of one fleet, and a subscriber that must keep receiving throughout."""
     source, sink = relays("source", certificates=identities("one")), relays("sink", certificates=identities("two"))
     connect(source, sink)
     with Subscriber(sink, "/source/talker1", "/chatter") as subscriber:

@@ -71,7 +71,7 @@ def test_a_password_that_changes_leaves_links_up_and_holds_for_new_ones(relays, 
 
 
 class Outsider:
-    """A program that speaks the link protocol and knows no password."""
+    """A program that speaks the link protocol but does not know the password."""
 
     def __init__(self, source, beside=None, **changes):
         self.socket = socket.create_connection(source.address, 5)
@@ -81,7 +81,7 @@ class Outsider:
         self.socket.sendall(header_bytes(self.sent))
 
     def answer(self):
-        """The next header, None at the end."""
+        """Returns the next header; None at the end."""
         with self.socket.makefile("rb") as file:
             length = file.read(4)
             return header_fields(file.read(*struct.unpack("<I", length))) if length else None
@@ -92,7 +92,7 @@ def source_keys(source):
 
 
 def test_the_connecting_side_proves_itself_first_and_learns_no_secret(relays, talkers):
-    """The source once gave an HMAC of the password to anybody: 100,000 passwords could be tried on it in 10 s."""
+    """The source once sent an HMAC of the password to any client: 100,000 passwords could be tried on it in 10 s."""
     source = relays("source", password="secret")
     source.relay.apply({export()}, set())
     outsider = Outsider(source)
@@ -103,7 +103,7 @@ def test_the_connecting_side_proves_itself_first_and_learns_no_secret(relays, ta
 
 
 def test_a_hello_with_a_field_that_the_source_does_not_know_is_proved_as_well(relays, talkers):
-    """The source computed the proof from the fields that it knew, so that a newer gateway was refused."""
+    """The source once computed the proof only from the fields that it knew, so it refused newer gateways."""
     source = relays("source", password="secret")
     source.relay.apply({export()}, set())
     newer = Outsider(source, beside={"every": "5"})
@@ -115,7 +115,7 @@ def test_a_hello_with_a_field_that_the_source_does_not_know_is_proved_as_well(re
 
 
 def test_a_source_that_does_not_prove_itself_is_refused(relays, talkers):
-    """A host that has taken over a gateway's address accepts everybody, and knows no password."""
+    """A host that has taken over a gateway's address accepts every link but does not know the password."""
     sink = relays("sink", password="secret", retry_shortest=60.0)
     with socket.create_server(("127.0.0.1", 0)) as rogue:
         sink.relay.apply(
@@ -131,7 +131,7 @@ def test_a_source_that_does_not_prove_itself_is_refused(relays, talkers):
 
 @pytest.mark.parametrize("changes", [{}, {"subject": Subject.SERVICE, "topic": "/echo", "source_node": "/server"}])
 def test_a_link_that_stands_is_not_evicted_by_who_proves_nothing(relays, talkers, changes):
-    """Without a password anybody who guessed two gateways' names once took the link's place, and messages were lost."""
+    """Without a password, any client that guessed two gateways' names once took over the link; messages were lost."""
     source, sink = relays("source", patience=0.3), relays("sink")
     echo = Export("/echo", ANY, "/server", "sink", subject=Subject.SERVICE)
     source.relay.apply({export(), echo}, set())
