@@ -2,6 +2,7 @@
 
 import ssl
 import subprocess
+import threading
 import time
 from collections import deque
 
@@ -46,6 +47,22 @@ def test_the_page_comes_over_tls_and_its_cookie_goes_over_nothing_else(fleet):
         assert b"pioneer1.row" in socket.recv(WAIT)
     with pytest.raises(ssl.SSLCertVerificationError), live(fleet, cookie, ssl.create_default_context()):
         pass
+
+
+def test_a_thousand_refused_connections_over_tls_hang_no_client(fleet):
+    """One in some hundreds hung: a session ticket woke the client, which then read and wrote at the same time."""
+    refused = []
+
+    def connect_often():
+        for _ in range(1000):
+            with pytest.raises(InvalidStatus), live(fleet, "no cookie"):
+                pass
+            refused.append(True)
+
+    thread = threading.Thread(target=connect_often, daemon=True)
+    thread.start()
+    thread.join(WAIT)
+    assert len(refused) == 1000
 
 
 @pytest.mark.parametrize("path", ["/live", "/foxglove"])

@@ -99,7 +99,7 @@ class Server:
                 guard, host, port, log_level="warning", access_log=False, ws_per_message_deflate=False,
                 ws_max_size=1 << 20, server_header=False, proxy_headers=False,
                 ssl_certfile=certificate, ssl_keyfile=key, timeout_graceful_shutdown=1,
-                ssl_version=ssl.PROTOCOL_TLS_SERVER,
+                ssl_version=ssl.PROTOCOL_TLS_SERVER, ssl_context_factory=_without_tickets if certificate else None,
             )
         )  # fmt: skip
 
@@ -202,6 +202,17 @@ class Server:
         with self._feed.lock:
             text = figures(self._feed.station, len(self._viewers), time.monotonic())
         return Response(text, media_type="text/plain; version=0.0.4")
+
+
+def _without_tickets(_: uvicorn.Config, default: Callable[[], ssl.SSLContext]) -> ssl.SSLContext:
+    """Returns uvicorn's TLS context without session tickets.
+
+    A ticket makes a connection readable although no data follows. Clients that then read from a blocking socket, such
+    as the synchronous client of websockets, hang if they write at the same time.
+    """
+    context = default()
+    context.num_tickets = 0  # type: ignore[attr-defined]
+    return context
 
 
 class _Uvicorn(uvicorn.Server):
