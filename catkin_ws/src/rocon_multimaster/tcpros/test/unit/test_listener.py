@@ -16,7 +16,7 @@ def congestion_control(sock: socket.socket) -> bytes:
 
 @pytest.mark.parametrize("peer", ["127.0.0.1", "127.0.0.2"])
 def test_only_peers_on_this_machine_are_sent_to_without_pacing(peer: str) -> None:
-    """Between two processes on one machine, BBR's timers cost both relays a third more CPU time per megabyte."""
+    """Between processes on one machine, BBR's timers doubled the CPU time of two relays per megabyte."""
     with socket.socket() as fresh:
         usual = congestion_control(fresh)
     accepted: list[bytes] = []

@@ -16,8 +16,8 @@ _OPTION: int = socket.TCP_CONGESTION  # type: ignore[attr-defined]
 _UNPACED = b"reno"
 """Congestion control for peers on this machine, where no network needs protection; every kernel has it.
 
-If the system default is BBR, it would pace local connections too, with timers that cost a third more CPU time per
-megabyte. A connection that starts with BBR keeps these timers. So every connection starts with this one and is
+If the system default is BBR, it would pace local connections too, with timers that double the relays' CPU time
+per megabyte. A connection that starts with BBR keeps these timers. So every connection starts with this one and is
 switched to the system default once the peer turns out to be on another machine.
 """
 
