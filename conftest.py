@@ -1,6 +1,23 @@
-"""Makes property tests draw the same examples in every run, so that failures are reproducible."""
+"""Makes property tests draw the same examples in every run, and skips tests of a checkout where only a package is.
 
+``./pioneer package --test`` runs the tests against the installed Debian package.
+"""
+
+from pathlib import Path
+
+import pytest
 from hypothesis import settings
+
+ROOT = Path(__file__).parent
 
 settings.register_profile("deterministic", derandomize=True, deadline=None)
 settings.load_profile("deterministic")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Skips tests marked ``checkout`` and those of tools/ if this folder was not set up."""
+    if (ROOT / ".setup" / "venv").exists():
+        return
+    for item in items:
+        if item.get_closest_marker("checkout") or item.path.is_relative_to(ROOT / "tools"):
+            item.add_marker(pytest.mark.skip(reason="needs a checkout that is set up"))

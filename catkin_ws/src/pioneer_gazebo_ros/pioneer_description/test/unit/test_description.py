@@ -10,7 +10,6 @@ from pioneer_gazebo.adapters.urdf import robot_from_urdf
 from pioneer_gazebo.core.robot import Camera
 
 PACKAGE = Path(__file__).parents[2]
-WORKSPACE = PACKAGE.parents[2]
 LINKS = {
     "base_link", "chassis", "top_plate", "front_sonar", "back_sonar", "swivel", "center_wheel", "center_hubcap",
     "left_wheel", "right_wheel", "left_hub", "right_hub", "camera_link", "laser",
@@ -19,7 +18,7 @@ MOVING_JOINTS = {"base_left_wheel_joint", "base_right_wheel_joint", "base_swivel
 
 
 def expanded(*arguments):
-    command = [WORKSPACE / "devel/bin/xacro", PACKAGE / "urdf" / "pioneer3dx.xacro", *arguments]
+    command = ["xacro", PACKAGE / "urdf" / "pioneer3dx.xacro", *arguments]
     return robot_from_urdf(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
 

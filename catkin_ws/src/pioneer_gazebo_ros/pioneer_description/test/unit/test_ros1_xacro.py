@@ -5,8 +5,6 @@ from pathlib import Path
 
 import pytest
 
-WORKSPACE = next(parent for parent in Path(__file__).parents if (parent / "devel").is_dir())
-XACRO = WORKSPACE / "devel" / "bin" / "xacro"
 NEW = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
   <xacro:arg name="robot" default="left"/>
   <xacro:property name="side" value="$(arg robot)" lazy_eval="false"/>
@@ -30,7 +28,7 @@ INDIGO = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
 
 def run(folder: Path, text: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     (folder / "robot.xacro").write_text(text)
-    command = [str(XACRO), *arguments, "robot.xacro"]
+    command = ["xacro", *arguments, "robot.xacro"]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=60)
 
 
