@@ -9,4 +9,5 @@ for package in $(find catkin_ws/src -name package.xml -printf '%h\n'); do
   [[ ! -d $package/test ]] || cp -r "$package/test" "/usr/share/${package##*/}/"
 done
 ln -sf /usr/bin/pioneer pioneer
-python3 tools/test.py unit rostest e2e
+# Unbuffered, so that the end of a failed check's log follows its line.
+PYTHONUNBUFFERED=1 python3 tools/test.py unit rostest e2e

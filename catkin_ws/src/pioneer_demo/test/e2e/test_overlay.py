@@ -33,7 +33,7 @@ NODES = {"gazebo", "joint_state_publisher", "robot_state_publisher", "map_server
 
 
 def environment() -> dict[str, str]:
-    return {**os.environ, "ROS_PACKAGE_PATH": f"{OVERLAY}:{os.environ['ROS_PACKAGE_PATH']}"}
+    return {**os.environ, "ROS_PACKAGE_PATH": f"{OVERLAY}:{os.environ.get('ROS_PACKAGE_PATH', '/usr/share')}"}
 
 
 @pytest.mark.parametrize("package", sorted(path.parent.name for path in OVERLAY.glob("*/package.xml")))
