@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nav_bundle.core.amcl_config import AmclConfig
 from nav_bundle.core.costmap.config import CostmapConfig, InflationConfig, ObstacleConfig, SourceConfig, StaticConfig
@@ -15,7 +16,7 @@ from nav_bundle.core.costmap.layer import Observation
 from nav_bundle.core.dwa_config import DwaConfig
 from nav_bundle.core.dwa_planner import DwaPlanner
 from nav_bundle.core.global_planner import GlobalPlanner, GlobalPlannerConfig
-from nav_bundle.core.grid import Grid
+from nav_bundle.core.grid import OCCUPIED, Grid
 from nav_bundle.core.local_planner import LocalPlanner, Situation, Velocity
 from nav_bundle.core.localisation import Localisation
 from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
@@ -24,9 +25,13 @@ from nav_bundle.core.pose import Pose
 from nav_bundle.core.sensor import Scan
 from nav_bundle.core.trajectory_config import TrajectoryConfig
 from nav_bundle.core.trajectory_planner import TrajectoryPlanner
-from pioneer_bench.core.room_map import RESOLUTION, room_cells
-from pioneer_bench.core.row import Row
+from pioneer_bench.core.row import Row, table
 
+RESOLUTION = 0.05
+"""Side of a cell [m]."""
+ROOM = 100
+"""Side of a room [cells]."""
+_DOOR = 30
 _FOOTPRINT = ((0.20, 0.20), (0.20, -0.20), (-0.30, -0.20), (-0.30, 0.20))
 _LASER = SourceConfig(
     "base_scan", marking=True, clearing=True, obstacle_range=2.0, raytrace_range=3.0, min_obstacle_height=-1.0
@@ -68,6 +73,22 @@ def kernel_rows(repetitions: int = 5) -> list[Row]:
         *rows,
         *_plan_rows(large, {30.0: (234.0, 172.0, None), 150.0: (889.0, 229.0, None)}, repetitions, "C++'s least"),
     ]
+
+
+def room_cells(side: int, seed: int = 1) -> NDArray[np.int8]:
+    """Returns occupancy, int8 (side, side), of rooms of 5 m; each wall between two rooms has a door of 1.5 m."""
+    generator = np.random.default_rng(seed)
+    cells = np.zeros((side, side), np.int8)
+    cells[:: side - 1, :] = cells[:, :: side - 1] = OCCUPIED
+    walls = range(ROOM, side - ROOM // 2, ROOM)
+    for wall in walls:
+        cells[wall, :] = cells[:, wall] = OCCUPIED
+    for wall in walls:
+        for room in range(0, side, ROOM):
+            across, along = room + generator.integers(15, ROOM - _DOOR - 15, 2)
+            cells[wall, across : across + _DOOR] = 0
+            cells[along : along + _DOOR, wall] = 0
+    return cells
 
 
 def _grid(side: int) -> Grid:
@@ -200,8 +221,6 @@ def _amcl_rows(repetitions: int) -> Iterator[Row]:
 
 def main() -> int:
     """Prints the rows."""
-    from pioneer_bench.core.row import table
-
     print(table(kernel_rows()))
     return 0
 

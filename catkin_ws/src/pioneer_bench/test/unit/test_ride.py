@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from nav_bundle.core.pose import Pose
-from pioneer_bench.adapters.parameter_file import shipped_parameters
 from pioneer_bench.core import course
 from pioneer_bench.core.course import Course
 from pioneer_bench.core.ride import Body, Ride, ride, with_changes
-from pioneer_bench.hard import random_changes
+from pioneer_bench.hard import random_changes, shipped_parameters
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,7 @@
 """Worlds on the real engine, without ROS."""
 
+import contextlib
+
 from pioneer_bench.core.accuracy import floor
 from pioneer_gazebo.adapters.bullet import BulletEngine
 from pioneer_gazebo.adapters.mesh import triangles_of_mesh
@@ -8,25 +10,13 @@ from pioneer_gazebo.core.simulation import Simulation
 from pioneer_gazebo.core.world import Model, World
 
 
-class Worlds:
+class Worlds(contextlib.ExitStack):
     """Creates simulations with the node's settings; as a context manager it closes their engines on exit."""
-
-    def __init__(self) -> None:
-        self._engines: list[BulletEngine] = []
 
     def make(self, models: list[Model]) -> Simulation:
         """Returns a simulation of the ground and ``models``."""
         engine = BulletEngine()
-        self._engines.append(engine)
+        self.callback(engine.close)
         simulation = Simulation(engine, triangles_of_mesh, Physics())
         simulation.load(World("trial", (floor(), *models)))
         return simulation
-
-    def __enter__(self) -> "Worlds":
-        """Returns itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Closes the engines."""
-        for engine in self._engines:
-            engine.close()
