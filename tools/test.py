@@ -19,6 +19,7 @@ from pathlib import Path
 from checks import LOG, ROOT, Check, Count, run
 from containers.engine import ContainerError, compose_command
 from pioneer_harness.proc import processors
+from text_check import CHECKS
 
 SOURCE = ROOT / "catkin_ws" / "src"
 VENV = ROOT / ".setup" / "venv" / "bin"
@@ -55,10 +56,8 @@ def lint() -> Iterator[Check]:
     paths = os.pathsep.join(map(str, python_roots()))
     yield Check("import-linter", [str(VENV / "lint-imports"), "--no-cache"], environment={"PYTHONPATH": paths})
     yield Check("catkin_lint", ["catkin_lint", "--offline", "-W1", "--strict", str(SOURCE)])
-    yield Check("wording", [sys.executable, str(ROOT / "tools" / "wording.py")])
-    yield Check("links", [sys.executable, str(ROOT / "tools" / "links.py")])
-    yield Check("version", [sys.executable, str(ROOT / "tools" / "version.py")])
-    yield Check("file length", [sys.executable, str(ROOT / "tools" / "file_length.py")])
+    for name in CHECKS:
+        yield Check(name, [sys.executable, str(ROOT / "tools" / "text_check.py"), name])
 
 
 def types() -> Iterator[Check]:
