@@ -1,9 +1,9 @@
 """The swarm-specific part of ``./pioneer up``: its nodes, distribution of the image, and the stack."""
 
 from argparse import Namespace
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
-from containers.engine import Computer, ContainerError
+from containers.engine import Computer, ContainerError, say
 from containers.fleet_plan import DOWN, FleetPlan
 from containers.layout import stack_text
 from containers.registry import distribute
@@ -44,9 +44,9 @@ class Deployment:
         ContainerError: this machine manages no swarm, or the engine of a node does not answer.
     """
 
-    def __init__(self, options: Namespace, say: Callable[[str], None]) -> None:
+    def __init__(self, options: Namespace) -> None:
         self.stack = stack(options.project)  #: the fleet's stack
-        self._options, self._say = options, say
+        self._options = options
         found = nodes()
         self._manager, self._nodes = found[0], [one for one in found if one.works]
         check_engines(self._nodes)
@@ -60,7 +60,7 @@ class Deployment:
         """Returns the image's name in the swarm: the running fleet's, else one under which the nodes can pull it."""
         if plan.base and not self._options.update:
             return plan.base.image
-        return distribute(self._registry(plan), self._manager, self._nodes, self._say)
+        return distribute(self._registry(plan), self._manager, self._nodes)
 
     def _registry(self, plan: FleetPlan) -> str:
         if self._options.registry or not plan.base:
@@ -79,7 +79,7 @@ class Deployment:
             self._deploy(plan, image)
         else:
             if self._options.update:
-                self._say(f"replacing {plan.robots} computers, one at a time")
+                say(f"replacing {plan.robots} computers, one at a time")
                 self.stack.update(image)
             self.stack.scale(plan.robots)
         self._await(plan, rejected)

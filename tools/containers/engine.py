@@ -21,6 +21,11 @@ class ContainerError(Exception):
     """A container problem, described in one line."""
 
 
+def say(text: str) -> None:
+    """Prints a line at once, even into a pipe."""
+    print(text, flush=True)
+
+
 def compose_command() -> list[str]:
     """Returns the Compose command, after checking the engine.
 

@@ -8,11 +8,11 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from containers.engine import DESKTOP, WEB, ContainerError, output
+from containers.engine import DESKTOP, WEB, ContainerError, output, say
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 WHEELS = ROOT / "docker" / "wheels"
@@ -44,7 +44,7 @@ _LONG_STAGES = ("packages", "build")
 """Stages of the fleet's image that do not depend on each other."""
 
 
-def ensure_images(say: Callable[[str], None], extras: Sequence[str], fleet: bool = True) -> None:
+def ensure_images(extras: Sequence[str], fleet: bool = True) -> None:
     """Builds the missing images: the ``fleet``'s, unless ``PIONEER_IMAGE`` names one, and those of ``extras``.
 
     Raises:
@@ -52,12 +52,12 @@ def ensure_images(say: Callable[[str], None], extras: Sequence[str], fleet: bool
     """
     name = os.environ.get("PIONEER_IMAGE", "pioneer")
     if fleet and "PIONEER_IMAGE" not in os.environ:
-        ensure_image(name, say)
+        ensure_image(name)
     for extra in extras:
-        ensure_extra_image(extra, name, say)
+        ensure_extra_image(extra, name)
 
 
-def ensure_image(name: str, say: Callable[[str], None]) -> None:
+def ensure_image(name: str) -> None:
     """Builds the image ``name`` unless it is up to date with the sources.
 
     Raises:
@@ -68,14 +68,14 @@ def ensure_image(name: str, say: Callable[[str], None]) -> None:
         return
     if platform.machine() not in MACHINES:
         raise ContainerError(f"the image {name} is built on x86-64 only; this machine is {platform.machine()}")
-    log = _new_log(name, say)
-    run_step([str(ROOT / "docker" / "base")], log, say)
-    _ensure_wheels(log, say)
-    _prepare_stages(log, say)
-    _build(_FLEET, name, sources, log, say)
+    log = _new_log(name)
+    run_step([str(ROOT / "docker" / "base")], log)
+    _ensure_wheels(log)
+    _prepare_stages(log)
+    _build(_FLEET, name, sources, log)
 
 
-def ensure_extra_image(extra: str, base: str, say: Callable[[str], None]) -> None:
+def ensure_extra_image(extra: str, base: str) -> None:
     """Builds the image of the desktop or the fleet page on top of the image ``base``, unless it is up to date.
 
     Raises:
@@ -90,16 +90,16 @@ def ensure_extra_image(extra: str, base: str, say: Callable[[str], None]) -> Non
     sources = found.hexdigest()[:32]
     if _label(name) == sources:
         return
-    log, context = _new_log(name, say), ROOT / ".setup" / "containers" / f"{extra}-context"
+    log, context = _new_log(name), ROOT / ".setup" / "containers" / f"{extra}-context"
     shutil.rmtree(context, ignore_errors=True)
     context.mkdir(parents=True)
     if packages:
         say(f"fetching {len(packages)} Python packages")
-        run_step([*_pip(packages), "install", *_CHOICE, "--target", str(context / "packages"), *packages], log, say)
-    _build(file, name, sources, log, say, "--build-arg", f"IMAGE={base}", context=str(context))
+        run_step([*_pip(packages), "install", *_CHOICE, "--target", str(context / "packages"), *packages], log)
+    _build(file, name, sources, log, "--build-arg", f"IMAGE={base}", context=str(context))
 
 
-def ensure_registry_image(name: str, say: Callable[[str], None]) -> None:
+def ensure_registry_image(name: str) -> None:
     """Builds the registry's image ``name`` unless it is up to date with the sources.
 
     Raises:
@@ -107,12 +107,12 @@ def ensure_registry_image(name: str, say: Callable[[str], None]) -> None:
     """
     sources = hashlib.sha256((ROOT / _REGISTRY).read_bytes()).hexdigest()[:32]
     if _label(name) != sources:
-        log = _new_log(name, say)
-        run_step([str(ROOT / "docker" / "base")], log, say)
-        _build(_REGISTRY, name, sources, log, say)
+        log = _new_log(name)
+        run_step([str(ROOT / "docker" / "base")], log)
+        _build(_REGISTRY, name, sources, log)
 
 
-def _new_log(name: str, say: Callable[[str], None]) -> Path:
+def _new_log(name: str) -> Path:
     log = ROOT / ".setup" / "log" / "image.log"
     log.parent.mkdir(parents=True, exist_ok=True)
     log.write_bytes(b"")
@@ -120,7 +120,7 @@ def _new_log(name: str, say: Callable[[str], None]) -> Path:
     return log
 
 
-def _prepare_stages(log: Path, say: Callable[[str], None]) -> None:
+def _prepare_stages(log: Path) -> None:
     """Builds the long stages in parallel, so that the main build finds them in the cache.
 
     Docker's classic builder builds stages one after the other, including all that precede the requested one in the
@@ -133,7 +133,7 @@ def _prepare_stages(log: Path, say: Callable[[str], None]) -> None:
         own.write_bytes(b"")
         file = own.with_suffix(".Dockerfile")
         file.write_text(selected_stages(text, *stages))
-        run_step(_build_command(str(file)), own, say)
+        run_step(_build_command(str(file)), own)
 
     prepare("inputs")
     with ThreadPoolExecutor() as pool:
@@ -147,11 +147,9 @@ def selected_stages(text: str, *names: str) -> str:
     return before + "".join(stage for stage in stages if stage.partition("\n")[0].partition(" AS ")[2] in names)
 
 
-def _build(
-    file: str, name: str, sources: str, log: Path, say: Callable[[str], None], *options: str, context: str = "."
-) -> None:
+def _build(file: str, name: str, sources: str, log: Path, *options: str, context: str = ".") -> None:
     command = _build_command(file, "-t", name, "--label", f"{LABEL}={sources}", *options, context=context)
-    run_step(command, log, say)
+    run_step(command, log)
 
 
 def _build_command(file: str, *options: str, context: str = ".") -> list[str]:
@@ -206,7 +204,7 @@ def _pip(packages: Sequence[str]) -> list[str]:
     return [python, "-m", "pip"]
 
 
-def _ensure_wheels(log: Path, say: Callable[[str], None]) -> None:
+def _ensure_wheels(log: Path) -> None:
     have = {path.name.split("-")[0].lower() + "==" + path.name.split("-")[1] for path in WHEELS.glob("*.whl")}
     missing = [one for one in requirements() if one.lower() not in have]
     if not missing:
@@ -215,13 +213,13 @@ def _ensure_wheels(log: Path, say: Callable[[str], None]) -> None:
     for one in missing:
         say(f"fetching {one}")
         try:
-            run_step([*pip, "download", *_CHOICE, "-d", str(WHEELS), one], log, say)
+            run_step([*pip, "download", *_CHOICE, "-d", str(WHEELS), one], log)
         except ContainerError:
             # PyPI has only xacro's source; its wheel has no compiled parts and fits every Python.
-            run_step([*pip, "wheel", "--no-deps", "-w", str(WHEELS), one], log, say)
+            run_step([*pip, "wheel", "--no-deps", "-w", str(WHEELS), one], log)
 
 
-def run_step(command: Sequence[str], log: Path, say: Callable[[str], None]) -> None:
+def run_step(command: Sequence[str], log: Path) -> None:
     """Runs a command with its output in ``log`` and shows its progress."""
     started, shown = time.monotonic(), 0.0
     with (

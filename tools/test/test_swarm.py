@@ -216,7 +216,7 @@ def test_a_registry_that_listens_on_a_former_address_is_replaced(
     monkeypatch.setattr(registry, "output", output)
     monkeypatch.setattr(registry, "ensure_registry_image", lambda *_: None)
     monkeypatch.setattr(registry, "_answers", lambda: True)
-    registry._start("10.0.0.1", print)
+    registry._start("10.0.0.1")
     assert called == done
 
 

@@ -39,7 +39,7 @@ class Hosts:
 def hosts() -> Iterator[Hosts]:
     image = os.environ.get("PIONEER_IMAGE", "pioneer")
     if "PIONEER_IMAGE" not in os.environ:
-        ensure_image(image, print)
+        ensure_image(image)
     with contextlib.ExitStack() as stack:
         base = stack.enter_context(fleet("pioneer-base", BASE.subnet))
         robots = stack.enter_context(fleet("pioneer-robots", ROBOTS.subnet))
