@@ -7,7 +7,7 @@ from containers.engine import Computer, ContainerError, say
 from containers.fleet_plan import DOWN, FleetPlan
 from containers.layout import stack_text
 from containers.registry import distribute
-from containers.state import SHIPPED, certificates, hub_password, project, stack
+from containers.state import SHIPPED, certificates, project, secret, stack
 from containers.swarm import BASE_LABEL, awaited, check_engines, nodes
 
 RUNNING, RUNNING_PER_ROBOT = 180.0, 10.0
@@ -94,7 +94,7 @@ class Deployment:
             PIONEER_WORLD=plan.world,
             PIONEER_ROBOTS=str(plan.robots),
             PIONEER_REAL_TIME_FACTOR=plan.pace,
-            PIONEER_HUB_PASSWORD_FILE=str(hub_password()),
+            PIONEER_HUB_PASSWORD_FILE=str(secret("hub-password")),
             PIONEER_TLS_DIRECTORY=str(certificates()),
             **({"PIONEER_STEPS": "idle"} if plan.idle else {}),
         )

@@ -16,7 +16,7 @@ from containers.engine import DESKTOP, EXTRAS, WEB, Computer, ContainerError, ou
 from containers.fleet_plan import FleetPlan, is_idle, make_fleet_plan
 from containers.layout import write_compose
 from containers.report import follow
-from containers.state import BASE, SHIPPED, project, token, written_compose
+from containers.state import BASE, SHIPPED, project, secret, written_compose
 from containers.table import progress_line
 from pioneer_harness.proc import processors
 
@@ -110,7 +110,7 @@ def _await_page(base: Computer, extra: str) -> None:
 
 def _address(extra: str) -> str:
     """Returns the line with the page's address."""
-    word = token(extra).read_text().strip()
+    word = secret(f"{extra}-token").read_text().strip()
     page = f"http://{os.environ.get('PIONEER_SUBNET', '192.168.2')}.100:{EXTRAS[extra]}"
     if extra == WEB:
         return f"Fleet page, once it is up: {page}/#{word}"

@@ -12,7 +12,7 @@ from router import Network, Router, router
 from containers.engine import ContainerError, Project, compose_command
 from containers.harness import PATIENCE, Fleet, fleet
 from containers.image import ensure_image
-from containers.state import hub_password, token
+from containers.state import secret
 
 COMPOSE = Path(__file__).parents[3] / "docker" / "compose.yaml"
 HUB, RELAY = 6380, 6381
@@ -23,7 +23,10 @@ pytestmark = pytest.mark.skipif(os.geteuid() != 0, reason="a router's rules need
 
 
 def start(made: Fleet, *computers: str, **variables: str) -> None:
-    files = {"PIONEER_HUB_PASSWORD_FILE": str(hub_password()), "PIONEER_DESKTOP_TOKEN_FILE": str(token("desktop"))}
+    files = {
+        "PIONEER_HUB_PASSWORD_FILE": str(secret("hub-password")),
+        "PIONEER_DESKTOP_TOKEN_FILE": str(secret("desktop-token")),
+    }
     shared = {**files, "PIONEER_ROBOTS": "2", **variables}
     Project(made.project, tuple(compose_command()), COMPOSE, {**made.environment, **shared}).run("up", "-d", *computers)
 
