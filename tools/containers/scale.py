@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from containers.engine import ContainerError, output, say
-from containers.harness import CPU_SCRIPT, END, Fleet, cpu_of, fleet
+from containers.harness import CPU_SCRIPT, END, Fleet, cpu_of, started
 from containers.hosts import swarm_here
 from pioneer_demo.core.capacity import factor_held
 from pioneer_harness.proc import processors
@@ -179,7 +179,7 @@ def compare(robots: int) -> list[dict[str, float]]:
         speed = ["--rtf", f"{factor_held(robots, processors()):g}"] if here else []
         rows = []
         for options in (speed, [*speed, "--swarm"]):
-            with fleet("pioneer-scale", "10.88.6") as made:
+            with started(Fleet("pioneer-scale", "10.88.6")) as made:
                 rows.append(measure(made, robots, *options))
             say(f"load {os.getloadavg()[0]:.1f}")
         return rows
@@ -202,7 +202,7 @@ def main(words: Sequence[str]) -> int:
                 rows += compare(robots)
                 say(comparison(*rows[-2:]))
                 continue
-            with fleet("pioneer-scale", "10.88.6") as made:
+            with started(Fleet("pioneer-scale", "10.88.6")) as made:
                 rows.append(measure(made, robots))
             say(table(rows[-1:]))
     except (ContainerError, AssertionError) as error:

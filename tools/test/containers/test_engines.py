@@ -5,9 +5,9 @@ import re
 from collections.abc import Iterator
 
 import pytest
+from tested_fleet import Fleet, fleet
 
 from containers.engine import DOCKER, output
-from containers.harness import Fleet, fleet
 from containers.hosts import Host, is_in_swarm, swarm_here
 from containers.swarm import check_engines, nodes
 from pioneer_harness.wait import wait_until

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from errand import Errands
 from router import Network, Router, router
+from tested_fleet import PATIENCE, Fleet, fleet
 
 from containers.engine import ContainerError, Project, compose_command
-from containers.harness import PATIENCE, Fleet, fleet
 from containers.image import ensure_image
 from containers.state import secret
 

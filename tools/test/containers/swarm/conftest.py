@@ -4,8 +4,8 @@ from collections.abc import Iterator, Sequence
 
 import pytest
 from errand import Errands
+from tested_fleet import Fleet, fleet
 
-from containers.harness import Fleet, fleet
 from containers.hosts import Host, swarm_here
 
 

@@ -13,9 +13,9 @@ from contextlib import contextmanager
 
 import pytest
 from errand import ACROSS, ROUNDS, Errand, Errands
+from tested_fleet import PATIENCE, Fleet
 
 from containers.engine import Computer, output
-from containers.harness import PATIENCE, Fleet
 from containers.hosts import Host
 from containers.registry import CONTAINER
 from pioneer_harness.wait import wait_until
