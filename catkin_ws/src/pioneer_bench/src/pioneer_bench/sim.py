@@ -3,7 +3,7 @@
 import argparse
 import dataclasses
 
-from pioneer_bench.core.rates import SETTINGS, LoadConfig, Rates
+from pioneer_bench.core.rates import SETTINGS, Rates
 from pioneer_bench.core.simulator import Run, table
 from pioneer_bench.report import measured, write
 
@@ -57,14 +57,13 @@ def _section(rates: Rates, runs: list[Run]) -> str:
 
 def _one(robots: int, rates: Rates, options: argparse.Namespace) -> Run | None:
     """Returns the results of one run; prints a line and returns None if it failed."""
-    asked = {**vars(options), **dataclasses.asdict(rates), "robots": robots}
-    values = measured("load", {field.name: asked[field.name] for field in dataclasses.fields(LoadConfig)})
+    setting = {"robots": robots, "seconds": options.seconds, "seed": options.seed}
+    values = measured("load", {**setting, "rates": dataclasses.asdict(rates)})
     if values is None:
         print(f"the run with {robots} robots failed")
         return None
-    run = Run(**{name: values[name] for name in Run.__dataclass_fields__})
-    return dataclasses.replace(
-        run,
+    return Run(
+        **values,
         asked_factor=rates.real_time_factor,
         cost_goal=rates.goals.get(robots),
         factor_goal=rates.least_factor,

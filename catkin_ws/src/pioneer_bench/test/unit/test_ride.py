@@ -62,11 +62,11 @@ def test_a_cylinder_that_the_map_does_not_show_is_not_touched(parameters: dict[s
 
 
 def test_the_gap_is_that_between_body_and_wall() -> None:
-    body = Body(Course("", (course.box(1.0, -1.0, 2.0, 1.0),), Pose(), ()))
+    body = Body(Course((course.box(1.0, -1.0, 2.0, 1.0),), Pose(), ()))
     assert body.gap == pytest.approx(0.8)
-    turned = Body(Course("", (course.box(1.0, -1.0, 2.0, 1.0),), Pose(0.0, 0.0, np.pi / 4), ()))
+    turned = Body(Course((course.box(1.0, -1.0, 2.0, 1.0),), Pose(0.0, 0.0, np.pi / 4), ()))
     assert turned.gap == pytest.approx(1.0 - 0.2 * np.sqrt(2.0))
-    round_thing = Course("", (), Pose(), (), course.EMPTY)
+    round_thing = Course((), Pose(), (), course.EMPTY)
     assert Body(round_thing).gap == np.inf
 
 

@@ -5,6 +5,7 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -26,12 +27,12 @@ PATIENCE = 20.0
 PREFERRED_PORT = 16380
 
 
+@dataclass(frozen=True)
 class Process:
     """A started process and its output."""
 
-    def __init__(self, pid: int, log: Path) -> None:
-        self.pid = pid
-        self.log = log
+    pid: int
+    log: Path
 
     @property
     def lives(self) -> bool:
@@ -68,7 +69,7 @@ class Site:
         self.master.set_param("/gateway", config)
         self.gateway = self.run("gateway", [_program("rocon_gateway", "gateway")])
         # Waits for the service that the gateway advertises last.
-        wait_until(self._has_services, f"{self.name}'s services", PATIENCE)
+        wait_until(lambda: self.serves("/gateway/set_watcher_period"), f"{self.name}'s services", PATIENCE)
         wait_until(self.is_connected, f"{self.name} on the hub", PATIENCE)
 
     def run(self, name: str, argv: list[str]) -> Process:
@@ -123,9 +124,6 @@ class Site:
         remotes = [msg.RemoteRule(gateway, msg.Rule(kind, topic, ""))]
         _check(self._client.call(f"/gateway/{action}", srv.Remote, remotes=remotes, cancel=cancel))
 
-    def _has_services(self) -> bool:
-        return self.serves("/gateway/set_watcher_period")
-
 
 class Fleet:
     """The hub and two sites, `base` and `robot`.
@@ -140,10 +138,10 @@ class Fleet:
         self._variables = variables
         self._group = ProcessGroup()
         self._ports = PortReservation()
-        self._port = self._ports.take(PREFERRED_PORT)
+        self.port = self._ports.take(PREFERRED_PORT)  #: the hub's port
         self._number = count()
         self._hub_master = Master()
-        self.hub_uri = f"http://127.0.0.1:{self._port}"
+        self.hub_uri = f"http://127.0.0.1:{self.port}"
         self.hub = Process(0, Path())
         self.base, self.robot = Site("base", self), Site("robot", self)
 
@@ -152,11 +150,6 @@ class Fleet:
         self.start_hub()
         for site in (self.base, self.robot):
             site.start()
-
-    @property
-    def port(self) -> int:
-        """The hub's port."""
-        return self._port
 
     @contextmanager
     def open_hub(self) -> Iterator[None]:
@@ -171,10 +164,10 @@ class Fleet:
 
     def start_hub(self, insecure: bool = False) -> None:
         """Starts the hub and waits until its port answers."""
-        config = {"name": "Bench Hub", "port": self._port, "zeroconf": False, "insecure": insecure}
+        config = {"name": "Bench Hub", "port": self.port, "zeroconf": False, "insecure": insecure}
         self._hub_master.set_param("/hub", config)
         self.hub = self.run("hub", [_program("rocon_hub", "hub")], self._hub_master)
-        wait_until(lambda: not is_free(self._port), "the hub's port", PATIENCE)
+        wait_until(lambda: not is_free(self.port), "the hub's port", PATIENCE)
 
     def run(self, name: str, argv: list[str], master: Master) -> Process:
         """Starts a process with its own log."""

@@ -22,21 +22,6 @@ class Rates:
     peer: str = ""  #: its name, and how it was run
 
 
-@dataclass(frozen=True, slots=True)
-class LoadConfig:
-    """Arguments of one run of `nodes/load.py`, in the units of `Rates`; `seconds` are simulated."""
-
-    robots: int
-    seconds: float
-    beams: int
-    scan_rate: float
-    odometry_rate: float
-    other_rate: float
-    clock_rate: float
-    real_time_factor: float
-    seed: int
-
-
 _GAZEBO = "Gazebo Classic 11.1 at its default step, publishing nothing"
 _STAGE = "Stage (2-D, no wheels, no contacts), every topic subscribed; the goal is 1.5 times its cost"
 
