@@ -39,14 +39,9 @@ CONTAINERS_ENDING_SECONDS = 60.0
 """Time for ./pioneer down, which gives containers 20 s [s]."""
 
 
-def packages() -> list[Path]:
-    """Returns the folders of all packages in the workspace."""
-    return sorted(path.parent for path in SOURCE.rglob("package.xml"))
-
-
 def python_roots() -> list[Path]:
     """Returns the ``src`` folders that hold the packages' Python sources."""
-    return [package / "src" for package in packages() if (package / "src").is_dir()]
+    return sorted(path for package in SOURCE.rglob("package.xml") if (path := package.with_name("src")).is_dir())
 
 
 def lint() -> Iterator[Check]:
@@ -167,10 +162,6 @@ def need_docker() -> None:
         raise StageSkipped(str(error)) from None
 
 
-def need_nothing() -> None:
-    """Does nothing: most stages run on every machine."""
-
-
 @dataclass(frozen=True)
 class Stage:
     """A group of checks.
@@ -181,7 +172,7 @@ class Stage:
 
     checks: Callable[[], Iterator[Check]]
     alone: bool = False
-    need: Callable[[], None] = need_nothing
+    need: Callable[[], None] = lambda: None
 
 
 STAGES = {

@@ -14,10 +14,9 @@ from containers import image
 from containers.deployment import Deployment, is_on_swarm
 from containers.engine import DESKTOP, EXTRAS, WEB, Computer, ContainerError, output, say
 from containers.fleet_plan import FleetPlan, is_idle, make_fleet_plan
-from containers.layout import write_compose
-from containers.report import follow
+from containers.layout import compose_text
+from containers.report import follow, progress_line
 from containers.state import BASE, SHIPPED, project, secret, written_compose
-from containers.table import progress_line
 from pioneer_harness.proc import processors
 
 JOINED = "/var/lib/pioneer/robots"
@@ -49,7 +48,9 @@ def up(options: Namespace) -> int:
         built = time.monotonic()
         computers = swarm.start(plan, name)
     else:
-        write_compose(SHIPPED, written_compose(options.project), plan.robots)
+        file = written_compose(options.project)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(compose_text(SHIPPED.read_text(), plan.robots))
         built = time.monotonic()
         computers = _start(plan, options)
     for extra in options.extras:

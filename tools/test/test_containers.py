@@ -14,8 +14,7 @@ from containers import image
 from containers.engine import Computer, ContainerError
 from containers.image import requirements, run_step, selected_stages
 from containers.layout import compose_text
-from containers.report import REPORT
-from containers.table import status_table
+from containers.report import REPORT, status_table
 from pioneer_harness.wait import wait_until
 
 DOCKER = Path(__file__).parents[2] / "docker"

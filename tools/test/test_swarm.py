@@ -12,8 +12,8 @@ from containers import deployment, registry, swarm
 from containers.__main__ import main
 from containers.engine import DOCKER, Computer, ContainerError
 from containers.layout import stack_text
+from containers.report import status_table
 from containers.swarm import Node
-from containers.table import status_table
 from pioneer_demo.core.capacity import factor_held
 
 SHIPPED = (Path(__file__).parents[2] / "docker" / "compose.yaml").read_text()
