@@ -91,12 +91,9 @@ class Deployment:
         self.stack.file.write_text(stack_text(SHIPPED.read_text(), plan.robots, base_on, plan.factor))
         self.stack.deploy(
             PIONEER_IMAGE=image,
-            PIONEER_WORLD=plan.world,
-            PIONEER_ROBOTS=str(plan.robots),
-            PIONEER_REAL_TIME_FACTOR=plan.pace,
             PIONEER_HUB_PASSWORD_FILE=str(secret("hub-password")),
             PIONEER_TLS_DIRECTORY=str(certificates()),
-            **({"PIONEER_STEPS": "idle"} if plan.idle else {}),
+            **plan.variables,
         )
 
     def _await(self, plan: FleetPlan, rejected: set[str]) -> None:

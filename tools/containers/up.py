@@ -70,16 +70,8 @@ def up(options: Namespace) -> int:
 
 def _start(plan: FleetPlan, options: Namespace) -> list[Computer]:
     """Starts the containers that do not run yet; returns all of the fleet's."""
-    variables = {
-        "PIONEER_WORLD": plan.world,
-        "PIONEER_ROBOTS": str(plan.robots),
-        "PIONEER_REAL_TIME_FACTOR": plan.pace,
-    }
-    if plan.idle:
-        variables["PIONEER_STEPS"] = "idle"
-    if options.extras:
-        variables["COMPOSE_PROFILES"] = ",".join(options.extras)
-    fleet = project(options.project, **variables)
+    extras = {"COMPOSE_PROFILES": ",".join(options.extras)} if options.extras else {}
+    fleet = project(options.project, **plan.variables, **extras)
     new, size = plan.started, max(1, int(COMPUTERS_A_PROCESSOR * processors()))
     # Leave running containers alone, so that more robots can join.
     keep = ["--no-recreate"] if plan.base else []
