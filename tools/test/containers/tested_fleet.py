@@ -10,7 +10,9 @@ from typing import Any
 from containers import harness
 from containers.engine import output
 from containers.harness import CPU_SCRIPT, ROOT, cpu_of, started
+from containers.hosts import Host
 from containers.report import REPORT
+from containers.swarm import BASE_LABEL
 
 PATIENCE = 240.0
 """Time-out for any wait [s]; generous, because the machine may be busy with other work."""
@@ -99,6 +101,21 @@ class Fleet(harness.Fleet):
     def cpu_seconds(self) -> float:
         """Returns the CPU time used by all containers [s]."""
         return sum(cpu_of(self.execute(name, "sh", "-c", CPU_SCRIPT)) for name in self.computers())
+
+
+def may_have_base(host: Host) -> None:
+    """Labels a host so that the base station may run there."""
+    output("docker", "node", "update", "--label-add", f"{BASE_LABEL}=base", host.name)
+
+
+def cut(host: Host) -> None:
+    """Disconnects a host's network cable."""
+    output("ip", "link", "set", host.link, "down")
+
+
+def mend(host: Host) -> None:
+    """Reconnects a host's network cable."""
+    output("ip", "link", "set", host.link, "up")
 
 
 @contextlib.contextmanager
