@@ -57,18 +57,14 @@ _BEAMS = 180
 
 def kernel_rows(repetitions: int = 5) -> list[Row]:
     """Returns the rows of both map sizes and of the planner cycles; takes about half a minute."""
-    small = Costmap(_WHOLE)
-    small.set_map(_grid(400))
-    small.update(Pose(2.5, 2.5), ())
+    small = _costmap(_grid(400))
     rows = [
         *_plan_rows(small, {12.0: (2.9, 1.6, 1.0), 27.0: (8.9, 1.9, None)}, repetitions, "C++"),
         *_cycle_rows(small, repetitions),
         *_amcl_rows(repetitions),
         *_whole_map_rows(),
     ]
-    large = Costmap(_WHOLE)
-    large.set_map(_grid(4000))
-    large.update(Pose(2.5, 2.5), ())
+    large = _costmap(_grid(4000))
     return [
         *rows,
         *_plan_rows(large, {30.0: (234.0, 172.0, None), 150.0: (889.0, 229.0, None)}, repetitions, "C++'s least"),
@@ -95,6 +91,13 @@ def _grid(side: int) -> Grid:
     return Grid(RESOLUTION, Pose(), room_cells(side))
 
 
+def _costmap(grid: Grid) -> Costmap:
+    costmap = Costmap(_WHOLE)
+    costmap.set_map(grid)
+    costmap.update(Pose(2.5, 2.5), ())
+    return costmap
+
+
 def _cpu_ms(work: Callable[[], object], repetitions: int) -> float:
     """Returns the least CPU time of one call [ms], including freeing its result, as in a node."""
     gc.collect()
@@ -117,18 +120,13 @@ def _ways(costmap: Costmap, length: float) -> Iterator[tuple[Pose, Pose]]:
     free = np.argwhere(costmap.cells < 100)
     found = 0
     while found < 5:
-        (row_0, col_0), (row_1, col_1) = free[generator.integers(len(free), size=2)]
-        ends = Pose(*_centre(row_0, col_0)), Pose(*_centre(row_1, col_1))
+        cells = free[generator.integers(len(free), size=2)]
+        ends = [Pose(*xy) for xy in ((cells[:, ::-1] + 0.5) * RESOLUTION).tolist()]
         if not length / 1.6 < ends[0].distance(ends[1]) < length:
             continue
         if abs(_length(path_between(planner, costmap, *ends)) - length) <= _NEAR_LENGTH * length:
             found += 1
-            yield ends
-
-
-def _centre(row: int, col: int) -> tuple[float, float]:
-    """Returns the centre (x, y) [m] of a cell."""
-    return (float(col) + 0.5) * RESOLUTION, (float(row) + 0.5) * RESOLUTION
+            yield ends[0], ends[1]
 
 
 def _plan_rows(
@@ -149,13 +147,8 @@ def _plan_rows(
 
 def _whole_map_rows() -> Iterator[Row]:
     grid = _grid(4000)
-
-    def begin() -> None:
-        costmap = Costmap(_WHOLE)
-        costmap.set_map(grid)
-        costmap.update(Pose(2.5, 2.5), ())
-
-    yield Row("costmap 4000², made and first update", "CPU ms", (_cpu_ms(begin, 2),), 500.0, remark="C++'s least")
+    spent = _cpu_ms(lambda: _costmap(grid), 2)
+    yield Row("costmap 4000², made and first update", "CPU ms", (spent,), 500.0, remark="C++'s least")
 
 
 def _scan_at(pose: Pose) -> Observation:

@@ -3,8 +3,7 @@
 import argparse
 import dataclasses
 
-from pioneer_bench.core.rates import SETTINGS, Rates
-from pioneer_bench.core.simulator import Run, table
+from pioneer_bench.core.simulator import SETTINGS, Rates, Run, table
 from pioneer_bench.report import measured, write
 
 EXPLANATION = "`!` misses its goal; `ratio` is to the peer. CPU-s: all threads of the simulator's process."

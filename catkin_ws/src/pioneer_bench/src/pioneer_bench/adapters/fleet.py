@@ -16,7 +16,7 @@ from roslib.packages import find_node
 
 from pioneer_harness.masters import Master
 from pioneer_harness.port import PortReservation, is_free
-from pioneer_harness.proc import descendants, process_state, process_states
+from pioneer_harness.proc import ProcessState, descendants, process_state, process_states
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 from tcpros.adapters.client import Client, ClientError, Connection
@@ -207,10 +207,10 @@ def module_argv(name: str, *arguments: object) -> list[str]:
     return [sys.executable, "-m", f"pioneer_bench.nodes.{name}", *map(str, arguments)]
 
 
-def resident(pid: int) -> float:
-    """Returns the resident memory of a process and all its descendants [bytes]."""
+def family(pid: int) -> list[ProcessState]:
+    """Returns the states of a process and all its descendants."""
     states = process_states()
-    return float(sum(states[one].rss for one in descendants(states, [pid])))
+    return [states[one] for one in sorted(descendants(states, [pid]))]
 
 
 def cpu(pids: list[int]) -> float:

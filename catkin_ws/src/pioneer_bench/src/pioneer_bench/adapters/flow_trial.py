@@ -48,7 +48,7 @@ def flow_rows(fleet: Fleet, repetitions: int, seconds: float) -> list[Row]:
             flows: Flows = {way: [] for way in compared}
             for _ in range(repetitions):
                 for way in compared:
-                    flows[way].append(_flow(fleet, *ways[way], seconds))
+                    flows[way].append(_flow(*ways[way], seconds))
         rows += rows_from(flows)
     return rows
 
@@ -59,7 +59,7 @@ def tls_rows(folder: Path, repetitions: int, seconds: float) -> list[Row]:
     with contextlib.closing(Fleet(folder, ROCON_TLS_DIRECTORY=str(certificates))) as fleet:
         fleet.start()
         with _carriers(fleet, "/large", (1_000_000, 0, 0)) as ways:
-            return encrypted_rows([_flow(fleet, *ways["gateway"], seconds) for _ in range(repetitions)])
+            return encrypted_rows([_flow(*ways["gateway"], seconds) for _ in range(repetitions)])
 
 
 def idle_rows(fleet: Fleet, seconds: float) -> list[Row]:
@@ -85,7 +85,7 @@ def idle_rows(fleet: Fleet, seconds: float) -> list[Row]:
 @contextlib.contextmanager
 def _carriers(
     fleet: Fleet, topic: str, load: tuple[int, int, int]
-) -> Iterator[dict[str, tuple[str, str, list[Process]]]]:
+) -> Iterator[dict[str, tuple[Site, str, list[Process]]]]:
     """Yields, by way, the subscriber's site, the topic there, and the processes in between."""
     fleet.base.ask("flip", "robot", "subscriber", topic)
     with fleet.robot.running("talk", "source", topic, *load):
@@ -94,16 +94,16 @@ def _carriers(
         relay = fleet.robot.run("topic_tools", argv)
         wait_until(lambda: fleet.base.publishers(topic), "the proxy", PATIENCE)
         yield {
-            "direct": ("robot", topic, []),
-            "topic_tools": ("robot", copy, [relay]),
-            "gateway": ("base", topic, [fleet.base.gateway, fleet.robot.gateway]),
+            "direct": (fleet.robot, topic, []),
+            "topic_tools": (fleet.robot, copy, [relay]),
+            "gateway": (fleet.base, topic, [fleet.base.gateway, fleet.robot.gateway]),
         }
     fleet.base.ask("flip", "robot", "subscriber", topic, cancel=True)
 
 
-def _flow(fleet: Fleet, site: str, topic: str, carriers: list[Process], seconds: float) -> Flow:
+def _flow(site: Site, topic: str, carriers: list[Process], seconds: float) -> Flow:
     pids = [process.pid for process in carriers]
-    with (fleet.base if site == "base" else fleet.robot).running("hear", topic, seconds) as ear:
+    with site.running("hear", topic, seconds) as ear:
         wait_until(lambda: "begin" in ear.lines(), f"messages on {topic}", PATIENCE)
         before, begin = cpu(pids), time.monotonic()
         wait_until(lambda: ear.lines()[-1].startswith("{"), "the window's end", seconds + PATIENCE)

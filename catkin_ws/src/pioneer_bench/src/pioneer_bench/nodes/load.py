@@ -23,7 +23,7 @@ from std_msgs.msg import Bool
 
 from pioneer_bench.adapters.description import pioneer_urdf
 from pioneer_bench.core import hall
-from pioneer_bench.core.rates import Rates
+from pioneer_bench.core.simulator import Rates
 from pioneer_gazebo.adapters.sdf_text import sdf_from_world
 from pioneer_harness.masters import Master
 from pioneer_harness.proc import process_state
@@ -96,18 +96,6 @@ class Driver:
             self._command.publish(command)
 
 
-def robot_description(rates: Rates) -> str:
-    """Returns the Pioneer's URDF with the sensors of the setting."""
-    others = {"joint_rate": rates.other_rate, "ground_truth_rate": rates.other_rate} if rates.other_rate else {}
-    return pioneer_urdf(
-        laser_samples=rates.beams,
-        laser_rate=rates.scan_rate,
-        laser_max_range=8.0,
-        odom_rate=rates.odometry_rate,
-        **others,
-    )
-
-
 def cpu_and_rss(pid: int) -> tuple[float, float]:
     """Returns a process's CPU time [s] and resident memory [MB]."""
     state = process_state(pid)
@@ -145,7 +133,14 @@ class Bench:
     def _spawn(self) -> list[str]:
         rospy.wait_for_service("/gazebo/spawn_urdf_model", PATIENCE)
         spawn = rospy.ServiceProxy("/gazebo/spawn_urdf_model", SpawnModel)
-        description = robot_description(self._rates)
+        rates, other = self._rates, self._rates.other_rate
+        description = pioneer_urdf(
+            laser_samples=rates.beams,
+            laser_rate=rates.scan_rate,
+            laser_max_range=8.0,
+            odom_rate=rates.odometry_rate,
+            **({"joint_rate": other, "ground_truth_rate": other} if other else {}),
+        )
         names = []
         for number, (x, y) in enumerate(hall.starts()[: self._robots], start=1):
             name = f"pioneer{number}"
