@@ -121,12 +121,12 @@ def _ways(costmap: Costmap, length: float) -> Iterator[tuple[Pose, Pose]]:
     found = 0
     while found < 5:
         cells = free[generator.integers(len(free), size=2)]
-        ends = [Pose(*xy) for xy in ((cells[:, ::-1] + 0.5) * RESOLUTION).tolist()]
-        if not length / 1.6 < ends[0].distance(ends[1]) < length:
+        start, goal = (Pose(*xy) for xy in ((cells[:, ::-1] + 0.5) * RESOLUTION).tolist())
+        if not length / 1.6 < start.distance(goal) < length:
             continue
-        if abs(_length(path_between(planner, costmap, *ends)) - length) <= _NEAR_LENGTH * length:
+        if abs(_length(path_between(planner, costmap, start, goal)) - length) <= _NEAR_LENGTH * length:
             found += 1
-            yield ends[0], ends[1]
+            yield start, goal
 
 
 def _plan_rows(
