@@ -60,13 +60,11 @@ class Deployment:
         """Returns the image's name in the swarm: the running fleet's, else one under which the nodes can pull it."""
         if plan.base and not self._options.update:
             return plan.base.image
-        return distribute(self._registry(plan), self._manager, self._nodes)
-
-    def _registry(self, plan: FleetPlan) -> str:
-        if self._options.registry or not plan.base:
-            return str(self._options.registry)
-        used = plan.base.image.partition("/")[0]
-        return "" if used.startswith(f"{self._manager.address}:") else used
+        registry = self._options.registry
+        if plan.base and not registry:
+            used = plan.base.image.partition("/")[0]
+            registry = "" if used.startswith(f"{self._manager.address}:") else used
+        return distribute(registry, self._manager, self._nodes)
 
     def start(self, plan: FleetPlan, image: str) -> list[Computer]:
         """Starts missing computers, and replaces the robots' if requested; returns all of them, running.

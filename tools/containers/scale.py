@@ -70,10 +70,11 @@ def measure(made: Fleet, robots: int, *options: str) -> dict[str, float]:
         counters = [stack.enter_context(made.asked(name, "sh", "-c", _COUNTS)) for name in names]
         for ask in (clock, *counters):
             ask()
-        began, before = _now(clock()), [_counts(ask()) for ask in counters]
+        began, before = clock().split(), [_counts(ask()) for ask in counters]
         time.sleep(WINDOW)
-        ended, after = _now(clock()), [_counts(ask()) for ask in counters]
-    factor = (ended[0] - began[0]) / (ended[1] - began[1])
+        ended, after = clock().split(), [_counts(ask()) for ask in counters]
+    simulated, wall = (float(last) - float(first) for first, last in zip(began, ended, strict=True))
+    factor = simulated / wall
     base, *own = [_rates(first, last, factor) for first, last in zip(before, after, strict=True)]
     mean = [sum(one[column] for one in own) / robots for column in range(3)]
     return {
@@ -99,12 +100,6 @@ def _trips(made: Fleet) -> dict[str, float]:
         if one.robot and (trip := trips.get(f"{name}_gateway")):
             (near if one.node == there[BASE].node else far).append(trip)
     return {name: sum(some) / len(some) for name, some in (("trip_ms", near), ("far_trip_ms", far)) if some}
-
-
-def _now(said: str) -> tuple[float, float]:
-    """Returns simulated and wall time [s] from an answer of `_NOW`."""
-    simulated, wall = said.split()
-    return float(simulated), float(wall)
 
 
 def _counts(said: str) -> tuple[float, ...]:
