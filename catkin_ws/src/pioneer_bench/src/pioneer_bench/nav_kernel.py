@@ -160,16 +160,11 @@ def _scan_at(pose: Pose) -> Observation:
 
 
 def _cycle_rows(whole: Costmap, repetitions: int) -> Iterator[Row]:
-    poses = [Pose(2.5 + 0.02 * step, 2.5, 0.3) for step in range(40)]
-    seen = [(pose, (_scan_at(pose),)) for pose in poses]
+    seen = [(pose, (_scan_at(pose),)) for pose in (Pose(2.5 + 0.02 * step, 2.5, 0.3) for step in range(40))]
     window = Costmap(_WINDOW)
 
-    def drive(costmap: Costmap) -> None:
-        for pose, scans in seen:
-            costmap.update(pose, scans)
-
     for name, costmap, goal in (("local costmap 3 m", window, 0.50), ("global costmap 400²", whole, 3.4)):
-        each = _cpu_ms(lambda c=costmap: drive(c), repetitions) / len(poses)
+        each = _cpu_ms(lambda c=costmap: [c.update(*one) for one in seen], repetitions) / len(seen)
         yield Row(f"{name}, update by a scan of {_BEAMS}", "CPU ms", (each,), goal, remark="C++")
     plan = np.zeros((60, 3))
     plan[:, 0] = 2.5 + 0.05 * np.arange(60)
@@ -197,6 +192,7 @@ def _amcl_rows(repetitions: int) -> Iterator[Row]:
     bearings = np.linspace(-math.pi, math.pi, _BEAMS, endpoint=False)
     ranges = (2.0 + 0.3 * np.cos(4.0 * bearings)).astype(np.float32)
     scan = Scan(ranges, -math.pi, math.tau / _BEAMS, 0.1, 30.0, Pose())
+    poses = [Pose(0.01 * step) for step in range(20)]
     base = AmclConfig(kld_err=0.05, laser_max_beams=60, resample_interval=1)
     for particles, goal in ((500, 2.6), (2000, 11.7)):
         config = replace(base, min_particles=particles, max_particles=particles)
@@ -204,11 +200,7 @@ def _amcl_rows(repetitions: int) -> Iterator[Row]:
         localisation.set_map(grid)
         localisation.set_pose(Pose(2.5, 2.5), np.diag([0.01, 0.01, 0.01]))
 
-        def update(localisation: Localisation = localisation) -> None:
-            for step in range(20):
-                localisation.advance(Pose(0.01 * step, 0.0, 0.0), scan)
-
-        each = _cpu_ms(update, repetitions) / 20
+        each = _cpu_ms(lambda one=localisation: [one.advance(pose, scan) for pose in poses], repetitions) / len(poses)
         yield Row(f"amcl update, {particles} particles, 60 beams", "CPU ms", (each,), goal, remark="C++")
 
 

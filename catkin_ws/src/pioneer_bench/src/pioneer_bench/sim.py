@@ -24,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Runs each setting with one process per number of robots; returns 0 if every goal is met, else 1."""
     found: dict[str, list[Run]] = {}
+    sections = []
     for name in options.setting:
         found[name] = []
         rates = _rates(SETTINGS[name], options)
@@ -33,7 +34,8 @@ def run(options: argparse.Namespace) -> int:
             if one is None:
                 return 2
             found[name].append(one)
-    sections = [_section(_rates(SETTINGS[name], options), runs) for name, runs in found.items()]
+        peer = f"\nPeer: {rates.peer}.\n" if rates.peer else ""
+        sections.append(f"## {rates.title}\n\n{table(found[name], rates.peers)}\n{peer}")
     values = {name: [one.as_dict() for one in runs] for name, runs in found.items()}
     write(options.output, "simulator", "The simulator", "\n".join([*sections, EXPLANATION]), values)
     return 0 if all(holds for runs in found.values() for one in runs for _, holds in one.goals().values()) else 1
@@ -47,11 +49,6 @@ def _rates(rates: Rates, options: argparse.Namespace) -> Rates:
     if changes.keys() - {"robots"}:
         changes |= {"title": f"{rates.title}; changed: {changes}", "peers": {}, "peer": "", "goals": {}}
     return dataclasses.replace(rates, **changes)
-
-
-def _section(rates: Rates, runs: list[Run]) -> str:
-    peer = f"\nPeer: {rates.peer}.\n" if rates.peer else ""
-    return f"## {rates.title}\n\n{table(runs, rates.peers)}\n{peer}"
 
 
 def _one(robots: int, rates: Rates, options: argparse.Namespace) -> Run | None:
