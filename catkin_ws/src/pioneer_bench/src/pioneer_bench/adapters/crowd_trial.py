@@ -4,7 +4,7 @@ import contextlib
 import time
 from pathlib import Path
 
-from pioneer_bench.adapters.fleet import PATIENCE, Fleet, cpu, end, family
+from pioneer_bench.adapters.fleet import PATIENCE, Fleet, cpu, family
 from pioneer_bench.core.row import Row
 from pioneer_harness.wait import wait_until
 
@@ -27,8 +27,8 @@ def password_rows(folder: Path) -> list[Row]:
 def crowd_rows(fleet: Fleet, how: str = "") -> list[Row]:
     """Returns the rows of a thousand simulated gateways on a real hub, beside the two real ones."""
     name = f"hub with {SIZE:,} gateways × {RULES} rules{how}"
-    crowd, before = fleet.base.module("crowd", fleet.port, SIZE, RULES, CHANGES), _cpu(fleet)
-    try:
+    with fleet.base.running("crowd", fleet.port, SIZE, RULES, CHANGES) as crowd:
+        before = _cpu(fleet)
         wait_until(lambda: "ready" in crowd.lines() or not crowd.lives, "the crowd's convergence", CROWD_PATIENCE)
         said = [line.split() for line in crowd.lines()]
         spent = _cpu(fleet) - before
@@ -38,8 +38,6 @@ def crowd_rows(fleet: Fleet, how: str = "") -> list[Row]:
         time.sleep(SETTLING)
         settled = _resident(fleet)
         held = crowd.lives
-    finally:
-        end(crowd.pid)
     converged = tuple(float(words[1]) for words in said if words[0] == "converged")
     changes = tuple(float(words[1]) for words in said if words[0] == "change")
     remark = "" if held else "the crowd was lost"

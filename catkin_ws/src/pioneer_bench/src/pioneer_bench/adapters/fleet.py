@@ -29,15 +29,27 @@ PREFERRED_PORT = 16380
 
 @dataclass(frozen=True)
 class Process:
-    """A started process and its output."""
+    """A started process."""
 
     pid: int
-    log: Path
+    log: Path = Path()  #: of its output
 
     @property
     def lives(self) -> bool:
         """Whether the process is still running."""
-        return _lives(self.pid)
+        state = process_state(self.pid)
+        return state is not None and state.alive
+
+    def end(self) -> None:
+        """Sends SIGINT and waits until the process has ended."""
+        if self.lives:
+            os.kill(self.pid, signal.SIGINT)
+            wait_until(lambda: not self.lives, f"the end of process {self.pid}", PATIENCE)
+
+    def kill(self) -> None:
+        """Sends SIGKILL and waits until the process has ended."""
+        os.kill(self.pid, signal.SIGKILL)
+        wait_until(lambda: not self.lives, "the end of what was killed", PATIENCE)
 
     def lines(self) -> list[str]:
         """Returns the complete lines that it has printed."""
@@ -59,7 +71,7 @@ class Site:
     def __init__(self, name: str, fleet: "Fleet") -> None:
         self.name = name
         self.master = Master()
-        self.gateway = Process(0, Path())
+        self.gateway = Process(0)
         self._fleet = fleet
         self._client = Client(self.master.uri, "/bench")
 
@@ -76,18 +88,14 @@ class Site:
         """Starts a process on this master."""
         return self._fleet.run(f"{self.name}-{name}", argv, self.master)
 
-    def module(self, name: str, *arguments: object) -> Process:
-        """Starts one of this package's nodes."""
-        return self.run(name, module_argv(name, *arguments))
-
     @contextmanager
     def running(self, name: str, *arguments: object) -> Iterator[Process]:
         """Starts one of this package's nodes; ends it on exit of the context."""
-        process = self.module(name, *arguments)
+        process = self.run(name, module_argv(name, *arguments))
         try:
             yield process
         finally:
-            end(process.pid)
+            process.end()
 
     def publishers(self, topic: str) -> list[str]:
         """Returns the publishers of a topic, according to the master."""
@@ -142,7 +150,7 @@ class Fleet:
         self._number = count()
         self._hub_master = Master()
         self.hub_uri = f"http://127.0.0.1:{self.port}"
-        self.hub = Process(0, Path())
+        self.hub = Process(0)
         self.base, self.robot = Site("base", self), Site("robot", self)
 
     def start(self) -> None:
@@ -155,7 +163,7 @@ class Fleet:
     def open_hub(self) -> Iterator[None]:
         """Restarts the hub so that other machines can reach it; restarts it closed on exit of the context."""
         for insecure in (True, False):
-            end(self.hub.pid)
+            self.hub.end()
             self.start_hub(insecure)
             for site in (self.base, self.robot):
                 wait_until(site.is_connected, f"{site.name} on the hub", PATIENCE)
@@ -189,19 +197,6 @@ def _program(package: str, name: str) -> str:
     return str(path)
 
 
-def kill(process: Process) -> None:
-    """Kills a process and waits until it has ended."""
-    os.kill(process.pid, signal.SIGKILL)
-    wait_until(lambda: not _lives(process.pid), "the end of what was killed", PATIENCE)
-
-
-def end(pid: int) -> None:
-    """Sends a process SIGINT and waits until it has ended."""
-    if _lives(pid):
-        os.kill(pid, signal.SIGINT)
-        wait_until(lambda: not _lives(pid), f"the end of process {pid}", PATIENCE)
-
-
 def module_argv(name: str, *arguments: object) -> list[str]:
     """Returns the command that runs one of this package's nodes."""
     return [sys.executable, "-m", f"pioneer_bench.nodes.{name}", *map(str, arguments)]
@@ -217,11 +212,6 @@ def cpu(pids: list[int]) -> float:
     """Returns the CPU time of the processes' live threads [s], with nanosecond resolution."""
     tasks = (task for pid in pids for task in Path(f"/proc/{pid}/task").iterdir())
     return sum(int((task / "schedstat").read_text().split()[0]) for task in tasks) * 1e-9
-
-
-def _lives(pid: int) -> bool:
-    state = process_state(pid)
-    return state is not None and state.alive
 
 
 def _check(response: Any) -> None:

@@ -4,7 +4,7 @@ import itertools
 import time
 from pathlib import Path
 
-from pioneer_bench.adapters.fleet import PATIENCE, Fleet, end, kill, module_argv
+from pioneer_bench.adapters.fleet import PATIENCE, Fleet, Process, module_argv
 from pioneer_bench.core.row import Row
 from pioneer_harness.machine import FarMachine, MachineError
 from pioneer_harness.master_process import MasterProcess
@@ -75,7 +75,7 @@ def fault_rows(fleet: Fleet, repetitions: int) -> list[Row]:
 
 
 def _killed_gateway(fleet: Fleet) -> float:
-    kill(fleet.robot.gateway)
+    fleet.robot.gateway.kill()
     died = time.monotonic()
     wait_until(lambda: not fleet.base.publishers("/kept"), "the far side notices", PATIENCE)
     wait_until(lambda: fleet.base.states() != ["active"], "the rule to become inactive", PATIENCE)
@@ -90,7 +90,7 @@ def _received_again(fleet: Fleet, repetitions: int) -> tuple[float, ...]:
     with fleet.robot.running("talk", "sent", "/sent", 100, 100, 10), fleet.base.running("hear", "/sent") as ear:
         ear.first_after(0.0)
         for _ in range(repetitions):
-            kill(fleet.base.gateway)
+            fleet.base.gateway.kill()
             began = time.monotonic()
             fleet.base.start()
             samples.append(ear.first_after(began))
@@ -99,7 +99,7 @@ def _received_again(fleet: Fleet, repetitions: int) -> tuple[float, ...]:
 
 
 def _killed_hub(fleet: Fleet) -> float:
-    kill(fleet.hub)
+    fleet.hub.kill()
     sites = (fleet.base, fleet.robot)
     wait_until(lambda: not any(site.is_connected() for site in sites), "the hub is missed", PATIENCE)
     fleet.start_hub()
@@ -146,5 +146,5 @@ def _cut(fleet: Fleet, folder: Path, machine: FarMachine, group: ProcessGroup, r
             ear.first_after(time.monotonic())
         fleet.base.ask("flip", "far", "subscriber", "/far", cancel=True)
         for pid in group.states():
-            end(pid)
+            Process(pid).end()
     return samples
