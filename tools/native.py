@@ -12,11 +12,10 @@ from typing import Any, NoReturn
 
 import containers
 from containers.engine import Computer, ContainerError
-from containers.report import follow
+from containers.report import aligned, follow, status_table
 from containers.state import fleet as fleet_of
 from containers.state import stack
 from containers.subcommand import Subcommands
-from containers.table import aligned, status_table
 from pioneer_fleet.adapters.registry import running_fleets
 
 HEADINGS = ("ROBOT", "STATE", "ROBOT MOVES", "ODOM", "POSITION", "ERROR", "WAYPOINTS", "LAST WORD")

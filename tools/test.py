@@ -19,6 +19,7 @@ from pathlib import Path
 from checks import LOG, ROOT, Check, Count, run
 from containers.engine import ContainerError, compose_command
 from pioneer_harness.proc import processors
+from text_check import CHECKS
 
 SOURCE = ROOT / "catkin_ws" / "src"
 VENV = ROOT / ".setup" / "venv" / "bin"
@@ -38,14 +39,9 @@ CONTAINERS_ENDING_SECONDS = 60.0
 """Time for ./pioneer down, which gives containers 20 s [s]."""
 
 
-def packages() -> list[Path]:
-    """Returns the folders of all packages in the workspace."""
-    return sorted(path.parent for path in SOURCE.rglob("package.xml"))
-
-
 def python_roots() -> list[Path]:
     """Returns the ``src`` folders that hold the packages' Python sources."""
-    return [package / "src" for package in packages() if (package / "src").is_dir()]
+    return sorted(path for package in SOURCE.rglob("package.xml") if (path := package.with_name("src")).is_dir())
 
 
 def lint() -> Iterator[Check]:
@@ -55,10 +51,8 @@ def lint() -> Iterator[Check]:
     paths = os.pathsep.join(map(str, python_roots()))
     yield Check("import-linter", [str(VENV / "lint-imports"), "--no-cache"], environment={"PYTHONPATH": paths})
     yield Check("catkin_lint", ["catkin_lint", "--offline", "-W1", "--strict", str(SOURCE)])
-    yield Check("wording", [sys.executable, str(ROOT / "tools" / "wording.py")])
-    yield Check("links", [sys.executable, str(ROOT / "tools" / "links.py")])
-    yield Check("version", [sys.executable, str(ROOT / "tools" / "version.py")])
-    yield Check("file length", [sys.executable, str(ROOT / "tools" / "file_length.py")])
+    for name in CHECKS:
+        yield Check(name, [sys.executable, str(ROOT / "tools" / "text_check.py"), name])
 
 
 def types() -> Iterator[Check]:
@@ -168,10 +162,6 @@ def need_docker() -> None:
         raise StageSkipped(str(error)) from None
 
 
-def need_nothing() -> None:
-    """Does nothing: most stages run on every machine."""
-
-
 @dataclass(frozen=True)
 class Stage:
     """A group of checks.
@@ -182,7 +172,7 @@ class Stage:
 
     checks: Callable[[], Iterator[Check]]
     alone: bool = False
-    need: Callable[[], None] = need_nothing
+    need: Callable[[], None] = lambda: None
 
 
 STAGES = {

@@ -1,7 +1,6 @@
 """``./pioneer up``, ``down``, ``logs``, ``exec``, ``image``: the tutorial's computers as containers."""
 
 import argparse
-import functools
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -87,7 +86,7 @@ def execute_on(options: argparse.Namespace) -> int:
 
 def _image(options: argparse.Namespace) -> int:
     project(options.project)  # fails early if the engine does not answer
-    ensure_images(functools.partial(print, flush=True), options.extras)
+    ensure_images(options.extras)
     return 0
 
 

@@ -1,13 +1,13 @@
 """The swarm-specific part of ``./pioneer up``: its nodes, distribution of the image, and the stack."""
 
 from argparse import Namespace
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
-from containers.engine import Computer, ContainerError
+from containers.engine import Computer, ContainerError, say
 from containers.fleet_plan import DOWN, FleetPlan
 from containers.layout import stack_text
 from containers.registry import distribute
-from containers.state import SHIPPED, certificates, hub_password, project, stack
+from containers.state import SHIPPED, certificates, project, secret, stack
 from containers.swarm import BASE_LABEL, awaited, check_engines, nodes
 
 RUNNING, RUNNING_PER_ROBOT = 180.0, 10.0
@@ -44,9 +44,9 @@ class Deployment:
         ContainerError: this machine manages no swarm, or the engine of a node does not answer.
     """
 
-    def __init__(self, options: Namespace, say: Callable[[str], None]) -> None:
+    def __init__(self, options: Namespace) -> None:
         self.stack = stack(options.project)  #: the fleet's stack
-        self._options, self._say = options, say
+        self._options = options
         found = nodes()
         self._manager, self._nodes = found[0], [one for one in found if one.works]
         check_engines(self._nodes)
@@ -60,13 +60,11 @@ class Deployment:
         """Returns the image's name in the swarm: the running fleet's, else one under which the nodes can pull it."""
         if plan.base and not self._options.update:
             return plan.base.image
-        return distribute(self._registry(plan), self._manager, self._nodes, self._say)
-
-    def _registry(self, plan: FleetPlan) -> str:
-        if self._options.registry or not plan.base:
-            return str(self._options.registry)
-        used = plan.base.image.partition("/")[0]
-        return "" if used.startswith(f"{self._manager.address}:") else used
+        registry = self._options.registry
+        if plan.base and not registry:
+            used = plan.base.image.partition("/")[0]
+            registry = "" if used.startswith(f"{self._manager.address}:") else used
+        return distribute(registry, self._manager, self._nodes)
 
     def start(self, plan: FleetPlan, image: str) -> list[Computer]:
         """Starts missing computers, and replaces the robots' if requested; returns all of them, running.
@@ -79,7 +77,7 @@ class Deployment:
             self._deploy(plan, image)
         else:
             if self._options.update:
-                self._say(f"replacing {plan.robots} computers, one at a time")
+                say(f"replacing {plan.robots} computers, one at a time")
                 self.stack.update(image)
             self.stack.scale(plan.robots)
         self._await(plan, rejected)
@@ -91,12 +89,9 @@ class Deployment:
         self.stack.file.write_text(stack_text(SHIPPED.read_text(), plan.robots, base_on, plan.factor))
         self.stack.deploy(
             PIONEER_IMAGE=image,
-            PIONEER_WORLD=plan.world,
-            PIONEER_ROBOTS=str(plan.robots),
-            PIONEER_REAL_TIME_FACTOR=plan.pace,
-            PIONEER_HUB_PASSWORD_FILE=str(hub_password()),
+            PIONEER_HUB_PASSWORD_FILE=str(secret("hub-password")),
             PIONEER_TLS_DIRECTORY=str(certificates()),
-            **({"PIONEER_STEPS": "idle"} if plan.idle else {}),
+            **plan.variables,
         )
 
     def _await(self, plan: FleetPlan, rejected: set[str]) -> None:

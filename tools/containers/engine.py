@@ -21,6 +21,11 @@ class ContainerError(Exception):
     """A container problem, described in one line."""
 
 
+def say(text: str) -> None:
+    """Prints a line at once, even into a pipe."""
+    print(text, flush=True)
+
+
 def compose_command() -> list[str]:
     """Returns the Compose command, after checking the engine.
 
@@ -110,7 +115,9 @@ class Project:
         Raises:
             ContainerError: it failed.
         """
-        status = subprocess.run(self._command(arguments), env=self._environment(), check=False).returncode
+        command = [*self.compose, "-p", self.name, "-f", str(self.file), *arguments]
+        environment = {"COMPOSE_HTTP_TIMEOUT": _PATIENCE, **os.environ, **self.variables}
+        status = subprocess.run(command, env=environment, check=False).returncode
         if status:
             raise ContainerError(f"compose {arguments[0]} failed with exit status {status}; the lines above say why")
 
@@ -126,12 +133,6 @@ class Project:
     def logs(self, follow: bool, names: Sequence[str]) -> None:
         """Prints the logs of the named computers, by default of all; with ``follow``, until Ctrl-C."""
         self.run("logs", *(["-f"] if follow else []), *names)
-
-    def _command(self, arguments: Sequence[str]) -> list[str]:
-        return [*self.compose, "-p", self.name, "-f", str(self.file), *arguments]
-
-    def _environment(self) -> dict[str, str]:
-        return {"COMPOSE_HTTP_TIMEOUT": _PATIENCE, **os.environ, **self.variables}
 
     def computers(self) -> list[Computer]:
         """Returns the project's computers: the base station first, then robots by number; without desktop and web."""

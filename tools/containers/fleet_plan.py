@@ -38,6 +38,13 @@ class FleetPlan:
         """The real-time factor; 0 (as fast as possible) in lockstep."""
         return 0.0 if self.pace == LOCKSTEP else float(self.pace)
 
+    @property
+    def variables(self) -> dict[str, str]:
+        """Values of the compose file's variables."""
+        steps = {"PIONEER_STEPS": "idle"} if self.idle else {}
+        factor = {"PIONEER_REAL_TIME_FACTOR": self.pace}
+        return {"PIONEER_WORLD": self.world, "PIONEER_ROBOTS": str(self.robots), **factor, **steps}
+
     def starts(self, computer: str) -> bool:
         """Returns whether this call starts a computer; it starts all of them if the base station does not run."""
         return self.base is None or computer not in self.before or not self.before[computer].running

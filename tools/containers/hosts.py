@@ -16,7 +16,7 @@ from pathlib import Path
 
 from containers.engine import ContainerError, output
 from containers.registry import CONTAINER, PORT
-from containers.swarm import BASE_LABEL, awaited
+from containers.swarm import awaited
 
 BRIDGE, SUBNET = "pioneer-hosts", "10.88.11"
 MANAGER = f"{SUBNET}.1"
@@ -35,8 +35,9 @@ class Host:
 
     def __init__(self, number: int, folder: Path) -> None:
         #: name: host name, and name of the engine's Docker context
+        #: link: its network cable
         self.name, self._home = f"node{number}", folder / f"node{number}"
-        self._link, self._address = f"pioneer-node{number}", f"{SUBNET}.{10 + number}"
+        self.link, self._address = f"pioneer-node{number}", f"{SUBNET}.{10 + number}"
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self) -> None:
@@ -46,11 +47,11 @@ class Host:
             ContainerError: the engine does not answer.
         """
         self._home.mkdir(exist_ok=True)
-        _remove_link(self._link)
-        output("ip", "netns", "add", self._link)
-        output("ip", "link", "add", self._link, "type", "veth", "peer", "name", "eth0", "netns", self._link)
-        output("ip", "link", "set", self._link, "master", BRIDGE, "up")
-        inside = ("ip", "-n", self._link)
+        _remove_link(self.link)
+        output("ip", "netns", "add", self.link)
+        output("ip", "link", "add", self.link, "type", "veth", "peer", "name", "eth0", "netns", self.link)
+        output("ip", "link", "set", self.link, "master", BRIDGE, "up")
+        inside = ("ip", "-n", self.link)
         output(*inside, "addr", "add", f"{self._address}/24", "dev", "eth0")
         for link in ("eth0", "lo"):
             output(*inside, "link", "set", link, "up")
@@ -69,7 +70,7 @@ class Host:
         (self._home / "daemon.json").write_text(json.dumps(config))
         apart = ["unshare", "--mount", "--uts", "--pid", "--fork", "--kill-child", "--mount-proc"]
         # Enters only its network namespace, so that it shares this machine's control groups.
-        command = ["nsenter", f"--net=/run/netns/{self._link}", *apart, "bash", "-c"]
+        command = ["nsenter", f"--net=/run/netns/{self.link}", *apart, "bash", "-c"]
         script = _ENGINE.format(name=self.name, home=self._home)
         self._process = subprocess.Popen([*command, script], stdin=subprocess.DEVNULL, start_new_session=True)
         if not awaited(lambda: _answers(socket), START):
@@ -95,22 +96,6 @@ class Host:
         """
         if not awaited(lambda: _is_ready(self.name), START):
             raise ContainerError(f"{self.name} is not ready after {START:g} s: docker node ls")
-
-    def may_have_base(self) -> None:
-        """Labels it so that the base station may run there."""
-        output("docker", "node", "update", "--label-add", f"{BASE_LABEL}=base", self.name)
-
-    def containers(self) -> list[str]:
-        """Returns its running containers."""
-        return output("docker", "--context", self.name, "ps", "-q", "--no-trunc").split()
-
-    def cut(self) -> None:
-        """Disconnects its network cable."""
-        output("ip", "link", "set", self._link, "down")
-
-    def mend(self) -> None:
-        """Reconnects its network cable."""
-        output("ip", "link", "set", self._link, "up")
 
     def kill(self) -> None:
         """Kills it with everything on it, like a loss of power."""
@@ -190,7 +175,7 @@ def _remove(hosts: Sequence[Host]) -> None:
     """Removes everything that exists of the hosts."""
     for host in hosts:
         host.kill()
-        _remove_link(host._link)
+        _remove_link(host.link)
     listing = ["docker", "images", "--filter", f"reference={MANAGER}:{PORT}/*", "--format", "{{.Repository}}:{{.Tag}}"]
     images = subprocess.run(listing, capture_output=True, text=True, check=False).stdout.split()
     for command in (

@@ -8,13 +8,15 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from containers.engine import DESKTOP, WEB, ContainerError, output
+from containers.engine import DESKTOP, WEB, ContainerError, output, say
 
 ROOT = Path(__file__).resolve().parent.parent.parent
+LOG = ROOT / ".setup" / "log" / "image.log"
+"""Of the image that is being built; the long stages have logs of their own beside it."""
 WHEELS = ROOT / "docker" / "wheels"
 LABEL = "pioneer.sources"
 PROXIES = ("http_proxy", "https_proxy", "no_proxy", "HTTP_PROXY", "HTTPS_PROXY", "NO_PROXY")
@@ -44,7 +46,7 @@ _LONG_STAGES = ("packages", "build")
 """Stages of the fleet's image that do not depend on each other."""
 
 
-def ensure_images(say: Callable[[str], None], extras: Sequence[str], fleet: bool = True) -> None:
+def ensure_images(extras: Sequence[str], fleet: bool = True) -> None:
     """Builds the missing images: the ``fleet``'s, unless ``PIONEER_IMAGE`` names one, and those of ``extras``.
 
     Raises:
@@ -52,12 +54,12 @@ def ensure_images(say: Callable[[str], None], extras: Sequence[str], fleet: bool
     """
     name = os.environ.get("PIONEER_IMAGE", "pioneer")
     if fleet and "PIONEER_IMAGE" not in os.environ:
-        ensure_image(name, say)
+        ensure_image(name)
     for extra in extras:
-        ensure_extra_image(extra, name, say)
+        ensure_extra_image(extra, name)
 
 
-def ensure_image(name: str, say: Callable[[str], None]) -> None:
+def ensure_image(name: str) -> None:
     """Builds the image ``name`` unless it is up to date with the sources.
 
     Raises:
@@ -68,14 +70,14 @@ def ensure_image(name: str, say: Callable[[str], None]) -> None:
         return
     if platform.machine() not in MACHINES:
         raise ContainerError(f"the image {name} is built on x86-64 only; this machine is {platform.machine()}")
-    log = _new_log(name, say)
-    run_step([str(ROOT / "docker" / "base")], log, say)
-    _ensure_wheels(log, say)
-    _prepare_stages(log, say)
-    _build(_FLEET, name, sources, log, say)
+    _begin(name)
+    run_step([str(ROOT / "docker" / "base")])
+    _ensure_wheels()
+    _prepare_stages()
+    _build(_FLEET, name, sources)
 
 
-def ensure_extra_image(extra: str, base: str, say: Callable[[str], None]) -> None:
+def ensure_extra_image(extra: str, base: str) -> None:
     """Builds the image of the desktop or the fleet page on top of the image ``base``, unless it is up to date.
 
     Raises:
@@ -90,16 +92,17 @@ def ensure_extra_image(extra: str, base: str, say: Callable[[str], None]) -> Non
     sources = found.hexdigest()[:32]
     if _label(name) == sources:
         return
-    log, context = _new_log(name, say), ROOT / ".setup" / "containers" / f"{extra}-context"
+    _begin(name)
+    context = ROOT / ".setup" / "containers" / f"{extra}-context"
     shutil.rmtree(context, ignore_errors=True)
     context.mkdir(parents=True)
     if packages:
         say(f"fetching {len(packages)} Python packages")
-        run_step([*_pip(packages), "install", *_CHOICE, "--target", str(context / "packages"), *packages], log, say)
-    _build(file, name, sources, log, say, "--build-arg", f"IMAGE={base}", context=str(context))
+        run_step([*_pip(packages), "install", *_CHOICE, "--target", str(context / "packages"), *packages])
+    _build(file, name, sources, "--build-arg", f"IMAGE={base}", context=str(context))
 
 
-def ensure_registry_image(name: str, say: Callable[[str], None]) -> None:
+def ensure_registry_image(name: str) -> None:
     """Builds the registry's image ``name`` unless it is up to date with the sources.
 
     Raises:
@@ -107,20 +110,18 @@ def ensure_registry_image(name: str, say: Callable[[str], None]) -> None:
     """
     sources = hashlib.sha256((ROOT / _REGISTRY).read_bytes()).hexdigest()[:32]
     if _label(name) != sources:
-        log = _new_log(name, say)
-        run_step([str(ROOT / "docker" / "base")], log, say)
-        _build(_REGISTRY, name, sources, log, say)
+        _begin(name)
+        run_step([str(ROOT / "docker" / "base")])
+        _build(_REGISTRY, name, sources)
 
 
-def _new_log(name: str, say: Callable[[str], None]) -> Path:
-    log = ROOT / ".setup" / "log" / "image.log"
-    log.parent.mkdir(parents=True, exist_ok=True)
-    log.write_bytes(b"")
-    say(f"building the image {name} (the first time takes some minutes; log: {log.relative_to(ROOT)})")
-    return log
+def _begin(name: str) -> None:
+    LOG.parent.mkdir(parents=True, exist_ok=True)
+    LOG.write_bytes(b"")
+    say(f"building the image {name} (the first time takes some minutes; log: {LOG.relative_to(ROOT)})")
 
 
-def _prepare_stages(log: Path, say: Callable[[str], None]) -> None:
+def _prepare_stages() -> None:
     """Builds the long stages in parallel, so that the main build finds them in the cache.
 
     Docker's classic builder builds stages one after the other, including all that precede the requested one in the
@@ -129,11 +130,11 @@ def _prepare_stages(log: Path, say: Callable[[str], None]) -> None:
     text = (ROOT / _FLEET).read_text()
 
     def prepare(*stages: str) -> None:
-        own = log.with_name(f"image-{stages[-1]}.log")
+        own = LOG.with_name(f"image-{stages[-1]}.log")
         own.write_bytes(b"")
         file = own.with_suffix(".Dockerfile")
         file.write_text(selected_stages(text, *stages))
-        run_step(_build_command(str(file)), own, say)
+        run_step(_build_command(str(file)), own)
 
     prepare("inputs")
     with ThreadPoolExecutor() as pool:
@@ -147,11 +148,8 @@ def selected_stages(text: str, *names: str) -> str:
     return before + "".join(stage for stage in stages if stage.partition("\n")[0].partition(" AS ")[2] in names)
 
 
-def _build(
-    file: str, name: str, sources: str, log: Path, say: Callable[[str], None], *options: str, context: str = "."
-) -> None:
-    command = _build_command(file, "-t", name, "--label", f"{LABEL}={sources}", *options, context=context)
-    run_step(command, log, say)
+def _build(file: str, name: str, sources: str, *options: str, context: str = ".") -> None:
+    run_step(_build_command(file, "-t", name, "--label", f"{LABEL}={sources}", *options, context=context))
 
 
 def _build_command(file: str, *options: str, context: str = ".") -> list[str]:
@@ -206,7 +204,7 @@ def _pip(packages: Sequence[str]) -> list[str]:
     return [python, "-m", "pip"]
 
 
-def _ensure_wheels(log: Path, say: Callable[[str], None]) -> None:
+def _ensure_wheels() -> None:
     have = {path.name.split("-")[0].lower() + "==" + path.name.split("-")[1] for path in WHEELS.glob("*.whl")}
     missing = [one for one in requirements() if one.lower() not in have]
     if not missing:
@@ -215,13 +213,13 @@ def _ensure_wheels(log: Path, say: Callable[[str], None]) -> None:
     for one in missing:
         say(f"fetching {one}")
         try:
-            run_step([*pip, "download", *_CHOICE, "-d", str(WHEELS), one], log, say)
+            run_step([*pip, "download", *_CHOICE, "-d", str(WHEELS), one])
         except ContainerError:
             # PyPI has only xacro's source; its wheel has no compiled parts and fits every Python.
-            run_step([*pip, "wheel", "--no-deps", "-w", str(WHEELS), one], log, say)
+            run_step([*pip, "wheel", "--no-deps", "-w", str(WHEELS), one])
 
 
-def run_step(command: Sequence[str], log: Path, say: Callable[[str], None]) -> None:
+def run_step(command: Sequence[str], log: Path = LOG) -> None:
     """Runs a command with its output in ``log`` and shows its progress."""
     started, shown = time.monotonic(), 0.0
     with (

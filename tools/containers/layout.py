@@ -1,7 +1,6 @@
 """The compose file for any number of robots: docker/compose.yaml with aadi1's block repeated; or a stack of it."""
 
 import re
-from pathlib import Path
 
 from containers.engine import ContainerError
 
@@ -29,12 +28,6 @@ def _block(first: str, number: int) -> str:
     return first.replace("aadi1:", f"aadi{number}:").replace("hostname: aadi1", f"hostname: aadi{number}").replace(
         "}.101", f"}}.{100 + number}"
     )  # fmt: skip
-
-
-def write_compose(shipped: Path, target: Path, robots: int) -> None:
-    """Writes the compose file for ``robots`` robots."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(compose_text(shipped.read_text(), robots))
 
 
 WORLD_CPUS, BASE_CPUS, ROBOT_CPUS = 0.1, 0.025, 0.11

@@ -4,9 +4,9 @@ import contextlib
 import http.client
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from containers.engine import ContainerError, output
+from containers.engine import ContainerError, output, say
 from containers.image import ensure_registry_image
 from containers.swarm import Node, awaited
 
@@ -20,7 +20,7 @@ ADDRESS = "pioneer.address"
 """Container label with the manager's address on which the registry listens."""
 
 
-def distribute(address: str, manager: Node, nodes: Sequence[Node], say: Callable[[str], None]) -> str:
+def distribute(address: str, manager: Node, nodes: Sequence[Node]) -> str:
     """Pushes the fleet's image to the registry at ``address``, HOST:PORT, else to ours; returns the image's name there.
 
     Raises:
@@ -35,7 +35,7 @@ def distribute(address: str, manager: Node, nodes: Sequence[Node], say: Callable
         for node in nodes:
             if node != manager:
                 check_trust(node, address)
-        _start(manager.address, say)
+        _start(manager.address)
     name, pushed = f"{address}/pioneer:{tag}", f"{to}/pioneer:{tag}"
     for one in (name, pushed):
         output("docker", "tag", image, one)
@@ -54,14 +54,14 @@ def check_trust(node: Node, address: str) -> None:
         )
 
 
-def _start(address: str, say: Callable[[str], None]) -> None:
+def _start(address: str) -> None:
     """Starts our registry unless it runs; replaces one on a former address. It outlives fleets."""
     fields = f'{{{{.Label "{ADDRESS}"}}}} {{{{.State}}}}'
     there = output("docker", "ps", "-a", "--filter", f"name=^{CONTAINER}$", "--format", fields).split()
     if there and there[0] != address:
         output("docker", "rm", "-f", CONTAINER)
     if not there or there[0] != address:
-        ensure_registry_image(CONTAINER, say)
+        ensure_registry_image(CONTAINER)
         published = [word for host in ("127.0.0.1", address) for word in ("-p", f"{host}:{PORT}:{PORT}")]
         words = ["--label", f"{ADDRESS}={address}", "--restart", "unless-stopped", "-v", VOLUME]
         output("docker", "run", "-d", "--name", CONTAINER, *published, *words, CONTAINER)

@@ -7,11 +7,11 @@ import os
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from containers.engine import ContainerError, output
-from containers.harness import CPU_SCRIPT, END, Fleet, cpu_of, fleet
+from containers.engine import ContainerError, output, say
+from containers.harness import CPU_SCRIPT, END, Fleet, cpu_of, started
 from containers.hosts import swarm_here
 from pioneer_demo.core.capacity import factor_held
 from pioneer_harness.proc import processors
@@ -57,7 +57,7 @@ print(json.dumps({one.name: one.conn_stats.ping_latency_avg for one in found}))
 """Prints the latest round trips [ms] by gateway; they queue on the link behind the messages that it carries."""
 
 
-def measure(made: Fleet, robots: int, say: Callable[[str], None], *options: str) -> dict[str, float]:
+def measure(made: Fleet, robots: int, *options: str) -> dict[str, float]:
     """Starts a fleet with ``up`` and these options; returns its figures by the names of `FIGURES`, and ``robots``."""
     said = made.pioneer("up", "--robots", str(robots), "--waypoints", "6", *options)
     moving = re.search(r"^\d+ robots? drives? after (\d+) s", said, re.M)
@@ -70,10 +70,11 @@ def measure(made: Fleet, robots: int, say: Callable[[str], None], *options: str)
         counters = [stack.enter_context(made.asked(name, "sh", "-c", _COUNTS)) for name in names]
         for ask in (clock, *counters):
             ask()
-        began, before = _now(clock()), [_counts(ask()) for ask in counters]
+        began, before = clock().split(), [_counts(ask()) for ask in counters]
         time.sleep(WINDOW)
-        ended, after = _now(clock()), [_counts(ask()) for ask in counters]
-    factor = (ended[0] - began[0]) / (ended[1] - began[1])
+        ended, after = clock().split(), [_counts(ask()) for ask in counters]
+    simulated, wall = (float(last) - float(first) for first, last in zip(began, ended, strict=True))
+    factor = simulated / wall
     base, *own = [_rates(first, last, factor) for first, last in zip(before, after, strict=True)]
     mean = [sum(one[column] for one in own) / robots for column in range(3)]
     return {
@@ -99,12 +100,6 @@ def _trips(made: Fleet) -> dict[str, float]:
         if one.robot and (trip := trips.get(f"{name}_gateway")):
             (near if one.node == there[BASE].node else far).append(trip)
     return {name: sum(some) / len(some) for name, some in (("trip_ms", near), ("far_trip_ms", far)) if some}
-
-
-def _now(said: str) -> tuple[float, float]:
-    """Returns simulated and wall time [s] from an answer of `_NOW`."""
-    simulated, wall = said.split()
-    return float(simulated), float(wall)
 
 
 def _counts(said: str) -> tuple[float, ...]:
@@ -156,7 +151,7 @@ def comparison(compose: Mapping[str, float], swarm: Mapping[str, float]) -> str:
 
 
 @contextlib.contextmanager
-def _some_swarm(say: Callable[[str], None]) -> Iterator[bool]:
+def _some_swarm() -> Iterator[bool]:
     """Provides the swarm that this machine manages, else one of three engines here; yields whether it is the latter."""
     if json.loads(output("docker", "info", "-f", "{{json .Swarm.ControlAvailable}}")):
         yield False
@@ -168,19 +163,19 @@ def _some_swarm(say: Callable[[str], None]) -> Iterator[bool]:
         yield True
 
 
-def compare(robots: int, say: Callable[[str], None]) -> list[dict[str, float]]:
+def compare(robots: int) -> list[dict[str, float]]:
     """Measures a fleet on this machine, then one on the swarm; at the same speed if the swarm is local.
 
     Raises:
         ContainerError: there is no swarm and none can be made.
     """
-    with _some_swarm(say) as here:
+    with _some_swarm() as here:
         # Each engine of a local swarm sees all processors of this machine.
         speed = ["--rtf", f"{factor_held(robots, processors()):g}"] if here else []
         rows = []
         for options in (speed, [*speed, "--swarm"]):
-            with fleet("pioneer-scale", "10.88.6") as made:
-                rows.append(measure(made, robots, say, *options))
+            with started(Fleet("pioneer-scale", "10.88.6")) as made:
+                rows.append(measure(made, robots, *options))
             say(f"load {os.getloadavg()[0]:.1f}")
         return rows
 
@@ -196,17 +191,14 @@ def main(words: Sequence[str]) -> int:
     options.output.mkdir(parents=True, exist_ok=True)
     rows: list[dict[str, float]] = []
 
-    def say(text: str) -> None:
-        print(text, flush=True)
-
     try:
         for robots in options.robots or ([6] if options.swarm else [5, 10, 15]):
             if options.swarm:
-                rows += compare(robots, say)
+                rows += compare(robots)
                 say(comparison(*rows[-2:]))
                 continue
-            with fleet("pioneer-scale", "10.88.6") as made:
-                rows.append(measure(made, robots, say))
+            with started(Fleet("pioneer-scale", "10.88.6")) as made:
+                rows.append(measure(made, robots))
             say(table(rows[-1:]))
     except (ContainerError, AssertionError) as error:
         print(f"pioneer: {error}", file=sys.stderr)

@@ -4,7 +4,7 @@ import secrets
 from pathlib import Path
 
 from containers import ROOT
-from containers.engine import DESKTOP, WEB, ContainerError, Project, compose_command
+from containers.engine import ContainerError, Project, compose_command
 from containers.swarm import Stack
 from tcpros.adapters.authority import Authority
 from tcpros.adapters.tls import CERTIFICATE
@@ -42,21 +42,21 @@ def project(name: str, **variables: str) -> Project:
     """
     written = written_compose(name)
     files = {
-        "PIONEER_HUB_PASSWORD_FILE": str(hub_password()),
-        "PIONEER_DESKTOP_TOKEN_FILE": str(token(DESKTOP)),
-        "PIONEER_WEB_TOKEN_FILE": str(token(WEB)),
+        "PIONEER_HUB_PASSWORD_FILE": str(secret("hub-password")),
+        "PIONEER_DESKTOP_TOKEN_FILE": str(secret("desktop-token")),
+        "PIONEER_WEB_TOKEN_FILE": str(secret("web-token")),
     }
     return Project(name, tuple(compose_command()), written if written.is_file() else SHIPPED, {**files, **variables})
 
 
-def hub_password() -> Path:
-    """Returns the file with the hub's password; creates it at the first call."""
-    return _secret(STATE / "hub-password")
-
-
-def token(extra: str) -> Path:
-    """Returns the file with the access token of the desktop or the fleet page; creates it at the first call."""
-    return _secret(STATE / f"{extra}-token")
+def secret(name: str) -> Path:
+    """Returns the file with a secret: the hub's password, or a page's access token; creates it at the first call."""
+    path = STATE / name
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch(mode=0o600)
+        path.write_text(secrets.token_urlsafe(24) + "\n")
+    return path
 
 
 def certificates() -> Path:
@@ -72,11 +72,3 @@ def certificates() -> Path:
         except CertificateError as error:
             raise ContainerError(str(error)) from None
     return folder
-
-
-def _secret(path: Path) -> Path:
-    if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch(mode=0o600)
-        path.write_text(secrets.token_urlsafe(24) + "\n")
-    return path

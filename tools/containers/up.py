@@ -12,12 +12,11 @@ from typing import Any
 
 from containers import image
 from containers.deployment import Deployment, is_on_swarm
-from containers.engine import DESKTOP, EXTRAS, WEB, Computer, ContainerError, output
+from containers.engine import DESKTOP, EXTRAS, WEB, Computer, ContainerError, output, say
 from containers.fleet_plan import FleetPlan, is_idle, make_fleet_plan
-from containers.layout import write_compose
-from containers.report import follow
-from containers.state import BASE, SHIPPED, project, token, written_compose
-from containers.table import progress_line
+from containers.layout import compose_text
+from containers.report import follow, progress_line
+from containers.state import BASE, SHIPPED, project, secret, written_compose
 from pioneer_harness.proc import processors
 
 JOINED = "/var/lib/pioneer/robots"
@@ -38,25 +37,27 @@ def up(options: Namespace) -> int:
     """
     began = time.monotonic()
     # Report an engine that does not answer and impossible options before anything is built or written.
-    swarm = Deployment(options, _say) if is_on_swarm(options) else None
+    swarm = Deployment(options) if is_on_swarm(options) else None
     there = swarm.stack.computers() if swarm else project(options.project).computers()
     plan = make_fleet_plan(options, there, swarm.processors if swarm else processors())
     if plan.remark:
-        _say(plan.remark)
-    image.ensure_images(_say, options.extras, fleet=options.update or not plan.base)
+        say(plan.remark)
+    image.ensure_images(options.extras, fleet=options.update or not plan.base)
     if swarm:
         name = swarm.image(plan)
         built = time.monotonic()
         computers = swarm.start(plan, name)
     else:
-        write_compose(SHIPPED, written_compose(options.project), plan.robots)
+        file = written_compose(options.project)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(compose_text(SHIPPED.read_text(), plan.robots))
         built = time.monotonic()
         computers = _start(plan, options)
     for extra in options.extras:
         # The fleet page has to wait for the world.
         if extra == DESKTOP or (plan.base and not is_idle(plan.base)):
             _await_page(next(one for one in computers if one.name == BASE), extra)
-        _say(_address(extra))
+        say(_address(extra))
     if plan.base:
         _join(plan.base, plan.joiners(computers))
     if plan.idle:
@@ -69,23 +70,15 @@ def up(options: Namespace) -> int:
 
 def _start(plan: FleetPlan, options: Namespace) -> list[Computer]:
     """Starts the containers that do not run yet; returns all of the fleet's."""
-    variables = {
-        "PIONEER_WORLD": plan.world,
-        "PIONEER_ROBOTS": str(plan.robots),
-        "PIONEER_REAL_TIME_FACTOR": plan.pace,
-    }
-    if plan.idle:
-        variables["PIONEER_STEPS"] = "idle"
-    if options.extras:
-        variables["COMPOSE_PROFILES"] = ",".join(options.extras)
-    fleet = project(options.project, **variables)
+    extras = {"COMPOSE_PROFILES": ",".join(options.extras)} if options.extras else {}
+    fleet = project(options.project, **plan.variables, **extras)
     new, size = plan.started, max(1, int(COMPUTERS_A_PROCESSOR * processors()))
     # Leave running containers alone, so that more robots can join.
     keep = ["--no-recreate"] if plan.base else []
     for begin in range(0, len(new) - size, size):
         wave = new[begin : begin + size]
         fleet.run("up", "-d", *keep, *wave)
-        _say(f"waiting for {wave[0]} … {wave[-1]} to start, then for {len(new) - begin - size} more")
+        say(f"waiting for {wave[0]} … {wave[-1]} to start, then for {len(new) - begin - size} more")
         _await_gateways([one for one in fleet.computers() if one.name in wave])
     fleet.run("up", "-d", *keep)
     return fleet.computers()
@@ -110,7 +103,7 @@ def _await_page(base: Computer, extra: str) -> None:
 
 def _address(extra: str) -> str:
     """Returns the line with the page's address."""
-    word = token(extra).read_text().strip()
+    word = secret(f"{extra}-token").read_text().strip()
     page = f"http://{os.environ.get('PIONEER_SUBNET', '192.168.2')}.100:{EXTRAS[extra]}"
     if extra == WEB:
         return f"Fleet page, once it is up: {page}/#{word}"
@@ -144,9 +137,9 @@ def _join(base: Computer, robots: Sequence[str]) -> None:
 def _say_idle(plan: FleetPlan, computers: Sequence[Computer]) -> None:
     idle = [one.name for one in computers if is_idle(one)]
     shells = ", ".join(f"./pioneer exec {name}" for name in idle[:2])
-    _say(f"{len(idle)} computer{'s are' if len(idle) > 1 else ' is'} up and idle: {shells}, …")
+    say(f"{len(idle)} computer{'s are' if len(idle) > 1 else ' is'} up and idle: {shells}, …")
     if plan.base and is_idle(plan.base) and int(plan.base.environment["ROBOTS"]) < plan.robots:
-        _say(f"step 3 on {BASE} now wants robots:={plan.robots}")
+        say(f"step 3 on {BASE} now wants robots:={plan.robots}")
 
 
 def _await(plan: FleetPlan, computers: Sequence[Computer], waypoints: int, image_seconds: float, started: float) -> int:
@@ -163,7 +156,7 @@ def _await(plan: FleetPlan, computers: Sequence[Computer], waypoints: int, image
 
     def heard(computer: Computer, line: dict[str, Any]) -> None:
         latest[computer.name] = line
-        _say(f"{time.monotonic() - started:5.1f} s  {progress_line(computer.name, line)}")
+        say(f"{time.monotonic() - started:5.1f} s  {progress_line(computer.name, line)}")
 
     came = follow([(one, words(one)) for one in computers if one.name in until], heard)
     seconds = time.monotonic() - started
@@ -174,7 +167,7 @@ def _await(plan: FleetPlan, computers: Sequence[Computer], waypoints: int, image
         which = ", ".join(f"{name} not {until[name]}" for name in late)
         raise ContainerError(f"{which} after {seconds:.0f} s; ./pioneer logs {late[0]} has more")
     built = f", after {image_seconds:.0f} s for the image" if image_seconds > 5 else ""
-    _say(f"{_who(plan, computers, waypoints)} after {seconds:.0f} s{built}")
+    say(f"{_who(plan, computers, waypoints)} after {seconds:.0f} s{built}")
     return 0
 
 
@@ -187,7 +180,3 @@ def _who(plan: FleetPlan, computers: Sequence[Computer], waypoints: int) -> str:
     one, more = len(new) == 1, " more" if plan.base else ""
     do = ("drives" if one else "drive") if waypoints else ("is ready" if one else "are ready")
     return f"{len(new)}{more} robot{'' if one else 's'} {do}"
-
-
-def _say(text: str) -> None:
-    print(text, flush=True)

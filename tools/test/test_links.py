@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from links import anchors, broken_links
+from text_check import anchors, broken_links
 
 
 def test_a_link_to_a_missing_file_or_heading_is_named(tmp_path: Path) -> None:

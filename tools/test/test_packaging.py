@@ -5,7 +5,7 @@ import re
 import subprocess
 from collections.abc import Iterator
 
-from sources import ROOT, project_files
+from text_check import ROOT, project_files
 
 SECTIONS = ("run", "view", "web")
 """Sections of apt-packages.txt that packaging/build writes for ``@run@``."""

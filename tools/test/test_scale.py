@@ -57,7 +57,7 @@ class Computers:
 def test_figures_do_not_depend_on_how_long_the_questions_take(monkeypatch):
     computers = Computers(3)
     monkeypatch.setattr(scale.time, "sleep", lambda seconds: setattr(computers, "wall", computers.wall + seconds))
-    row = scale.measure(computers, 3, lambda _text: None)
+    row = scale.measure(computers, 3)
     assert row["factor"] == pytest.approx(0.5)
     assert row["cpu_s_a_sim_s"] == pytest.approx(2 * (0.3 + 3 * 0.1), rel=1e-3)
     assert row["robot_cpu"] == pytest.approx(0.2, rel=1e-3)

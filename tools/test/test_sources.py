@@ -1,6 +1,6 @@
 """Text checks read the project's own files, with or without git."""
 
-from sources import ROOT, project_files
+from text_check import ROOT, project_files
 
 
 def test_sources_are_found_and_what_set_up_made_is_not() -> None:

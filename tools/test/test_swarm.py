@@ -12,8 +12,8 @@ from containers import deployment, registry, swarm
 from containers.__main__ import main
 from containers.engine import DOCKER, Computer, ContainerError
 from containers.layout import stack_text
+from containers.report import status_table
 from containers.swarm import Node
-from containers.table import status_table
 from pioneer_demo.core.capacity import factor_held
 
 SHIPPED = (Path(__file__).parents[2] / "docker" / "compose.yaml").read_text()
@@ -216,7 +216,7 @@ def test_a_registry_that_listens_on_a_former_address_is_replaced(
     monkeypatch.setattr(registry, "output", output)
     monkeypatch.setattr(registry, "ensure_registry_image", lambda *_: None)
     monkeypatch.setattr(registry, "_answers", lambda: True)
-    registry._start("10.0.0.1", print)
+    registry._start("10.0.0.1")
     assert called == done
 
 

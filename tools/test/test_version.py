@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from version import ROOT, other_versions
+from text_check import ROOT, other_versions
 
 
 def test_all_packages_have_the_version() -> None:

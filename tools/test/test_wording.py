@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from wording import stumbles
+from text_check import stumbles
 
 
 def test_a_listed_word_is_named_with_what_to_write(tmp_path: Path) -> None:

@@ -7,8 +7,9 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from tested_fleet import PATIENCE, Fleet
+
 from containers.engine import Computer
-from containers.harness import PATIENCE, Fleet
 from containers.report import REPORT
 
 ROUNDS: dict[int, tuple[tuple[float, float], ...]] = {

@@ -6,7 +6,7 @@ import re
 import subprocess
 import threading
 
-from containers.harness import PATIENCE
+from tested_fleet import PATIENCE
 
 PROMPT = re.compile(r"<shell (\d+)>\$ ")
 """The prompt, with the status of the previous command; nothing else prints this."""

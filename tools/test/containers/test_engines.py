@@ -5,9 +5,9 @@ import re
 from collections.abc import Iterator
 
 import pytest
+from tested_fleet import Fleet, cut, fleet, may_have_base, mend
 
 from containers.engine import DOCKER, output
-from containers.harness import Fleet, fleet
 from containers.hosts import Host, is_in_swarm, swarm_here
 from containers.swarm import check_engines, nodes
 from pioneer_harness.wait import wait_until
@@ -34,7 +34,7 @@ def on_swarm(host: Host) -> Iterator[Fleet]:
 
 
 def test_each_node_is_known_with_the_way_to_its_engine(host: Host) -> None:
-    host.may_have_base()
+    may_have_base(host)
     here, other = nodes()
     check_engines([here, other])
     assert (here.docker, here.works, here.base) == (DOCKER, True, False)
@@ -60,8 +60,8 @@ def test_a_machine_whose_cable_is_out_or_that_died_is_down_until_it_is_back(host
     def is_up() -> bool:
         return next(one.up for one in nodes() if one.name == host.name)
 
-    for fault, mend in ((host.cut, host.mend), (host.kill, host.start)):
-        fault()
+    for fault, remedy in ((cut, mend), (Host.kill, Host.start)):
+        fault(host)
         wait_until(lambda: not is_up(), f"{host.name} down", NOTICED)
-        mend()
+        remedy(host)
         wait_until(is_up, f"{host.name} up again", NOTICED)

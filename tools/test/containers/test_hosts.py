@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from errand import Errands
 from router import Network, Router, router
+from tested_fleet import PATIENCE, Fleet, fleet
 
 from containers.engine import ContainerError, Project, compose_command
-from containers.harness import PATIENCE, Fleet, fleet
 from containers.image import ensure_image
-from containers.state import hub_password, token
+from containers.state import secret
 
 COMPOSE = Path(__file__).parents[3] / "docker" / "compose.yaml"
 HUB, RELAY = 6380, 6381
@@ -23,7 +23,10 @@ pytestmark = pytest.mark.skipif(os.geteuid() != 0, reason="a router's rules need
 
 
 def start(made: Fleet, *computers: str, **variables: str) -> None:
-    files = {"PIONEER_HUB_PASSWORD_FILE": str(hub_password()), "PIONEER_DESKTOP_TOKEN_FILE": str(token("desktop"))}
+    files = {
+        "PIONEER_HUB_PASSWORD_FILE": str(secret("hub-password")),
+        "PIONEER_DESKTOP_TOKEN_FILE": str(secret("desktop-token")),
+    }
     shared = {**files, "PIONEER_ROBOTS": "2", **variables}
     Project(made.project, tuple(compose_command()), COMPOSE, {**made.environment, **shared}).run("up", "-d", *computers)
 
@@ -39,7 +42,7 @@ class Hosts:
 def hosts() -> Iterator[Hosts]:
     image = os.environ.get("PIONEER_IMAGE", "pioneer")
     if "PIONEER_IMAGE" not in os.environ:
-        ensure_image(image, print)
+        ensure_image(image)
     with contextlib.ExitStack() as stack:
         base = stack.enter_context(fleet("pioneer-base", BASE.subnet))
         robots = stack.enter_context(fleet("pioneer-robots", ROBOTS.subnet))

@@ -5,7 +5,8 @@ import re
 import subprocess
 from pathlib import Path
 
-from containers.harness import PATIENCE, Fleet, fleet
+from tested_fleet import PATIENCE, Fleet, fleet
+
 from containers.layout import compose_text
 from containers.state import SHIPPED, project, written_compose
 

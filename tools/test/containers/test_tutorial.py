@@ -5,9 +5,9 @@ from contextlib import ExitStack, closing
 
 import pytest
 from shell import Shell
+from tested_fleet import PATIENCE, Fleet, fleet
 
 from containers.engine import output
-from containers.harness import PATIENCE, Fleet, fleet
 from pioneer_harness.wait import wait_until
 
 BASE = "aadiworkstation"

@@ -4,8 +4,7 @@ import re
 from collections.abc import Iterator
 
 import pytest
-
-from containers.harness import Fleet, fleet
+from tested_fleet import Fleet, fleet
 
 
 @pytest.fixture(scope="session")

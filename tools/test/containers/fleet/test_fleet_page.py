@@ -9,9 +9,9 @@ from http import HTTPStatus
 
 import pytest
 import websocket
+from tested_fleet import PATIENCE, Fleet
 
 from containers.engine import WEB, output
-from containers.harness import PATIENCE, Fleet
 from pioneer_harness.error import WaitError
 from pioneer_harness.wait import wait_until
 

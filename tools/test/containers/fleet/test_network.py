@@ -5,9 +5,9 @@ import struct
 from urllib.parse import urlsplit
 
 import pytest
+from tested_fleet import PATIENCE, Fleet
 
 from containers.engine import ContainerError
-from containers.harness import PATIENCE, Fleet
 from pioneer_harness.wait import wait_until
 
 HUB, RELAY = 6380, 6381

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 
 import pytest
 from errand import ACROSS, Errands
+from tested_fleet import PATIENCE, Fleet
 
-from containers.harness import PATIENCE, Fleet
 from pioneer_harness.wait import wait_until
 
 ALL = (1, 2, 3, 4, 5)

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from errand import ROUNDS, WALLS, Errand
 from PIL import Image
+from tested_fleet import PATIENCE, Fleet
 
 from containers.engine import output
-from containers.harness import PATIENCE, Fleet
 
 
 @pytest.fixture

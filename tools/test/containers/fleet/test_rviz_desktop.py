@@ -11,10 +11,11 @@ import pytest
 import websocket
 import yaml
 from PIL import Image
+from tested_fleet import PATIENCE, Fleet
 from vnc import Screen
 
 from containers.engine import DESKTOP, output
-from containers.harness import PATIENCE, ROOT, Fleet
+from containers.harness import ROOT
 from pioneer_description.core.scene import Mark, View, marks_of, missing
 from pioneer_harness.wait import wait_until
 

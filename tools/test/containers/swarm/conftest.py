@@ -4,8 +4,8 @@ from collections.abc import Iterator, Sequence
 
 import pytest
 from errand import Errands
+from tested_fleet import Fleet, fleet, may_have_base
 
-from containers.harness import Fleet, fleet
 from containers.hosts import Host, swarm_here
 
 
@@ -14,7 +14,7 @@ def hosts() -> Iterator[Sequence[Host]]:
     """Yields two more hosts; the first one has joined the swarm and may run the base station."""
     with swarm_here(2) as made:
         made[0].join()
-        made[0].may_have_base()
+        may_have_base(made[0])
         yield made
 
 

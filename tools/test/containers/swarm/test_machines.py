@@ -13,9 +13,9 @@ from contextlib import contextmanager
 
 import pytest
 from errand import ACROSS, ROUNDS, Errand, Errands
+from tested_fleet import PATIENCE, Fleet, cut, may_have_base, mend
 
 from containers.engine import Computer, output
-from containers.harness import PATIENCE, Fleet
 from containers.hosts import Host
 from containers.registry import CONTAINER
 from pioneer_harness.wait import wait_until
@@ -64,6 +64,11 @@ def runs_elsewhere(fleet: Fleet, before: Computer) -> Computer:
     found = wait_until(moved, f"start of {before.name} in another container", PATIENCE)
     assert found is not None, "it was waited for"
     return found
+
+
+def containers_of(host: Host) -> set[str]:
+    """Returns a host's running containers."""
+    return set(output("docker", "--context", host.name, "ps", "-q", "--no-trunc").split())
 
 
 def from_home(fleet: Fleet, number: int) -> float:
@@ -144,7 +149,7 @@ def test_a_machine_that_joins_late_is_used_by_the_next_up(on_swarm: Fleet, hosts
     hosts[1].join()
     said = on_swarm.pioneer("up", "--robots", "3", "--waypoints", "1")
     assert on_swarm.computers()["aadi3"].node == hosts[1].name, said
-    hosts[1].may_have_base()
+    may_have_base(hosts[1])
     for number in ALL:
         on_swarm.report(f"aadi{number}", "--until", "ready")
         on_swarm.execute(f"aadi{number}", "rosservice", "call", f"/pioneer{number}/map_goal_client/clear")
@@ -199,13 +204,13 @@ def test_a_machine_off_the_network_and_back_disturbs_no_other(errands: Errands, 
     fleet = errands.fleet
     host = host_with_robots_only(fleet, hosts)
     sent, moved = send(errands), robots_on(fleet, host)
-    host.cut()
+    cut(host)
     threading.Event().wait(CUT)
-    host.mend()
+    mend(host)
     host.ready()
     undisturbed(fleet, sent, moved)
-    left = set(host.containers()) - {one.container for one in fleet.computers().values()}
-    wait_until(lambda: not left & set(host.containers()), f"end of what ran on {host.name} before", PATIENCE)
+    left = containers_of(host) - {one.container for one in fleet.computers().values()}
+    wait_until(lambda: not left & containers_of(host), f"end of what ran on {host.name} before", PATIENCE)
 
 
 def test_robots_of_a_machine_that_dies_drive_on_elsewhere(errands: Errands, hosts: Sequence[Host]) -> None:

@@ -1,15 +1,32 @@
 """``pioneer_bench accuracy``: accuracy of the simulated robot's motion, contacts and laser."""
 
 import argparse
+import contextlib
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from pioneer_bench.adapters.description import meshed_pioneer, pioneer_urdf
-from pioneer_bench.adapters.world import Worlds
-from pioneer_bench.core.accuracy import accuracy_rows
+from pioneer_bench.core.accuracy import accuracy_rows, floor
 from pioneer_bench.report import finish
+from pioneer_gazebo.adapters.bullet import BulletEngine
+from pioneer_gazebo.adapters.mesh import triangles_of_mesh
 from pioneer_gazebo.adapters.urdf import robot_from_urdf
+from pioneer_gazebo.core.engine import Physics
+from pioneer_gazebo.core.simulation import Simulation
+from pioneer_gazebo.core.world import Model, World
+
+
+class Worlds(contextlib.ExitStack):
+    """Creates simulations with the node's settings; as a context manager it closes their engines on exit."""
+
+    def make(self, models: list[Model]) -> Simulation:
+        """Returns a simulation of the ground and ``models``."""
+        engine = BulletEngine()
+        self.callback(engine.close)
+        simulation = Simulation(engine, triangles_of_mesh, Physics())
+        simulation.load(World("trial", (floor(), *models)))
+        return simulation
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

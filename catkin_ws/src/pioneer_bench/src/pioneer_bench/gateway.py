@@ -7,11 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pioneer_bench.adapters.crowd_trial import crowd_rows, password_rows
-from pioneer_bench.adapters.cut_trial import cut_rows
 from pioneer_bench.adapters.fleet import Fleet
-from pioneer_bench.adapters.flow_trial import flow_rows, idle_rows, tls_rows
-from pioneer_bench.adapters.rule_trial import call_rows, fault_rows, publisher_rows
-from pioneer_bench.adapters.service_trial import service_rows
+from pioneer_bench.adapters.flow_trial import flow_rows, idle_rows, service_rows, tls_rows
+from pioneer_bench.adapters.rule_trial import call_rows, cut_rows, fault_rows, publisher_rows
 from pioneer_bench.core.row import Row
 from pioneer_bench.report import finish
 from pioneer_harness.error import HarnessError

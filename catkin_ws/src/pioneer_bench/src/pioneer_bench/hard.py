@@ -4,11 +4,13 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import rospkg
+import yaml
 
-from pioneer_bench.adapters.parameter_file import shipped_parameters
 from pioneer_bench.core import course
 from pioneer_bench.core.course import Course
 from pioneer_bench.core.ride import Ride, ride, with_changes
@@ -47,6 +49,19 @@ TRIALS = {
 CLEARANCE_GOAL, SPEED_GOAL, PATIENCE_GOAL, TIME_GOAL = 0.25, 0.38, 25.6, 118.0
 """Figures of the C++ stack, measured side by side: gap to walls [m], speed in clutter [m/s], time until it gives up
 [s], time for eight goals among thirty cylinders [s]."""
+
+
+def shipped_parameters() -> dict[str, Any]:
+    """Returns the parameters of ``pioneer_2dnav`` as move_base's launch file loads them."""
+    folder = Path(rospkg.RosPack().get_path("pioneer_2dnav")) / "config"
+
+    def load(name: str) -> dict[str, Any]:
+        return dict(yaml.safe_load((folder / f"{name}_params.yaml").read_text()))
+
+    parameters = {**load("base_local_planner"), **load("dwa_local_planner")}
+    for name in ("global_costmap", "local_costmap"):
+        parameters[name] = {**load("costmap_common"), **load(name)[name]}
+    return parameters
 
 
 def random_changes(seed: int) -> dict[str, Any]:

@@ -4,7 +4,6 @@ import argparse
 import json
 import subprocess
 import sys
-from pathlib import Path
 from typing import Any
 
 from pioneer_bench.core.row import Row
@@ -74,14 +73,10 @@ def _demo(robots: int, number: int, options: argparse.Namespace) -> dict[str, An
         print(f"{robots} robots: no report, exit status {status}; see {folder / 'output.txt'}", flush=True)
         return None
     report, drive = json.loads((folder / "report.json").read_text()), json.loads(machine.read_text())["drive"]
+    logs = [path for path in (folder / "log").rglob("*.log") if path.is_file()]
+    stale = sum(path.read_text(errors="replace").count(STALE) for path in logs)
     visits = [robot["waypoints"] - robot["reached"] for robot in report["robots"].values()]
-    found = {"robots": robots, **drive, "missed": sum(visits), "stale": _stale(folder), "faults": report["faults"]}
+    found = {"robots": robots, **drive, "missed": sum(visits), "stale": stale, "faults": report["faults"]}
     print(f"{robots} robots: factor {drive['real_time_factor']:.2f}, {found['missed']} waypoints missed", flush=True)
     files = ("ground_truth.csv", "commands.csv", "report.json")
     return {**found, "bytes": b"".join((folder / name).read_bytes() for name in files)}
-
-
-def _stale(folder: Path) -> int:
-    """Returns how often the nodes of a demo logged that their sensor data is out of date."""
-    logs = [path for path in (folder / "log").rglob("*.log") if path.is_file()]
-    return sum(path.read_text(errors="replace").count(STALE) for path in logs)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nav_bundle.core.amcl_config import AmclConfig
 from nav_bundle.core.costmap.config import CostmapConfig, InflationConfig, ObstacleConfig, SourceConfig, StaticConfig
@@ -15,7 +16,7 @@ from nav_bundle.core.costmap.layer import Observation
 from nav_bundle.core.dwa_config import DwaConfig
 from nav_bundle.core.dwa_planner import DwaPlanner
 from nav_bundle.core.global_planner import GlobalPlanner, GlobalPlannerConfig
-from nav_bundle.core.grid import Grid
+from nav_bundle.core.grid import OCCUPIED, Grid
 from nav_bundle.core.local_planner import LocalPlanner, Situation, Velocity
 from nav_bundle.core.localisation import Localisation
 from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
@@ -24,9 +25,13 @@ from nav_bundle.core.pose import Pose
 from nav_bundle.core.sensor import Scan
 from nav_bundle.core.trajectory_config import TrajectoryConfig
 from nav_bundle.core.trajectory_planner import TrajectoryPlanner
-from pioneer_bench.core.room_map import RESOLUTION, room_cells
-from pioneer_bench.core.row import Row
+from pioneer_bench.core.row import Row, table
 
+RESOLUTION = 0.05
+"""Side of a cell [m]."""
+ROOM = 100
+"""Side of a room [cells]."""
+_DOOR = 30
 _FOOTPRINT = ((0.20, 0.20), (0.20, -0.20), (-0.30, -0.20), (-0.30, 0.20))
 _LASER = SourceConfig(
     "base_scan", marking=True, clearing=True, obstacle_range=2.0, raytrace_range=3.0, min_obstacle_height=-1.0
@@ -52,26 +57,45 @@ _BEAMS = 180
 
 def kernel_rows(repetitions: int = 5) -> list[Row]:
     """Returns the rows of both map sizes and of the planner cycles; takes about half a minute."""
-    small = Costmap(_WHOLE)
-    small.set_map(_grid(400))
-    small.update(Pose(2.5, 2.5), ())
+    small = _costmap(_grid(400))
     rows = [
         *_plan_rows(small, {12.0: (2.9, 1.6, 1.0), 27.0: (8.9, 1.9, None)}, repetitions, "C++"),
         *_cycle_rows(small, repetitions),
         *_amcl_rows(repetitions),
         *_whole_map_rows(),
     ]
-    large = Costmap(_WHOLE)
-    large.set_map(_grid(4000))
-    large.update(Pose(2.5, 2.5), ())
+    large = _costmap(_grid(4000))
     return [
         *rows,
         *_plan_rows(large, {30.0: (234.0, 172.0, None), 150.0: (889.0, 229.0, None)}, repetitions, "C++'s least"),
     ]
 
 
+def room_cells(side: int, seed: int = 1) -> NDArray[np.int8]:
+    """Returns occupancy, int8 (side, side), of rooms of 5 m; each wall between two rooms has a door of 1.5 m."""
+    generator = np.random.default_rng(seed)
+    cells = np.zeros((side, side), np.int8)
+    cells[:: side - 1, :] = cells[:, :: side - 1] = OCCUPIED
+    walls = range(ROOM, side - ROOM // 2, ROOM)
+    for wall in walls:
+        cells[wall, :] = cells[:, wall] = OCCUPIED
+    for wall in walls:
+        for room in range(0, side, ROOM):
+            across, along = room + generator.integers(15, ROOM - _DOOR - 15, 2)
+            cells[wall, across : across + _DOOR] = 0
+            cells[along : along + _DOOR, wall] = 0
+    return cells
+
+
 def _grid(side: int) -> Grid:
     return Grid(RESOLUTION, Pose(), room_cells(side))
+
+
+def _costmap(grid: Grid) -> Costmap:
+    costmap = Costmap(_WHOLE)
+    costmap.set_map(grid)
+    costmap.update(Pose(2.5, 2.5), ())
+    return costmap
 
 
 def _cpu_ms(work: Callable[[], object], repetitions: int) -> float:
@@ -96,18 +120,13 @@ def _ways(costmap: Costmap, length: float) -> Iterator[tuple[Pose, Pose]]:
     free = np.argwhere(costmap.cells < 100)
     found = 0
     while found < 5:
-        (row_0, col_0), (row_1, col_1) = free[generator.integers(len(free), size=2)]
-        ends = Pose(*_centre(row_0, col_0)), Pose(*_centre(row_1, col_1))
-        if not length / 1.6 < ends[0].distance(ends[1]) < length:
+        cells = free[generator.integers(len(free), size=2)]
+        start, goal = (Pose(*xy) for xy in ((cells[:, ::-1] + 0.5) * RESOLUTION).tolist())
+        if not length / 1.6 < start.distance(goal) < length:
             continue
-        if abs(_length(path_between(planner, costmap, *ends)) - length) <= _NEAR_LENGTH * length:
+        if abs(_length(path_between(planner, costmap, start, goal)) - length) <= _NEAR_LENGTH * length:
             found += 1
-            yield ends
-
-
-def _centre(row: int, col: int) -> tuple[float, float]:
-    """Returns the centre (x, y) [m] of a cell."""
-    return (float(col) + 0.5) * RESOLUTION, (float(row) + 0.5) * RESOLUTION
+            yield start, goal
 
 
 def _plan_rows(
@@ -128,13 +147,8 @@ def _plan_rows(
 
 def _whole_map_rows() -> Iterator[Row]:
     grid = _grid(4000)
-
-    def begin() -> None:
-        costmap = Costmap(_WHOLE)
-        costmap.set_map(grid)
-        costmap.update(Pose(2.5, 2.5), ())
-
-    yield Row("costmap 4000², made and first update", "CPU ms", (_cpu_ms(begin, 2),), 500.0, remark="C++'s least")
+    spent = _cpu_ms(lambda: _costmap(grid), 2)
+    yield Row("costmap 4000², made and first update", "CPU ms", (spent,), 500.0, remark="C++'s least")
 
 
 def _scan_at(pose: Pose) -> Observation:
@@ -146,16 +160,11 @@ def _scan_at(pose: Pose) -> Observation:
 
 
 def _cycle_rows(whole: Costmap, repetitions: int) -> Iterator[Row]:
-    poses = [Pose(2.5 + 0.02 * step, 2.5, 0.3) for step in range(40)]
-    seen = [(pose, (_scan_at(pose),)) for pose in poses]
+    seen = [(pose, (_scan_at(pose),)) for pose in (Pose(2.5 + 0.02 * step, 2.5, 0.3) for step in range(40))]
     window = Costmap(_WINDOW)
 
-    def drive(costmap: Costmap) -> None:
-        for pose, scans in seen:
-            costmap.update(pose, scans)
-
     for name, costmap, goal in (("local costmap 3 m", window, 0.50), ("global costmap 400²", whole, 3.4)):
-        each = _cpu_ms(lambda c=costmap: drive(c), repetitions) / len(poses)
+        each = _cpu_ms(lambda c=costmap: [c.update(*one) for one in seen], repetitions) / len(seen)
         yield Row(f"{name}, update by a scan of {_BEAMS}", "CPU ms", (each,), goal, remark="C++")
     plan = np.zeros((60, 3))
     plan[:, 0] = 2.5 + 0.05 * np.arange(60)
@@ -183,6 +192,7 @@ def _amcl_rows(repetitions: int) -> Iterator[Row]:
     bearings = np.linspace(-math.pi, math.pi, _BEAMS, endpoint=False)
     ranges = (2.0 + 0.3 * np.cos(4.0 * bearings)).astype(np.float32)
     scan = Scan(ranges, -math.pi, math.tau / _BEAMS, 0.1, 30.0, Pose())
+    poses = [Pose(0.01 * step) for step in range(20)]
     base = AmclConfig(kld_err=0.05, laser_max_beams=60, resample_interval=1)
     for particles, goal in ((500, 2.6), (2000, 11.7)):
         config = replace(base, min_particles=particles, max_particles=particles)
@@ -190,18 +200,12 @@ def _amcl_rows(repetitions: int) -> Iterator[Row]:
         localisation.set_map(grid)
         localisation.set_pose(Pose(2.5, 2.5), np.diag([0.01, 0.01, 0.01]))
 
-        def update(localisation: Localisation = localisation) -> None:
-            for step in range(20):
-                localisation.advance(Pose(0.01 * step, 0.0, 0.0), scan)
-
-        each = _cpu_ms(update, repetitions) / 20
+        each = _cpu_ms(lambda one=localisation: [one.advance(pose, scan) for pose in poses], repetitions) / len(poses)
         yield Row(f"amcl update, {particles} particles, 60 beams", "CPU ms", (each,), goal, remark="C++")
 
 
 def main() -> int:
     """Prints the rows."""
-    from pioneer_bench.core.row import table
-
     print(table(kernel_rows()))
     return 0
 

@@ -3,8 +3,7 @@
 import argparse
 import dataclasses
 
-from pioneer_bench.core.rates import SETTINGS, LoadConfig, Rates
-from pioneer_bench.core.simulator import Run, table
+from pioneer_bench.core.simulator import SETTINGS, Rates, Run, table
 from pioneer_bench.report import measured, write
 
 EXPLANATION = "`!` misses its goal; `ratio` is to the peer. CPU-s: all threads of the simulator's process."
@@ -25,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Runs each setting with one process per number of robots; returns 0 if every goal is met, else 1."""
     found: dict[str, list[Run]] = {}
+    sections = []
     for name in options.setting:
         found[name] = []
         rates = _rates(SETTINGS[name], options)
@@ -34,7 +34,8 @@ def run(options: argparse.Namespace) -> int:
             if one is None:
                 return 2
             found[name].append(one)
-    sections = [_section(_rates(SETTINGS[name], options), runs) for name, runs in found.items()]
+        peer = f"\nPeer: {rates.peer}.\n" if rates.peer else ""
+        sections.append(f"## {rates.title}\n\n{table(found[name], rates.peers)}\n{peer}")
     values = {name: [one.as_dict() for one in runs] for name, runs in found.items()}
     write(options.output, "simulator", "The simulator", "\n".join([*sections, EXPLANATION]), values)
     return 0 if all(holds for runs in found.values() for one in runs for _, holds in one.goals().values()) else 1
@@ -50,21 +51,15 @@ def _rates(rates: Rates, options: argparse.Namespace) -> Rates:
     return dataclasses.replace(rates, **changes)
 
 
-def _section(rates: Rates, runs: list[Run]) -> str:
-    peer = f"\nPeer: {rates.peer}.\n" if rates.peer else ""
-    return f"## {rates.title}\n\n{table(runs, rates.peers)}\n{peer}"
-
-
 def _one(robots: int, rates: Rates, options: argparse.Namespace) -> Run | None:
     """Returns the results of one run; prints a line and returns None if it failed."""
-    asked = {**vars(options), **dataclasses.asdict(rates), "robots": robots}
-    values = measured("load", {field.name: asked[field.name] for field in dataclasses.fields(LoadConfig)})
+    setting = {"robots": robots, "seconds": options.seconds, "seed": options.seed}
+    values = measured("load", {**setting, "rates": dataclasses.asdict(rates)})
     if values is None:
         print(f"the run with {robots} robots failed")
         return None
-    run = Run(**{name: values[name] for name in Run.__dataclass_fields__})
-    return dataclasses.replace(
-        run,
+    return Run(
+        **values,
         asked_factor=rates.real_time_factor,
         cost_goal=rates.goals.get(robots),
         factor_goal=rates.least_factor,

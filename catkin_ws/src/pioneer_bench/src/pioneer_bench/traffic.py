@@ -158,12 +158,10 @@ def _rows(results: Sequence[Result]) -> list[Row]:
 
 def _draw(results: Sequence[Result], path: Path) -> None:
     """Plots completion time against the sum of the robots' times alone."""
-    import matplotlib
+    from matplotlib.figure import Figure
 
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(figsize=(8.0, 5.5), layout="constrained")
+    figure = Figure(figsize=(8.0, 5.5), layout="constrained")
+    axes = figure.subplots()
     sizes = sorted({one.robots for one in results})
     for number, world in enumerate(dict.fromkeys(one.world for one in results)):
         for size in sizes:
@@ -194,10 +192,8 @@ def _draw(results: Sequence[Result], path: Path) -> None:
 
 def _draw_densest(results: Sequence[Result], path: Path) -> None:
     """Repeats the trial with the most robots per place of its roadmap, and draws the robots' tracks."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from matplotlib import colormaps
+    from matplotlib.figure import Figure
 
     one = max(results, key=lambda one: (one.robots / len(_world(one.world)[1].places), -one.seed))
     (space, roadmap), (starts, tours) = _world(one.world), _tours(*one.key)
@@ -208,11 +204,12 @@ def _draw_densest(results: Sequence[Result], path: Path) -> None:
         tracks.append([body.position for body in trial.bodies])
     rows, cols = space.room.shape
     (left, low), size = space.corner, space.resolution
-    figure, axes = pyplot.subplots(figsize=(12.0, 12.0 * rows / cols + 0.8), layout="constrained")
+    figure = Figure(figsize=(12.0, 12.0 * rows / cols + 0.8), layout="constrained")
+    axes = figure.subplots()
     extent = (left, left + cols * size, low, low + rows * size)
     axes.imshow(space.room > 0.0, cmap="gray", vmin=-1.0, vmax=1.0, origin="lower", extent=extent)
     for robot, track in enumerate(zip(*tracks, strict=True)):
-        colour = pyplot.get_cmap("tab20")(robot % 20)
+        colour = colormaps["tab20"](robot % 20)
         axes.plot(*zip(*track, strict=True), color=colour, linewidth=0.8, alpha=0.8)
         axes.plot(*starts[robot], marker="o", color=colour, markersize=5)
         axes.plot(*zip(*tours[robot], strict=True), marker="x", linestyle="", color=colour, markersize=6)

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from pioneer_bench.accuracy import Worlds
 from pioneer_bench.adapters.description import meshed_pioneer, pioneer_urdf
-from pioneer_bench.adapters.world import Worlds
 from pioneer_bench.core import accuracy
 from pioneer_bench.core.row import Row
 from pioneer_gazebo.adapters.urdf import robot_from_urdf

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from pioneer_bench import lockstep, sim
-from pioneer_bench.core.rates import SETTINGS
 from pioneer_bench.core.row import Row, markdown
+from pioneer_bench.core.simulator import SETTINGS
 from pioneer_bench.report import finish
 
 NO_CHANGES = {"robots": None, "beams": None, "scan_rate": None, "odometry_rate": None, "real_time_factor": None}

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from nav_bundle.core.pose import Pose
-from pioneer_bench.adapters.parameter_file import shipped_parameters
 from pioneer_bench.core import course
 from pioneer_bench.core.course import Course
 from pioneer_bench.core.ride import Body, Ride, ride, with_changes
-from pioneer_bench.hard import random_changes
+from pioneer_bench.hard import random_changes, shipped_parameters
 
 
 @pytest.fixture(scope="module")
@@ -63,11 +62,11 @@ def test_a_cylinder_that_the_map_does_not_show_is_not_touched(parameters: dict[s
 
 
 def test_the_gap_is_that_between_body_and_wall() -> None:
-    body = Body(Course("", (course.box(1.0, -1.0, 2.0, 1.0),), Pose(), ()))
+    body = Body(Course((course.box(1.0, -1.0, 2.0, 1.0),), Pose(), ()))
     assert body.gap == pytest.approx(0.8)
-    turned = Body(Course("", (course.box(1.0, -1.0, 2.0, 1.0),), Pose(0.0, 0.0, np.pi / 4), ()))
+    turned = Body(Course((course.box(1.0, -1.0, 2.0, 1.0),), Pose(0.0, 0.0, np.pi / 4), ()))
     assert turned.gap == pytest.approx(1.0 - 0.2 * np.sqrt(2.0))
-    round_thing = Course("", (), Pose(), (), course.EMPTY)
+    round_thing = Course((), Pose(), (), course.EMPTY)
     assert Body(round_thing).gap == np.inf
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import label
 
-from pioneer_bench.core.room_map import room_cells
+from pioneer_bench.nav_kernel import room_cells
 
 
 @pytest.mark.parametrize("side", [400, 1000])

@@ -4,9 +4,8 @@ import contextlib
 import time
 from pathlib import Path
 
-from pioneer_bench.adapters.fleet import PATIENCE, Fleet, cpu, end, resident
+from pioneer_bench.adapters.fleet import PATIENCE, Fleet, cpu, family
 from pioneer_bench.core.row import Row
-from pioneer_harness.proc import descendants, process_states
 from pioneer_harness.wait import wait_until
 
 SIZE, RULES, CHANGES = 1000, 20, 20
@@ -28,19 +27,17 @@ def password_rows(folder: Path) -> list[Row]:
 def crowd_rows(fleet: Fleet, how: str = "") -> list[Row]:
     """Returns the rows of a thousand simulated gateways on a real hub, beside the two real ones."""
     name = f"hub with {SIZE:,} gateways × {RULES} rules{how}"
-    crowd, before = fleet.base.module("crowd", fleet.port, SIZE, RULES, CHANGES), _cpu(fleet)
-    try:
+    with fleet.base.running("crowd", fleet.port, SIZE, RULES, CHANGES) as crowd:
+        before = _cpu(fleet)
         wait_until(lambda: "ready" in crowd.lines() or not crowd.lives, "the crowd's convergence", CROWD_PATIENCE)
         said = [line.split() for line in crowd.lines()]
         spent = _cpu(fleet) - before
-        joining = resident(fleet.hub.pid) / 1e6
+        joining = _resident(fleet)
         called = [_flip(fleet, number) for number in range(3)] if "ready" in crowd.lines() else []
         # Not a wait for a condition: memory is measured after a period in which no gateway joins.
         time.sleep(SETTLING)
-        settled = resident(fleet.hub.pid) / 1e6
+        settled = _resident(fleet)
         held = crowd.lives
-    finally:
-        end(crowd.pid)
     converged = tuple(float(words[1]) for words in said if words[0] == "converged")
     changes = tuple(float(words[1]) for words in said if words[0] == "change")
     remark = "" if held else "the crowd was lost"
@@ -55,7 +52,11 @@ def crowd_rows(fleet: Fleet, how: str = "") -> list[Row]:
 
 
 def _cpu(fleet: Fleet) -> float:
-    return cpu(sorted(descendants(process_states(), [fleet.hub.pid])))
+    return cpu([one.pid for one in family(fleet.hub.pid)])
+
+
+def _resident(fleet: Fleet) -> float:
+    return sum(one.rss for one in family(fleet.hub.pid)) / 1e6
 
 
 def _flip(fleet: Fleet, number: int) -> float:

@@ -5,6 +5,7 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from roslib.packages import find_node
 
 from pioneer_harness.masters import Master
 from pioneer_harness.port import PortReservation, is_free
-from pioneer_harness.proc import descendants, process_state, process_states
+from pioneer_harness.proc import ProcessState, descendants, process_state, process_states
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 from tcpros.adapters.client import Client, ClientError, Connection
@@ -26,17 +27,29 @@ PATIENCE = 20.0
 PREFERRED_PORT = 16380
 
 
+@dataclass(frozen=True)
 class Process:
-    """A started process and its output."""
+    """A started process."""
 
-    def __init__(self, pid: int, log: Path) -> None:
-        self.pid = pid
-        self.log = log
+    pid: int
+    log: Path = Path()  #: of its output
 
     @property
     def lives(self) -> bool:
         """Whether the process is still running."""
-        return _lives(self.pid)
+        state = process_state(self.pid)
+        return state is not None and state.alive
+
+    def end(self) -> None:
+        """Sends SIGINT and waits until the process has ended."""
+        if self.lives:
+            os.kill(self.pid, signal.SIGINT)
+            wait_until(lambda: not self.lives, f"the end of process {self.pid}", PATIENCE)
+
+    def kill(self) -> None:
+        """Sends SIGKILL and waits until the process has ended."""
+        os.kill(self.pid, signal.SIGKILL)
+        wait_until(lambda: not self.lives, "the end of what was killed", PATIENCE)
 
     def lines(self) -> list[str]:
         """Returns the complete lines that it has printed."""
@@ -58,7 +71,7 @@ class Site:
     def __init__(self, name: str, fleet: "Fleet") -> None:
         self.name = name
         self.master = Master()
-        self.gateway = Process(0, Path())
+        self.gateway = Process(0)
         self._fleet = fleet
         self._client = Client(self.master.uri, "/bench")
 
@@ -68,25 +81,21 @@ class Site:
         self.master.set_param("/gateway", config)
         self.gateway = self.run("gateway", [_program("rocon_gateway", "gateway")])
         # Waits for the service that the gateway advertises last.
-        wait_until(self._has_services, f"{self.name}'s services", PATIENCE)
+        wait_until(lambda: self.serves("/gateway/set_watcher_period"), f"{self.name}'s services", PATIENCE)
         wait_until(self.is_connected, f"{self.name} on the hub", PATIENCE)
 
     def run(self, name: str, argv: list[str]) -> Process:
         """Starts a process on this master."""
         return self._fleet.run(f"{self.name}-{name}", argv, self.master)
 
-    def module(self, name: str, *arguments: object) -> Process:
-        """Starts one of this package's nodes."""
-        return self.run(name, module_argv(name, *arguments))
-
     @contextmanager
     def running(self, name: str, *arguments: object) -> Iterator[Process]:
         """Starts one of this package's nodes; ends it on exit of the context."""
-        process = self.module(name, *arguments)
+        process = self.run(name, module_argv(name, *arguments))
         try:
             yield process
         finally:
-            end(process.pid)
+            process.end()
 
     def publishers(self, topic: str) -> list[str]:
         """Returns the publishers of a topic, according to the master."""
@@ -123,9 +132,6 @@ class Site:
         remotes = [msg.RemoteRule(gateway, msg.Rule(kind, topic, ""))]
         _check(self._client.call(f"/gateway/{action}", srv.Remote, remotes=remotes, cancel=cancel))
 
-    def _has_services(self) -> bool:
-        return self.serves("/gateway/set_watcher_period")
-
 
 class Fleet:
     """The hub and two sites, `base` and `robot`.
@@ -140,11 +146,11 @@ class Fleet:
         self._variables = variables
         self._group = ProcessGroup()
         self._ports = PortReservation()
-        self._port = self._ports.take(PREFERRED_PORT)
+        self.port = self._ports.take(PREFERRED_PORT)  #: the hub's port
         self._number = count()
         self._hub_master = Master()
-        self.hub_uri = f"http://127.0.0.1:{self._port}"
-        self.hub = Process(0, Path())
+        self.hub_uri = f"http://127.0.0.1:{self.port}"
+        self.hub = Process(0)
         self.base, self.robot = Site("base", self), Site("robot", self)
 
     def start(self) -> None:
@@ -153,16 +159,11 @@ class Fleet:
         for site in (self.base, self.robot):
             site.start()
 
-    @property
-    def port(self) -> int:
-        """The hub's port."""
-        return self._port
-
     @contextmanager
     def open_hub(self) -> Iterator[None]:
         """Restarts the hub so that other machines can reach it; restarts it closed on exit of the context."""
         for insecure in (True, False):
-            end(self.hub.pid)
+            self.hub.end()
             self.start_hub(insecure)
             for site in (self.base, self.robot):
                 wait_until(site.is_connected, f"{site.name} on the hub", PATIENCE)
@@ -171,10 +172,10 @@ class Fleet:
 
     def start_hub(self, insecure: bool = False) -> None:
         """Starts the hub and waits until its port answers."""
-        config = {"name": "Bench Hub", "port": self._port, "zeroconf": False, "insecure": insecure}
+        config = {"name": "Bench Hub", "port": self.port, "zeroconf": False, "insecure": insecure}
         self._hub_master.set_param("/hub", config)
         self.hub = self.run("hub", [_program("rocon_hub", "hub")], self._hub_master)
-        wait_until(lambda: not is_free(self._port), "the hub's port", PATIENCE)
+        wait_until(lambda: not is_free(self.port), "the hub's port", PATIENCE)
 
     def run(self, name: str, argv: list[str], master: Master) -> Process:
         """Starts a process with its own log."""
@@ -196,39 +197,21 @@ def _program(package: str, name: str) -> str:
     return str(path)
 
 
-def kill(process: Process) -> None:
-    """Kills a process and waits until it has ended."""
-    os.kill(process.pid, signal.SIGKILL)
-    wait_until(lambda: not _lives(process.pid), "the end of what was killed", PATIENCE)
-
-
-def end(pid: int) -> None:
-    """Sends a process SIGINT and waits until it has ended."""
-    if _lives(pid):
-        os.kill(pid, signal.SIGINT)
-        wait_until(lambda: not _lives(pid), f"the end of process {pid}", PATIENCE)
-
-
 def module_argv(name: str, *arguments: object) -> list[str]:
     """Returns the command that runs one of this package's nodes."""
     return [sys.executable, "-m", f"pioneer_bench.nodes.{name}", *map(str, arguments)]
 
 
-def resident(pid: int) -> float:
-    """Returns the resident memory of a process and all its descendants [bytes]."""
+def family(pid: int) -> list[ProcessState]:
+    """Returns the states of a process and all its descendants."""
     states = process_states()
-    return float(sum(states[one].rss for one in descendants(states, [pid])))
+    return [states[one] for one in sorted(descendants(states, [pid]))]
 
 
 def cpu(pids: list[int]) -> float:
     """Returns the CPU time of the processes' live threads [s], with nanosecond resolution."""
     tasks = (task for pid in pids for task in Path(f"/proc/{pid}/task").iterdir())
     return sum(int((task / "schedstat").read_text().split()[0]) for task in tasks) * 1e-9
-
-
-def _lives(pid: int) -> bool:
-    state = process_state(pid)
-    return state is not None and state.alive
 
 
 def _check(response: Any) -> None:

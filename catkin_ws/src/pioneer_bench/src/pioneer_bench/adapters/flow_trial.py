@@ -1,12 +1,15 @@
-"""The cost of carrying messages directly, through topic_tools' relay and through two gateways; the cost of idling."""
+"""The cost of messages and service calls, directly, by topic_tools' relay and by two gateways; the cost of idling."""
 
 import contextlib
 import json
+import statistics
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from pioneer_bench.adapters.fleet import PATIENCE, Fleet, Process, cpu
+from gateway_msgs.srv import ConnectHub
+
+from pioneer_bench.adapters.fleet import PATIENCE, Fleet, Process, Site, cpu
 from pioneer_bench.core.gateway import (
     Flow,
     Flows,
@@ -22,6 +25,9 @@ from pioneer_harness.wait import wait_until
 from tcpros.adapters.authority import Authority
 
 TOPIC_TOOLS_RELAY = "/usr/lib/topic_tools/relay"
+SERVICE = "/echo"
+CALLS = 100
+"""Calls in one sample."""
 
 
 def flow_rows(fleet: Fleet, repetitions: int, seconds: float) -> list[Row]:
@@ -42,7 +48,7 @@ def flow_rows(fleet: Fleet, repetitions: int, seconds: float) -> list[Row]:
             flows: Flows = {way: [] for way in compared}
             for _ in range(repetitions):
                 for way in compared:
-                    flows[way].append(_flow(fleet, *ways[way], seconds))
+                    flows[way].append(_flow(*ways[way], seconds))
         rows += rows_from(flows)
     return rows
 
@@ -53,7 +59,7 @@ def tls_rows(folder: Path, repetitions: int, seconds: float) -> list[Row]:
     with contextlib.closing(Fleet(folder, ROCON_TLS_DIRECTORY=str(certificates))) as fleet:
         fleet.start()
         with _carriers(fleet, "/large", (1_000_000, 0, 0)) as ways:
-            return encrypted_rows([_flow(fleet, *ways["gateway"], seconds) for _ in range(repetitions)])
+            return encrypted_rows([_flow(*ways["gateway"], seconds) for _ in range(repetitions)])
 
 
 def idle_rows(fleet: Fleet, seconds: float) -> list[Row]:
@@ -79,7 +85,7 @@ def idle_rows(fleet: Fleet, seconds: float) -> list[Row]:
 @contextlib.contextmanager
 def _carriers(
     fleet: Fleet, topic: str, load: tuple[int, int, int]
-) -> Iterator[dict[str, tuple[str, str, list[Process]]]]:
+) -> Iterator[dict[str, tuple[Site, str, list[Process]]]]:
     """Yields, by way, the subscriber's site, the topic there, and the processes in between."""
     fleet.base.ask("flip", "robot", "subscriber", topic)
     with fleet.robot.running("talk", "source", topic, *load):
@@ -88,16 +94,16 @@ def _carriers(
         relay = fleet.robot.run("topic_tools", argv)
         wait_until(lambda: fleet.base.publishers(topic), "the proxy", PATIENCE)
         yield {
-            "direct": ("robot", topic, []),
-            "topic_tools": ("robot", copy, [relay]),
-            "gateway": ("base", topic, [fleet.base.gateway, fleet.robot.gateway]),
+            "direct": (fleet.robot, topic, []),
+            "topic_tools": (fleet.robot, copy, [relay]),
+            "gateway": (fleet.base, topic, [fleet.base.gateway, fleet.robot.gateway]),
         }
     fleet.base.ask("flip", "robot", "subscriber", topic, cancel=True)
 
 
-def _flow(fleet: Fleet, site: str, topic: str, carriers: list[Process], seconds: float) -> Flow:
+def _flow(site: Site, topic: str, carriers: list[Process], seconds: float) -> Flow:
     pids = [process.pid for process in carriers]
-    with (fleet.base if site == "base" else fleet.robot).running("hear", topic, seconds) as ear:
+    with site.running("hear", topic, seconds) as ear:
         wait_until(lambda: "begin" in ear.lines(), f"messages on {topic}", PATIENCE)
         before, begin = cpu(pids), time.monotonic()
         wait_until(lambda: ear.lines()[-1].startswith("{"), "the window's end", seconds + PATIENCE)
@@ -108,3 +114,44 @@ def _flow(fleet: Fleet, site: str, topic: str, carriers: list[Process], seconds:
 def _status(pid: int) -> dict[str, str]:
     lines = Path(f"/proc/{pid}/status").read_text().splitlines()
     return {key: value.split()[0] for key, _, value in (line.partition(":") for line in lines) if value.strip()}
+
+
+def service_rows(fleet: Fleet, repetitions: int) -> list[Row]:
+    """Returns the rows of successive calls of 100 bytes, each on its own connection or all on one."""
+    ways = {"direct": fleet.robot, "gateway": fleet.base}
+    fleet.robot.ask("flip", "base", "service", SERVICE)
+    rows = []
+    with fleet.robot.running("serve", SERVICE):
+        for site in ways.values():
+            wait_until(lambda s=site: s.serves(SERVICE), f"{SERVICE} at {site.name}", PATIENCE)
+        for what, persistent in (("a connection each", False), ("one connection", True)):
+            for way, site in ways.items():
+                samples = tuple(statistics.median(_times(site, persistent)) for _ in range(repetitions))
+                rows.append(Row(f"service call, {what}, {way}: p50", "ms", samples))
+            spent = tuple(_spent(fleet, persistent) for _ in range(repetitions))
+            rows.append(Row(f"service call, {what}, gateways (both)", "CPU-ms", spent))
+    fleet.robot.ask("flip", "base", "service", SERVICE, cancel=True)
+    return rows
+
+
+def _spent(fleet: Fleet, persistent: bool) -> float:
+    pids = [fleet.base.gateway.pid, fleet.robot.gateway.pid]
+    before = cpu(pids)
+    calls = len(list(_times(fleet.base, persistent)))
+    return 1e3 * (cpu(pids) - before) / calls
+
+
+def _times(site: Site, persistent: bool) -> Iterator[float]:
+    """Yields the duration of each call [ms]."""
+    if persistent:
+        with site.service(SERVICE, ConnectHub, True) as connection:
+            for _ in range(CALLS):
+                begin = time.perf_counter()
+                connection.call(ConnectHub, uri="x" * 96)
+                yield 1e3 * (time.perf_counter() - begin)
+        return
+    for _ in range(CALLS):
+        begin = time.perf_counter()
+        with site.service(SERVICE, ConnectHub, False) as connection:
+            connection.call(ConnectHub, uri="x" * 96)
+        yield 1e3 * (time.perf_counter() - begin)

@@ -1,11 +1,18 @@
-"""How fast rules take effect: after a call, a new publisher, a killed gateway or a restarted hub."""
+"""How fast rules take effect: after a call, a new publisher, a killed gateway, a restarted hub, or a cut cable."""
 
 import itertools
 import time
+from pathlib import Path
 
-from pioneer_bench.adapters.fleet import PATIENCE, Fleet, kill
+from pioneer_bench.adapters.fleet import PATIENCE, Fleet, Process, module_argv
 from pioneer_bench.core.row import Row
+from pioneer_harness.machine import FarMachine, MachineError
+from pioneer_harness.master_process import MasterProcess
+from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
+
+CUT = "link cut without a packet → far side unregistered"
+CUT_GOAL = 10.0
 
 
 def call_rows(fleet: Fleet, repetitions: int) -> list[Row]:
@@ -68,7 +75,7 @@ def fault_rows(fleet: Fleet, repetitions: int) -> list[Row]:
 
 
 def _killed_gateway(fleet: Fleet) -> float:
-    kill(fleet.robot.gateway)
+    fleet.robot.gateway.kill()
     died = time.monotonic()
     wait_until(lambda: not fleet.base.publishers("/kept"), "the far side notices", PATIENCE)
     wait_until(lambda: fleet.base.states() != ["active"], "the rule to become inactive", PATIENCE)
@@ -83,7 +90,7 @@ def _received_again(fleet: Fleet, repetitions: int) -> tuple[float, ...]:
     with fleet.robot.running("talk", "sent", "/sent", 100, 100, 10), fleet.base.running("hear", "/sent") as ear:
         ear.first_after(0.0)
         for _ in range(repetitions):
-            kill(fleet.base.gateway)
+            fleet.base.gateway.kill()
             began = time.monotonic()
             fleet.base.start()
             samples.append(ear.first_after(began))
@@ -92,7 +99,7 @@ def _received_again(fleet: Fleet, repetitions: int) -> tuple[float, ...]:
 
 
 def _killed_hub(fleet: Fleet) -> float:
-    kill(fleet.hub)
+    fleet.hub.kill()
     sites = (fleet.base, fleet.robot)
     wait_until(lambda: not any(site.is_connected() for site in sites), "the hub is missed", PATIENCE)
     fleet.start_hub()
@@ -100,3 +107,44 @@ def _killed_hub(fleet: Fleet) -> float:
     wait_until(lambda: all(site.is_connected() for site in sites), "both on the hub", PATIENCE)
     wait_until(lambda: fleet.base.states() == ["active"], "all rules active", PATIENCE)
     return time.monotonic() - back
+
+
+def cut_rows(fleet: Fleet, folder: Path, repetitions: int) -> list[Row]:
+    """Returns the times from pulling the cable until the base's master no longer lists the robot's publisher."""
+    try:
+        machine = FarMachine()
+    except MachineError as error:
+        return [Row(CUT, "s", (), CUT_GOAL, remark=f"not measured: {error}")]
+    try:
+        with ProcessGroup() as group:
+            samples = tuple(_cut(fleet, folder, machine, group, repetitions))
+    finally:
+        machine.close()
+    return [Row(CUT, "s", samples, CUT_GOAL)]
+
+
+def _cut(fleet: Fleet, folder: Path, machine: FarMachine, group: ProcessGroup, repetitions: int) -> list[float]:
+    with fleet.open_hub():
+        master = MasterProcess(group, 11311, folder, machine.there, machine.prefix)
+        uri = fleet.hub_uri.replace("127.0.0.1", machine.here)
+        master.set_param(
+            "/gateway", {"name": "far", "disable_uuids": True, "firewall": False, "insecure": True, "hub_uri": uri}
+        )
+        gateway = ["rosrun", "rocon_gateway", "gateway"]
+        for name, argv in (("gateway", gateway), ("talk", module_argv("talk", "far", "/far", 100, 100, 10))):
+            group.start(name, [*machine.prefix, *argv], master.environment, folder / f"far-{name}.log", may_end=True)
+        fleet.base.ask("flip", "far", "subscriber", "/far")
+        samples = []
+        with fleet.base.running("hear", "/far") as ear:
+            for _ in range(repetitions):
+                ear.first_after(time.monotonic())
+                machine.unplug()
+                cut = time.monotonic()
+                wait_until(lambda: not fleet.base.publishers("/far"), "the far side is missed", PATIENCE)
+                samples.append(time.monotonic() - cut)
+                machine.plug()
+            ear.first_after(time.monotonic())
+        fleet.base.ask("flip", "far", "subscriber", "/far", cancel=True)
+        for pid in group.states():
+            Process(pid).end()
+    return samples

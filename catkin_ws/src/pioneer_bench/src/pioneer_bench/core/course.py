@@ -1,18 +1,15 @@
 """Courses for one robot: obstacles, which of them the map shows, and the goals."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from nav_bundle.core.grid import FREE, OCCUPIED, Grid
 from nav_bundle.core.pose import Pose
 from pioneer_gazebo.core.raster import Extent, occupied_cells
 from pioneer_gazebo.core.section import EMPTY, Section
 
-Array = NDArray[np.float64]
 _RESOLUTION = 0.05
 _THICKNESS = 0.1
 """Thickness of walls [m]."""
@@ -25,14 +22,12 @@ _ROOM_FOR_ROBOT = 0.75
 class Course:
     """One course."""
 
-    name: str  #: as shown in the rows
     walls: tuple[Section, ...]  #: outlines of the solids that the map shows
     start: Pose  #: of the robot
     goals: tuple[Pose, ...]  #: visited in this order
     hidden: Section = EMPTY  #: obstacles that the map does not show
     low: Section = EMPTY  #: obstacles below the laser
     limit: float = 120.0  #: time for all goals [s]
-    reachable: bool = True  #: whether the goals can be reached
 
     @property
     def standing(self) -> Section:
@@ -69,11 +64,6 @@ def room(width: float, height: float) -> list[Section]:
     ]  # fmt: skip
 
 
-def _cylinders(circles: Iterable[tuple[float, float, float]]) -> Section:
-    rows = np.array(list(circles), np.float64).reshape(-1, 3)
-    return Section(np.empty((0, 4)), rows)
-
-
 def clutter(seed: int, count: int = 30, side: float = 12.0, goals: int = 8) -> Course:
     """Returns a square room with cylinders of 8 to 15 cm radius that the map does not show."""
     generator = np.random.default_rng(seed)
@@ -88,9 +78,8 @@ def clutter(seed: int, count: int = 30, side: float = 12.0, goals: int = 8) -> C
         free = all(math.hypot(x - cx, y - cy) - radius > _ROOM_FOR_ROBOT for cx, cy, radius in circles)
         if free and (not places or 3.0 < places[-1].distance(Pose(x, y)) < 9.0):
             places.append(Pose(x, y, yaw))
-    return Course(
-        f"clutter, {count} cylinders", tuple(room(side, side)), places[0], tuple(places[1:]), _cylinders(circles)
-    )
+    hidden = Section(np.empty((0, 4)), np.array(circles))
+    return Course(tuple(room(side, side)), places[0], tuple(places[1:]), hidden)
 
 
 def doors(width: float = 0.7) -> Course:
@@ -105,7 +94,7 @@ def doors(width: float = 0.7) -> Course:
         ]
     there = [Pose((index + 0.5) * side, side / 2.0) for index in range(1, count)]
     back = [Pose(pose.x, pose.y) for pose in reversed([Pose(side / 2.0, side / 2.0), *there[:-1]])]
-    return Course(f"doors of {width:g} m", tuple(walls), Pose(side / 2.0, side / 2.0), (*there, *back))
+    return Course(tuple(walls), Pose(side / 2.0, side / 2.0), (*there, *back))
 
 
 def slalom(gap: float = 1.5) -> Course:
@@ -115,32 +104,25 @@ def slalom(gap: float = 1.5) -> Course:
     for index, x in enumerate(np.arange(2.5, length - 1.0, 2.5)):
         walls.append(wall(x, 0.0, x, height - gap) if index % 2 else wall(x, gap, x, height))
     ends = Pose(1.0, 2.0), Pose(length - 1.0, 2.0)
-    return Course(f"slalom, {gap:g} m", tuple(walls), ends[0], (ends[1], ends[0]))
+    return Course(tuple(walls), ends[0], (ends[1], ends[0]))
 
 
 def corridor(width: float = 1.0, length: float = 20.0) -> Course:
     """Returns a straight corridor; the robot drives there and back."""
     ends = Pose(1.0, width / 2.0), Pose(length - 1.0, width / 2.0)
-    return Course(f"corridor of {width:g} m", tuple(room(length, width)), ends[0], (ends[1], ends[0]))
+    return Course(tuple(room(length, width)), ends[0], (ends[1], ends[0]))
 
 
 def unreachable() -> Course:
     """Returns a room with a closed chamber that contains the goal."""
     walls = [*room(8.0, 6.0), wall(5.0, 2.0, 7.0, 2.0), wall(5.0, 4.0, 7.0, 4.0)]
     walls += [wall(5.0, 2.0, 5.0, 4.0), wall(7.0, 2.0, 7.0, 4.0)]
-    return Course("unreachable goal", tuple(walls), Pose(1.5, 3.0), (Pose(6.0, 3.0),), reachable=False)
+    return Course(tuple(walls), Pose(1.5, 3.0), (Pose(6.0, 3.0),))
 
 
 def doorstep() -> Course:
     """Returns a room divided by a box below the laser: the goal cannot be reached."""
-    return Course(
-        "doorstep",
-        tuple(room(8.0, 5.0)),
-        Pose(1.5, 2.5),
-        (Pose(6.5, 2.5),),
-        low=box(4.0, 0.0, 4.2, 5.0),
-        reachable=False,
-    )
+    return Course(tuple(room(8.0, 5.0)), Pose(1.5, 2.5), (Pose(6.5, 2.5),), low=box(4.0, 0.0, 4.2, 5.0))
 
 
 def maze(seed: int, legs: int = 4, cells: int = 6) -> Course:
@@ -158,7 +140,7 @@ def maze(seed: int, legs: int = 4, cells: int = 6) -> Course:
     chosen = generator.permutation(cells * cells)[: legs + 1]
     places = [Pose((index % cells + 0.5) * pitch, (index // cells + 0.5) * pitch) for index in map(int, chosen)]
     start = Pose(places[0].x, places[0].y, float(generator.uniform(-math.pi, math.pi)))
-    return Course(f"maze {seed}", tuple(walls), start, tuple(places[1:]), limit=150.0 * legs)
+    return Course(tuple(walls), start, tuple(places[1:]), limit=150.0 * legs)
 
 
 Cell = tuple[int, int]

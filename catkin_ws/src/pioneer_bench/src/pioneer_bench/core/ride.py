@@ -45,7 +45,6 @@ BODY = np.array([[0.20, 0.20], [0.20, -0.20], [-0.30, -0.20], [-0.30, 0.20]])
 class Ride:
     """Results of one course."""
 
-    course: str  #: name of the course
     goals: int  #: number of goals
     reached: int = 0  #: goals reached
     seconds: float = 0.0  #: simulated [s]
@@ -55,7 +54,6 @@ class Ride:
     recoveries: int = 0  #: recovery behaviours started
     given_up: tuple[float, ...] = ()  #: time until each aborted goal was given up [s]
     stuck: bool = False  #: whether the time limit was exceeded
-    slow: float = 0.0  #: share of the time spent slower than 5 cm/s and 0.1 rad/s
     last: str = ""  #: the last warning
 
     def summary(self) -> str:
@@ -161,8 +159,7 @@ class Rider:
         self._period = 1.0 / setup.base.controller_frequency
         self.now = 0.0
         self._due = dict.fromkeys(("scan", "global", "local"), 0.0)
-        self.ride = Ride(course.name, len(course.goals))
-        self._slow = 0
+        self.ride = Ride(len(course.goals))
         self._command = STANDSTILL
 
     def run(self) -> Ride:
@@ -170,10 +167,8 @@ class Rider:
         for goal in self._course.goals:
             if not self._drive_to(goal):
                 break
-        ride = self.ride
-        ride.seconds, ride.contacts = self.now, self.body.contacts
-        ride.slow = self._slow * self._period / max(self.now, self._period)
-        return ride
+        self.ride.seconds, self.ride.contacts = self.now, self.body.contacts
+        return self.ride
 
     def _drive_to(self, goal: Pose) -> bool:
         """Drives to one goal; returns False if the time limit is exceeded."""
@@ -199,11 +194,8 @@ class Rider:
     def _take(self, result: Cycle) -> None:
         """Executes the navigator's command for one period."""
         self._command = self._command if result.command is None else result.command
-        before = self.body.pose
         self.ride.way += self.body.drive(self._command, self._period)
         self.ride.clearance = min(self.ride.clearance, self.body.gap)
-        moved = before.distance(self.body.pose) / self._period
-        self._slow += moved < 0.05 and abs(self.body.velocity.turn) < 0.1
         self.ride.recoveries += result.recovery is not None
         if result.warnings:
             self.ride.last = result.warnings[-1]

@@ -1,7 +1,7 @@
 """Results of a robot's tour of waypoints, and the navigation bench's rows made from tours."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from pioneer_bench.core.row import Row
 
@@ -89,20 +89,15 @@ def tour_rows(condition: Condition, tours: Sequence[Tour]) -> list[Row]:
     return [*rows, *_cost_rows(condition, tours), *([Row(f"{title}: map IoU", "", maps)] if maps else [])]
 
 
-def _cost_rows(condition: Condition, tours: Sequence[Tour]) -> list[Row]:
-    kinds = ("slam_gmapping" if condition.mapping else "amcl", "move_base")
-    rows = []
-    for kind in kinds:
-        rows.append(Row(f"{condition.title}: {kind}", "CPU-s/sim-s", tuple(tour.cpu[kind] for tour in tours)))
-        rows.append(Row(f"{condition.title}: {kind}", "MB", tuple(tour.rss[kind] for tour in tours)))
-    both = tuple(sum(tour.cpu[kind] for kind in kinds) for tour in tours)
-    memory = tuple(sum(tour.rss[kind] for kind in kinds) for tour in tours)
+def _cost_rows(condition: Condition, tours: Sequence[Tour]) -> Iterator[Row]:
+    own = "slam_gmapping" if condition.mapping else "amcl"
     cost, rss = (None, None) if condition.mapping else (COST_GOAL, RSS_GOAL)
-    return [
-        *rows,
-        Row(f"{condition.title}: both", "CPU-s/sim-s", both, cost),
-        Row(f"{condition.title}: both", "MB", memory, rss),
-    ]
+    for what, kinds in ((own, [own]), ("move_base", ["move_base"]), ("both", [own, "move_base"])):
+        spent = tuple(sum(tour.cpu[kind] for kind in kinds) for tour in tours)
+        memory = tuple(sum(tour.rss[kind] for kind in kinds) for tour in tours)
+        both = what == "both"
+        yield Row(f"{condition.title}: {what}", "CPU-s/sim-s", spent, cost if both else None)
+        yield Row(f"{condition.title}: {what}", "MB", memory, rss if both else None)
 
 
 def _peer(value: float | None) -> str:

@@ -21,21 +21,32 @@ WARM_UP = 0.5
 _BEFORE_STAMP = 12  # bytes of a std_msgs/UInt8MultiArray: no dimensions, offset 0, data length
 
 
-class Window:
-    """Counts the messages in a time window; sets `finished` at its end."""
+class Hearer:
+    """Prints each message's arrival time, or measures a window of ``seconds``."""
 
-    def __init__(self, seconds: float, finished: threading.Event) -> None:
-        self.finished = finished
-        self._seconds = seconds
+    def __init__(self, topic: str, seconds: float | None) -> None:
+        self._finished = threading.Event()
+        self._seconds = seconds or 0.0
         self._first = self._begin = 0.0
         self._bytes = 0
         self._delays: list[float] = []
+        entry.on_shutdown(self._finished.set)
+        if seconds is None:
+            rospy.Subscriber(topic, rospy.AnyMsg, self._tell, tcp_nodelay=True)
+        else:
+            rospy.Subscriber(topic, rospy.AnyMsg, self._measure, tcp_nodelay=True, buff_size=2**20)
 
-    def take(self, message: rospy.AnyMsg) -> None:
-        """Handles one message."""
+    def spin(self) -> None:
+        """Runs until shutdown, or until the window is over."""
+        self._finished.wait()
+
+    def _tell(self, _message: rospy.AnyMsg) -> None:
+        print(time.monotonic(), flush=True)
+
+    def _measure(self, message: rospy.AnyMsg) -> None:
         now = time.monotonic()
         self._first = self._first or now
-        if now < self._first + WARM_UP or self.finished.is_set():
+        if now < self._first + WARM_UP or self._finished.is_set():
             return
         if not self._begin:
             self._begin = now
@@ -44,7 +55,7 @@ class Window:
         self._delays.append(now - STAMP.unpack_from(message._buff, _BEFORE_STAMP)[0])
         if now >= self._begin + self._seconds:
             self._print(now - self._begin)
-            self.finished.set()
+            self._finished.set()
 
     def _print(self, seconds: float) -> None:
         delays, count = sorted(self._delays), len(self._delays)
@@ -55,26 +66,6 @@ class Window:
             "p99": delays[count * 99 // 100],
         }
         print(json.dumps(result), flush=True)
-
-
-class Hearer:
-    """Prints each message's arrival time, or measures until its window is over."""
-
-    def __init__(self, topic: str, seconds: float | None) -> None:
-        self._finished = threading.Event()
-        entry.on_shutdown(self._finished.set)
-        if seconds is None:
-            rospy.Subscriber(topic, rospy.AnyMsg, self._tell, tcp_nodelay=True)
-        else:
-            take = Window(seconds, self._finished).take
-            rospy.Subscriber(topic, rospy.AnyMsg, take, tcp_nodelay=True, buff_size=2**20)
-
-    def spin(self) -> None:
-        """Runs until shutdown, or until the window is over."""
-        self._finished.wait()
-
-    def _tell(self, _message: rospy.AnyMsg) -> None:
-        print(time.monotonic(), flush=True)
 
 
 def main() -> int:

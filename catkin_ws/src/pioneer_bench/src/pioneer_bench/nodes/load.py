@@ -23,8 +23,7 @@ from std_msgs.msg import Bool
 
 from pioneer_bench.adapters.description import pioneer_urdf
 from pioneer_bench.core import hall
-from pioneer_bench.core.rates import LoadConfig
-from pioneer_bench.core.simulator import Run
+from pioneer_bench.core.simulator import Rates
 from pioneer_gazebo.adapters.sdf_text import sdf_from_world
 from pioneer_harness.masters import Master
 from pioneer_harness.proc import process_state
@@ -97,18 +96,6 @@ class Driver:
             self._command.publish(command)
 
 
-def robot_description(config: LoadConfig) -> str:
-    """Returns the Pioneer's URDF with the sensors of the setting."""
-    others = {"joint_rate": config.other_rate, "ground_truth_rate": config.other_rate} if config.other_rate else {}
-    return pioneer_urdf(
-        laser_samples=config.beams,
-        laser_rate=config.scan_rate,
-        laser_max_range=8.0,
-        odom_rate=config.odometry_rate,
-        **others,
-    )
-
-
 def cpu_and_rss(pid: int) -> tuple[float, float]:
     """Returns a process's CPU time [s] and resident memory [MB]."""
     state = process_state(pid)
@@ -118,37 +105,44 @@ def cpu_and_rss(pid: int) -> tuple[float, float]:
 
 
 class Bench:
-    """One run on a running master."""
+    """One run of ``robots`` on a running master; the simulator is the process ``pid``."""
 
-    def __init__(self, config: LoadConfig, pid: int) -> None:
-        self._config, self._pid = config, pid
+    def __init__(self, robots: int, rates: Rates, pid: int) -> None:
+        self._robots, self._rates, self._pid = robots, rates, pid
         self._tally = Tally()
         self._ready = threading.Event()
         rospy.Subscriber("/gazebo/ready", Bool, lambda message: self._ready.set(), queue_size=1)
         rospy.Subscriber("/clock", Clock, self._tally.note_clock, queue_size=5, tcp_nodelay=True)
 
-    def run(self) -> Run:
-        """Spawns and drives the robots, and measures one window."""
+    def run(self, seconds: float) -> dict[str, float]:
+        """Spawns and drives the robots, and measures a window of simulated ``seconds``; returns fields of `Run`."""
         if not self._ready.wait(PATIENCE):
             raise TimeoutError("the simulator did not become ready")
         self._tally.wait_for(0.01)
         first_step, _ = cpu_and_rss(self._pid)
         names = self._spawn()
         for name in names:
-            for topic in ("odom", *(OTHER_TOPICS if self._config.other_rate else ())):
+            for topic in ("odom", *(OTHER_TOPICS if self._rates.other_rate else ())):
                 full = f"/{name}/{topic}"
                 rospy.Subscriber(full, rospy.AnyMsg, self._tally.counter(full), queue_size=5, tcp_nodelay=True)
             Driver(name, self._tally)
         rospy.Subscriber("/tf", rospy.AnyMsg, self._tally.counter("/tf"), queue_size=5, tcp_nodelay=True)
         wait_until(lambda: all(self._tally.counts.values()), "a message of every topic", PATIENCE)
-        return self._measured(first_step)
+        return {"first_step": first_step, **self._measured(seconds)}
 
     def _spawn(self) -> list[str]:
         rospy.wait_for_service("/gazebo/spawn_urdf_model", PATIENCE)
         spawn = rospy.ServiceProxy("/gazebo/spawn_urdf_model", SpawnModel)
-        description = robot_description(self._config)
+        rates, other = self._rates, self._rates.other_rate
+        description = pioneer_urdf(
+            laser_samples=rates.beams,
+            laser_rate=rates.scan_rate,
+            laser_max_range=8.0,
+            odom_rate=rates.odometry_rate,
+            **({"joint_rate": other, "ground_truth_rate": other} if other else {}),
+        )
         names = []
-        for number, (x, y) in enumerate(hall.starts()[: self._config.robots], start=1):
+        for number, (x, y) in enumerate(hall.starts()[: self._robots], start=1):
             name = f"pioneer{number}"
             rospy.set_param(f"/{name}/tf_prefix", name)
             answer = spawn(name, description, name, Pose(Point(x, y, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0)), "")
@@ -157,51 +151,49 @@ class Bench:
             names.append(name)
         return names
 
-    def _measured(self, first_step: float) -> Run:
-        config, tally = self._config, self._tally
-        begin = tally.time + WARM_UP
-        tally.wait_for(begin)
-        wall, (cpu, _), counts, start = time.monotonic(), cpu_and_rss(self._pid), dict(tally.counts), tally.time
-        tally.wait_for(start + config.seconds)
-        end_wall, (end_cpu, rss), end_counts, end_time = (
-            time.monotonic(), cpu_and_rss(self._pid), dict(tally.counts), tally.time,
-        )  # fmt: skip
-        arrived = {topic: end_counts[topic] - counts[topic] for topic in counts}
-        simulated = end_time - start
-        scans = sum(count for topic, count in arrived.items() if topic.endswith("/base_scan"))
-        # The window begins and ends between scans: one scan per robot may fall on either side.
-        due = config.robots * int(simulated * config.scan_rate - 1)
-        return Run(
-            robots=config.robots,
-            beams=config.beams,
-            scan_rate=config.scan_rate,
-            simulated=simulated,
-            wall=end_wall - wall,
-            cpu=end_cpu - cpu,
-            first_step=first_step,
-            rss=rss,
-            scans=scans,
-            scans_due=due,
-            messages=sum(arrived.values()) / simulated,
-        )
+    def _measured(self, seconds: float) -> dict[str, float]:
+        tally = self._tally
+        tally.wait_for(tally.time + WARM_UP)
+        wall, (cpu, _), counts, start = self._now()
+        tally.wait_for(start + seconds)
+        end_wall, (end_cpu, rss), end_counts, end = self._now()
+        arrived = {topic: end_counts[topic] - count for topic, count in counts.items()}
+        simulated = end - start
+        return {
+            "robots": self._robots,
+            "beams": self._rates.beams,
+            "scan_rate": self._rates.scan_rate,
+            "simulated": simulated,
+            "wall": end_wall - wall,
+            "cpu": end_cpu - cpu,
+            "rss": rss,
+            "scans": sum(count for topic, count in arrived.items() if topic.endswith("/base_scan")),
+            # The window begins and ends between scans: one scan per robot may fall on either side.
+            "scans_due": self._robots * int(simulated * self._rates.scan_rate - 1),
+            "messages": sum(arrived.values()) / simulated,
+        }
+
+    def _now(self) -> tuple[float, tuple[float, float], dict[str, int], float]:
+        """Returns wall time [s], CPU time and memory, the counts of messages, and simulated time [s]."""
+        return time.monotonic(), cpu_and_rss(self._pid), dict(self._tally.counts), self._tally.time
 
 
 def main(argv: list[str]) -> int:
     """Runs the setting given as JSON and prints the results as JSON."""
-    config = LoadConfig(**json.loads(argv[0]))
+    setting = json.loads(argv[0])
+    rates = Rates(**setting["rates"])
     with Master() as master, ProcessGroup() as group:
         os.environ.update(master.environment)
         world = master.home / "hall.world"
-        world.write_text(sdf_from_world(hall.world(config.seed)))
+        world.write_text(sdf_from_world(hall.world(setting["seed"])))
         command = [
             sys.executable, "-c", "from pioneer_gazebo.nodes.gazebo import main; raise SystemExit(main())",
-            "__name:=gazebo", f"_world_name:={world}", f"_real_time_factor:={config.real_time_factor}",
-            f"_seed:={config.seed}", f"_clock_rate:={config.clock_rate}",
+            "__name:=gazebo", f"_world_name:={world}", f"_real_time_factor:={rates.real_time_factor}",
+            f"_seed:={setting['seed']}", f"_clock_rate:={rates.clock_rate}",
         ]  # fmt: skip
         pid = group.start("simulator", command, master.environment, master.home / "simulator.log")
         rospy.init_node("pioneer_bench", disable_signals=True, disable_rostime=True)
-        run = Bench(config, pid).run()
-        print(json.dumps(run.as_dict()), flush=True)
+        print(json.dumps(Bench(setting["robots"], rates, pid).run(setting["seconds"])), flush=True)
         rospy.signal_shutdown("measured")
     return 0
 

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import rospkg
 import rospy
-import yaml
 
 from nav_bundle.adapters.map_file import read_map
 from nav_bundle.conversions import GridMessage, grid_from_message
@@ -30,6 +29,7 @@ from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.waypoint import WaypointConfig, fleet_waypoints
 from pioneer_demo.nodes.observer import ObserverNode
 from pioneer_fleet.core.geometry import Pose
+from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses
 from pioneer_harness.accounting import Account
 from pioneer_harness.error import HarnessError
 from pioneer_harness.masters import Master
@@ -194,9 +194,7 @@ def _clearance(floor: Floor, driven: list[tuple[float, float]]) -> float:
 
 def start_pose(world: str) -> Pose:
     """Returns pioneer1's start pose in that world."""
-    folder = Path(rospkg.RosPack().get_path("pioneer_description")) / "config"
-    own = folder / f"pioneer_poses_{world}.yaml"
-    pose = yaml.safe_load((own if own.is_file() else folder / "pioneer_poses.yaml").read_text())[ROBOT]
+    pose = read_poses(poses_of_world(world))[ROBOT]
     return Pose(pose["x"], pose["y"], pose["a"])
 
 

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from pioneer_bench.adapters.caster import distances, mesh_at
 from pioneer_bench.adapters.description import pioneer_urdf
-from pioneer_bench.adapters.shop import shop
-from pioneer_bench.core.maze import loose_maze
+from pioneer_bench.adapters.made_world import loose_maze, shop
 from pioneer_gazebo.adapters.bullet import BulletEngine
 from pioneer_gazebo.adapters.mesh import triangles_of_mesh
 from pioneer_gazebo.adapters.resource import model_path

@@ -1,4 +1,4 @@
-"""A shop full of meshes, like public shop worlds: 97 models with 254 collisions of 20,480 triangles each."""
+"""Worlds that are made for the bench: a maze of loose boxes, and a shop full of meshes."""
 
 import random
 from pathlib import Path
@@ -8,14 +8,33 @@ import trimesh
 
 from pioneer_bench.core.accuracy import floor
 from pioneer_gazebo.core.pose import IDENTITY, Pose
-from pioneer_gazebo.core.world import Collision, Inertia, Link, Mesh, Model, World
+from pioneer_gazebo.core.world import Box, Collision, Inertia, Link, Mesh, Model, World
+
+BOXES, BOX_COLUMNS = 285, 19
+BOX_PITCH = 1.4
+LENGTH, WIDTH, HEIGHT = 1.0, 0.15, 1.0
+"""Size of a box [m]."""
 
 MODELS, COLLISIONS, FILES = 97, 254, 12
+"""Of the shop; each collision has 20,480 triangles, as in public shop worlds."""
 PITCH, COLUMNS = 2.2, 10
 """Distance between models [m], and models a row. A third of the models are movable: crates, which stand upright."""
 
 FOOT = 0.3
 """Depth below its centre at which a mesh is cut flat [m]."""
+
+
+def loose_maze() -> World:
+    """Returns a maze, always the same one, of loose boxes, as in worlds whose author forgot ``<static>``."""
+    chance = random.Random(1)
+    boxes = []
+    for number in range(BOXES):
+        row, column = divmod(number, BOX_COLUMNS)
+        size = (LENGTH, WIDTH, HEIGHT) if chance.random() < 0.5 else (WIDTH, LENGTH, HEIGHT)
+        link = Link("link", mass=10.0, inertia=Inertia(), collisions=(Collision("c", Pose(), Box(size)),))
+        pose = Pose(((column - BOX_COLUMNS / 2) * BOX_PITCH, (row - BOXES / BOX_COLUMNS / 2) * BOX_PITCH, HEIGHT / 2))
+        boxes.append(Model(f"box_{number}", pose, links=(link,)))
+    return World("285 loose boxes", (floor(), *boxes))
 
 
 def shop(folder: Path) -> World:
