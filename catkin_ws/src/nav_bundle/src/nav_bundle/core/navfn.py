@@ -79,13 +79,13 @@ class NavfnPlanner:
     def search(self, costmap: Costmap, start: Pose, goal: Pose, tolerance: float | None = None) -> "NavfnSearch":
         """Starts a search on a copy of the costmap's cells; see ``planner.GlobalPlanner``."""
         place = costmap.geometry
-        start_cell, goal_cell = _cell(place, start), _cell(place, goal)
-        if not _inside(place, start_cell):
+        start_cell, goal_cell = place.cell_at(start.x, start.y), place.cell_at(goal.x, goal.y)
+        if not place.contains(start_cell):
             raise StartOutsideError(
                 "The robot's start position is off the global costmap. Planning will always fail, "
                 "are you sure the robot has been properly localized?"
             )
-        if not _inside(place, goal_cell):
+        if not place.contains(goal_cell):
             raise GoalOutsideError(
                 "The goal sent to the navfn planner is off the global costmap. Planning will always fail to this goal."
             )
@@ -165,14 +165,6 @@ class NavfnSearch:
             path[-1, :2] = self._goal.x, self._goal.y
         path[-1, 2] = self._goal.yaw
         return path
-
-
-def _cell(place: Geometry, pose: Pose) -> tuple[int, int]:
-    return place.row_of(pose.y), place.col_of(pose.x)
-
-
-def _inside(place: Geometry, cell: tuple[int, int]) -> bool:
-    return 0 <= cell[0] < place.rows and 0 <= cell[1] < place.cols
 
 
 def _open_around(costs: NDArray[np.uint8], cell: tuple[int, int], radius: float) -> None:

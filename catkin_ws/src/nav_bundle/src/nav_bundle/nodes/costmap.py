@@ -285,7 +285,7 @@ class CostmapNode:
             self._listener_flag.arrived = False
             self._grid_publisher.publish(self._grid(now))
         elif changed and self._update_publisher.get_num_connections():
-            part = self.costmap.cells[changed.row_0 : changed.row_1, changed.col_0 : changed.col_1]
+            part = self.costmap.cells[changed.slices]
             rows, cols = part.shape
             values = self._values[part].ravel()
             header = Header(0, rospy.Time.from_sec(now), self.frame)
