@@ -9,11 +9,10 @@ from nav_bundle.core.clearance import Clearance
 from nav_bundle.core.costmap.config import costmap_config_from_parameters
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.dwa_config import dwa_config_from_parameters
-from nav_bundle.core.dwa_planner import DwaPlanner
+from nav_bundle.core.dwa_planner import DwaPlanner, Oscillation
 from nav_bundle.core.dynamic_window import DynamicWindow, NoseScales
 from nav_bundle.core.local_planner import STANDSTILL, Situation, Velocity
 from nav_bundle.core.move_base_config import setup_from_parameters
-from nav_bundle.core.oscillation import Oscillation
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.trajectory_planner import TrajectoryPlanner
 from nav_bundle.kernels.trajectory import Horizon, Scales
