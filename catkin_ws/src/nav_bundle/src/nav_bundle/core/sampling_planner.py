@@ -39,7 +39,8 @@ class SamplingPlanner(Generic[Config]):
         right: float,
         still: tuple[float, float],
     ) -> None:
-        self.config, self._rollout = config, rollout
+        self.config: Config = config
+        self._rollout = rollout
         self._slowest, self._right, self._still = slowest, right, still
         self._period = 1.0 / config.controller_frequency
         self._route: Route | None = None

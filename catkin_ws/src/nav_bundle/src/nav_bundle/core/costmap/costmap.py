@@ -1,6 +1,7 @@
 """A layered costmap that recomputes only the cells that changed."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,7 +75,7 @@ class Costmap:
         for layer in self._static:
             layer.set_map(grid)
             if layer.place is not None and not self.config.rolling_window:
-                self._resize(Geometry(**vars(layer.place)))
+                self._resize(replace(layer.place))
 
     def _resize(self, geometry: Geometry) -> None:
         self.geometry = geometry
@@ -108,9 +109,7 @@ class Costmap:
             case FleetConfig():
                 return FleetLayer(config, self.footprint)
             case ObstacleConfig():
-                layer = ObstacleLayer(config)
-                layer.resize(self.geometry.rows, self.geometry.cols)
-                return layer
+                return ObstacleLayer(config, self.geometry.rows, self.geometry.cols)
         raise TypeError(f"no layer for {config!r}")
 
     def update(
@@ -168,7 +167,7 @@ class Costmap:
     def reset(self) -> None:
         """Clears all sensor data; effective at the next update."""
         for layer in self._obstacles.values():
-            layer.resize(self.geometry.rows, self.geometry.cols)
+            layer.clear()
         self._pending = self.geometry.everything
 
     def cost_at(self, distance: float) -> int:
@@ -226,10 +225,6 @@ class Costmap:
         apart = np.hypot(*(points[:, None, :] - points[None, :, :]).T)
         wide = ((apart > width) & (apart < _WIDEST)).any(axis=0)
         return np.ascontiguousarray(points[wide])
-
-    def snapshot(self) -> Cells:
-        """Returns a copy of the cells, unaffected by later updates."""
-        return self.cells.copy()
 
 
 def _static_layers(config: CostmapConfig) -> list[StaticLayer]:

@@ -1,6 +1,7 @@
 """Costmap layers: static map, obstacles, inflation."""
 
 import math
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -37,6 +38,40 @@ class Observation:
     sensor_yaw: float = 0.0
 
 
+class ObservationBuffer:
+    """Observations in the costmap's frame, kept for ``persistence`` [s] after their stamp; 0 keeps only the newest."""
+
+    def __init__(self, persistence: float) -> None:
+        self.persistence = persistence
+        self._kept: deque[tuple[float, Observation]] = deque()
+
+    @property
+    def newest(self) -> float:
+        """Stamp [s] of the newest observation; minus infinity if there is none."""
+        return self._kept[-1][0] if self._kept else float("-inf")
+
+    @property
+    def last(self) -> Observation | None:
+        """The newest observation; None if there is none."""
+        return self._kept[-1][1] if self._kept else None
+
+    def add(self, stamp: float, observation: Observation) -> None:
+        """Adds an observation, which must be newer than the earlier ones."""
+        if self.persistence <= 0.0:
+            self._kept.clear()
+        self._kept.append((stamp, observation))
+
+    def current(self, now: float) -> list[Observation]:
+        """Returns the observations valid at ``now`` [s], oldest first; drops expired ones, but never the newest."""
+        while len(self._kept) > 1 and self._kept[0][0] < now - self.persistence:
+            self._kept.popleft()
+        return [observation for _, observation in self._kept]
+
+    def forget(self) -> None:
+        """Drops all observations, for example after a clock jump."""
+        self._kept.clear()
+
+
 class StaticLayer:
     """The static map, converted to costs."""
 
@@ -44,8 +79,8 @@ class StaticLayer:
         self.config = config
         #: the map's costs in the costmap's cells, unknown outside the map; None without a map
         self.cells: Cells | None = None
+        self.place: Geometry | None = None  #: geometry of the map in its frame; None without a map
         self._map: Cells | None = None
-        self._place = Geometry(0.0, 0.0, 1.0, 0, 0)
         self._costs = cost_by_occupancy(
             config.lethal_cost_threshold,
             config.trinary_costmap,
@@ -53,18 +88,13 @@ class StaticLayer:
             config.unknown_cost_value,
         )
 
-    @property
-    def place(self) -> Geometry | None:
-        """Geometry of the map in its frame; None without a map."""
-        return None if self._map is None else self._place
-
     def set_map(self, grid: Grid) -> None:
         """Sets the map; resamples a rotated map into the smallest axis-aligned grid that contains it."""
         costs = self._costs[grid.cells.view(np.uint8)]
-        self._place = Geometry(grid.origin.x, grid.origin.y, grid.resolution, grid.rows, grid.cols)
+        self.place = Geometry(grid.origin.x, grid.origin.y, grid.resolution, grid.rows, grid.cols)
         if grid.origin.yaw != 0.0:
-            self._place = _upright(grid)
-            costs = _sampled(costs, grid.origin, grid.resolution, self._place)
+            self.place = _upright(grid)
+            costs = _sampled(costs, grid.origin, grid.resolution, self.place)
         self.cells = self._map = costs
 
     def lie(self, geometry: Geometry, here_from_map: Pose) -> bool:
@@ -75,8 +105,9 @@ class StaticLayer:
             here_from_map: pose of the map's frame in the costmap's.
         """
         assert self._map is not None
-        origin = here_from_map.compose(Pose(self._place.origin_x, self._place.origin_y))
-        before, self.cells = self.cells, _sampled(self._map, origin, self._place.resolution, geometry)
+        assert self.place is not None
+        origin = here_from_map.compose(Pose(self.place.origin_x, self.place.origin_y))
+        before, self.cells = self.cells, _sampled(self._map, origin, self.place.resolution, geometry)
         return before is None or not np.array_equal(before, self.cells)
 
     def near(self, window: Window, radius: int) -> NDArray[np.bool_]:
@@ -136,14 +167,14 @@ def _sampled(cells: Cells, origin: Pose, resolution: float, place: Geometry) -> 
 class ObstacleLayer:
     """Sensor obstacles: returns mark cells, the rays to them clear cells."""
 
-    def __init__(self, config: ObstacleConfig) -> None:
+    def __init__(self, config: ObstacleConfig, rows: int, cols: int) -> None:
         self.config = config
         self._default = UNKNOWN if config.track_unknown_space else FREE
-        self.cells: Cells = np.full((1, 1), self._default, np.uint8)
+        self.cells: Cells = np.full((rows, cols), self._default, np.uint8)
 
-    def resize(self, rows: int, cols: int) -> None:
-        """Clears all cells and sets a new size."""
-        self.cells = np.full((rows, cols), self._default, np.uint8)
+    def clear(self) -> None:
+        """Clears all cells."""
+        self.cells.fill(self._default)
 
     def shift(self, down: int, right: int) -> None:
         """Shifts the grid's origin by cells; drops cells that leave the grid and resets those that enter."""
