@@ -307,21 +307,14 @@ class MoveBaseNode:
         self._velocity.publish(message)
 
     def _report_recovery(self, started: StartRecovery) -> None:
-        name, count = self._setup.recoveries[started.index].name, len(self._setup.recoveries)
+        index, name, count = started.index, self._setup.recoveries[started.index].name, len(self._setup.recoveries)
         self._in_trouble = True
-        rospy.logwarn("recovery behavior %d of %d: %s", started.index + 1, count, name)
+        rospy.logwarn("recovery behavior %d of %d: %s", index + 1, count, name)
         if self._recovery_status.get_num_connections():
-            self._recovery_status.publish(self._status(started.index, started.trigger.name))
-
-    def _status(self, index: int, trigger: str) -> RecoveryStatus:
-        status = RecoveryStatus()
-        now = rospy.get_time()
-        pose = self._local.pose(now) or Pose()
-        status.pose_stamped = stamped_from_pose(pose, self._local.frame, rospy.Time.from_sec(now))
-        status.current_recovery_number = index
-        status.total_number_of_recoveries = len(self._setup.recoveries)
-        status.recovery_behavior_name = f"{self._setup.recoveries[index].name} ({trigger.lower()})"
-        return status
+            now = rospy.get_time()
+            place = stamped_from_pose(self._local.pose(now) or Pose(), self._local.frame, rospy.Time.from_sec(now))
+            reason = f"{name} ({started.trigger.name.lower()})"
+            self._recovery_status.publish(RecoveryStatus(place, index, count, reason))
 
     def _make_plan_if_idle(self, request: GetPlanRequest) -> GetPlanArrayResponse:
         with self._turn:
