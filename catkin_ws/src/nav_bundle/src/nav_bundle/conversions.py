@@ -34,14 +34,37 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 from std_msgs.msg import Header
 
-from nav_bundle.core.costmap.scan import points_from_ranges
 from nav_bundle.core.error import MapError, MessageError, ObservationError
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.local_planner import Velocity
 from nav_bundle.core.pose import Pose
-from nav_bundle.core.sensor import Scan
+from nav_bundle.core.sensor import Scan, points_from_ranges
 from nav_bundle.core.transform import Transform
 from pioneer_node.core.frame import stripped
+
+
+def _write_at_end(buff: io.BytesIO, items: NDArray[Any]) -> None:
+    """Writes an array's items in place of the empty array that ends a serialised message."""
+    buff.seek(-4, io.SEEK_CUR)
+    buff.write(struct.pack("<I", len(items)))
+    buff.write(np.ascontiguousarray(items).data)
+
+
+def _pose_fields(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the seven numbers of each pose (x, y [m], yaw [rad]; shape (n, 3)) at z = 0, shape (n, 7)."""
+    fields = np.zeros((len(poses), 7))
+    fields[:, :2] = poses[:, :2]
+    fields[:, 5] = np.sin(poses[:, 2] / 2.0)
+    fields[:, 6] = np.cos(poses[:, 2] / 2.0)
+    return fields
+
+
+class _Arrays(genpy.Message):  # type: ignore[misc]
+    """Mixin for a message whose sequences of numbers are deserialised as arrays."""
+
+    def deserialize(self, data: bytes) -> Self:
+        """Reads the message from ``data``."""
+        return self.deserialize_numpy(data, np)
 
 
 class _Cells(genpy.Message):  # type: ignore[misc]
@@ -57,34 +80,19 @@ class _Cells(genpy.Message):  # type: ignore[misc]
             super().serialize(buff)
         finally:
             self.data = kept
-        buff.seek(-4, io.SEEK_CUR)
-        buff.write(struct.pack("<I", cells.size))
-        buff.write(np.ascontiguousarray(cells).data)
+        _write_at_end(buff, cells.ravel())
 
 
-class GridMessage(_Cells, OccupancyGrid):  # type: ignore[misc]
+class GridMessage(_Arrays, _Cells, OccupancyGrid):  # type: ignore[misc]
     """An OccupancyGrid whose ``data`` is deserialised as an int8 array, and may be one when serialised."""
 
-    def deserialize(self, data: bytes) -> Self:
-        """Reads the message from ``data``."""
-        return self.deserialize_numpy(data, np)
 
-
-class ScanMessage(LaserScan):  # type: ignore[misc]
+class ScanMessage(_Arrays, LaserScan):  # type: ignore[misc]
     """A LaserScan whose ``ranges`` and ``intensities`` are deserialised as float32 arrays. For subscribers."""
-
-    def deserialize(self, data: bytes) -> Self:
-        """Reads the message from ``data``."""
-        return self.deserialize_numpy(data, np)
 
 
 class GetMapArrayResponse(GetMapResponse):  # type: ignore[misc]
     """A GetMap response that holds a ``GridMessage``."""
-
-    def __init__(self, *args: Any, **fields: Any) -> None:
-        super().__init__(*args, **fields)
-        if not args and not fields:
-            self.map = GridMessage()
 
     def serialize(self, buff: io.BytesIO) -> None:
         """Writes the response: only the map."""
@@ -92,7 +100,7 @@ class GetMapArrayResponse(GetMapResponse):  # type: ignore[misc]
 
     def deserialize(self, data: bytes) -> Self:
         """Reads the response from ``data``."""
-        self.map.deserialize(data)
+        self.map = GridMessage().deserialize(data)
         return self
 
 
@@ -102,12 +110,8 @@ class GetMapArray(GetMap):  # type: ignore[misc]
     _response_class = GetMapArrayResponse
 
 
-class SetMapArrayRequest(SetMapRequest):  # type: ignore[misc]
+class SetMapArrayRequest(_Arrays, SetMapRequest):  # type: ignore[misc]
     """A SetMap request whose map ``data`` is deserialised as an int8 array."""
-
-    def deserialize(self, data: bytes) -> Self:
-        """Reads the request from ``data``."""
-        return self.deserialize_numpy(data, np)
 
 
 class SetMapArray(SetMap):  # type: ignore[misc]
@@ -118,11 +122,6 @@ class SetMapArray(SetMap):  # type: ignore[misc]
 
 class LoadMapArrayResponse(LoadMapResponse):  # type: ignore[misc]
     """A LoadMap response that holds a ``GridMessage``. For services."""
-
-    def __init__(self, *args: Any, **fields: Any) -> None:
-        super().__init__(*args, **fields)
-        if not args and "map" not in fields:
-            self.map = GridMessage()
 
     def serialize(self, buff: io.BytesIO) -> None:
         """Writes the response: the map and the result."""
@@ -146,13 +145,7 @@ class ParticlesMessage(PoseArray):  # type: ignore[misc]
     def serialize(self, buff: io.BytesIO) -> None:
         """Writes the particles as poses at z = 0."""
         super().serialize(buff)
-        poses = np.zeros((len(self.particles), 7))
-        poses[:, :2] = self.particles[:, :2]
-        poses[:, 5] = np.sin(self.particles[:, 2] / 2.0)
-        poses[:, 6] = np.cos(self.particles[:, 2] / 2.0)
-        buff.seek(-4, io.SEEK_CUR)
-        buff.write(struct.pack("<I", len(poses)))
-        buff.write(poses.tobytes())
+        _write_at_end(buff, _pose_fields(self.particles))
 
 
 LARGEST = 1.0e6
@@ -302,6 +295,17 @@ def points_from_cloud(message: PointCloud2) -> NDArray[np.float64]:
     return points[np.isfinite(points).all(axis=1)]
 
 
+_COSTS = ("x", "y", "z", "path_cost", "goal_cost", "occ_cost", "total_cost")
+
+
+def cost_cloud(costs: NDArray[np.float64], header: Header) -> PointCloud2:
+    """Returns cell costs (``Rollout.cell_costs``) as a cloud with base_local_planner's fields, one point per cell."""
+    points = np.insert(costs, 2, 0.0, axis=1).astype("<f4")
+    fields = [PointField(name, 4 * number, PointField.FLOAT32, 1) for number, name in enumerate(_COSTS)]
+    step = 4 * len(_COSTS)
+    return PointCloud2(header, 1, len(points), fields, False, step, step * len(points), points.tobytes(), True)
+
+
 def grid_from_message(message: OccupancyGrid) -> Grid:
     """Returns the map of an OccupancyGrid or GridMessage; an array ``data`` is shared, and the cells are read-only.
 
@@ -342,33 +346,20 @@ class GridUpdateMessage(_Cells, OccupancyGridUpdate):  # type: ignore[misc]
 class PathMessage(Path):  # type: ignore[misc]
     """A Path serialised from an array, because creating hundreds of PoseStamped objects takes milliseconds."""
 
-    def __init__(self, *args: Any, **fields: Any) -> None:
-        super().__init__(*args, **fields)
-        #: poses (x, y [m], yaw [rad]), float64, shape (n, 3), in the header's frame and at its stamp
-        self.track = np.empty((0, 3))
+    def __init__(self, track: NDArray[np.float64], frame: str, stamp: Any) -> None:
+        super().__init__(Header(0, stamp, stripped(frame)), [])
+        self.track = track  #: poses (x, y [m], yaw [rad]), shape (n, 3), in the header's frame and at its stamp
 
     def serialize(self, buff: io.BytesIO) -> None:
         """Writes the header and the track's poses."""
         super().serialize(buff)
-        buff.seek(-4, io.SEEK_CUR)
-        buff.write(struct.pack("<I", len(self.track)))
         frame = self.header.frame_id.encode()
         head = [("seq", "<u4"), ("secs", "<u4"), ("nsecs", "<u4"), ("length", "<u4")]
         records = np.zeros(len(self.track), np.dtype([*head, ("frame", f"V{len(frame)}"), ("pose", "<f8", 7)]))
         records["secs"], records["nsecs"] = self.header.stamp.secs, self.header.stamp.nsecs
         records["length"], records["frame"] = len(frame), np.void(frame)
-        records["pose"][:, :2] = self.track[:, :2]
-        records["pose"][:, 5] = np.sin(self.track[:, 2] / 2.0)
-        records["pose"][:, 6] = np.cos(self.track[:, 2] / 2.0)
-        buff.write(records.tobytes())
-
-
-def path_message(track: NDArray[np.float64], frame: str, stamp: Any) -> PathMessage:
-    """Returns ``track`` (n, 3) in ``frame`` at ``stamp`` (genpy.Time) as a nav_msgs/Path."""
-    message = PathMessage()
-    message.header = Header(0, stamp, stripped(frame))
-    message.track = track
-    return message
+        records["pose"] = _pose_fields(self.track)
+        _write_at_end(buff, records)
 
 
 class GetPlanArrayResponse(GetPlanResponse):  # type: ignore[misc]

@@ -1,11 +1,13 @@
 """Rooms drawn as text, and the ranges that a laser measures in them; for unit tests and rostests."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core.grid import Grid, grid_from_text
+from nav_bundle.core.error import MapError
+from nav_bundle.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.sensor import placement
 from nav_bundle.kernels.likelihood import expected_ranges
@@ -28,6 +30,26 @@ ROOM = [
     "#......................#",
     "########################",
 ]
+
+_CELL_OF_SYMBOL = {"#": OCCUPIED, ".": FREE, " ": FREE, "?": UNKNOWN}
+
+
+def grid_from_text(rows: Sequence[str], resolution: float = 1.0, origin: Pose | None = None) -> Grid:
+    """Returns the grid drawn in ``rows``, the topmost (largest y) first.
+
+    ``#`` is occupied, ``.`` or a space free, ``?`` unknown.
+
+    Raises:
+        MapError: the rows differ in length, or contain another symbol.
+    """
+    try:
+        table = [[_CELL_OF_SYMBOL[symbol] for symbol in row] for row in reversed(rows)]
+        cells = np.array(table, dtype=np.int8)
+    except KeyError as error:
+        raise MapError(f"a drawn map knows only {' '.join(map(repr, _CELL_OF_SYMBOL))}, not {error}") from None
+    except ValueError:
+        raise MapError("a drawn map needs rows of one length") from None
+    return Grid(resolution, origin or Pose(), cells)
 
 
 def enlarged(rows: list[str], scale: int = 8) -> Grid:

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import rospy
 import rostest
+from drawn_room import grid_from_text
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 from nav_msgs.srv import GetMap, LoadMap, LoadMapResponse
 
 from nav_bundle.adapters.map_file import read_map, write_map
-from nav_bundle.core.grid import grid_from_text
 
 CELLS = [100, 100, 100, 100, 100, 0, -1, 100, 100, 100, 100, 100]
 TIMEOUT = 30.0

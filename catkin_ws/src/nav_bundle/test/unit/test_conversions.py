@@ -7,6 +7,7 @@ import time
 import genpy
 import numpy as np
 import pytest
+from drawn_room import grid_from_text
 from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from nav_msgs.msg import OccupancyGrid, Odometry
@@ -18,7 +19,7 @@ from std_msgs.msg import Header
 from nav_bundle import conversions
 from nav_bundle.conversions import points_from_cloud
 from nav_bundle.core.error import MapError, MessageError, ObservationError
-from nav_bundle.core.grid import Grid, grid_from_text
+from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.sensor import Scan
 from nav_bundle.core.transform import Transform

@@ -7,7 +7,7 @@ import rospy
 from nav_bundle.adapters.correction_file import CorrectionFile, CorrectionFileError
 from nav_bundle.core.pose import Pose
 from nav_bundle.nodes.amcl import AmclNode
-from nav_bundle.nodes.pose_store import PoseStore
+from nav_bundle.nodes.estimate import PoseStore
 
 
 def test_what_was_written_is_read(tmp_path: Path) -> None:

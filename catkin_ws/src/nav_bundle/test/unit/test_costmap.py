@@ -4,16 +4,15 @@ import math
 
 import numpy as np
 import pytest
+from drawn_room import grid_from_text
 
 from nav_bundle.core.costmap.config import InflationConfig, costmap_config_from_parameters
 from nav_bundle.core.costmap.cost import FREE, INSCRIBED, LETHAL, UNKNOWN, occupancy_by_cost
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.footprint import FootprintError, footprint_from_parameters
-from nav_bundle.core.costmap.layer import Observation
-from nav_bundle.core.costmap.observation import ObservationBuffer
-from nav_bundle.core.costmap.scan import points_from_ranges
-from nav_bundle.core.grid import grid_from_text
+from nav_bundle.core.costmap.layer import Observation, ObservationBuffer
 from nav_bundle.core.pose import Pose
+from nav_bundle.core.sensor import points_from_ranges
 from pioneer_node.core.parameter import ParameterError
 
 FOOTPRINT = [[0.2, 0.2], [0.2, -0.2], [-0.3, -0.2], [-0.3, 0.2]]

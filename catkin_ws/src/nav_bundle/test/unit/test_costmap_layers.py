@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drawn_room import grid_from_text
 
 from nav_bundle.core.costmap.config import (
     CostmapConfig,
@@ -18,7 +19,7 @@ from nav_bundle.core.costmap.config import (
 from nav_bundle.core.costmap.cost import FREE, INSCRIBED, LETHAL, UNKNOWN
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.layer import Observation
-from nav_bundle.core.grid import Grid, grid_from_text
+from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose
 
 FOOTPRINT = ((0.2, 0.2), (0.2, -0.2), (-0.3, -0.2), (-0.3, 0.2))

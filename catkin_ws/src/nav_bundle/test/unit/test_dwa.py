@@ -9,13 +9,12 @@ from nav_bundle.core.clearance import Clearance
 from nav_bundle.core.costmap.config import costmap_config_from_parameters
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.dwa_config import dwa_config_from_parameters
-from nav_bundle.core.dwa_planner import DwaPlanner
-from nav_bundle.core.dynamic_window import DynamicWindow, NoseScales
+from nav_bundle.core.dwa_planner import DwaPlanner, DynamicWindow, Oscillation
 from nav_bundle.core.local_planner import STANDSTILL, Situation, Velocity
 from nav_bundle.core.move_base_config import setup_from_parameters
-from nav_bundle.core.oscillation import Oscillation
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.trajectory_planner import TrajectoryPlanner
+from nav_bundle.kernels.dynamic_window import Nose
 from nav_bundle.kernels.trajectory import Horizon, Scales
 from pioneer_node.core.parameter import ParameterError
 
@@ -39,8 +38,12 @@ def chosen(velocity=STANDSTILL, yaw=0.0, plan=AHEAD, **parameters):
     return planner.decide(situation(velocity, yaw)).velocity
 
 
+def nose_of(alignment, front, twirling):
+    return Nose(0.3, np.empty((0, 0), np.int32), alignment, front, twirling)
+
+
 def costs_of(samples, scales, nose, yaw=0.0, aligned=True):
-    window = DynamicWindow(Velocity(9.0, 9.0, 9.0), Horizon(1.0, 0.025, 0.1), scales, Clearance(), nose, 0.3, False)
+    window = DynamicWindow(Velocity(9.0, 9.0, 9.0), Horizon(1.0, 0.025, 0.1), scales, Clearance(), nose, False)
     assert window.begin_window(situation(yaw=yaw), AHEAD, aligned)
     return [scored.cost for scored in window.all_of(np.array(samples, np.float64))]
 
@@ -104,20 +107,20 @@ def test_it_never_stands_still_before_the_goal():
 
 def test_the_nose_keeps_to_the_plan():
     nothing = Scales(0.0, 0.0, 0.0)
-    straight, curved = costs_of([[0.3, 0.0, 0.0], [0.3, 0.0, 0.9]], nothing, NoseScales(1.0, 0.0, 0.0))
+    straight, curved = costs_of([[0.3, 0.0, 0.0], [0.3, 0.0, 0.9]], nothing, nose_of(1.0, 0.0, 0.0))
     assert straight == 0.0
     assert curved > 2.0
-    assert costs_of([[0.3, 0.0, 0.9]], nothing, NoseScales(1.0, 0.0, 0.0), aligned=False) == [0.0]
+    assert costs_of([[0.3, 0.0, 0.9]], nothing, nose_of(1.0, 0.0, 0.0), aligned=False) == [0.0]
 
 
 def test_the_nose_is_drawn_beyond_the_goal():
     turns = [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]
-    towards, away = costs_of(turns, Scales(0.0, 0.0, 0.0), NoseScales(0.0, 1.0, 0.0), yaw=1.2)
+    towards, away = costs_of(turns, Scales(0.0, 0.0, 0.0), nose_of(0.0, 1.0, 0.0), yaw=1.2)
     assert towards < away
 
 
 def test_twirling_costs_by_the_turning_speed():
-    costs = costs_of([[0.3, 0.0, -0.5], [0.3, 0.0, 0.25]], Scales(0.0, 0.0, 0.0), NoseScales(0.0, 0.0, 2.0))
+    costs = costs_of([[0.3, 0.0, -0.5], [0.3, 0.0, 0.25]], Scales(0.0, 0.0, 0.0), nose_of(0.0, 0.0, 2.0))
     assert costs == pytest.approx([1.0, 0.5])
 
 

@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from drawn_room import grid_from_text
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from nav_bundle.core.grid import OCCUPIED, grid_from_text
+from nav_bundle.core.grid import OCCUPIED
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.sensor import placement
 from nav_bundle.kernels import likelihood

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from drawn_room import grid_from_text
 
 from nav_bundle.core.clearance import Clearance
 from nav_bundle.core.costmap.config import costmap_config_from_parameters
@@ -14,17 +15,17 @@ from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.footprint import Footprint
 from nav_bundle.core.costmap.layer import Observation
 from nav_bundle.core.dwa_config import DwaConfig, dwa_config_from_parameters
-from nav_bundle.core.dwa_planner import DwaPlanner
-from nav_bundle.core.dynamic_window import DynamicWindow, NoseScales
-from nav_bundle.core.grid import OCCUPIED, Grid, grid_from_text
+from nav_bundle.core.dwa_planner import DwaPlanner, DynamicWindow
+from nav_bundle.core.grid import OCCUPIED, Grid
 from nav_bundle.core.local_planner import STANDSTILL, Decision, LocalPlannerError, Situation, Velocity
-from nav_bundle.core.meeting import Care
+from nav_bundle.core.move_base_config import Care
 from nav_bundle.core.navfn import MEETING_DISTANCE, NavfnConfig, NavfnPlanner
 from nav_bundle.core.planner import path_between
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.rollout import Rollout
 from nav_bundle.core.trajectory_config import trajectory_config_from_parameters
 from nav_bundle.core.trajectory_planner import TrajectoryPlanner
+from nav_bundle.kernels.dynamic_window import Nose
 from nav_bundle.kernels.trajectory import Horizon, Scales
 from pioneer_node.core.parameter import ParameterError
 
@@ -330,8 +331,7 @@ WINDOWS = [
         Horizon(1.7, 0.025, 0.1),
         Scales(0.04, 0.05, 0.01),
         Clearance(0.3, 5.0),
-        NoseScales(0.04, 0.05, 0.1),
-        0.325,
+        Nose(0.325, np.empty((0, 0), np.int32), 0.04, 0.05, 0.1),
         accelerating,
     )
     for accelerating in (True, False)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drawn_room import grid_from_text
 from PIL import Image
 
 from nav_bundle.adapters.map_file import (
@@ -14,7 +15,6 @@ from nav_bundle.adapters.map_file import (
     write_map,
 )
 from nav_bundle.core.error import MapError
-from nav_bundle.core.grid import grid_from_text
 from nav_bundle.core.pose import Pose
 
 YAML = "image: room.pgm\nresolution: 0.1\norigin: [-1, -2, 0.5]\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"

@@ -3,9 +3,10 @@
 from dataclasses import replace
 
 import pytest
+from geometry_msgs.msg import Point, Quaternion
+from geometry_msgs.msg import Pose as PoseMessage
 
 from nav_bundle.core.global_planner import GlobalPlanner
-from nav_bundle.core.goal import GoalError, check_goal
 from nav_bundle.core.local_planner import STANDSTILL, Velocity
 from nav_bundle.core.move_base import (
     STALE_TEXT,
@@ -27,6 +28,7 @@ from nav_bundle.core.move_base import (
 from nav_bundle.core.move_base_config import setup_from_parameters
 from nav_bundle.core.navfn import NavfnPlanner
 from nav_bundle.core.pose import Pose
+from nav_bundle.nodes.move_base_action import GoalError, check_goal
 from pioneer_node.core.parameter import ParameterError
 
 LIMITS = Limits(planner_frequency=0.5, recoveries=4)
@@ -241,7 +243,7 @@ def test_a_robot_that_gets_on_does_not_oscillate():
 )
 def test_goals_that_are_no_poses_in_the_plane_are_refused(position, rotation, words):
     with pytest.raises(GoalError, match=words):
-        check_goal(position, rotation)
+        check_goal(PoseMessage(Point(*position), Quaternion(*rotation)))
 
 
 def test_noetic_s_four_recoveries_are_the_default():

@@ -4,12 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from drawn_room import grid_from_text
 
 from nav_bundle.core.costmap.config import CostmapConfig, StaticConfig
 from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.global_planner import GlobalPlanner, GlobalPlannerConfig, visible_potential
-from nav_bundle.core.grid import grid_from_text
-from nav_bundle.core.orientation import Orientation, oriented
+from nav_bundle.core.global_planner import GlobalPlanner, GlobalPlannerConfig, Orientation, oriented, visible_potential
 from nav_bundle.core.planner import EVERYTHING, path_between
 from nav_bundle.core.pose import Pose
 

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from drawn_room import grid_from_text
 
 from nav_bundle.core.amcl_config import AmclConfig
-from nav_bundle.core.grid import grid_from_text
 from nav_bundle.core.particle import FreeSpace, ParticleFilter
 from nav_bundle.core.pose import Pose
 from pioneer_node.core.parameter import ParameterError

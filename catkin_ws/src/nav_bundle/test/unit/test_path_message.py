@@ -10,7 +10,7 @@ from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlanResponse
 
-from nav_bundle.conversions import GetPlanArrayResponse, GridUpdateMessage, path_message
+from nav_bundle.conversions import GetPlanArrayResponse, GridUpdateMessage, PathMessage
 
 
 def read(kind, message):
@@ -21,7 +21,7 @@ def read(kind, message):
 
 def test_a_path_is_read_as_the_poses_it_was_made_from():
     track = np.array([[1.0, 2.0, 0.0], [3.0, 4.0, math.pi / 2]])
-    path = read(Path, path_message(track, "/map", rospy.Time(3, 4)))
+    path = read(Path, PathMessage(track, "/map", rospy.Time(3, 4)))
     assert (path.header.frame_id, path.header.stamp) == ("map", rospy.Time(3, 4))
     assert [(pose.pose.position.x, pose.pose.position.y) for pose in path.poses] == [(1.0, 2.0), (3.0, 4.0)]
     assert {pose.header.frame_id for pose in path.poses} == {"map"}
@@ -29,12 +29,12 @@ def test_a_path_is_read_as_the_poses_it_was_made_from():
 
 
 def test_a_plan_response_is_read_as_the_path_it_holds():
-    path = path_message(np.array([[1.0, 2.0, 0.0], [3.0, 4.0, 0.5]]), "map", rospy.Time(3, 4))
+    path = PathMessage(np.array([[1.0, 2.0, 0.0], [3.0, 4.0, 0.5]]), "map", rospy.Time(3, 4))
     assert read(GetPlanResponse, GetPlanArrayResponse(path)).plan == read(Path, path)
 
 
 def test_an_empty_path_is_one():
-    assert read(Path, path_message(np.empty((0, 3)), "map", rospy.Time())).poses == []
+    assert read(Path, PathMessage(np.empty((0, 3)), "map", rospy.Time())).poses == []
 
 
 def test_a_grid_update_is_read_as_it_was_written():

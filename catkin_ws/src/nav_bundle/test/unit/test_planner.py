@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from drawn_room import grid_from_text
 
 from nav_bundle.core.costmap.config import costmap_config_from_parameters
 from nav_bundle.core.costmap.cost import INSCRIBED, UNKNOWN
@@ -16,7 +17,6 @@ from nav_bundle.core.global_planner import (
     GlobalPlannerConfig,
     global_planner_config_from_parameters,
 )
-from nav_bundle.core.grid import grid_from_text
 from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner, weights
 from nav_bundle.core.planner import GoalOutsideError, NoPathError, StartOutsideError, path_between
 from nav_bundle.core.pose import Pose

@@ -15,7 +15,7 @@ def odometry(monkeypatch: pytest.MonkeyPatch) -> sensor.Newest[Odometry]:
     found = SimpleNamespace(get_time=lambda: 1.0, logwarn_throttle=lambda *_: None)
     found.Subscriber = lambda _topic, kind, callback, **_: SimpleNamespace(kind=kind, callback=callback)
     monkeypatch.setattr(sensor, "rospy", found)
-    return sensor.newest_odometry("odom")
+    return sensor.Newest("odom", Odometry, 2)
 
 
 def arrive(newest: sensor.Newest[Odometry], speed: float, cut: int = 0) -> None:

@@ -193,7 +193,7 @@ def test_a_large_extent_costs_only_what_was_seen() -> None:
     robot, slam = in_room(3, GmappingConfig())
     errors_along(robot, slam, laps((3.0,), 1))
     assert slam.grid().cells.shape == (4000, 4000)
-    assert slam.tiles * 8192 < 40e6
+    assert slam.maps.tiles * 8192 < 40e6
 
 
 def test_transforms_go_out_while_a_scan_is_matched() -> None:

@@ -1,6 +1,5 @@
 """Conversions between messages and the coordinators' reports."""
 
-from collections.abc import Sequence
 from typing import Any
 
 from geometry_msgs.msg import Point
@@ -38,7 +37,8 @@ def message_from_report(report: Report, stamp: Any) -> ReportMessage:
 def report_from_message(message: ReportMessage, places: int) -> Report | None:
     """Returns the report of a message; None if a stop, goal or path is outside a roadmap of ``places``."""
     stops = [*message.held[-1:], *(place for path in message.plan.paths for place in path.places)]
-    if not _are_places((*stops, message.goal), places) or any(not path.held for path in message.plan.paths):
+    are_known = all(-1 <= place < places for place in (*stops, message.goal))
+    if not (are_known and all(path.held for path in message.plan.paths)):
         return None
     return Report(
         robot=message.robot,
@@ -55,10 +55,6 @@ def report_from_message(message: ReportMessage, places: int) -> Report | None:
         heard=tuple(message.heard),
         plan=_plan_from_message(message.plan) if message.plan.number else None,
     )
-
-
-def _are_places(numbers: Sequence[int], places: int) -> bool:
-    return all(-1 <= number < places for number in numbers)
 
 
 def _message_from_plan(plan: Plan) -> PlanMessage:

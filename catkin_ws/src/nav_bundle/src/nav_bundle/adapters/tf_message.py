@@ -7,7 +7,7 @@ Layout (little-endian): count u32, then per record: seq, secs, nsecs u32; parent
 """
 
 import struct
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
 from typing import Any, NamedTuple, Self
 
 from tf2_msgs.msg import TFMessage
@@ -47,27 +47,42 @@ class StampedTransform(NamedTuple):
 
 def transforms_of(buffer: bytes, refuse: Refuse) -> list[StampedTransform]:
     """Returns every usable transform of a serialised message; an empty list if the message does not parse."""
-    return [record for _, record in _usable(_parsed(buffer, refuse), buffer, refuse)]
+    return [record for _, record in _records(buffer, refuse)]
 
 
-class _Names(NamedTuple):
-    """Byte offsets of a record's two frame names in a message."""
+def _records(
+    buffer: bytes, refuse: Refuse, children: Container[bytes] | None = None
+) -> Iterator[tuple[bytes, StampedTransform]]:
+    """Yields each usable record, and the bytes of its two names; None as ``children`` stands for all child frames.
 
-    begin: int
-    middle: int
-    end: int
-
-
-def _parsed(buffer: bytes, refuse: Refuse) -> list[_Names]:
-    """Returns the offsets of each record's names; empty if the lengths in the message do not match its size."""
+    Reports unusable records to ``refuse``. Yields none if the lengths in the message do not match its size.
+    """
     try:
-        return list(_walk(buffer))
+        places = list(_places(buffer))
     except struct.error:
         refuse(f"a tf message of {len(buffer)} bytes was dropped: it is truncated")
-        return []
+        return
+    for begin, middle, end in places:
+        name = buffer[middle + 4 : end]
+        if children is not None and name not in children:
+            continue
+        try:
+            parent, child = stripped(buffer[begin + 4 : middle].decode()), stripped(name.decode())
+        except UnicodeDecodeError:
+            refuse("a transform was dropped: a frame's name is not UTF-8")
+            continue
+        seconds, nanoseconds = _STAMP.unpack_from(buffer, begin - _STAMP.size)
+        x, y, z, qx, qy, qz, qw = _BODY.unpack_from(buffer, end)
+        transform = Transform((x, y, z), (qx, qy, qz, qw))
+        if fault := fault_of(parent, child, transform):
+            refuse(f"a transform from {parent!r} to {child!r} was dropped: {fault}")
+        else:
+            # The same arithmetic as genpy.Time.to_sec(), so that equal stamps give equal floats.
+            yield buffer[begin:end], StampedTransform(parent, child, seconds + nanoseconds / 1e9, transform)
 
 
-def _walk(buffer: bytes) -> Iterator[_Names]:
+def _places(buffer: bytes) -> Iterator[tuple[int, int, int]]:
+    """Yields the offsets of each record's two names and of the byte after them."""
     (count,) = _LENGTH.unpack_from(buffer)
     position = 4
     for _ in range(count):
@@ -77,31 +92,7 @@ def _walk(buffer: bytes) -> Iterator[_Names]:
         position = end + _BODY.size
         if position > len(buffer):
             raise struct.error
-        yield _Names(begin, middle, end)
-
-
-def _usable(places: Iterable[_Names], buffer: bytes, refuse: Refuse) -> Iterator[tuple[_Names, StampedTransform]]:
-    """Yields the valid records at ``places``; reports the others to ``refuse``."""
-    for names in places:
-        try:
-            record = _record(buffer, names)
-        except UnicodeDecodeError:
-            refuse("a transform was dropped: a frame's name is not UTF-8")
-            continue
-        fault = fault_of(record.parent, record.child, record.transform)
-        if fault:
-            refuse(f"a transform from {record.parent!r} to {record.child!r} was dropped: {fault}")
-        else:
-            yield names, record
-
-
-def _record(buffer: bytes, names: _Names) -> StampedTransform:
-    parent = stripped(buffer[names.begin + 4 : names.middle].decode())
-    child = stripped(buffer[names.middle + 4 : names.end].decode())
-    seconds, nanoseconds = _STAMP.unpack_from(buffer, names.begin - _STAMP.size)
-    x, y, z, qx, qy, qz, qw = _BODY.unpack_from(buffer, names.end)
-    # The same arithmetic as genpy.Time.to_sec(), so that equal stamps give equal floats.
-    return StampedTransform(parent, child, seconds + nanoseconds / 1e9, Transform((x, y, z), (qx, qy, qz, qw)))
+        yield begin, middle, end
 
 
 class TransformPicker:
@@ -116,24 +107,20 @@ class TransformPicker:
 
     def __init__(self, refuse: Refuse) -> None:
         self._refuse = refuse
-        self._children: dict[bytes, str] = {}
+        self._children: set[bytes] = set()
         self._needles: dict[str, bytes] = {}
 
     def watch(self, children: Iterable[str]) -> None:
         """Watches ``children`` from now on, and learns their parents again, since a child may be reparented."""
         self._needles = {child: child.encode() for child in children}
-        spellings = ((spelling, child) for child in self._needles for spelling in (child, f"/{child}"))
-        self._children = {spelling.encode(): child for spelling, child in spellings}
+        self._children = {spelling for name in self._needles.values() for spelling in (name, b"/" + name)}
 
     def pick(self, buffer: bytes) -> list[StampedTransform]:
         """Returns the watched transforms in a serialised message; an empty list if it does not parse."""
         if not any(needle in buffer for needle in self._needles.values()):
             return []
-        children = self._children
-        places = _parsed(buffer, self._refuse)
-        watched = [names for names in places if buffer[names.middle + 4 : names.end] in children]
         picked = []
-        for names, record in _usable(watched, buffer, self._refuse):
-            self._needles[record.child] = buffer[names.begin : names.end]
+        for names, record in _records(buffer, self._refuse, self._children):
+            self._needles[record.child] = names
             picked.append(record)
         return picked

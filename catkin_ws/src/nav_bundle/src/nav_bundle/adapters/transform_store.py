@@ -5,18 +5,44 @@ This store searches the bytes of /tf for the few edges in use and unpacks only t
 which are few and latched.
 """
 
+import math
 import threading
 from collections.abc import Callable
 
 from nav_bundle.adapters.tf_message import Refuse, StampedTransform, TransformPicker, transforms_of
-from nav_bundle.core.clock_jump import ClockJump
-from nav_bundle.core.transform import DisconnectedError, FrameError, Transform, TransformTree, frame_fault
+from nav_bundle.core.transform import DisconnectedError, Transform, TransformError, TransformTree, frame_fault
 from pioneer_node.core.frame import stripped
 
 HISTORY, FUTURE_LIMIT = 10.0, 10.0
-"""Defaults: history of each edge [s], and how far ahead of the clock a transform may be stamped [s]."""
+"""History of each edge [s], and by default how far ahead of the clock a transform may be stamped [s]."""
+MOST_AHEAD = 5.0
+"""Transforms are stamped less than this far ahead of the clock [s]; amcl's are ahead by its transform_tolerance."""
 
 _MOST_PAIRS = 512
+
+
+class ClockJump:
+    """Detects jumps back in time, and which stamps precede the jump. Times are ROS times [s].
+
+    /clock and stamped messages arrive on separate connections, so the last transforms from before the jump may arrive
+    after it. If accepted, they would count as the newest until the clock reaches that time again.
+    """
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self._before = -math.inf
+
+    def jumped(self, now: float) -> bool:
+        """Stores the time ``now``; returns whether it is earlier than the last one."""
+        back = now < self.now
+        if back:
+            self._before = max(self._before, self.now)
+        self.now = now
+        return back
+
+    def is_of_before(self, stamp: float) -> bool:
+        """Returns whether ``stamp`` precedes the last jump: it is far ahead, and the clock has not caught up yet."""
+        return self.now < self._before and stamp > self.now + MOST_AHEAD
 
 
 class TransformStore:
@@ -33,7 +59,6 @@ class TransformStore:
     Args:
         now: returns ROS time [s].
         warn: called with a warning line, possibly often.
-        keep: history of each edge [s].
         future_limit: how far ahead of the clock a transform may be stamped [s]; one from the far future would count
             as the newest until then.
     """
@@ -42,12 +67,11 @@ class TransformStore:
         self,
         now: Callable[[], float],
         warn: Refuse,
-        keep: float = HISTORY,
         future_limit: float = FUTURE_LIMIT,
     ) -> None:
         self.arrived = threading.Condition()  #: notified after each message with usable transforms
         self._now, self._warn = now, warn
-        self._tree = TransformTree(keep)
+        self._tree = TransformTree(HISTORY)
         self._picker = TransformPicker(warn)
         self._future_limit = future_limit
         self._pairs: dict[tuple[str, str], None] = {}
@@ -117,7 +141,7 @@ class TransformStore:
         for frame in pair:
             fault = frame_fault(frame)
             if fault:
-                raise FrameError(f"no transform from {source!r} to {target!r}: {fault}")
+                raise TransformError(f"no transform from {source!r} to {target!r}: {fault}")
         known = pair in self._pairs
         self._pairs.pop(pair, None)
         self._pairs[pair] = None

@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from nav_bundle.core.goal_approach import ApproachConfig
-from nav_bundle.core.local_planner import Velocity
 from pioneer_node.core.live import Live
 from pioneer_node.core.parameter import UNKNOWN, ParameterError, config_from_mapping
 
@@ -74,21 +72,6 @@ class DwaConfig:
     publish_cost_grid_pc: Annotated[bool, Live()] = False
     restore_defaults: Annotated[bool, Live()] = False
     global_frame_id: str = ""
-
-    def approach(self) -> ApproachConfig:
-        """Returns the parameters of the goal approach."""
-        return ApproachConfig(
-            acc=Velocity(self.acc_lim_x, self.acc_lim_y, self.acc_lim_theta),
-            left=self.max_vel_theta,
-            right=self.max_vel_theta,
-            slowest=self.min_vel_theta,
-            place=self.xy_goal_tolerance,
-            heading=self.yaw_goal_tolerance,
-            latch=self.latch_xy_goal_tolerance,
-            still=self.trans_stopped_vel,
-            still_turning=self.theta_stopped_vel,
-            period=1.0 / self.controller_frequency,
-        )
 
 
 def dwa_config_from_parameters(parameters: Mapping[str, Any], owner: str, frequency: float) -> DwaConfig:

@@ -7,21 +7,102 @@ from numpy.typing import NDArray
 
 from nav_bundle.core.clearance import Clearance
 from nav_bundle.core.dwa_config import DwaConfig
-from nav_bundle.core.dynamic_window import DynamicWindow, NoseScales
-from nav_bundle.core.goal_approach import GoalApproach
-from nav_bundle.core.local_planner import Decision, LocalPlannerError, Route, Situation, Velocity
-from nav_bundle.core.oscillation import Oscillation
+from nav_bundle.core.local_planner import Situation, Velocity
 from nav_bundle.core.planner import Path
+from nav_bundle.core.pose import Pose, angle_difference
+from nav_bundle.core.rollout import Rollout
+from nav_bundle.core.sampling_planner import SamplingPlanner
+from nav_bundle.kernels.dynamic_window import Nose, score, trace
+from nav_bundle.kernels.plan_distance import goal_grid
 from nav_bundle.kernels.trajectory import Horizon, Scales
 
-_NO_COMMAND = (
-    "The dwa local planner failed to find a valid plan, cost functions discarded all candidates. "
-    "This can mean there is an obstacle too close to the robot."
-)
 _EPSILON = 1.0e-4
+_NO_STEPS = np.empty((0, 0), np.int32)
 
 
-class DwaPlanner:
+class Oscillation:
+    """dwa_local_planner's oscillation critic: after a reversal, the old direction is blocked for a while.
+
+    Sideways motion and turns count only while the forward speed is at most ``slow`` [m/s]. A blocked direction is
+    released once the robot is ``distance`` [m] or ``angle`` [rad] away from the pose where it reversed.
+    """
+
+    def __init__(self, slow: float, distance: float, angle: float) -> None:
+        self._slow, self._distance, self._angle = slow, distance, angle
+        self._since = Pose()
+        self.reset()
+
+    def reset(self) -> None:
+        """Releases all directions and forgets the last motion."""
+        # By axis (forward, sideways, turning): sign of the last motion, and the only sign allowed (0 for both).
+        self._last, self._only = np.zeros(3), np.zeros(3)
+
+    def allowed(self, samples: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Returns a mask of the ``samples`` (n, 3) that do not move in a blocked direction."""
+        closed: NDArray[np.bool_] = (samples * self._only < 0.0).any(axis=1)
+        return ~closed
+
+    def note(self, chosen: Velocity, pose: Pose) -> None:
+        """Records the velocity chosen at ``pose``."""
+        signs = np.sign([chosen.x, chosen.y, chosen.turn])
+        if abs(chosen.x) > self._slow:
+            signs[1:] = 0.0
+        is_reversed = signs * self._last < 0.0
+        self._only[is_reversed] = signs[is_reversed]
+        self._last = np.where(signs == 0.0, self._last, signs)
+        if is_reversed.any():
+            self._since = pose
+        turned = abs(angle_difference(pose.yaw, self._since.yaw))
+        if (pose.distance(self._since) > self._distance or turned > self._angle) and self._only.any():
+            self.reset()
+
+
+class DynamicWindow(Rollout):
+    """A rollout that scores samples as dwa_local_planner does: also by the robot's nose, a point in front of the robot.
+
+    The nose is attracted to the plan, and to a point beyond the plan's end as seen from the robot. Unless
+    ``accelerating``, a sample starts at its own velocity, since it was chosen from those reachable in one cycle.
+    ``is_free`` always accelerates.
+    """
+
+    def __init__(
+        self, acc: Velocity, horizon: Horizon, scales: Scales, clearance: Clearance, nose: Nose, accelerating: bool
+    ) -> None:
+        """Creates the rollout; ``begin_window`` fills the steps to the nose's target."""
+        super().__init__(acc, horizon, scales, clearance)
+        self._nose, self._alignment, self._accelerating = nose, nose.alignment, accelerating
+
+    def begin_window(self, situation: Situation, plan: NDArray[np.float64], aligned: bool) -> bool:
+        """Starts a cycle like ``begin``; the nose follows the plan only if ``aligned``."""
+        if not self.begin(situation, plan):
+            return False
+        to_front = self._nose.to_front
+        if to_front.shape != self._to_plan.shape:
+            to_front = np.empty_like(self._to_plan)
+        self._nose = self._nose._replace(to_front=to_front, alignment=self._alignment if aligned else 0.0)
+        points = np.ascontiguousarray(plan[:, :2])
+        pose = situation.pose
+        towards = math.atan2(points[-1, 1] - pose.y, points[-1, 0] - pose.x)
+        points[-1] += self._nose.length * math.cos(towards), self._nose.length * math.sin(towards)
+        return goal_grid(self._floor, points, to_front, self._queue) > 0
+
+    def _search(
+        self, samples: NDArray[np.float64], reach: bool, every: bool, time: float = math.inf, limit: float = math.inf
+    ) -> tuple[int, NDArray[np.float64]]:
+        if not reach:
+            return super()._search(samples, reach, every, time, limit)
+        results = np.empty((len(samples), 5))
+        moment = (self._ground, self._nose, self._motion, samples, self._until(time), self._scales)
+        return score(*moment, self._accelerating, every, limit, results), results
+
+    def poses(self, velocity: Velocity, time: float = math.inf) -> NDArray[np.float64]:
+        """Returns the poses (n, 3) along ``velocity`` within ``time`` [s], at most the horizon."""
+        poses = np.empty((256, 3))
+        sample = np.array([velocity.x, velocity.y, velocity.turn], np.float64)
+        return poses[: trace(self._motion, sample, self._until(time), self._accelerating, poses)]
+
+
+class DwaPlanner(SamplingPlanner[DwaConfig]):
     """Samples the velocities reachable within one cycle and returns the cheapest.
 
     As with dwa_local_planner's critics, the cost of a sample adds up: the distances of its end point to the plan and
@@ -31,55 +112,44 @@ class DwaPlanner:
     discarded: from standstill no faster turn can be reached.
     """
 
+    _no_command = (
+        "The dwa local planner failed to find a valid plan, cost functions discarded all candidates. "
+        "This can mean there is an obstacle too close to the robot."
+    )
+
     def __init__(self, config: DwaConfig, resolution: float) -> None:
         """Creates a planner from the configuration and the local costmap's cell size [m]."""
-        self.config = config
         plan, goal = resolution * config.path_distance_bias, resolution * config.goal_distance_bias
         self._window = DynamicWindow(
             Velocity(config.acc_lim_x, config.acc_lim_y, config.acc_lim_theta),
             Horizon(config.sim_time, config.sim_granularity, config.angular_sim_granularity),
             Scales(plan, goal, config.occdist_scale),
             Clearance(config.clearance, config.clearance_scale),
-            NoseScales(plan, goal, config.twirling_scale),
-            config.forward_point_distance,
+            Nose(config.forward_point_distance, _NO_STEPS, plan, goal, config.twirling_scale),
             not config.use_dwa,
         )
-        self._approach = GoalApproach(config.approach())
+        still = config.trans_stopped_vel, config.theta_stopped_vel
+        super().__init__(config, self._window, config.min_vel_theta, config.max_vel_theta, still)
         self._oscillation = Oscillation(
             config.min_vel_trans, config.oscillation_reset_dist, config.oscillation_reset_angle
         )
-        self._route: Route | None = None
 
     def set_plan(self, plan: Path) -> None:
-        """Sets a new plan; the goal approach restarts only if the plan leads to another goal."""
-        route = Route(plan)
-        if self._route is None or self._route.goal != route.goal:
-            self._approach.reset()
+        """Sets a new plan, and releases all directions."""
+        super().set_plan(plan)
         self._oscillation.reset()
-        self._route = route
 
-    def cell_costs(self) -> NDArray[np.float64]:
-        """Returns the costs of the local costmap's cells; see ``Rollout.cell_costs``."""
-        return self._window.cell_costs()
+    def _begin(self, situation: Situation, ahead: NDArray[np.float64]) -> bool:
+        aligned = _left(situation, ahead) > self.config.forward_point_distance * math.sqrt(self.config.cheat_factor)
+        return self._window.begin_window(situation, ahead, aligned)
 
-    def decide(self, situation: Situation) -> Decision:
-        """Returns the command for this cycle; see ``local_planner.LocalPlanner``."""
-        if self._route is None:
-            raise LocalPlannerError("there is no plan to follow")
-        ahead = self._route.ahead(situation, self.config.prune_plan)
-        goal = situation.local_from_global.compose(self._route.goal)
-        left = math.hypot(ahead[-1, 0] - situation.pose.x, ahead[-1, 1] - situation.pose.y)
-        aligned = left > self.config.forward_point_distance * math.sqrt(self.config.cheat_factor)
-        if not self._window.begin_window(situation, ahead, aligned):
-            raise LocalPlannerError("the global plan does not cross the local costmap")
-        if self._approach.is_near(situation.pose, goal):
-            return self._approach.decide(situation, goal, self._window.is_free)
-        samples = self._samples(situation, left)
+    def _best(self, situation: Situation, ahead: NDArray[np.float64]) -> tuple[Velocity, float] | None:
+        samples = self._samples(situation, _left(situation, ahead))
         best = self._window.cheapest(samples[self._oscillation.allowed(samples)])
         if best is None:
-            raise LocalPlannerError(_NO_COMMAND)
+            return None
         self._oscillation.note(best.velocity, situation.pose)
-        return Decision(best.velocity, False, self._window.poses(best.velocity), ahead)
+        return best.velocity, math.inf
 
     def _samples(self, situation: Situation, left: float) -> NDArray[np.float64]:
         """Returns the velocities (n, 3) to try; the plan's end in the costmap is ``left`` [m] away."""
@@ -110,6 +180,11 @@ class DwaPlanner:
         in_place = np.zeros((len(raised), 3))
         in_place[:, 2] = sorted(raised)
         return np.concatenate([kept, in_place])
+
+
+def _left(situation: Situation, ahead: NDArray[np.float64]) -> float:
+    """Returns the distance [m] to the plan's end in the costmap."""
+    return math.hypot(ahead[-1, 0] - situation.pose.x, ahead[-1, 1] - situation.pose.y)
 
 
 def _reachable(now: float, change: float, slowest: float, fastest: float) -> tuple[float, float]:

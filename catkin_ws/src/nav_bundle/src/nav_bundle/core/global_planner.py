@@ -1,7 +1,9 @@
 """The global planner GlobalPlanner: navfn's wavefront with other weights, expanded as Dijkstra or A*."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Annotated, Any
 
 import numpy as np
@@ -9,14 +11,76 @@ from numpy.typing import NDArray
 
 from nav_bundle.core.costmap.cost import UNKNOWN
 from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
-from nav_bundle.core.orientation import Orientation, oriented
 from nav_bundle.core.planner import Path
-from nav_bundle.core.pose import Pose
+from nav_bundle.core.pose import Pose, angle_difference
 from nav_bundle.kernels.navfn import FAR
 from pioneer_node.core.live import Live
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 
 _BLOCKED = -1
+_BEND = 0.35
+"""A path that bends by more than this [rad] between two poses is not straight, as in global_planner."""
+
+
+class Orientation(IntEnum):
+    """Values of ``orientation_mode``."""
+
+    NONE = 0
+    FORWARD = 1
+    INTERPOLATE = 2
+    FORWARD_THEN_INTERPOLATE = 3
+    BACKWARD = 4
+    LEFTWARD = 5
+    RIGHTWARD = 6
+
+
+_TURNED = {
+    Orientation.FORWARD: 0.0,
+    Orientation.FORWARD_THEN_INTERPOLATE: 0.0,
+    Orientation.BACKWARD: math.pi,
+    Orientation.LEFTWARD: -math.pi / 2,
+    Orientation.RIGHTWARD: math.pi / 2,
+}
+
+
+def oriented(path: Path, start: Pose, mode: Orientation, window: int) -> Path:
+    """Returns ``path`` (n, 3) with headings set by ``mode``; the last pose keeps the goal's heading.
+
+    Args:
+        path: from the robot to the goal.
+        start: the robot's pose.
+        mode: along, against or across the path; or interpolated from the robot's heading to the goal's; or along the
+            path up to its last straight part, and interpolated from there.
+        window: number of poses on either side that determine the direction of the path.
+    """
+    turned = path.copy()
+    if mode in _TURNED and len(path) > 1:
+        before = np.maximum(np.arange(len(path) - 1) - window, 0)
+        after = np.minimum(np.arange(len(path) - 1) + window, len(path) - 1)
+        step = path[after, :2] - path[before, :2]
+        along = np.arctan2(step[:, 1], step[:, 0]) + _TURNED[mode]
+        turned[:-1, 2] = np.arctan2(np.sin(along), np.cos(along))
+    if mode is Orientation.INTERPOLATE:
+        _interpolate(turned, start, 0)
+    if mode is Orientation.FORWARD_THEN_INTERPOLATE:
+        _interpolate(turned, start, _last_straight(turned))
+    return turned
+
+
+def _last_straight(path: Path) -> int:
+    """Returns the index where the last straight part of a path begins."""
+    index = max(len(path) - 3, 0)
+    last = float(path[index, 2])
+    while index > 0 and abs(angle_difference(float(path[index - 1, 2]), last)) <= _BEND:
+        index -= 1
+    return index
+
+
+def _interpolate(path: Path, start: Pose, first: int) -> None:
+    """Interpolates headings from the one at ``first`` (the robot's, if 0) to the goal's."""
+    begin = start.yaw if first == 0 else float(path[first, 2])
+    turn = angle_difference(float(path[-1, 2]), begin)
+    path[first:, 2] = begin + turn * np.linspace(0.0, 1.0, len(path) - first)
 
 
 @dataclass(frozen=True)
@@ -26,7 +90,7 @@ class GlobalPlannerConfig:
     A cell of cost c weighs ``neutral_cost + cost_factor c``, at most ``lethal_cost - 1``; cells with cost
     ``lethal_cost`` or more are blocked. With ``use_dijkstra`` false the wavefront expands towards the goal first (A*),
     which is faster on open ground. ``use_grid_path`` follows the path from cell to cell instead of down the gradient.
-    ``orientation_mode`` is one of ``orientation.Orientation``; ``orientation_window_size`` [poses] is the look-ahead
+    ``orientation_mode`` is one of ``Orientation``; ``orientation_window_size`` [poses] is the look-ahead
     for the path's direction. ``publish_potential`` publishes the potential scaled to 0 … ``publish_scale``.
     ``planner_window_x``, ``planner_window_y``, ``visualize_potential`` and ``outline_map`` are accepted without
     effect. Not in Noetic: ``keep_right``, see ``navfn.NavfnConfig``.

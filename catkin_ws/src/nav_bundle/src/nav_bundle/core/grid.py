@@ -1,7 +1,6 @@
 """Occupancy grids: the map type of this package."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,8 +15,6 @@ FREE = 0
 """A cell that is certainly free."""
 OCCUPIED = 100
 """A cell that is certainly occupied."""
-
-_CELL_OF_SYMBOL = {"#": OCCUPIED, ".": FREE, " ": FREE, "?": UNKNOWN}
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +46,6 @@ class Grid:
         """Number of columns: cells along x."""
         return int(self.cells.shape[1])
 
-    def contains(self, row: int, col: int) -> bool:
-        """Returns whether cell (``row``, ``col``) is inside the grid."""
-        return 0 <= row < self.rows and 0 <= col < self.cols
-
     def cell_at(self, x: float, y: float) -> tuple[int, int]:
         """Returns (row, col) of the cell that contains point (``x``, ``y``) [m, map frame], inside the grid or not."""
         along, across = self.origin.inverse().apply(x, y)
@@ -64,33 +57,10 @@ class Grid:
 
     def cells_at(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
         """Returns (row, col), shape (n, 2), of the cells at ``points`` (x, y) [m, map frame], shape (n, 2)."""
-        cosine, sine = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
-        dx, dy = points[:, 0] - self.origin.x, points[:, 1] - self.origin.y
-        across_along = np.stack([cosine * dy - sine * dx, cosine * dx + sine * dy], axis=1)
-        return np.floor(across_along / self.resolution).astype(np.int64)
+        along, across = self.origin.inverse().apply(*points.T)
+        return np.floor(np.stack([across, along], axis=1) / self.resolution).astype(np.int64)
 
     def points_at(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
         """Returns the centres (x, y) [m, map frame], shape (n, 2), of ``cells`` (row, col), shape (n, 2)."""
-        cosine, sine = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
         across, along = ((cells + 0.5) * self.resolution).T
-        return np.stack(
-            [self.origin.x + cosine * along - sine * across, self.origin.y + sine * along + cosine * across], axis=1
-        )
-
-
-def grid_from_text(rows: Sequence[str], resolution: float = 1.0, origin: Pose | None = None) -> Grid:
-    """Returns the grid drawn in ``rows``, the topmost (largest y) first; for tests and small examples.
-
-    ``#`` is occupied, ``.`` or a space free, ``?`` unknown.
-
-    Raises:
-        MapError: the rows differ in length, or contain another symbol.
-    """
-    try:
-        table = [[_CELL_OF_SYMBOL[symbol] for symbol in row] for row in reversed(rows)]
-        cells = np.array(table, dtype=np.int8)
-    except KeyError as error:
-        raise MapError(f"a drawn map knows only {' '.join(map(repr, _CELL_OF_SYMBOL))}, not {error}") from None
-    except ValueError:
-        raise MapError("a drawn map needs rows of one length") from None
-    return Grid(resolution, origin or Pose(), cells)
+        return np.stack(self.origin.apply(along, across), axis=1)

@@ -91,7 +91,7 @@ class Route:
     def ahead(self, situation: Situation, prune: bool) -> NDArray[np.float64]:
         """Returns the plan's poses (n, 3) in the local frame: the first consecutive run within the costmap's reach.
 
-        ``prune`` permanently removes the poses behind the robot.
+        Yaw is not normalised. ``prune`` permanently removes the poses behind the robot.
 
         Raises:
             LocalPlannerError: no pose of the plan is within reach.
@@ -105,22 +105,11 @@ class Route:
             raise LocalPlannerError("Received plan with zero length: the global plan does not pass the robot")
         begin = int(near.argmax())
         end = begin + (len(near) - begin if near[begin:].all() else int(near[begin:].argmin()))
+        behind = distance[begin:end] < _BEHIND
+        if prune and behind.any():
+            begin += int(behind.argmax())
+        x, y, yaw = self.plan[self._first + begin : self._first + end].T
         if prune:
-            behind = distance[begin:end] < _BEHIND
-            if behind.any():
-                begin += int(behind.argmax())
-            part = self.plan[self._first + begin : self._first + end]
             self._first += begin
-        else:
-            part = self.plan[self._first + begin : self._first + end]
-        return transformed(part, situation.local_from_global)
-
-
-def transformed(path: Path, transform: Pose) -> NDArray[np.float64]:
-    """Returns ``path`` (n, 3) in the parent frame of ``transform``; yaw is not normalised."""
-    cosine, sine = math.cos(transform.yaw), math.sin(transform.yaw)
-    moved = np.empty((len(path), 3))
-    moved[:, 0] = transform.x + cosine * path[:, 0] - sine * path[:, 1]
-    moved[:, 1] = transform.y + sine * path[:, 0] + cosine * path[:, 1]
-    moved[:, 2] = path[:, 2] + transform.yaw
-    return moved
+        transform = situation.local_from_global
+        return np.column_stack([*transform.apply(x, y), yaw + transform.yaw])

@@ -7,14 +7,14 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core.alignment import LEAST_AGREEMENT, refined
 from nav_bundle.core.amcl_config import AmclConfig
 from nav_bundle.core.error import NavigationError
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.motion import MotionModel, motion_model
 from nav_bundle.core.particle import Estimate, FreeSpace, Judge, ParticleFilter
 from nav_bundle.core.pose import Pose, angle_difference
-from nav_bundle.core.sensor import Beams, LikelihoodField, Scan, SensorModel, sensor_model
+from nav_bundle.core.sensor import Beams, DistanceField, LikelihoodField, Scan, SensorModel, sensor_model
+from nav_bundle.kernels.alignment import align
 
 RIVALS = 50
 """Number of candidate poses from which the likeliest becomes a random particle."""
@@ -25,6 +25,15 @@ DOUBTS = 4
 """After this many consecutive estimates that do not fit the scan, the robot counts as lost."""
 REFINING_BEAMS = 180
 """Beams used to refine an estimate; many are affordable here, since only one pose is evaluated, not hundreds."""
+SIGMA = 0.1
+"""Standard deviation of hits about obstacles [m]; a hit farther than three times this counts as unmapped."""
+PRIOR_FLOOR = 0.1
+"""Standard deviation [m], [rad] added to the particles' spread, because all particles can share an error this large."""
+ITERATIONS = 10
+LEAST_AGREEMENT = 0.4
+"""Share of the beams that must hit mapped obstacles for the fit to be accepted."""
+FARTHEST = 0.5
+"""A fit that moves the estimate farther than this [m], [rad] is rejected: it found another place."""
 
 
 class NoMapError(NavigationError):
@@ -156,10 +165,13 @@ class Localisation:
         return Update(estimate, estimate.pose.compose(odom.inverse()))
 
     def _refined(self, estimate: Estimate, scan: Scan) -> Estimate:
-        """Fits the scan to the map near the estimate; moves only a few particles, since all would narrow the cloud."""
+        """Fits the scan to the map near the estimate, and moves a few particles to the fitted pose.
+
+        Otherwise the cloud would lag further behind. Moving all would narrow it.
+        """
         if not (self._config.refine_estimate and isinstance(self._sensor, LikelihoodField)):
             return estimate
-        pose, self.agreement = refined(estimate, self._thinned(scan, REFINING_BEAMS), self._sensor.field)
+        pose, self.agreement = _fitted(estimate, self._thinned(scan, REFINING_BEAMS), self._sensor.field)
         self._doubts = self._doubts + 1 if self.agreement < LEAST_AGREEMENT else 0
         if pose is not estimate.pose:
             self._filter.learn(pose)
@@ -167,6 +179,26 @@ class Localisation:
 
     def _thinned(self, scan: Scan, beams: int) -> Beams:
         return scan.thinned(beams, self._config.laser_min_range, self._config.laser_max_range)
+
+
+def _fitted(estimate: Estimate, beams: Beams, field: DistanceField) -> tuple[Pose, float]:
+    """Returns the pose near the estimate at which the beams fit the map best, and the share of beams that fit.
+
+    amcl's likelihoods are broad, so its estimate lags behind the robot by about 5 to 10 cm, more with poor odometry. It
+    is a good starting point for the least-squares fit, which stays within the filter's spread. Returns the estimate's
+    own pose if too few beams fit or the fit moved too far.
+    """
+    points = np.ascontiguousarray(beams.end_points())
+    if len(points) == 0:
+        return estimate.pose, 0.0
+    prior = estimate.cluster_covariance + np.eye(3) * PRIOR_FLOOR**2
+    information = np.ascontiguousarray(np.linalg.inv(prior) * SIGMA**2)
+    start, found = np.array([estimate.pose.x, estimate.pose.y, estimate.pose.yaw]), np.empty(3)
+    agreement = align(start, points, field.cells, information, SIGMA, ITERATIONS, found)
+    pose = Pose(*found.tolist())
+    near = pose.distance(estimate.pose) < FARTHEST
+    near = near and abs(angle_difference(pose.yaw, estimate.pose.yaw)) < FARTHEST
+    return pose if near and agreement >= LEAST_AGREEMENT else estimate.pose, agreement
 
 
 def _likely(free: FreeSpace, likelihoods: Judge, rivals: int, most: int, count: int) -> NDArray[np.float64]:

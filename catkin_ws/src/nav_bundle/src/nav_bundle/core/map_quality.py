@@ -31,7 +31,8 @@ def agreement(drawn: Grid, true: Grid, true_from_drawn: Pose) -> float:
     """
     solid = true.cells == OCCUPIED
     surface = solid & grown(true.cells == FREE)
-    cells = true.cells_at(_points(drawn, true_from_drawn))
+    points = drawn.points_at(np.argwhere(drawn.cells == OCCUPIED))
+    cells = true.cells_at(np.stack(true_from_drawn.apply(*points.T), axis=1))
     inside = ((cells >= 0) & (cells < true.cells.shape)).all(axis=1)
     strays = int(np.count_nonzero(~inside))
     found = np.zeros(true.cells.shape, np.bool_)
@@ -41,11 +42,3 @@ def agreement(drawn: Grid, true: Grid, true_from_drawn: Pose) -> float:
     missed = int(np.count_nonzero(surface & ~grown(found)))
     union = right + wrong + missed
     return right / union if union else 1.0
-
-
-def _points(grid: Grid, frame: Pose) -> NDArray[np.float64]:
-    """Returns the centres of the occupied cells (x, y) [m], shape (n, 2), in the parent frame of ``frame``."""
-    points = grid.points_at(np.argwhere(grid.cells == OCCUPIED))
-    cosine, sine = np.cos(frame.yaw), np.sin(frame.yaw)
-    turned = points @ np.array([[cosine, sine], [-sine, cosine]])
-    return turned + np.array([frame.x, frame.y])

@@ -165,7 +165,12 @@ def advance(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
     state, planned, events = _take_plan(state, inputs, now, limits)
     if planned is not None:
         return state, planned, events
-    state, command, more = _PHASES[state.phase](state, inputs, now, limits)
+    command: Velocity | None = None
+    more: tuple[Event, ...] = ()
+    if state.phase is Phase.CONTROLLING:
+        state, command, more = _control(state, inputs, now, limits)
+    elif state.phase is Phase.CLEARING:
+        state, command, more = _recover(state, inputs, now, limits)
     if inputs.meeting and state.phase is Phase.CONTROLLING and math.isfinite(state.plan_due):
         state = replace(state, plan_due=min(state.plan_due, state.last_valid_plan + limits.meeting_period))
     state, request = _request_plan(state, now)
@@ -242,11 +247,7 @@ def _clear(state: State, trigger: Trigger) -> Step:
     return state, STANDSTILL, (StopPlanning(),)
 
 
-def _plan_phase(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
-    return state, None, ()
-
-
-def _control_phase(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
+def _control(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
     if inputs.reached:
         return _finish(Outcome.SUCCEEDED, "Goal reached.")
     if inputs.pushing:
@@ -264,7 +265,7 @@ def _control_phase(state: State, inputs: Inputs, now: float, limits: Limits) -> 
     return state, STANDSTILL, (StopPlanning(),)
 
 
-def _clearing_phase(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
+def _recover(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
     if not state.recovering:
         if state.recovery_index >= limits.recoveries:
             return _finish(Outcome.ABORTED, state.trigger.value)
@@ -282,10 +283,3 @@ def _clearing_phase(state: State, inputs: Inputs, now: float, limits: Limits) ->
         plan_due=now,
     )
     return state, STANDSTILL, ()
-
-
-_PHASES = {
-    Phase.PLANNING: _plan_phase,
-    Phase.CONTROLLING: _control_phase,
-    Phase.CLEARING: _clearing_phase,
-}

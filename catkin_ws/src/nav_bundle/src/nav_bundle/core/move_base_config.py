@@ -1,8 +1,13 @@
 """Parameters of move_base, with their Noetic names."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Annotated, Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from nav_bundle.core.costmap.config import CostmapConfig, costmap_config_from_parameters
 from nav_bundle.core.costmap.costmap import NARROWEST_ROBOT
@@ -14,9 +19,9 @@ from nav_bundle.core.global_planner import (
     global_planner_config_from_parameters,
 )
 from nav_bundle.core.local_planner import LocalPlanner
-from nav_bundle.core.meeting import Care
 from nav_bundle.core.move_base import Limits
 from nav_bundle.core.navfn import MEETING_DISTANCE, NavfnConfig, NavfnPlanner
+from nav_bundle.core.pose import Pose
 from nav_bundle.core.recovery import Recovery, recoveries_from_parameters
 from nav_bundle.core.trajectory_config import trajectory_config_from_parameters
 from nav_bundle.core.trajectory_planner import TrajectoryPlanner
@@ -24,11 +29,8 @@ from pioneer_node.core.live import Live, live_values
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 
 Kind = TypeVar("Kind")
-
-
-def _navfn_config(parameters: Mapping[str, Any], owner: str) -> NavfnConfig:
-    return config_from_mapping(NavfnConfig, parameters, owner)
-
+_FRONT = 0.5
+"""Cosine of 60 degrees: obstacles farther to the side do not count as in front."""
 
 LocalKind = tuple[Callable[[Mapping[str, Any], str, float], Any], Callable[[Any, float], LocalPlanner]]
 _LOCAL_PLANNERS: dict[str, LocalKind] = {
@@ -39,7 +41,7 @@ _LOCAL_PLANNERS: dict[str, LocalKind] = {
 configuration and the local costmap's resolution [m]."""
 GlobalKind = tuple[Callable[[Mapping[str, Any], str], Any], Callable[[Any], NavfnPlanner]]
 _GLOBAL_PLANNERS: dict[str, GlobalKind] = {
-    "navfn/NavfnROS": (_navfn_config, NavfnPlanner),
+    "navfn/NavfnROS": (partial(config_from_mapping, NavfnConfig), NavfnPlanner),
     "global_planner/GlobalPlanner": (global_planner_config_from_parameters, GlobalPlanner),
 }
 """By type: reads the configuration from parameters and namespace; creates the planner from the configuration."""
@@ -90,6 +92,28 @@ class MoveBaseConfig:
 
 
 @dataclass(frozen=True)
+class Care:
+    """Limits the speed to ``scale`` [1/s] times the distance beyond ``margin`` [m].
+
+    Two robots that meet thus have time to give way. The limit is never below ``slowest`` [m/s].
+    """
+
+    margin: float = 0.5
+    scale: float = 0.4
+    slowest: float = 0.15
+
+    def speed(self, unmapped: NDArray[np.float64], pose: Pose) -> float:
+        """Returns the speed limit [m/s] for the unmapped obstacles (n, 2) [m] in front; infinity if there are none."""
+        ahead = unmapped - (pose.x, pose.y)
+        along = ahead @ (math.cos(pose.yaw), math.sin(pose.yaw))
+        distance = np.hypot(ahead[:, 0], ahead[:, 1])
+        in_front = distance[along > _FRONT * distance]
+        if not len(in_front):
+            return math.inf
+        return max(self.slowest, self.scale * (float(in_front.min()) - self.margin))
+
+
+@dataclass(frozen=True)
 class Setup:
     """Complete configuration of move_base.
 
@@ -128,11 +152,6 @@ class Setup:
     def care(self) -> Care:
         """Speed limit in front of unmapped obstacles."""
         return Care(self.base.meeting_margin, self.base.meeting_vel_scale, self.base.meeting_min_vel)
-
-    @property
-    def unmapped(self) -> tuple[float, float]:
-        """Maximum distance [m] and minimum width [m] of unmapped obstacles that count."""
-        return self.base.meeting_distance, self.base.meeting_min_width
 
     def make_global_planner(self) -> NavfnPlanner:
         """Returns a new global planner of the configured type."""
@@ -202,12 +221,9 @@ def setup_from_parameters(parameters: Mapping[str, Any], owner: str) -> Setup:
 
 
 def _check(base: MoveBaseConfig, owner: str) -> None:
-    if base.controller_frequency <= 0.0:
-        raise ParameterError(f"{owner}: ~controller_frequency must be positive, not {base.controller_frequency}")
-    if base.meeting_planner_frequency <= 0.0:
-        raise ParameterError(
-            f"{owner}: ~meeting_planner_frequency must be positive, not {base.meeting_planner_frequency}"
-        )
+    for name in ("controller_frequency", "meeting_planner_frequency"):
+        if getattr(base, name) <= 0.0:
+            raise ParameterError(f"{owner}: ~{name} must be positive, not {getattr(base, name)}")
 
 
 def _planner(kinds: dict[str, Kind], wanted: str, what: str) -> tuple[str, Kind]:

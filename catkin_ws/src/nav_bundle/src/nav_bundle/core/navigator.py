@@ -83,7 +83,7 @@ class Navigator:
         self._controller = setup.make_local_planner()
         self._state = State()
         self._goal: Pose | None = None
-        self._search: Search | None = None
+        self._search: Search | PlannerError | None = None  #: the error if the search could not start
         self._path: Path | None = None
         self._route: Path | None = None
         self._recovery: Recovery | None = None
@@ -113,7 +113,10 @@ class Navigator:
 
     def look_around(self, pose: Pose | None) -> None:
         """Finds unmapped obstacles near ``pose``; call it after each update of the global costmap."""
-        self._unmapped = _NOBODY if pose is None else self._global.unmapped(pose, *self._setup.unmapped)
+        base = self._setup.base
+        self._unmapped = _NOBODY
+        if pose is not None:
+            self._unmapped = self._global.unmapped(pose, base.meeting_distance, base.meeting_min_width)
 
     def look_at(self, picture: Picture) -> None:
         """Adds a scan, in the local costmap's frame, to the pushing detection."""
@@ -168,6 +171,8 @@ class Navigator:
             return PlanOutcome.NONE
         driving = self._state.phase is Phase.CONTROLLING
         try:
+            if isinstance(self._search, PlannerError):
+                raise self._search
             self._path = self._search.advance(_CELLS_DRIVING if driving else _CELLS_STANDING)
         except PlannerError as error:
             result.warnings.append(str(error))
@@ -231,22 +236,11 @@ class Navigator:
                 result.warnings.append(text)
 
     def _start_planning(self, pose: Pose | None) -> None:
-        """Starts a search; if the start or goal is outside the map, the search fails on its first ``advance``."""
+        """Starts a search; if the start or goal is outside the map, it fails in the next cycle."""
         assert self._goal is not None
         try:
             if pose is None:
                 raise PlannerError(_NO_POSE)
             self._search = self.planner.search(self._global, pose, self._goal)
         except PlannerError as error:
-            self._search = _FailedSearch(error)
-
-
-class _FailedSearch:
-    """A search that could not start."""
-
-    def __init__(self, error: PlannerError) -> None:
-        self._error = error
-
-    def advance(self, budget: int) -> Path | None:
-        """Raises the error that prevented the search."""
-        raise self._error
+            self._search = error

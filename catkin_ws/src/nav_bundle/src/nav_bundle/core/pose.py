@@ -2,7 +2,12 @@
 
 import math
 from dataclasses import dataclass
-from typing import Self
+from typing import Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Coordinate = TypeVar("Coordinate", float, NDArray[np.float64])
 
 
 def normalized_angle(angle: float) -> float:
@@ -33,8 +38,8 @@ class Pose:
         cosine, sine = math.cos(self.yaw), math.sin(self.yaw)
         return Pose(-self.x * cosine - self.y * sine, self.x * sine - self.y * cosine, normalized_angle(-self.yaw))
 
-    def apply(self, x: float, y: float) -> tuple[float, float]:
-        """Transforms point (``x``, ``y``) [m] from this pose's frame to the parent frame."""
+    def apply(self, x: Coordinate, y: Coordinate) -> tuple[Coordinate, Coordinate]:
+        """Transforms point (``x``, ``y``) [m], or arrays of them, from this pose's frame to the parent frame."""
         cosine, sine = math.cos(self.yaw), math.sin(self.yaw)
         return self.x + cosine * x - sine * y, self.y + sine * x + cosine * y
 

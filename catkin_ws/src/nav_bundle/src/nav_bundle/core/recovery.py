@@ -202,16 +202,7 @@ def _clear(parameters: Mapping[str, Any], name: str, reset_distance: float) -> R
 
 
 def _rotate(parameters: Mapping[str, Any], name: str, _: float) -> Recovery:
-    return RotateRecovery(name, _rotate_config(parameters, parameters.get(name, {}), name))
-
-
-Maker = Callable[[Mapping[str, Any], str, float], Recovery]
-_MAKERS: dict[str, Maker] = {"ClearCostmapRecovery": _clear, "RotateRecovery": _rotate}
-"""By type: creates the behaviour from move_base's parameters, its name and the default reset distance [m]."""
-
-
-def _rotate_config(parameters: Mapping[str, Any], own: Mapping[str, Any], name: str) -> RotateConfig:
-    """Returns the behaviour's parameters; the speeds default to the local planner's parameters."""
+    """Returns the behaviour; its speeds default to the local planner's parameters."""
     planner = parameters.get("TrajectoryPlannerROS", {})
     names = {
         "yaw_goal_tolerance": "yaw_goal_tolerance",
@@ -223,4 +214,10 @@ def _rotate_config(parameters: Mapping[str, Any], own: Mapping[str, Any], name: 
         "min_in_place_rotational_vel": "min_in_place_rotational_vel",
     }
     shared = {ours: planner[theirs] for theirs, ours in names.items() if theirs in planner}
-    return config_from_mapping(RotateConfig, {**shared, **own}, f"~{name}")
+    own = {**shared, **parameters.get(name, {})}
+    return RotateRecovery(name, config_from_mapping(RotateConfig, own, f"~{name}"))
+
+
+Maker = Callable[[Mapping[str, Any], str, float], Recovery]
+_MAKERS: dict[str, Maker] = {"ClearCostmapRecovery": _clear, "RotateRecovery": _rotate}
+"""By type: creates the behaviour from move_base's parameters, its name and the default reset distance [m]."""

@@ -119,11 +119,8 @@ class Rollout:
 
     def goal_distance(self, x: float, y: float) -> int | None:
         """Returns the steps from the cell at ``x, y`` [m] to the local goal; None outside the costmap."""
-        place = self._costmap.geometry
-        row, col = place.row_of(y), place.col_of(x)
-        if not (0 <= row < place.rows and 0 <= col < place.cols):
-            return None
-        return int(self._to_goal[row, col])
+        cell = self._costmap.geometry.cell_at(x, y)
+        return int(self._to_goal[cell]) if self._costmap.geometry.contains(cell) else None
 
 
 def _scored(sample: NDArray[np.float64], result: NDArray[np.float64]) -> Scored:

@@ -1,8 +1,8 @@
 """Laser sensor models for particles (Thrun, Burgard and Fox, Probabilistic Robotics, chapter 6)."""
 
+import functools
 import math
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from nav_bundle.kernels import likelihood as kernel
 LONGEST_FIELD = 255
 """Maximum reach of a likelihood field [cells], so that squared distances fit into 16 bits."""
 
+_SHORT_OF_MAXIMUM = 1.0e-4
 GATHERED = 0.5
 """Beams are skipped only if every particle is within this distance [m] of the mean, along x and along y."""
 
@@ -61,13 +62,29 @@ class Beams:
         return laser + np.stack([ranges * np.cos(angles), ranges * np.sin(angles)], axis=1)
 
 
-class SensorModel(Protocol):
-    """Computes the likelihoods of particles given a scan."""
+def points_from_ranges(
+    ranges: NDArray[np.float32],
+    first_angle: float,
+    angle_step: float,
+    shortest: float,
+    longest: float,
+    inf_is_valid: bool,
+) -> NDArray[np.float64]:
+    """Converts laser returns to points (n, 3) [m] in the sensor's frame; ranges without a return give no point.
 
-    capacity: int  #: approximate number of poses evaluated in half a second
+    With ``inf_is_valid``, an infinite range gives a point just short of ``longest`` [m].
+    """
+    if inf_is_valid:
+        ranges = np.where(np.isposinf(ranges), np.float32(longest - _SHORT_OF_MAXIMUM), ranges)
+    directions = _directions(len(ranges), first_angle, angle_step)
+    valid = (ranges >= shortest) & (ranges < longest)
+    return directions[valid] * ranges[valid, None]
 
-    def likelihoods(self, particles: NDArray[np.float64], beams: Beams) -> NDArray[np.float64]:
-        """Returns the likelihoods, shape (n,), of particles (x, y [m], yaw [rad], map frame; shape (n, 3))."""
+
+@functools.lru_cache(maxsize=8)
+def _directions(count: int, first_angle: float, angle_step: float) -> NDArray[np.float64]:
+    angles = first_angle + angle_step * np.arange(count)
+    return np.stack([np.cos(angles), np.sin(angles), np.zeros(count)], axis=1)
 
 
 def placement(grid: Grid) -> NDArray[np.float64]:
@@ -93,7 +110,7 @@ class LikelihoodField:
     A table maps squared distances to likelihoods, so that weighting a particle needs no exponential.
     """
 
-    capacity = 600_000
+    capacity = 600_000  #: approximate number of poses evaluated in half a second
 
     def __init__(self, config: AmclConfig, grid: Grid) -> None:
         self._config = config
@@ -184,6 +201,10 @@ class BeamModel:
         result += np.where(excess < 0.0, short, 0.0)
         result += np.where(nothing, config.laser_z_max, config.laser_z_rand / beams.range_max)
         return 1.0 + (result**3).sum(axis=1)
+
+
+SensorModel = LikelihoodField | BeamModel
+"""Computes the likelihoods, shape (n,), of particles (x, y [m], yaw [rad], map frame; shape (n, 3)) given a scan."""
 
 
 def sensor_model(config: AmclConfig, grid: Grid) -> SensorModel:

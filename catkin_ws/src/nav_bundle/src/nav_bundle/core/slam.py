@@ -47,22 +47,13 @@ class Slam:
         #: resamplings: number of resamplings so far
         #: unmatched: number of particles whose last scan match did not exceed ``minimumScore``
         self.unmatched = self.resamplings = 0
-        self._maps = TileMaps(config.particles, config.xmin, config.ymin, config.delta)
+        self.maps = TileMaps(config.particles, config.xmin, config.ymin, config.delta)  #: one for each particle
         self._odom: Pose | None = None
-        self._map_from_odom: Pose | None = None
+        #: the odometry frame's pose in the map, from the best particle at the last used scan; None before the first
+        self.map_from_odom: Pose | None = None
         self._logs = np.zeros(config.particles)
         self._sums = np.zeros(config.particles)
         self._distance = self._turn = self._stamp = 0.0
-
-    @property
-    def map_from_odom(self) -> Pose | None:
-        """The odometry frame's pose in the map, from the best particle at the last used scan; None before the first."""
-        return self._map_from_odom
-
-    @property
-    def tiles(self) -> int:
-        """Number of tiles used by all maps together, 8 kB each."""
-        return self._maps.tiles
 
     @property
     def best(self) -> int:
@@ -83,7 +74,7 @@ class Slam:
     def grid(self) -> Grid:
         """Returns the best particle's map, from xmin, ymin to xmax, ymax, or larger if the map has grown beyond."""
         config = self._config
-        return self._maps.drawn(self.best, config.occ_thresh, config.xmax, config.ymax)
+        return self.maps.drawn(self.best, config.occ_thresh, config.xmax, config.ymax)
 
     def observe(self, odom: Pose, scan: Scan, stamp: float) -> bool:
         """Moves the particles by odometry, and uses the scan if the robot has moved far enough since the last used one.
@@ -113,8 +104,8 @@ class Slam:
             self._match(beams)
             self._resample_if_uneven()
         for index, pose in enumerate(self.poses):
-            self._maps.register(index, pose, beams.beams, beams.hits)
-        self._map_from_odom = Pose(*self.poses[self.best].tolist()).compose(laser.inverse())
+            self.maps.register(index, pose, beams.beams, beams.hits)
+        self.map_from_odom = Pose(*self.poses[self.best].tolist()).compose(laser.inverse())
         return True
 
     def _due(self, stamp: float) -> bool:
@@ -169,7 +160,7 @@ class Slam:
             config.kernelSize,
         )
         found = np.empty((len(self.poses), 2))
-        match(self.poses, beams.matched, self._maps.maps, matching, found)
+        match(self.poses, beams.matched, self.maps.maps, matching, found)
         self.unmatched = int(np.count_nonzero(found[:, 0] <= config.minimumScore))
         self._logs += found[:, 1]
         self._sums += found[:, 1]
@@ -183,5 +174,5 @@ class Slam:
         chosen = np.minimum(np.searchsorted(np.cumsum(weights), marks), count - 1)
         self.poses, self._sums = self.poses[chosen], self._sums[chosen]
         self._logs = np.zeros(count)
-        self._maps.resample(chosen)
+        self.maps.resample(chosen)
         self.resamplings += 1

@@ -52,7 +52,7 @@ class TileMaps:
 
     @property
     def tiles(self) -> int:
-        """Number of tiles in use."""
+        """Number of tiles in use, 8 kB each."""
         return int(np.count_nonzero(self._users))
 
     def register(

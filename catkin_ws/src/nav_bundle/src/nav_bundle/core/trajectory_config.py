@@ -5,8 +5,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from nav_bundle.core.goal_approach import ApproachConfig
-from nav_bundle.core.local_planner import Velocity
 from pioneer_node.core.live import Live
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 
@@ -76,21 +74,6 @@ class TrajectoryConfig:
     y_vels: Annotated[Any, Live()] = ""
     world_model: str = "costmap"
     global_frame_id: str = ""
-
-    def approach(self) -> ApproachConfig:
-        """Returns the parameters of the goal approach."""
-        return ApproachConfig(
-            acc=Velocity(self.acc_lim_x, self.acc_lim_y, self.acc_lim_theta),
-            left=self.max_vel_theta,
-            right=-self.min_vel_theta,
-            slowest=self.min_in_place_vel_theta,
-            place=self.xy_goal_tolerance,
-            heading=self.yaw_goal_tolerance,
-            latch=self.latch_xy_goal_tolerance,
-            still=self.trans_stopped_velocity,
-            still_turning=self.rot_stopped_velocity,
-            period=1.0 / self.controller_frequency,
-        )
 
 
 def trajectory_config_from_parameters(parameters: Mapping[str, Any], owner: str, frequency: float) -> TrajectoryConfig:

@@ -7,18 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nav_bundle.core.clearance import Clearance
-from nav_bundle.core.goal_approach import GoalApproach
-from nav_bundle.core.local_planner import Decision, LocalPlannerError, Route, Situation, Velocity
-from nav_bundle.core.planner import Path
+from nav_bundle.core.local_planner import Situation, Velocity
 from nav_bundle.core.pose import Pose, angle_difference
 from nav_bundle.core.rollout import Rollout, Scored
+from nav_bundle.core.sampling_planner import SamplingPlanner
 from nav_bundle.core.trajectory_config import TrajectoryConfig
 from nav_bundle.kernels.trajectory import Horizon, Scales
-
-_NO_COMMAND = (
-    "The rollout planner failed to find a valid plan. This means that the footprint of the robot was in collision "
-    "for all simulated trajectories."
-)
 
 _STANDING = 1.0e-3
 _CRAWL = 0.1
@@ -70,7 +64,7 @@ class _Turning:
             self.since = pose
 
 
-class TrajectoryPlanner:
+class TrajectoryPlanner(SamplingPlanner[TrajectoryConfig]):
     """Samples velocities, simulates each on the local costmap, and returns the cheapest.
 
     The cost of a sample adds up the distances of its end point to the plan and to the plan's last point inside the
@@ -82,11 +76,15 @@ class TrajectoryPlanner:
     be the cheapest.
     """
 
+    _no_command = (
+        "The rollout planner failed to find a valid plan. This means that the footprint of the robot was in collision "
+        "for all simulated trajectories."
+    )
+
     def __init__(self, config: TrajectoryConfig, resolution: float) -> None:
         """Creates a planner from the configuration and the local costmap's cell size [m]."""
-        self.config = config
         unit = resolution if config.meter_scoring else 1.0
-        self._rollout = Rollout(
+        rollout = Rollout(
             Velocity(config.acc_lim_x, config.acc_lim_y, config.acc_lim_theta),
             Horizon(
                 config.sim_time, config.sim_granularity, config.angular_sim_granularity, config.heading_scoring_timestep
@@ -99,46 +97,18 @@ class TrajectoryPlanner:
             ),
             Clearance(config.clearance, config.clearance_scale * unit / resolution),
         )
-        self._period = 1.0 / config.controller_frequency
+        still = config.trans_stopped_velocity, config.rot_stopped_velocity
+        super().__init__(config, rollout, config.min_in_place_vel_theta, -config.min_vel_theta, still)
         self._is_short_sighted = config.max_vel_x * config.sim_time < _SHORT_REACH
-        self._approach = GoalApproach(config.approach())
-        self._turning = _Turning()
-        self._route: Route | None = None
-        self._escape_from: Pose | None = None
         self._escape_distance = config.escape_reset_dist
+
+    def _restart(self) -> None:
+        super()._restart()
+        self._turning = _Turning()
+        self._escape_from: Pose | None = None
         self._dead_end: Pose | None = None
 
-    def set_plan(self, plan: Path) -> None:
-        """Sets a new plan; the goal approach restarts only if the plan leads to another goal."""
-        route = Route(plan)
-        if self._route is None or self._route.goal != route.goal:
-            self._approach.reset()
-            self._turning = _Turning()
-            self._escape_from = self._dead_end = None
-        self._route = route
-
-    def cell_costs(self) -> NDArray[np.float64]:
-        """Returns the costs of the local costmap's cells; see ``Rollout.cell_costs``."""
-        return self._rollout.cell_costs()
-
-    def decide(self, situation: Situation) -> Decision:
-        """Returns the command for this cycle; see ``local_planner.LocalPlanner``."""
-        if self._route is None:
-            raise LocalPlannerError("there is no plan to follow")
-        ahead = self._route.ahead(situation, self.config.prune_plan)
-        goal = situation.local_from_global.compose(self._route.goal)
-        if not self._rollout.begin(situation, ahead):
-            raise LocalPlannerError("the global plan does not cross the local costmap")
-        if self._approach.is_near(situation.pose, goal):
-            return self._approach.decide(situation, goal, self._rollout.is_free)
-        best = self._best(situation, ahead)
-        if best is None:
-            raise LocalPlannerError(_NO_COMMAND)
-        velocity, time = best
-        return Decision(velocity, False, self._rollout.poses(velocity, time), ahead)
-
     def _best(self, situation: Situation, ahead: NDArray[np.float64]) -> tuple[Velocity, float] | None:
-        """Returns the best velocity and how long [s] it is known to be collision-free (inf: the whole horizon)."""
         if not self._is_escaping(situation.pose):
             goal_distance = math.hypot(ahead[-1, 0] - situation.pose.x, ahead[-1, 1] - situation.pose.y)
             fastest = min(goal_distance / self.config.sim_time, situation.fastest)

@@ -24,10 +24,6 @@ class DisconnectedError(TransformError):
     """The frames are not connected by transforms, or not yet."""
 
 
-class FrameError(TransformError):
-    """An invalid frame name."""
-
-
 class ExtrapolationError(TransformError):
     """The frames are connected, but not at the requested time."""
 

@@ -69,15 +69,18 @@ def next_cell(row, col, error_row, error_col, line):
 
 
 @njit
-def _clear_line(cells, row_0, col_0, row_1, col_1):
-    """Clears the cells of Bresenham's line, both ends included, until it leaves the grid."""
+def set_line(cells, row_0, col_0, row_1, col_1, value):
+    """Writes ``value`` along Bresenham's line, both ends included, skipping cells outside the grid."""
     rows, cols = cells.shape
     line = line_between(row_0, col_0, row_1, col_1)
     row, col, error_row, error_col = row_0, col_0, line[0] // 2, line[0] // 2
+    was_inside = False
     for _ in range(line[0] + 1):
-        if row < 0 or row >= rows or col < 0 or col >= cols:
-            return
-        cells[row, col] = FREE
+        if 0 <= row < rows and 0 <= col < cols:
+            cells[row, col] = value
+            was_inside = True
+        elif was_inside:
+            return  # a straight line does not come back
         row, col, error_row, error_col = next_cell(row, col, error_row, error_col, line)
 
 
@@ -96,7 +99,7 @@ def clear_rays(cells: Costs, place: Place, rays: Rays) -> None:
             dx *= rays.longest / distance
             dy *= rays.longest / distance
         row_1, col_1 = cell_at(place, rays.x + dx, rays.y + dy)
-        _clear_line(cells, row_0, col_0, row_1, col_1)
+        set_line(cells, row_0, col_0, row_1, col_1, FREE)
 
 
 @kernel
@@ -127,18 +130,6 @@ def polygon_covers(vertices, x, y):
     return inside
 
 
-@njit
-def set_line(cells, row_0, col_0, row_1, col_1, value):
-    """Writes ``value`` along Bresenham's line, skipping cells outside the grid."""
-    rows, cols = cells.shape
-    line = line_between(row_0, col_0, row_1, col_1)
-    row, col, error_row, error_col = row_0, col_0, line[0] // 2, line[0] // 2
-    for _ in range(line[0] + 1):
-        if 0 <= row < rows and 0 <= col < cols:
-            cells[row, col] = value
-        row, col, error_row, error_col = next_cell(row, col, error_row, error_col, line)
-
-
 @kernel
 def fill_polygon(cells: Costs, place: Place, vertices: Points, value: int) -> None:
     """Writes ``value`` into every cell that the polygon covers, its outline included."""
@@ -146,23 +137,15 @@ def fill_polygon(cells: Costs, place: Place, vertices: Points, value: int) -> No
     count = vertices.shape[0]
     scaled = np.empty((count, 2))
     row_min, row_max, col_min, col_max = rows, -1, cols, -1
+    last_row, last_col = cell_at(place, vertices[count - 1, 0], vertices[count - 1, 1])
     for i in range(count):
         scaled[i, 0] = (vertices[i, 0] - place.x) / place.resolution
         scaled[i, 1] = (vertices[i, 1] - place.y) / place.resolution
-        row_min = min(row_min, int(np.floor(scaled[i, 1])))
-        row_max = max(row_max, int(np.floor(scaled[i, 1])))
-        col_min = min(col_min, int(np.floor(scaled[i, 0])))
-        col_max = max(col_max, int(np.floor(scaled[i, 0])))
-    for i in range(count):
-        j = i + 1 if i + 1 < count else 0
-        set_line(
-            cells,
-            int(np.floor(scaled[i, 1])),
-            int(np.floor(scaled[i, 0])),
-            int(np.floor(scaled[j, 1])),
-            int(np.floor(scaled[j, 0])),
-            value,
-        )
+        row, col = cell_at(place, vertices[i, 0], vertices[i, 1])
+        row_min, row_max = min(row_min, row), max(row_max, row)
+        col_min, col_max = min(col_min, col), max(col_max, col)
+        set_line(cells, last_row, last_col, row, col, value)
+        last_row, last_col = row, col
     for row in range(max(row_min, 0), min(row_max + 1, rows)):
         for col in range(max(col_min, 0), min(col_max + 1, cols)):
             if polygon_covers(scaled, col + 0.5, row + 0.5):
@@ -229,11 +212,11 @@ def _column_distance(cells, distance, row_0, row_1, col_0, col_1, radius):
 
 
 @njit
-def _envelope(heights, radius, sites, starts):
+def envelope(heights, radius, sites, starts):
     """Finds the lower envelope of the parabolas ``(x - i)**2 + heights[i]**2``; returns their number.
 
     ``sites[k]`` is the position of the k-th parabola, which is lowest from ``starts[k]`` to ``starts[k + 1]``
-    (Felzenszwalb and Huttenlocher, Distance Transforms of Sampled Functions, 2012).
+    (Felzenszwalb and Huttenlocher, Distance Transforms of Sampled Functions, 2012). Heights above ``radius`` have none.
     """
     count = 0
     for i in range(heights.shape[0]):
@@ -276,7 +259,7 @@ def inflate(cells: Costs, window: Bounds, radius: int, table: Array1[np.uint8], 
     starts = np.empty(right - left + 1, np.float64)
     for row in range(row_0, row_1):
         heights = distance[row - row_0]
-        count = _envelope(heights, radius, sites, starts)
+        count = envelope(heights, radius, sites, starts)
         if count == 0:
             continue
         k = 0

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nav_bundle.kernels.costmap import envelope
 from pioneer_kernels.declaration import Array1, Array2, kernel, njit
 
 
@@ -37,50 +38,28 @@ def distance_field(cells: Array2[np.int8], occupied: int, cap: int, out: Array2[
             below = out[row + 1, col] + 1
             if below < out[row, col]:
                 out[row, col] = below
-    apex = np.empty(cols, np.int64)
-    height = np.empty(cols, np.int64)
-    start = np.empty(cols, np.int64)
-    for row in range(rows):
-        _envelope(out[row], cap, apex, height, start)
-
-
-@njit
-def _envelope(line, cap, apex, height, start):
-    """Replaces column distances by squared 2D distances, for one row."""
-    count = 0
-    cols = line.shape[0]
-    for col in range(cols):
-        if line[col] >= cap:
-            continue
-        square = np.int64(line[col]) * np.int64(line[col])
-        begin = 0
-        while count > 0:
-            other = apex[count - 1]
-            # The first column where the parabola of ``col`` is below the other one.
-            rise = square - height[count - 1] + col * col - other * other
-            begin = rise // (2 * (col - other)) + 1
-            if begin > start[count - 1]:
-                break
-            count -= 1
-        if count == 0:
-            begin = 0
-        if begin < cols:
-            apex[count], height[count], start[count] = col, square, begin
-            count += 1
+    heights = np.empty(cols, np.int64)
+    sites = np.empty(cols + 1, np.int64)
+    starts = np.empty(cols + 1, np.float64)
     most = cap * cap
-    for index in range(count):
-        end = start[index + 1] if index + 1 < count else cols
-        for col in range(start[index], end):
-            offset = col - apex[index]
-            line[col] = min(most, height[index] + offset * offset)
-    if count == 0:
-        line[:] = most
+    for row in range(rows):
+        heights[:] = out[row]
+        if envelope(heights, cap - 1, sites, starts) == 0:
+            out[row] = most
+            continue
+        k = 0
+        for col in range(cols):
+            while starts[k + 1] < col:
+                k += 1
+            offset, height = col - sites[k], heights[sites[k]]
+            out[row, col] = min(most, offset * offset + height * height)
 
 
 @njit
-def _squared_distance(x, y, field):
-    """Returns the squared distance at (x, y) [cells]; -1 outside the grid."""
-    col, row = math.floor(x), math.floor(y)
+def _squared_distance(pose, along, across, field):
+    """Returns the squared distance [cells²] at a point [cells] in the frame of a pose ``_in_grid``; -1 off the grid."""
+    x, y, cosine, sine = pose
+    col, row = math.floor(x + cosine * along - sine * across), math.floor(y + sine * along + cosine * across)
     if 0 <= row < field.shape[0] and 0 <= col < field.shape[1]:
         return np.int64(field[np.int64(row), np.int64(col)])
     return np.int64(-1)
@@ -115,13 +94,10 @@ def add_likelihoods(
     """
     outside = table[table.shape[0] - 1]
     for index in range(poses.shape[0]):
-        x, y, cosine, sine = _in_grid(poses[index], field.placement)
+        pose = _in_grid(poses[index], field.placement)
         total = 0.0
         for beam in range(points.shape[0]):
-            along, across = points[beam, 0], points[beam, 1]
-            square = _squared_distance(
-                x + cosine * along - sine * across, y + sine * along + cosine * across, field.squares
-            )
+            square = _squared_distance(pose, points[beam, 0], points[beam, 1], field.squares)
             total += table[square] if square >= 0 else outside
         out[index] += total
 
@@ -132,12 +108,9 @@ def count_agreement(
 ) -> None:
     """Counts, for each beam, the particles that have an obstacle within ``nearest`` [cells²] of its end point."""
     for index in range(poses.shape[0]):
-        x, y, cosine, sine = _in_grid(poses[index], field.placement)
+        pose = _in_grid(poses[index], field.placement)
         for beam in range(points.shape[0]):
-            along, across = points[beam, 0], points[beam, 1]
-            square = _squared_distance(
-                x + cosine * along - sine * across, y + sine * along + cosine * across, field.squares
-            )
+            square = _squared_distance(pose, points[beam, 0], points[beam, 1], field.squares)
             if 0 <= square < nearest:
                 counts[beam] += 1
 

@@ -48,13 +48,19 @@ def _plan_cells(floor, plan, cells):
 
 
 @njit
-def _flood(costs, inside, distance, queue, count):
-    """Fills ``distance`` by steps between edge neighbours, starting at the ``count`` queued cells with distance 0.
+def _flood(costs, inside, distance, queue, starts):
+    """Fills ``distance`` by steps between edge neighbours from the cells ``starts`` (flat indices).
 
-    Obstacles outside the footprint get the number of cells; unreachable cells keep that number plus one.
+    Obstacles outside the footprint get the number of cells, unreachable cells that number plus one.
     """
     rows, cols = costs.shape
-    head = 0
+    distance[:, :] = rows * cols + 1
+    head = count = 0
+    for cell in starts:
+        if distance[cell // cols, cell % cols] != 0:
+            distance[cell // cols, cell % cols] = 0
+            queue[count] = cell
+            count += 1
     while head < count:
         cell = queue[head]
         head += 1
@@ -72,14 +78,6 @@ def _flood(costs, inside, distance, queue, count):
             distance[r, c] = onwards
             queue[count] = r * cols + c
             count += 1
-
-
-@njit
-def _flood_from(costs, inside, distance, queue, cell):
-    cols = costs.shape[1]
-    distance[cell // cols, cell % cols] = 0
-    queue[0] = cell
-    _flood(costs, inside, distance, queue, 1)
 
 
 @njit
@@ -101,34 +99,18 @@ def distance_grids(floor: Floor, plan: Points, to_plan: Steps, to_goal: Steps, q
         to_goal: steps to the plan's last cell inside the costmap.
         queue: scratch space.
     """
-    rows, cols = floor.costs.shape
     inside = _inside(floor)
-    to_plan[:, :] = rows * cols + 1
-    to_goal[:, :] = rows * cols + 1
-    crossed = np.empty(rows * cols, np.int32)
+    crossed = np.empty(floor.costs.size, np.int32)
     crossings = _plan_cells(floor, plan, crossed)
-    if crossings == 0:
-        return 0
-    count = 0
-    for i in range(crossings):
-        row = crossed[i] // cols
-        col = crossed[i] - row * cols
-        if to_plan[row, col] != 0:
-            to_plan[row, col] = 0
-            queue[count] = crossed[i]
-            count += 1
-    _flood(floor.costs, inside, to_plan, queue, count)
-    _flood_from(floor.costs, inside, to_goal, queue, crossed[crossings - 1])
+    _flood(floor.costs, inside, to_plan, queue, crossed[:crossings])
+    _flood(floor.costs, inside, to_goal, queue, crossed[max(crossings - 1, 0) : crossings])
     return crossings
 
 
 @kernel
 def goal_grid(floor: Floor, plan: Points, to_goal: Steps, queue: Queue) -> int:
     """Fills only ``to_goal`` of ``distance_grids``; returns the number of cells that the plan crosses."""
-    rows, cols = floor.costs.shape
-    to_goal[:, :] = rows * cols + 1
-    crossed = np.empty(rows * cols, np.int32)
+    crossed = np.empty(floor.costs.size, np.int32)
     crossings = _plan_cells(floor, plan, crossed)
-    if crossings > 0:
-        _flood_from(floor.costs, _inside(floor), to_goal, queue, crossed[crossings - 1])
+    _flood(floor.costs, _inside(floor), to_goal, queue, crossed[max(crossings - 1, 0) : crossings])
     return crossings

@@ -35,9 +35,8 @@ from nav_bundle.core.error import NavigationError, ObservationError
 from nav_bundle.core.localisation import Localisation, NoMapError
 from nav_bundle.core.particle import Estimate
 from nav_bundle.core.pose import Pose
-from nav_bundle.core.transform import Transform, TransformError
-from nav_bundle.nodes.diagnostic import deviation_status
-from nav_bundle.nodes.pose_store import PoseStore
+from nav_bundle.core.transform import TransformError
+from nav_bundle.nodes.estimate import PoseStore, deviation_status
 from nav_bundle.nodes.transform import TransformBroadcaster, TransformListener, robot_frame
 from pioneer_node.core.frame import stripped
 from pioneer_node.core.live import Value
@@ -46,8 +45,6 @@ from pioneer_node.nodes import entry
 from pioneer_node.nodes.reconfigure import ReconfigureServer
 from pioneer_node.nodes.standing_warning import StandingWarning
 
-TRANSFORM_TIMEOUT = 0.5
-"""Maximum time [s, wall time] a scan waits for the odometry at its stamp."""
 DIAGNOSIS_PERIOD = 1.0
 """Time [s] between two messages on /diagnostics."""
 REMEMBERED_COVARIANCE = np.diag([0.1**2, 0.1**2, 0.05**2])
@@ -93,7 +90,6 @@ class AmclNode:
         self._arrived = threading.Condition()
         self._scan: ScanMessage | None = None
         self._commands: deque[Callable[[], None]] = deque()
-        self._lasers: dict[str, Transform] = {}
         self._estimate: Estimate | None = None
         self._map_from_odom: Pose | None = None
         self._now = self._next_cloud = self._next_diagnosis = 0.0
@@ -226,8 +222,7 @@ class AmclNode:
             name = rospy.resolve_name("map" if self._config.use_map_topic else "static_map")
             raise NoMapError(f"waiting for a map from {source} {name}")
         stamp = message.header.stamp
-        laser = self._laser(stripped(message.header.frame_id))
-        odom = self._listener.wait(self._odom_frame, self._base_frame, stamp.to_sec(), TRANSFORM_TIMEOUT).planar()
+        laser, odom = self._listener.place_of_scan(message.header, self._odom_frame, self._base_frame)
         if self._remembered is not None:
             self._go_on(self._remembered.compose(odom))
         if self._localisation.due(odom):
@@ -258,12 +253,6 @@ class AmclNode:
             )
         self._lost = lost
 
-    def _laser(self, frame: str) -> Transform:
-        """Returns base_from_laser; looked up only once, since lasers do not move."""
-        if frame not in self._lasers:
-            self._lasers[frame] = self._listener.wait(self._base_frame, frame, None, TRANSFORM_TIMEOUT)
-        return self._lasers[frame]
-
     def _restart_if_time_jumped(self) -> None:
         now = rospy.get_time()
         if now < self._now:
@@ -289,7 +278,6 @@ class AmclNode:
             self._maps = self._ask_for_map()
         frames = ("global_frame_id", "odom_frame_id", "base_frame_id")
         if any(getattr(config, name) != getattr(before, name) for name in frames):
-            self._lasers.clear()
             self._map_from_odom = None
             self._map_frame, self._odom_frame, self._base_frame = self._listen()
 

@@ -1,6 +1,6 @@
 """A costmap with its topics: the counterpart of Costmap2DROS."""
 
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import rospy
@@ -24,14 +24,13 @@ from nav_bundle.core.costmap.config import CostmapConfig, FleetConfig, ObstacleC
 from nav_bundle.core.costmap.cost import occupancy_by_cost
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.geometry import EMPTY
-from nav_bundle.core.costmap.layer import Observation
-from nav_bundle.core.costmap.observation import ObservationBuffer
+from nav_bundle.core.costmap.layer import Observation, ObservationBuffer
 from nav_bundle.core.error import NavigationError, ObservationError
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.pushing import Picture
 from nav_bundle.core.transform import ExtrapolationError, TransformError
-from nav_bundle.nodes.sensor import Newest, newest_clouds, newest_scans
+from nav_bundle.nodes.sensor import Newest
 from nav_bundle.nodes.transform import TransformListener, robot_frame
 from pioneer_node.core.frame import stripped
 from pioneer_node.nodes.standing_warning import StandingWarning
@@ -75,10 +74,8 @@ class CostmapNode:
         self._new_map: Grid | None = None
         self._map_topic, self._map_frame = "", self.frame
         self._scans: dict[tuple[str, str], Newest[Seen]] = {}
-        self._buffers: dict[SourceConfig, ObservationBuffer] = {}
         self._others: tuple[FleetConfig, ...] = ()
-        self._sensor_frames: dict[SourceConfig, str] = {}
-        self._sources: list[tuple[SourceConfig, Newest[Seen], ObservationBuffer]] = []
+        self._sources: list[_Source] = []
         self._listen_to(config)
         self._subscribe_map()
         self._listener_flag = _NewListener()
@@ -113,15 +110,17 @@ class CostmapNode:
         for key in self._scans.keys() - wanted:
             self._scans.pop(key).close()
         for topic, data_type in wanted - self._scans.keys():
-            newest = newest_clouds if data_type == "PointCloud2" else newest_scans
-            self._scans[topic, data_type] = newest(topic)
-        buffers = self._buffers
-        self._buffers = {
-            source: buffers.get(source, ObservationBuffer(source.observation_persistence)) for source in sources
-        }
-        self._sensor_frames = {source: robot_frame(source.sensor_frame) for source in sources if source.sensor_frame}
+            kind = PointCloud2 if data_type == "PointCloud2" else ScanMessage
+            self._scans[topic, data_type] = Newest(topic, kind, 4)
+        buffers = {source.config: source.buffer for source in self._sources}
         self._sources = [
-            (source, self._scans[source.topic, source.data_type], buffer) for source, buffer in self._buffers.items()
+            _Source(
+                source,
+                robot_frame(source.sensor_frame) if source.sensor_frame else "",
+                self._scans[source.topic, source.data_type],
+                buffers.get(source, ObservationBuffer(source.observation_persistence)),
+            )
+            for source in dict.fromkeys(sources)
         ]
 
     def _subscribe_map(self) -> None:
@@ -171,7 +170,7 @@ class CostmapNode:
 
     def is_current(self, now: float) -> bool:
         """Returns whether every source has published within its ``expected_update_rate``."""
-        return all(_is_current(source, scans, now) for source, scans, _ in self._sources)
+        return all(source.is_current(now) for source in self._sources)
 
     def update(self, now: float, forced: bool = False) -> bool:
         """Updates and publishes the costmap, each if due; ``forced`` updates in any case.
@@ -196,16 +195,16 @@ class CostmapNode:
 
     def picture(self) -> Picture | None:
         """Returns the newest observation of the first source that has one; None before the first scan."""
-        newest = next((buffer.last for _, _, buffer in self._sources), None)
+        newest = next((source.buffer.last for source in self._sources), None)
         if newest is None:
             return None
         return Picture(Pose(newest.sensor_x, newest.sensor_y, newest.sensor_yaw), newest.points)
 
     def forget(self) -> None:
         """Drops all sensor data after the clock jumped back."""
-        for _, scans, buffer in self._sources:
-            scans.forget()
-            buffer.forget()
+        for source in self._sources:
+            source.scans.forget()
+            source.buffer.forget()
         self.costmap.reset()
 
     def _map_place(self) -> Pose | None:
@@ -236,39 +235,43 @@ class CostmapNode:
 
     def _observations(self, now: float) -> list[Observation]:
         """Returns the valid observations of all sources that can be transformed into the costmap's frame."""
-        for source, scans, buffer in self._sources:
-            kept = scans.messages()
-            if buffer.persistence <= 0.0:
-                self._place_newest(source, kept, buffer)
+        for source in self._sources:
+            kept = source.scans.messages()
+            if source.buffer.persistence <= 0.0:
+                self._place_newest(source, kept)
                 continue
             for scan in reversed(kept):
-                if scan.header.stamp.to_sec() > buffer.newest:
-                    self._place_newest(source, [scan], buffer)
-        return [seen for _, _, buffer in self._sources for seen in buffer.current(now)]
+                if scan.header.stamp.to_sec() > source.buffer.newest:
+                    self._place_newest(source, [scan])
+        return [seen for source in self._sources for seen in source.buffer.current(now)]
 
-    def _place_newest(self, source: SourceConfig, scans: list[Seen], buffer: ObservationBuffer) -> None:
+    def _place_newest(self, source: "_Source", scans: list[Seen]) -> None:
         """Buffers the newest of ``scans`` (newest first) whose transform is available."""
-        unusable = self._scans[source.topic, source.data_type].unusable
+        unusable = source.scans.unusable
         for scan in scans:
             try:
-                buffer.add(scan.header.stamp.to_sec(), self._placed(source, scan))
+                source.buffer.add(scan.header.stamp.to_sec(), self._placed(source, scan))
                 unusable.end()
                 return
             except ExtrapolationError as error:
                 if not error.future:
                     return
             except (TransformError, ObservationError) as error:
-                unusable.warn(f"{self.name}: cannot use messages on {source.topic}: {error}")
+                unusable.warn(f"{self.name}: cannot use messages on {source.scans.topic}: {error}")
                 return
 
-    def _placed(self, source: SourceConfig, scan: Seen) -> Observation:
-        frame = self._sensor_frames.get(source) or scan.header.frame_id
-        place = self._listener.lookup(self.frame, frame, scan.header.stamp.to_sec())
-        points = place.apply(_points(source, scan))
+    def _placed(self, source: "_Source", scan: Seen) -> Observation:
+        config = source.config
+        place = self._listener.lookup(self.frame, source.frame or scan.header.frame_id, scan.header.stamp.to_sec())
+        points = place.apply(
+            points_from_cloud(scan)
+            if config.data_type == "PointCloud2"
+            else points_from_scan(scan, config.inf_is_valid)
+        )
         heights = points[:, 2]
-        kept = (heights >= source.min_obstacle_height) & (heights <= source.max_obstacle_height)
+        kept = (heights >= config.min_obstacle_height) & (heights <= config.max_obstacle_height)
         sensor_x, sensor_y, _ = place.translation
-        return Observation(source, sensor_x, sensor_y, np.ascontiguousarray(points[kept, :2]), place.planar().yaw)
+        return Observation(config, sensor_x, sensor_y, np.ascontiguousarray(points[kept, :2]), place.planar().yaw)
 
     def _publish(self, now: float, pose: Pose) -> None:
         if self._footprint_publisher.get_num_connections():
@@ -283,17 +286,14 @@ class CostmapNode:
         whole = self._listener_flag.arrived or self._config.always_send_full_costmap or self._config.rolling_window
         if whole:
             self._listener_flag.arrived = False
-            self._grid_publisher.publish(self._grid(now))
+            self._grid_publisher.publish(self.grid_of(self._values[self.costmap.cells], now))
         elif changed and self._update_publisher.get_num_connections():
-            part = self.costmap.cells[changed.row_0 : changed.row_1, changed.col_0 : changed.col_1]
+            part = self.costmap.cells[changed.slices]
             rows, cols = part.shape
             values = self._values[part].ravel()
             header = Header(0, rospy.Time.from_sec(now), self.frame)
             update = GridUpdateMessage(header, changed.col_0, changed.row_0, cols, rows, values)
             self._update_publisher.publish(update)
-
-    def _grid(self, now: float) -> GridMessage:
-        return self.grid_of(self._values[self.costmap.cells], now)
 
     def grid_of(self, values: NDArray[np.int8], now: float) -> GridMessage:
         """Returns ``values`` of this costmap's cells, shape (rows, cols), as a message."""
@@ -317,25 +317,28 @@ class _NewListener(rospy.SubscribeListener):  # type: ignore[misc]
         self.arrived = True
 
 
-def _points(source: SourceConfig, scan: Seen) -> NDArray[np.float64]:
-    """Returns the points (n, 3) [m] of a message, in the sensor's frame."""
-    if source.data_type == "PointCloud2":
-        return points_from_cloud(scan)
-    return points_from_scan(scan, source.inf_is_valid)
+class _Source(NamedTuple):
+    """One observation source."""
 
+    config: SourceConfig  #: its parameters
+    frame: str  #: frame of the sensor; empty: that in the messages
+    scans: Newest[Seen]  #: its newest messages
+    buffer: ObservationBuffer  #: its observations in the costmap's frame
 
-def _is_current(source: SourceConfig, scans: Newest[Seen], now: float) -> bool:
-    if source.expected_update_rate <= 0.0:
-        return True
-    age = scans.age(now)
-    if age is None:
-        scans.overdue.warn(f"no scans on {scans.topic} yet")
+    def is_current(self, now: float) -> bool:
+        """Returns whether it has published within its ``expected_update_rate``; warns if it has not."""
+        scans, allowed = self.scans, self.config.expected_update_rate
+        if allowed <= 0.0:
+            return True
+        age = scans.age(now)
+        if age is None:
+            scans.overdue.warn(f"no scans on {scans.topic} yet")
+        elif age > allowed:
+            scans.overdue.warn(
+                f"The {scans.topic} observation buffer has not been updated for {age:.2f} seconds, "
+                f"and it should be updated every {allowed:.2f} seconds."
+            )
+        else:
+            scans.overdue.end()
+            return True
         return False
-    if age <= source.expected_update_rate:
-        scans.overdue.end()
-        return True
-    scans.overdue.warn(
-        f"The {scans.topic} observation buffer has not been updated for {age:.2f} seconds, "
-        f"and it should be updated every {source.expected_update_rate:.2f} seconds."
-    )
-    return False

@@ -19,17 +19,11 @@ from nav_bundle.core.error import MapError, NavigationError
 from pioneer_node.core.frame import stripped
 from pioneer_node.nodes import entry
 
-USAGE = "usage: map_server MAP.yaml"
-
 _RESULTS = {
     MapFileMissingError: LoadMapResponse.RESULT_MAP_DOES_NOT_EXIST,
     MapImageError: LoadMapResponse.RESULT_INVALID_MAP_DATA,
     MapMetadataError: LoadMapResponse.RESULT_INVALID_MAP_METADATA,
 }
-
-
-class UsageError(NavigationError):
-    """Invalid command line arguments."""
 
 
 class MapServerNode:
@@ -47,7 +41,7 @@ class MapServerNode:
     def __init__(self) -> None:
         arguments = rospy.myargv()[1:]
         if len(arguments) != 1:
-            raise UsageError(f"{USAGE} (got {len(arguments)} arguments)")
+            raise NavigationError(f"usage: map_server MAP.yaml (got {len(arguments)} arguments)")
         self._frame = stripped(str(rospy.get_param("~frame_id", "map")))
         self._map_publisher = rospy.Publisher("map", GridMessage, queue_size=1, latch=True)
         self._metadata_publisher = rospy.Publisher("map_metadata", MapMetaData, queue_size=1, latch=True)

@@ -17,8 +17,9 @@ from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
 from nav_bundle.conversions import (
     GetPlanArray,
     GetPlanArrayResponse,
+    PathMessage,
     check_numbers,
-    path_message,
+    cost_cloud,
     stamped_from_pose,
     velocity_from_odometry,
 )
@@ -32,11 +33,10 @@ from nav_bundle.core.navigator import Cycle, Navigator, Sight
 from nav_bundle.core.planner import GoalOutsideError, NoPathError, Path, PlannerError, Search, path_between
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.transform import TransformError
-from nav_bundle.nodes.cost_cloud import cost_cloud
 from nav_bundle.nodes.costmap import CostmapNode
 from nav_bundle.nodes.move_base_action import GoalServer
 from nav_bundle.nodes.move_base_reconfigure import Reconfiguration
-from nav_bundle.nodes.sensor import Newest, newest_odometry
+from nav_bundle.nodes.sensor import Newest
 from nav_bundle.nodes.transform import TransformListener
 from pioneer_node.nodes import entry
 from pioneer_node.nodes.standing_warning import StandingWarning
@@ -170,8 +170,8 @@ class MoveBaseNode:
 
     def _offer(self) -> None:
         limit = self._setup.base.transform_future_limit
-        self._goals = GoalServer("move_base", self._global.frame, self._listener, limit, self._goal_fault)
-        self._odometry = newest_odometry("odom")
+        self._goals = GoalServer(self._global.frame, self._listener, limit, self._goal_fault)
+        self._odometry = Newest("odom", Odometry, 2)
         rospy.Service("~make_plan", GetPlanArray, self._make_plan_if_idle)
         rospy.Service("~clear_costmaps", Empty, self._clear_costmaps)
         self._planner_service = self._serve_planner()
@@ -299,7 +299,7 @@ class MoveBaseNode:
 
     def _show(self, publisher: rospy.Publisher, path: Path, frame: str, now: float) -> None:
         if publisher.get_num_connections():
-            publisher.publish(path_message(path, frame, rospy.Time.from_sec(now)))
+            publisher.publish(PathMessage(path, frame, rospy.Time.from_sec(now)))
 
     def _drive(self, command: Velocity) -> None:
         message = Twist()
@@ -307,21 +307,14 @@ class MoveBaseNode:
         self._velocity.publish(message)
 
     def _report_recovery(self, started: StartRecovery) -> None:
-        name, count = self._setup.recoveries[started.index].name, len(self._setup.recoveries)
+        index, name, count = started.index, self._setup.recoveries[started.index].name, len(self._setup.recoveries)
         self._in_trouble = True
-        rospy.logwarn("recovery behavior %d of %d: %s", started.index + 1, count, name)
+        rospy.logwarn("recovery behavior %d of %d: %s", index + 1, count, name)
         if self._recovery_status.get_num_connections():
-            self._recovery_status.publish(self._status(started.index, started.trigger.name))
-
-    def _status(self, index: int, trigger: str) -> RecoveryStatus:
-        status = RecoveryStatus()
-        now = rospy.get_time()
-        pose = self._local.pose(now) or Pose()
-        status.pose_stamped = stamped_from_pose(pose, self._local.frame, rospy.Time.from_sec(now))
-        status.current_recovery_number = index
-        status.total_number_of_recoveries = len(self._setup.recoveries)
-        status.recovery_behavior_name = f"{self._setup.recoveries[index].name} ({trigger.lower()})"
-        return status
+            now = rospy.get_time()
+            place = stamped_from_pose(self._local.pose(now) or Pose(), self._local.frame, rospy.Time.from_sec(now))
+            reason = f"{name} ({started.trigger.name.lower()})"
+            self._recovery_status.publish(RecoveryStatus(place, index, count, reason))
 
     def _make_plan_if_idle(self, request: GetPlanRequest) -> GetPlanArrayResponse:
         with self._turn:
@@ -339,7 +332,7 @@ class MoveBaseNode:
                 path = np.empty((0, 3))
             except (PlannerError, TransformError, MessageError) as error:
                 raise rospy.ServiceException(str(error)) from error
-            return GetPlanArrayResponse(path_message(path, self._global.frame, rospy.Time.now()))
+            return GetPlanArrayResponse(PathMessage(path, self._global.frame, rospy.Time.now()))
 
     def _plan_for(self, request: GetPlanRequest) -> Path:
         check_numbers("make_plan", request)

@@ -1,17 +1,18 @@
 """Goals of move_base: its action server, and the simple goal topic for clients without actionlib."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import actionlib
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus
-from geometry_msgs.msg import PoseStamped, Quaternion
+from geometry_msgs.msg import Pose as PoseMessage
+from geometry_msgs.msg import PoseStamped
 from move_base_msgs.msg import MoveBaseAction, MoveBaseActionGoal, MoveBaseFeedback, MoveBaseResult
 
 from nav_bundle.conversions import pose_from_message, stamped_from_pose
-from nav_bundle.core.error import MessageError, NavigationError
-from nav_bundle.core.goal import check_goal
+from nav_bundle.core.error import NavigationError
 from nav_bundle.core.move_base import Outcome
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.transform import TransformError
@@ -21,6 +22,33 @@ from pioneer_node.core.frame import stripped
 
 _INVALID = "Aborting on goal because it was sent with an invalid quaternion"
 _WARNING_PERIOD = 5.0
+_VERTICAL = 1.0e-3
+
+
+class GoalError(NavigationError):
+    """A goal that is invalid on any map; the message names the reason."""
+
+
+def check_goal(pose: PoseMessage) -> None:
+    """Raises if a goal has a NaN or infinite number, or a rotation that is not a pure yaw.
+
+    Raises:
+        GoalError: with move_base's message.
+    """
+    position, rotation = pose.position, pose.orientation
+    x, y, z, w = rotation.x, rotation.y, rotation.z, rotation.w
+    if not all(map(math.isfinite, (x, y, z, w))):
+        raise GoalError("Quaternion has nans or infs... discarding as a navigation goal")
+    if not all(map(math.isfinite, (position.x, position.y, position.z))):
+        raise GoalError("Position has nans or infs... discarding as a navigation goal")
+    squared = x * x + y * y + z * z + w * w
+    if squared < 1.0e-6:
+        raise GoalError("Quaternion has length close to zero... discarding as navigation goal")
+    upright = (w * w - x * x - y * y + z * z) / squared
+    if abs(upright - 1.0) > _VERTICAL:
+        raise GoalError(
+            "Quaternion is invalid... for navigation the z-axis of the quaternion must be close to vertical."
+        )
 
 
 class _ActionServer(actionlib.SimpleActionServer):
@@ -36,7 +64,6 @@ class _ActionServer(actionlib.SimpleActionServer):
     def __init__(self, name: str, fault: Callable[[PoseStamped], str], future_limit: float) -> None:
         super().__init__(name, MoveBaseAction, auto_start=False)
         self._goal_fault, self._future_limit = fault, future_limit
-        self._status_timer: rospy.Timer | None = None
         server = self.action_server
         self._pass_goal, self._pass_cancel = server.internal_goal_callback, server.internal_cancel_callback
         server.internal_goal_callback, server.internal_cancel_callback = self._on_goal, self._on_cancel
@@ -64,7 +91,7 @@ class _ActionServer(actionlib.SimpleActionServer):
         if server.status_frequency > 0.0:
             server.status_timer.shutdown()
             period = rospy.Duration(1.0 / server.status_frequency)
-            self._status_timer = rospy.Timer(period, server.publish_status_async, reset=True)
+            rospy.Timer(period, server.publish_status_async, reset=True)
 
     def internal_goal_callback(self, goal: Any) -> None:
         """Accepts a goal; clears the stamps of earlier goals that are in the future, which precede a clock jump."""
@@ -101,13 +128,11 @@ class GoalServer:
     """
 
     def __init__(
-        self, name: str, global_frame: str, listener: TransformListener, future_limit: float,
-        fault: Callable[[Pose], str] = lambda _: "",
-    ) -> None:  # fmt: skip
+        self, global_frame: str, listener: TransformListener, future_limit: float, fault: Callable[[Pose], str]
+    ) -> None:
         """Starts the server.
 
         Args:
-            name: name of the action.
             global_frame: frame that goals are transformed into.
             listener: provides the transforms.
             future_limit: how far ahead of the clock a cancel may be stamped [s].
@@ -115,10 +140,10 @@ class GoalServer:
         """
         self._frame, self._listener, self._fault = global_frame, listener, fault
         self._goal_publisher = rospy.Publisher("~current_goal", PoseStamped, queue_size=1)
-        self._action_goal_publisher = rospy.Publisher(f"{name}/goal", MoveBaseActionGoal, queue_size=1)
-        self._server = _ActionServer(name, self._message_fault, future_limit)
+        self._action_goal_publisher = rospy.Publisher("move_base/goal", MoveBaseActionGoal, queue_size=1)
+        self._server = _ActionServer("move_base", self._message_fault, future_limit)
         self._server.start()
-        self._simple = rospy.Subscriber("move_base_simple/goal", PoseStamped, self._on_simple_goal, queue_size=1)
+        rospy.Subscriber("move_base_simple/goal", PoseStamped, self._on_simple_goal, queue_size=1)
 
     def _on_simple_goal(self, goal: PoseStamped) -> None:
         action_goal = MoveBaseActionGoal()
@@ -155,13 +180,12 @@ class GoalServer:
 
     def _message_fault(self, target: PoseStamped) -> str:
         """Returns why a goal is invalid, and logs the reason; empty if it is valid."""
-        position, rotation = target.pose.position, target.pose.orientation
         try:
-            check_goal((position.x, position.y, position.z), _components(rotation))
+            check_goal(target.pose)
             self.in_global_frame(target)
         except NavigationError as error:
             rospy.logerr("%s", error)
-            return str(error) if isinstance(error, TransformError | MessageError) else _INVALID
+            return _INVALID if isinstance(error, GoalError) else str(error)
         return ""
 
     def in_global_frame(self, pose: PoseStamped) -> Pose:
@@ -206,7 +230,3 @@ class GoalServer:
 def _candidates(frame: str) -> list[str]:
     """Returns the possible tf names of a goal's frame: a bare name is first tried under the robot's tf_prefix."""
     return [stripped(frame)] if "/" in frame else list(dict.fromkeys((costmap_frame(frame), frame)))
-
-
-def _components(rotation: Quaternion) -> tuple[float, float, float, float]:
-    return rotation.x, rotation.y, rotation.z, rotation.w

@@ -5,10 +5,7 @@ from typing import Any, Generic, Self, TypeVar
 
 import genpy
 import rospy
-from nav_msgs.msg import Odometry
-from sensor_msgs.msg import PointCloud2
 
-from nav_bundle.conversions import ScanMessage
 from pioneer_node.nodes.standing_warning import StandingWarning
 
 _WARNING_PERIOD = 5.0
@@ -37,6 +34,11 @@ class Newest(Generic[Message]):
     Threads: rospy's subscriber thread appends; any thread may read.
 
     On error: a message that does not parse is dropped with a warning.
+
+    Args:
+        topic: name of the topic.
+        kind: class of its messages.
+        depth: number of messages kept: several, because the newest may not parse or be ahead of its transform.
     """
 
     def __init__(self, topic: str, kind: type[Message], depth: int) -> None:
@@ -82,18 +84,3 @@ class Newest(Generic[Message]):
             return False
         message.packed = None
         return True
-
-
-def newest_odometry(topic: str) -> Newest[Odometry]:
-    """Subscribes to odometry; keeps two messages, because the newest may not parse."""
-    return Newest(topic, Odometry, 2)
-
-
-def newest_scans(topic: str) -> Newest[ScanMessage]:
-    """Subscribes to a laser; keeps a few scans, because the newest may be ahead of its transform."""
-    return Newest(topic, ScanMessage, 4)
-
-
-def newest_clouds(topic: str) -> Newest[PointCloud2]:
-    """Subscribes to point clouds; keeps a few, because the newest may be ahead of its transform."""
-    return Newest(topic, PointCloud2, 4)

@@ -20,7 +20,7 @@ from nav_bundle.core.error import NavigationError, ObservationError
 from nav_bundle.core.gmapping_config import GmappingConfig
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.slam import Slam
-from nav_bundle.core.transform import Transform, TransformError
+from nav_bundle.core.transform import TransformError
 from nav_bundle.nodes.transform import TransformBroadcaster, TransformListener, robot_frame
 from pioneer_node.core.count import counted
 from pioneer_node.core.frame import stripped
@@ -28,8 +28,6 @@ from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes import entry
 from pioneer_node.nodes.standing_warning import StandingWarning
 
-TRANSFORM_TIMEOUT = 0.5
-"""Maximum time [s, wall time] a scan waits for the odometry at its stamp."""
 WARNING_PERIOD = 5.0
 """Minimum time [s] between two equal warnings."""
 
@@ -60,7 +58,6 @@ class SlamGmappingNode:
         self._arrived = threading.Condition()
         self._scan: ScanMessage | None = None
         self._scans = 0
-        self._lasers: dict[str, Transform] = {}
         self._dropping = StandingWarning("scans are used now")
         self._map: GridMessage | None = None
         self._now = 0.0
@@ -74,10 +71,9 @@ class SlamGmappingNode:
         self._metadata_publisher = rospy.Publisher("map_metadata", MapMetaData, queue_size=1, latch=True)
         self._entropy_publisher = rospy.Publisher("~entropy", Float64, queue_size=1, latch=True)
         rospy.Service("dynamic_map", GetMapArray, self._on_dynamic_map)
-        self._timer: rospy.Timer | None = None
         if config.transform_publish_period > 0.0:
             period = rospy.Duration.from_sec(config.transform_publish_period)
-            self._timer = rospy.Timer(period, self._broadcast, reset=True)
+            rospy.Timer(period, self._broadcast, reset=True)
         self._subscriber = rospy.Subscriber("scan", ScanMessage, self._on_scan, queue_size=5, tcp_nodelay=True)
         entry.on_shutdown(self._wake)
 
@@ -115,8 +111,7 @@ class SlamGmappingNode:
     def _use(self, message: ScanMessage) -> None:
         self._restart_if_time_jumped()
         stamp = message.header.stamp
-        laser = self._laser(stripped(message.header.frame_id))
-        odom = self._listener.wait(self._odom_frame, self._base_frame, stamp.to_sec(), TRANSFORM_TIMEOUT).planar()
+        laser, odom = self._listener.place_of_scan(message.header, self._odom_frame, self._base_frame)
         if not self._slam.observe(odom, scan_from_message(message, laser), stamp.to_sec()):
             return
         self._map_from_odom = self._slam.map_from_odom
@@ -127,12 +122,6 @@ class SlamGmappingNode:
         if stamp.to_sec() >= self._next_map:
             self._next_map = stamp.to_sec() + self._config.map_update_interval
             self._publish_map(stamp)
-
-    def _laser(self, frame: str) -> Transform:
-        """Returns base_from_laser; looked up only once, since lasers do not move."""
-        if frame not in self._lasers:
-            self._lasers[frame] = self._listener.wait(self._base_frame, frame, None, TRANSFORM_TIMEOUT)
-        return self._lasers[frame]
 
     def _restart_if_time_jumped(self) -> None:
         now = rospy.get_time()

@@ -9,7 +9,7 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from nav_bundle.adapters.tf_message import RawTFMessage
-from nav_bundle.adapters.transform_store import FUTURE_LIMIT, HISTORY, TransformStore
+from nav_bundle.adapters.transform_store import FUTURE_LIMIT, TransformStore
 from nav_bundle.conversions import quaternion_from_yaw
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.transform import ExtrapolationError, Transform, TransformError
@@ -17,6 +17,8 @@ from pioneer_node.core.frame import prefixed, stripped
 from pioneer_node.nodes import entry
 
 _WARNING_PERIOD = 5.0
+_SCAN_TIMEOUT = 0.5
+"""Maximum time [s, wall time] a scan waits for the odometry at its stamp."""
 
 
 def _warn(text: str) -> None:
@@ -41,17 +43,15 @@ class TransformListener(TransformStore):
     Threads: rospy's subscriber threads insert transforms and wake ``wait``, which does not poll.
 
     Args:
-        keep: history of each edge [s].
         future_limit: how far ahead of the clock a transform may be stamped [s].
     """
 
-    def __init__(self, keep: float = HISTORY, future_limit: float = FUTURE_LIMIT) -> None:
-        super().__init__(rospy.get_time, _warn, keep, future_limit)
+    def __init__(self, future_limit: float = FUTURE_LIMIT) -> None:
+        super().__init__(rospy.get_time, _warn, future_limit)
+        self._mounts: dict[tuple[str, str], Transform] = {}
         # Several nodes may publish a robot's edges, one per message; a short queue would lose some.
-        self._subscribers = [
-            rospy.Subscriber("/tf", RawTFMessage, lambda one: self.take(one.buffer), queue_size=100, tcp_nodelay=True),
-            rospy.Subscriber("/tf_static", RawTFMessage, lambda one: self.take_static(one.buffer), queue_size=100),
-        ]
+        rospy.Subscriber("/tf", RawTFMessage, lambda one: self.take(one.buffer), queue_size=100, tcp_nodelay=True)
+        rospy.Subscriber("/tf_static", RawTFMessage, lambda one: self.take_static(one.buffer), queue_size=100)
         entry.on_shutdown(self.wake)
 
     def wait(self, target: str, source: str, stamp: float | None, timeout: float) -> Transform:
@@ -79,11 +79,18 @@ class TransformListener(TransformStore):
                         raise
                     self.arrived.wait(left)
 
-    def close(self) -> None:
-        """Ends the subscriptions."""
-        for subscriber in self._subscribers:
-            subscriber.unregister()
-        self.wake()
+    def place_of_scan(self, header: Header, odom: str, base: str) -> tuple[Transform, Pose]:
+        """Returns base_from_laser and odom_from_base for the scan with this ``header``; waits for each.
+
+        base_from_laser is looked up only once, since lasers do not move.
+
+        Raises:
+            TransformError: as for ``wait``.
+        """
+        mount = base, stripped(header.frame_id)
+        if mount not in self._mounts:
+            self._mounts[mount] = self.wait(*mount, None, _SCAN_TIMEOUT)
+        return self._mounts[mount], self.wait(odom, base, header.stamp.to_sec(), _SCAN_TIMEOUT).planar()
 
 
 class TransformBroadcaster:

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from nav_bundle.core.costmap.config import ObstacleConfig
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.layer import Observation
-from nav_bundle.core.costmap.scan import points_from_ranges
 from nav_bundle.core.local_planner import STANDSTILL, Velocity
 from nav_bundle.core.move_base import Outcome
 from nav_bundle.core.move_base_config import setup_from_parameters
 from nav_bundle.core.navigator import Cycle, Navigator, Sight
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.pushing import Picture
+from nav_bundle.core.sensor import points_from_ranges
 from pioneer_bench.core.course import Course
 from pioneer_gazebo.core.laser import WallIndex
 from pioneer_gazebo.core.section import Section

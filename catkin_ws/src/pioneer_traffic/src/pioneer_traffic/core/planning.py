@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Collection, Iterator, Sequence
 from itertools import chain, pairwise
 
-from pioneer_traffic.core.pathfinding import Configuration, Problem, solve
+from pioneer_traffic.core.pathfinding import Configuration, Graph, Problem, solve
 from pioneer_traffic.core.report import Plan, PlanId, Report, Wait
 from pioneer_traffic.core.roadmap import Roadmap
 
@@ -97,10 +97,7 @@ def _granted(asked: Collection[Report], barred: Collection[int]) -> dict[str, fr
 
 
 def _shutting_in(
-    graph: Sequence[Sequence[int]],
-    closed: Collection[int],
-    ordered: Sequence[Report],
-    regions: dict[str, frozenset[int]],
+    graph: Graph, closed: Collection[int], ordered: Sequence[Report], regions: dict[str, frozenset[int]]
 ) -> list[str]:
     """Returns the region owners, still on the roadmap, in whose region another robot stands that has nowhere to go."""
     owners = [report for report in ordered if report.robot in regions and not report.out]
@@ -119,9 +116,7 @@ def _by_side(
     return outside, [report for report in others if report.stop in closed]
 
 
-def _room_for(
-    graph: Sequence[Sequence[int]], robots: Sequence[Report], taken: Collection[int], wanted: dict[str, int]
-) -> dict[str, int]:
+def _room_for(graph: Graph, robots: Sequence[Report], taken: Collection[int], wanted: dict[str, int]) -> dict[str, int]:
     """Returns a different place for each robot: the wanted one or one nearby; leaves out robots without room.
 
     A robot gives its place to another if it can reach one further away (maximum matching, Kuhn 1955).
@@ -177,11 +172,11 @@ def _pocket(roadmap: Roadmap, report: Report) -> set[int]:
     return inside
 
 
-def _nearest_free(graph: Sequence[Sequence[int]], wanted: int, taken: Collection[int], otherwise: int) -> int:
+def _nearest_free(graph: Graph, wanted: int, taken: Collection[int], otherwise: int) -> int:
     return next((place for place in _around(graph, wanted) if place not in taken), otherwise)
 
 
-def _around(graph: Sequence[Sequence[int]], start: int) -> Iterator[int]:
+def _around(graph: Graph, start: int) -> Iterator[int]:
     """Yields the places reachable from ``start``, the nearest first."""
     known, waiting = {start}, deque([start])
     while waiting:
@@ -192,7 +187,7 @@ def _around(graph: Sequence[Sequence[int]], start: int) -> Iterator[int]:
         waiting.extend(fresh)
 
 
-def _distances(graph: Sequence[Sequence[int]], goal: int) -> list[int]:
+def _distances(graph: Graph, goal: int) -> list[int]:
     """Returns the number of steps from each place to ``goal``, in a graph whose ways may be one-way."""
     before: list[list[int]] = [[] for _ in graph]
     for place, near in enumerate(graph):
@@ -202,11 +197,7 @@ def _distances(graph: Sequence[Sequence[int]], goal: int) -> list[int]:
 
 
 def _search(
-    graph: Sequence[Sequence[int]],
-    starts: Configuration,
-    targets: Sequence[int],
-    distances: Sequence[Sequence[int]],
-    seed: int,
+    graph: Graph, starts: Configuration, targets: Sequence[int], distances: Sequence[Sequence[int]], seed: int
 ) -> list[list[int]]:
     """Returns each robot's place by step; leads as many robots to their targets as pays off, oldest first.
 
@@ -251,12 +242,7 @@ def _search(
 
 
 def _led_past(
-    graph: Sequence[Sequence[int]],
-    starts: Configuration,
-    targets: Sequence[int],
-    guides: Sequence[Sequence[int]],
-    led: int,
-    seed: int,
+    graph: Graph, starts: Configuration, targets: Sequence[int], guides: Sequence[Sequence[int]], led: int, seed: int
 ) -> list[list[int]] | None:
     """Returns each robot's place by step; one robot is led to its target after one in its way has moved aside.
 

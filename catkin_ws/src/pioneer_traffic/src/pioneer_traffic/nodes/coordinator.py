@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 import actionlib
 import rospy
-from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
+from geometry_msgs.msg import PoseStamped
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from nav_msgs.msg import OccupancyGrid
-from std_msgs.msg import Header
 
-from nav_bundle.conversions import GridMessage, grid_from_message
+from nav_bundle.conversions import GridMessage, grid_from_message, stamped_from_pose
 from nav_bundle.core.grid import FREE
-from nav_bundle.core.pose import Pose as PlanarPose
+from nav_bundle.core.pose import Pose
 from nav_bundle.core.transform import TransformError
 from nav_bundle.nodes.transform import TransformListener, robot_frame
 from pioneer_node.core.frame import stripped
@@ -87,10 +86,8 @@ class CoordinatorNode:
         self._move_base = MoveBase(RospyHandle(), "move_base", self._note_end)
         self._server = actionlib.SimpleActionServer("traffic", MoveBaseAction, auto_start=False)
         self._server.start()
-        self._inputs = [
-            rospy.Subscriber("/map", GridMessage, self._maps.put, queue_size=1),
-            rospy.Subscriber("/traffic/reports", ReportMessage, self._reports.put, queue_size=100, tcp_nodelay=True),
-        ]
+        rospy.Subscriber("/map", GridMessage, self._maps.put, queue_size=1)
+        rospy.Subscriber("/traffic/reports", ReportMessage, self._reports.put, queue_size=100, tcp_nodelay=True)
 
     def _note_end(self, serial: int, outcome: Outcome, text: str) -> None:
         self._ends.put((serial, outcome, text))
@@ -152,7 +149,7 @@ class CoordinatorNode:
 
     def _position(self, frame: str) -> tuple[float, float] | None:
         try:
-            pose: PlanarPose = self._listener.lookup("map", frame).planar()
+            pose = self._listener.lookup("map", frame).planar()
         except TransformError:
             return None
         return pose.x, pose.y
@@ -207,8 +204,7 @@ class CoordinatorNode:
             return target
         start = route[-2] if len(route) > 1 else self._position(self._base) or stop
         yaw = math.atan2(stop[1] - start[1], stop[0] - start[0])
-        turn = Quaternion(0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
-        return PoseStamped(Header(0, rospy.Time.now(), "map"), Pose(Point(*stop, 0.0), turn))
+        return stamped_from_pose(Pose(*stop, yaw), "map", rospy.Time.now())
 
 
 def main() -> int:

@@ -1,6 +1,7 @@
 """A layered costmap that recomputes only the cells that changed."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +30,7 @@ class Costmap:
         self.config = config  #: the current parameters
         self.footprint = config.outline()  #: the robot's padded footprint
         self._static = _static_layers(config)
-        self._obstacles: list[ObstacleLayer] = []
-        self._obstacle_at: dict[int, ObstacleLayer] = {}
+        self._obstacles: dict[int, ObstacleLayer] = {}  # by index in the configuration
         self._fleet: list[FleetLayer] = []
         self._layers: list[StaticLayer | ObstacleLayer | FleetLayer | InflationLayer] = []
         self._margin = 0
@@ -53,8 +53,6 @@ class Costmap:
         static = _static_layers(config)
         if [layer.config for layer in static] != [layer.config for layer in self._static]:
             self._static = static
-        if config is before:
-            return
         shaped = ("width", "height", "resolution", "origin_x", "origin_y")
         changed = any(getattr(config, name) != getattr(before, name) for name in shaped)
         if changed and (config.rolling_window or not self._static):
@@ -77,31 +75,30 @@ class Costmap:
         for layer in self._static:
             layer.set_map(grid)
             if layer.place is not None and not self.config.rolling_window:
-                self._resize(Geometry(**vars(layer.place)))
+                self._resize(replace(layer.place))
 
     def _resize(self, geometry: Geometry) -> None:
         self.geometry = geometry
         self.cells = np.full((geometry.rows, geometry.cols), self._default, np.uint8)
-        self._obstacle_at = {}
+        self._obstacles = {}
         self._make_layers()
 
     def _make_layers(self) -> None:
         """Creates new layers; each obstacle layer keeps the cells of its predecessor."""
         self._layers = []
-        known, self._obstacle_at = self._obstacle_at, {}
+        known, self._obstacles = self._obstacles, {}
         for index, config in enumerate(self.config.layers):
             if not config.enabled:
                 continue
             layer = self._layer(config)
             if isinstance(layer, ObstacleLayer):
-                self._obstacle_at[index] = layer
+                self._obstacles[index] = layer
                 if index in known:
                     layer.cells = known[index].cells
             self._layers.append(layer)
-        self._obstacles = list(self._obstacle_at.values())
         self._fleet = [layer for layer in self._layers if isinstance(layer, FleetLayer)]
         self._margin = max([layer.radius for layer in self._layers if isinstance(layer, InflationLayer)], default=0)
-        self._pending = self._everything()
+        self._pending = self.geometry.everything
 
     def _layer(self, config: object) -> "StaticLayer | ObstacleLayer | FleetLayer | InflationLayer":
         match config:
@@ -112,13 +109,8 @@ class Costmap:
             case FleetConfig():
                 return FleetLayer(config, self.footprint)
             case ObstacleConfig():
-                layer = ObstacleLayer(config)
-                layer.resize(self.geometry.rows, self.geometry.cols)
-                return layer
+                return ObstacleLayer(config, self.geometry.rows, self.geometry.cols)
         raise TypeError(f"no layer for {config!r}")
-
-    def _everything(self) -> Window:
-        return Window(0, self.geometry.rows, 0, self.geometry.cols)
 
     def update(
         self,
@@ -140,15 +132,15 @@ class Costmap:
             moved = self._centre(pose)
             laid = [layer.lie(self.geometry, here_from_map or Pose()) for layer in self._static if layer.place]
             if moved or any(laid):
-                changed = self._everything()
+                changed = self.geometry.everything
         outline = self.footprint.outline(pose)
-        for layer in self._obstacles:
+        for layer in self._obstacles.values():
             changed = changed.joined(layer.observe(self.geometry, observations, outline))
         for fleet in self._fleet:
             changed = changed.joined(fleet.place(self.geometry, others, outline))
         if changed:
-            changed = changed.grown(self._margin, self.geometry.rows, self.geometry.cols)
-            self.cells[changed.row_0 : changed.row_1, changed.col_0 : changed.col_1] = self._default
+            changed = changed.grown(self._margin, self.geometry.everything)
+            self.cells[changed.slices] = self._default
             for merged in self._layers:
                 merged.merge(self.cells, changed)
         return changed
@@ -162,21 +154,21 @@ class Costmap:
             return False
         place.origin_x += right * place.resolution
         place.origin_y += down * place.resolution
-        for layer in self._obstacles:
+        for layer in self._obstacles.values():
             layer.shift(down, right)
         return True
 
     def clear_outside(self, pose: Pose, side: float) -> None:
         """Clears sensor data outside the square of ``side`` [m] around ``pose``; effective at the next update."""
-        for layer in self._obstacles:
+        for layer in self._obstacles.values():
             layer.clear_outside(self.geometry, pose, side)
-        self._pending = self._everything()
+        self._pending = self.geometry.everything
 
     def reset(self) -> None:
         """Clears all sensor data; effective at the next update."""
-        for layer in self._obstacles:
-            layer.resize(self.geometry.rows, self.geometry.cols)
-        self._pending = self._everything()
+        for layer in self._obstacles.values():
+            layer.clear()
+        self._pending = self.geometry.everything
 
     def cost_at(self, distance: float) -> int:
         """Returns the cost of a free cell whose nearest obstacle is ``distance`` [m] away."""
@@ -195,15 +187,15 @@ class Costmap:
         if self.config.rolling_window or not self._static or self._static[0].cells is None:
             return ""
         place, radius = self.geometry, self.footprint.inscribed_radius
-        row, col = place.row_of(goal.y), place.col_of(goal.x)
-        if not (0 <= row < place.rows and 0 <= col < place.cols):
+        row, col = cell = place.cell_at(goal.x, goal.y)
+        if not place.contains(cell):
             right, top = place.origin_x + place.cols * place.resolution, place.origin_y + place.rows * place.resolution
             spans = f"x from {place.origin_x:g} to {right:g} and y from {place.origin_y:g} to {top:g} m"
             return f"The goal ({goal.x:.2f}, {goal.y:.2f}) is outside the map, which spans {spans}."
         reach = int(radius / place.resolution)
-        part = Window(row, row + 1, col, col + 1).grown(reach, place.rows, place.cols)
+        part = place.window_around(cell, reach)
         rows, cols = np.ogrid[part.row_0 - row : part.row_1 - row, part.col_0 - col : part.col_1 - col]
-        lethal = self._static[0].cells[part.row_0 : part.row_1, part.col_0 : part.col_1] == LETHAL
+        lethal = self._static[0].cells[part.slices] == LETHAL
         if not np.any(lethal & (rows**2 + cols**2 <= reach**2)):
             return ""
         return (
@@ -219,14 +211,12 @@ class Costmap:
         if not self._static or self._static[0].cells is None or reach <= 0.0:
             return np.empty((0, 2))
         place, margin = self.geometry, cells_of_distance(reach, self.geometry.resolution)
-        row, col = place.row_of(pose.y), place.col_of(pose.x)
-        part = Window(row, row + 1, col, col + 1).grown(margin, place.rows, place.cols)
+        part = place.window_around(place.cell_at(pose.x, pose.y), margin)
         if not part:
             return np.empty((0, 2))
-        window = np.s_[part.row_0 : part.row_1, part.col_0 : part.col_1]
-        seen = np.zeros((part.row_1 - part.row_0, part.col_1 - part.col_0), bool)
-        for layer in self._obstacles:
-            seen |= layer.cells[window] == LETHAL
+        seen = np.zeros(self.cells[part.slices].shape, bool)
+        for layer in self._obstacles.values():
+            seen |= layer.cells[part.slices] == LETHAL
         if not seen.any():
             return np.empty((0, 2))
         seen &= ~self._static[0].near(part, cells_of_distance(_KNOWN, place.resolution))
@@ -235,10 +225,6 @@ class Costmap:
         apart = np.hypot(*(points[:, None, :] - points[None, :, :]).T)
         wide = ((apart > width) & (apart < _WIDEST)).any(axis=0)
         return np.ascontiguousarray(points[wide])
-
-    def snapshot(self) -> Cells:
-        """Returns a copy of the cells, unaffected by later updates."""
-        return self.cells.copy()
 
 
 def _static_layers(config: CostmapConfig) -> list[StaticLayer]:

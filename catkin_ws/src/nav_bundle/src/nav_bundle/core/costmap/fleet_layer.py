@@ -56,12 +56,7 @@ class FleetLayer:
     def _stamp(self, geometry: Geometry, pose: Pose, own: NDArray[np.float64]) -> _Stamp:
         outline = self._footprint.outline(pose)
         (x_0, y_0), (x_1, y_1) = outline.min(axis=0), outline.max(axis=0)
-        window = Window(
-            max(geometry.row_of(y_0), 0),
-            min(geometry.row_of(y_1) + 1, geometry.rows),
-            max(geometry.col_of(x_0), 0),
-            min(geometry.col_of(x_1) + 1, geometry.cols),
-        )
+        window = geometry.window_between(x_0, y_0, x_1, y_1)
         if not window:
             return _Stamp(EMPTY, np.empty((0, 0), np.uint8))
         cells = np.full((window.row_1 - window.row_0, window.col_1 - window.col_0), UNKNOWN, np.uint8)
@@ -78,5 +73,4 @@ class FleetLayer:
             if part:
                 top, left = part.row_0 - stamp.window.row_0, part.col_0 - stamp.window.col_0
                 stamped = stamp.cells[top : top + part.row_1 - part.row_0, left : left + part.col_1 - part.col_0]
-                target = master[part.row_0 : part.row_1, part.col_0 : part.col_1]
-                target[stamped == LETHAL] = LETHAL
+                master[part.slices][stamped == LETHAL] = LETHAL

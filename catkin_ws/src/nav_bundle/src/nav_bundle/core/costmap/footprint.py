@@ -34,9 +34,7 @@ class Footprint:
 
     def outline(self, pose: Pose) -> NDArray[np.float64]:
         """Returns the vertices, shape (n, 2) [m], of the footprint at ``pose``, in the frame of ``pose``."""
-        cosine, sine = math.cos(pose.yaw), math.sin(pose.yaw)
-        x, y = self.vertices[:, 0], self.vertices[:, 1]
-        return np.stack([pose.x + cosine * x - sine * y, pose.y + sine * x + cosine * y], axis=1)
+        return np.stack(pose.apply(*self.vertices.T), axis=1)
 
 
 def footprint_from_parameters(polygon: Any, robot_radius: float, padding: float) -> Footprint:

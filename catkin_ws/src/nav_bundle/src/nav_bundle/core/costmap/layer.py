@@ -1,5 +1,7 @@
 """Costmap layers: static map, obstacles, inflation."""
 
+import math
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -18,10 +20,11 @@ from nav_bundle.core.costmap.cost import (
 )
 from nav_bundle.core.costmap.footprint import Footprint
 from nav_bundle.core.costmap.geometry import EMPTY, Cells, Geometry, Window
-from nav_bundle.core.costmap.resample import sampled, upright
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose
 from nav_bundle.kernels import costmap as kernel
+
+_ROWS_AT_ONCE = 256  # bounds the temporary memory for large maps
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +38,40 @@ class Observation:
     sensor_yaw: float = 0.0
 
 
+class ObservationBuffer:
+    """Observations in the costmap's frame, kept for ``persistence`` [s] after their stamp; 0 keeps only the newest."""
+
+    def __init__(self, persistence: float) -> None:
+        self.persistence = persistence
+        self._kept: deque[tuple[float, Observation]] = deque()
+
+    @property
+    def newest(self) -> float:
+        """Stamp [s] of the newest observation; minus infinity if there is none."""
+        return self._kept[-1][0] if self._kept else float("-inf")
+
+    @property
+    def last(self) -> Observation | None:
+        """The newest observation; None if there is none."""
+        return self._kept[-1][1] if self._kept else None
+
+    def add(self, stamp: float, observation: Observation) -> None:
+        """Adds an observation, which must be newer than the earlier ones."""
+        if self.persistence <= 0.0:
+            self._kept.clear()
+        self._kept.append((stamp, observation))
+
+    def current(self, now: float) -> list[Observation]:
+        """Returns the observations valid at ``now`` [s], oldest first; drops expired ones, but never the newest."""
+        while len(self._kept) > 1 and self._kept[0][0] < now - self.persistence:
+            self._kept.popleft()
+        return [observation for _, observation in self._kept]
+
+    def forget(self) -> None:
+        """Drops all observations, for example after a clock jump."""
+        self._kept.clear()
+
+
 class StaticLayer:
     """The static map, converted to costs."""
 
@@ -42,8 +79,8 @@ class StaticLayer:
         self.config = config
         #: the map's costs in the costmap's cells, unknown outside the map; None without a map
         self.cells: Cells | None = None
+        self.place: Geometry | None = None  #: geometry of the map in its frame; None without a map
         self._map: Cells | None = None
-        self._place = Geometry(0.0, 0.0, 1.0, 0, 0)
         self._costs = cost_by_occupancy(
             config.lethal_cost_threshold,
             config.trinary_costmap,
@@ -51,19 +88,13 @@ class StaticLayer:
             config.unknown_cost_value,
         )
 
-    @property
-    def place(self) -> Geometry | None:
-        """Geometry of the map in its frame; None without a map."""
-        return None if self._map is None else self._place
-
     def set_map(self, grid: Grid) -> None:
         """Sets the map; resamples a rotated map into the smallest axis-aligned grid that contains it."""
         costs = self._costs[grid.cells.view(np.uint8)]
-        self._place = Geometry(grid.origin.x, grid.origin.y, grid.resolution, grid.rows, grid.cols)
+        self.place = Geometry(grid.origin.x, grid.origin.y, grid.resolution, grid.rows, grid.cols)
         if grid.origin.yaw != 0.0:
-            self._place = upright(grid.origin, grid.resolution, grid.rows, grid.cols)
-            everything = Window(0, self._place.rows, 0, self._place.cols)
-            costs = sampled(costs, grid.origin, grid.resolution, self._place, everything, UNKNOWN)
+            self.place = _upright(grid)
+            costs = _sampled(costs, grid.origin, grid.resolution, self.place)
         self.cells = self._map = costs
 
     def lie(self, geometry: Geometry, here_from_map: Pose) -> bool:
@@ -74,18 +105,15 @@ class StaticLayer:
             here_from_map: pose of the map's frame in the costmap's.
         """
         assert self._map is not None
-        origin = here_from_map.compose(Pose(self._place.origin_x, self._place.origin_y))
-        everything = Window(0, geometry.rows, 0, geometry.cols)
-        before, self.cells = (
-            self.cells,
-            sampled(self._map, origin, self._place.resolution, geometry, everything, UNKNOWN),
-        )
+        assert self.place is not None
+        origin = here_from_map.compose(Pose(self.place.origin_x, self.place.origin_y))
+        before, self.cells = self.cells, _sampled(self._map, origin, self.place.resolution, geometry)
         return before is None or not np.array_equal(before, self.cells)
 
     def near(self, window: Window, radius: int) -> NDArray[np.bool_]:
         """Returns a mask of the window's cells that have a lethal map cell of the window within ``radius`` cells."""
         assert self.cells is not None
-        part = self.cells[window.row_0 : window.row_1, window.col_0 : window.col_1].copy()
+        part = self.cells[window.slices].copy()
         reached = np.full(radius * radius + 1, INSCRIBED, np.uint8)
         kernel.inflate(part, (0, part.shape[0], 0, part.shape[1]), radius, reached, True)
         return (part == INSCRIBED) | (part == LETHAL)
@@ -99,21 +127,54 @@ class StaticLayer:
         elif self.cells is not self._map:
             kernel.merge_known(master, self.cells, window)
         else:
-            inside = np.s_[window.row_0 : window.row_1, window.col_0 : window.col_1]
-            master[inside] = self.cells[inside]
+            master[window.slices] = self.cells[window.slices]
+
+
+def _upright(grid: Grid) -> Geometry:
+    """Returns the smallest axis-aligned grid that contains a rotated one."""
+    resolution = grid.resolution
+    corners = np.array(
+        [grid.origin.apply(x * resolution, y * resolution) for x in (0, grid.cols) for y in (0, grid.rows)]
+    )
+    (left, bottom), (right, top) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+    size = cells_of_distance(top - bottom, resolution), cells_of_distance(right - left, resolution)
+    return Geometry(left, bottom, resolution, *size)
+
+
+def _sampled(cells: Cells, origin: Pose, resolution: float, place: Geometry) -> Cells:
+    """Returns ``cells`` sampled at the centres of another grid's cells (nearest cell); unknown where they do not reach.
+
+    Args:
+        cells: uint8, shape (rows, cols).
+        origin: pose of the corner of ``cells`` in the frame of ``place``.
+        resolution: cell size of ``cells`` [m].
+        place: geometry of the other grid.
+    """
+    found = np.full((place.rows, place.cols), UNKNOWN, np.uint8)
+    cosine, sine = math.cos(origin.yaw), math.sin(origin.yaw)
+    dx = place.origin_x + (np.arange(place.cols) + 0.5) * place.resolution - origin.x
+    for first in range(0, len(found), _ROWS_AT_ONCE):
+        part = found[first : first + _ROWS_AT_ONCE]
+        rows = np.arange(first, first + len(part))
+        dy = (place.origin_y + (rows + 0.5) * place.resolution - origin.y)[:, None]
+        col = np.floor((cosine * dx + sine * dy) / resolution).astype(np.int32)
+        row = np.floor((cosine * dy - sine * dx) / resolution).astype(np.int32)
+        inside = (row >= 0) & (row < cells.shape[0]) & (col >= 0) & (col < cells.shape[1])
+        part[inside] = cells[row[inside], col[inside]]
+    return found
 
 
 class ObstacleLayer:
     """Sensor obstacles: returns mark cells, the rays to them clear cells."""
 
-    def __init__(self, config: ObstacleConfig) -> None:
+    def __init__(self, config: ObstacleConfig, rows: int, cols: int) -> None:
         self.config = config
         self._default = UNKNOWN if config.track_unknown_space else FREE
-        self.cells: Cells = np.full((1, 1), self._default, np.uint8)
+        self.cells: Cells = np.full((rows, cols), self._default, np.uint8)
 
-    def resize(self, rows: int, cols: int) -> None:
-        """Clears all cells and sets a new size."""
-        self.cells = np.full((rows, cols), self._default, np.uint8)
+    def clear(self) -> None:
+        """Clears all cells."""
+        self.cells.fill(self._default)
 
     def shift(self, down: int, right: int) -> None:
         """Shifts the grid's origin by cells; drops cells that leave the grid and resets those that enter."""
@@ -131,7 +192,7 @@ class ObstacleLayer:
         touched = self._reach(geometry, mine, outline)
         if not touched:
             return EMPTY
-        before = self.cells[touched.row_0 : touched.row_1, touched.col_0 : touched.col_1].copy()
+        before = self.cells[touched.slices].copy()
         place = geometry.place
         for seen in mine:
             if seen.source.clearing:
@@ -145,8 +206,7 @@ class ObstacleLayer:
             kernel.fill_polygon(self.cells, place, outline, FREE)
         changed = np.array([geometry.rows, 0, geometry.cols, 0], np.int64)
         kernel.changed_window(self.cells, before, touched.row_0, touched.col_0, changed)
-        window = Window(*(int(edge) for edge in changed))
-        return window if window else EMPTY
+        return Window(*changed.tolist())
 
     def _reach(self, geometry: Geometry, seen: list[Observation], outline: NDArray[np.float64]) -> Window:
         """Returns the window that contains all cells that can change."""
@@ -155,12 +215,7 @@ class ObstacleLayer:
             reach = max(each.source.raytrace_range, each.source.obstacle_range)
             x_0, x_1 = min(x_0, each.sensor_x - reach), max(x_1, each.sensor_x + reach)
             y_0, y_1 = min(y_0, each.sensor_y - reach), max(y_1, each.sensor_y + reach)
-        return Window(
-            max(geometry.row_of(y_0), 0),
-            min(geometry.row_of(y_1) + 1, geometry.rows),
-            max(geometry.col_of(x_0), 0),
-            min(geometry.col_of(x_1) + 1, geometry.cols),
-        )
+        return geometry.window_between(x_0, y_0, x_1, y_1)
 
     def clear_outside(self, geometry: Geometry, pose: Pose, side: float) -> None:
         """Clears all cells outside the square of ``side`` [m] around ``pose``."""
@@ -168,13 +223,13 @@ class ObstacleLayer:
         rows = slice(max(geometry.row_of(pose.y - half), 0), max(geometry.row_of(pose.y + half), 0))
         cols = slice(max(geometry.col_of(pose.x - half), 0), max(geometry.col_of(pose.x + half), 0))
         kept = self.cells[rows, cols].copy()
-        self.cells[:, :] = self._default
+        self.cells.fill(self._default)
         self.cells[rows, cols] = kept
 
     def merge(self, master: Cells, window: Window) -> None:
         """Merges the layer into the window of ``master``."""
-        merged = kernel.merge_highest if self.config.combination_method == 1 else kernel.merge_known
-        merged(master, self.cells, window)
+        merge = kernel.merge_highest if self.config.combination_method == 1 else kernel.merge_known
+        merge(master, self.cells, window)
 
 
 class InflationLayer:
