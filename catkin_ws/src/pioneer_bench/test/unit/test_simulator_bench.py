@@ -5,7 +5,7 @@ import pytest
 from pioneer_bench.core import hall
 from pioneer_bench.core.rates import SETTINGS
 from pioneer_bench.core.simulator import Run, table
-from pioneer_gazebo.core.nearest import distance_to
+from pioneer_gazebo.core.standing import distance_to
 
 
 def run(**changes: float) -> Run:

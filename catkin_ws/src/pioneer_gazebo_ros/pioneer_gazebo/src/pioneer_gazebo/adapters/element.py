@@ -101,17 +101,11 @@ class Element:
             if not tags or node.tag in tags:
                 yield Element(node, self.source)
 
-    def child(self, tag: str) -> "Element | None":
-        """Returns the first child with this tag, or None."""
-        return next(self.children(tag), None)
-
-    def at(self, *tags: str) -> "Element | None":
-        """Returns the descendant at the path ``tags``, or None."""
+    def child(self, path: str) -> "Element | None":
+        """Returns the first child with this tag, or the descendant at a path such as ``clip/near``; None if absent."""
         found: Element | None = self
-        for tag in tags:
-            if found is None:
-                return None
-            found = found.child(tag)
+        for tag in path.split("/"):
+            found = None if found is None else next(found.children(tag), None)
         return found
 
     def needed(self, tag: str) -> "Element":

@@ -4,16 +4,17 @@ Parsed and reduced meshes are cached in memory; files that are slow to read also
 """
 
 import functools
+import hashlib
 import itertools
 import os
+import tempfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
 
 from pioneer_gazebo.adapters.collada import triangles_from_collada
-from pioneer_gazebo.adapters.file import content_of
-from pioneer_gazebo.adapters.mesh_cache import cached
+from pioneer_gazebo.adapters.resource import content_of
 from pioneer_gazebo.core.error import DescriptionError
 from pioneer_gazebo.core.facet import Points, Triangles, hull_points, reduced
 from pioneer_gazebo.core.world import Link, Mesh
@@ -152,3 +153,45 @@ def _obj_index(word: str, count: int) -> int:
     if not 0 <= index < count:
         raise ValueError(f"a face names corner {word} of {count}")
     return index
+
+
+SLOW = 200_000
+"""Smaller files [bytes] are read in less than 0.1 s and are not cached."""
+
+FORMAT = "1"
+"""Cache format version; increment when a reader's result changes for the same file."""
+
+
+def cache_folder() -> Path:
+    """Returns the mesh cache folder, below XDG_CACHE_HOME or ~/.cache."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pioneer_gazebo" / "mesh"
+
+
+def cached(data: bytes, kind: str, reader: Callable[[bytes], Triangles]) -> Triangles:
+    """Returns ``reader(data)``, from the cache if present.
+
+    A cache that cannot be read or written is ignored.
+    """
+    if len(data) < SLOW:
+        return reader(data)
+    path = cache_folder() / f"{hashlib.sha256(FORMAT.encode() + kind.encode() + data).hexdigest()}.npy"
+    try:
+        found = np.load(path, allow_pickle=False)
+        if found.dtype == np.float64 and found.ndim == 3 and found.shape[1:] == (3, 3):
+            return found
+    except (OSError, ValueError, EOFError):
+        pass  # not cached yet, or incomplete: written below
+    made = reader(data)
+    _write(path, made)
+    return made
+
+
+def _write(path: Path, triangles: Triangles) -> None:
+    """Writes a cache file atomically."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
+            np.save(file, triangles, allow_pickle=False)
+        os.replace(file.name, path)
+    except OSError:
+        return  # read-only or full disk: the mesh is read again next time

@@ -4,10 +4,57 @@ import math
 from collections.abc import Mapping
 
 from pioneer_gazebo.adapters.element import Element
-from pioneer_gazebo.adapters.sdf_frame import Frames
 from pioneer_gazebo.adapters.sdf_link import Scope
 from pioneer_gazebo.core.joint import CONTINUOUS, FIXED, PRISMATIC, REVOLUTE, WORLD, Joint
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector, conjugate, rotated
+
+_OWN_FRAME = ("", "world", "__model__")
+
+
+class Frames:
+    """The named frames in one ``<world>`` or ``<model>``."""
+
+    def __init__(self, parent: Element) -> None:
+        self._named = {
+            name: child
+            for child in parent.children("link", "frame", "model", "joint", "include")
+            if (name := child.attribute("name", "") or child.word("name", ""))
+        }
+
+    def pose(self, element: Element) -> Pose:
+        """Returns the element's pose in its world or model.
+
+        Raises:
+            DescriptionError: the pose refers to an unknown name or, directly or indirectly, to itself.
+        """
+        return self._pose(element, ())
+
+    def named(self, name: str, asker: Element) -> Pose:
+        """Returns the pose of the frame, link, joint or model of that name.
+
+        Raises:
+            DescriptionError: the name is unknown; the error is located at ``asker``.
+        """
+        if name not in self._named:
+            raise asker.error(f"there is no frame {name!r}")
+        return self.pose(self._named[name])
+
+    def _pose(self, element: Element, seen: tuple[str, ...]) -> Pose:
+        pose = element.child("pose")
+        own = element.placed()
+        base = "" if pose is None else pose.attribute("relative_to", pose.attribute("frame", ""))
+        if not base and element.tag == "frame":
+            base = element.attribute("attached_to", "")
+        if not base and element.tag == "joint":
+            base = element.needed("child").text
+        if base in _OWN_FRAME:
+            return own
+        if base in seen:
+            raise element.error(f"poses refer to each other in a loop: {' → '.join((*seen, base))}")
+        if base not in self._named:
+            raise element.error(f"the pose is relative to unknown frame {base!r}")
+        return self._pose(self._named[base], (*seen, base)).compose(own)
+
 
 KINDS = (FIXED, REVOLUTE, PRISMATIC, CONTINUOUS)
 UNLIMITED = 1e15
@@ -43,8 +90,7 @@ def joint_from_sdf(element: Element, links: Mapping[str, Pose], frames: Frames, 
         return Joint(name, FIXED, parent, child, poses[parent].inverse().compose(at), offset=_offset(at, poses[child]))
     axis = element.needed("axis")
     lower, upper = _limits(axis, kind)
-    dynamics = axis.child("dynamics")
-    if dynamics is not None and dynamics.number("spring_stiffness", 0.0) != 0.0:
+    if axis.number("dynamics/spring_stiffness", 0.0) != 0.0:
         scope.notes.add("<spring_stiffness> of a joint is not supported and left out")
     return Joint(
         name,
@@ -55,8 +101,8 @@ def joint_from_sdf(element: Element, links: Mapping[str, Pose], frames: Frames, 
         _axis(axis, at, frames, element),
         lower,
         upper,
-        damping=0.0 if dynamics is None else dynamics.number("damping", 0.0),
-        friction=0.0 if dynamics is None else dynamics.number("friction", 0.0),
+        damping=axis.number("dynamics/damping", 0.0),
+        friction=axis.number("dynamics/friction", 0.0),
         offset=_offset(at, poses[child]),
     )
 

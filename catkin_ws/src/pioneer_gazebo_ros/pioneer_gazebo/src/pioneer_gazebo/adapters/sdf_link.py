@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pioneer_gazebo.adapters.element import Element, Notes
-from pioneer_gazebo.adapters.material import GREY, colour_of_material
 from pioneer_gazebo.adapters.resource import file_of_uri
 from pioneer_gazebo.core.error import DescriptionError
 from pioneer_gazebo.core.pose import Pose
@@ -23,6 +22,37 @@ from pioneer_gazebo.core.world import (
     Sphere,
     Visual,
 )
+
+GREY: Colour = (0.7, 0.7, 0.7, 1.0)
+_COLOURS: dict[str, Colour] = {
+    "grey": GREY,
+    "gray": GREY,
+    "darkgrey": (0.175, 0.175, 0.175, 1.0),
+    "lightgrey": (0.85, 0.85, 0.85, 1.0),
+    "white": (1.0, 1.0, 1.0, 1.0),
+    "flatblack": (0.1, 0.1, 0.1, 1.0),
+    "black": (0.0, 0.0, 0.0, 1.0),
+    "red": (1.0, 0.0, 0.0, 1.0),
+    "redbright": (0.87, 0.26, 0.07, 1.0),
+    "green": (0.0, 1.0, 0.0, 1.0),
+    "blue": (0.0, 0.0, 1.0, 1.0),
+    "skyblue": (0.13, 0.44, 0.70, 1.0),
+    "yellow": (1.0, 1.0, 0.0, 1.0),
+    "zincyellow": (0.97, 0.92, 0.15, 1.0),
+    "gold": (0.8, 0.65, 0.0, 1.0),
+    "purple": (1.0, 0.0, 1.0, 1.0),
+    "turquoise": (0.0, 1.0, 1.0, 1.0),
+    "orange": (1.0, 0.51, 0.06, 1.0),
+    "indigo": (0.33, 0.0, 0.5, 1.0),
+    "wood": (0.65, 0.45, 0.25, 1.0),
+    "bricks": (0.6, 0.3, 0.2, 1.0),
+}
+
+
+def colour_of_material(name: str) -> Colour | None:
+    """Returns the colour of ``Gazebo/NAME``, ignoring case; None for an unknown name."""
+    return _COLOURS.get(name.rpartition("/")[2].lower())
+
 
 QUIET = {
     "pose",
@@ -60,14 +90,13 @@ class Scope:
             self.notes.ignored(error)
 
 
-def link_from_sdf(element: Element, pose: Pose, scope: Scope, prefix: str = "") -> Link:
+def link_from_sdf(element: Element, pose: Pose, scope: Scope) -> Link:
     """Returns the link of a ``<link>`` element.
 
     Args:
         element: the ``<link>``.
         pose: of the link in the model, resolved by the caller.
         scope: of the file.
-        prefix: prepended to the name for nested models.
     """
     mass, inertia = _inertial(element.child("inertial"), scope.notes)
     _note_foreign_frames(element, scope)
@@ -86,7 +115,7 @@ def link_from_sdf(element: Element, pose: Pose, scope: Scope, prefix: str = "") 
                     visuals.append(Visual(child.attribute("name", "visual"), child.placed(), shape, _colour(child)))
         elif child.tag not in QUIET | {"inertial"}:
             scope.notes.add(f"<{child.tag}> in a world's link is not supported and left out")
-    return Link(prefix + element.attribute("name"), pose, mass, inertia, tuple(collisions), tuple(visuals))
+    return Link(element.attribute("name"), pose, mass, inertia, tuple(collisions), tuple(visuals))
 
 
 def _note_foreign_frames(link: Element, scope: Scope) -> None:
@@ -120,14 +149,12 @@ def _inertial(element: Element | None, notes: Notes) -> tuple[float, Inertia]:
 
 
 def _collision(element: Element, shape: Shape) -> Collision:
-    ode = element.at("surface", "friction", "ode")
-    bounce = element.at("surface", "bounce")
     return Collision(
         element.attribute("name", "collision"),
         element.placed(),
         shape,
-        friction=1.0 if ode is None else ode.number("mu", 1.0),
-        restitution=0.0 if bounce is None else bounce.number("restitution_coefficient", 0.0),
+        friction=element.number("surface/friction/ode/mu", 1.0),
+        restitution=element.number("surface/bounce/restitution_coefficient", 0.0),
     )
 
 
@@ -182,5 +209,5 @@ def _colour(element: Element) -> Colour:
         if found is not None:
             values = found.numbers(4 if len(found.text.split()) != 3 else 3)
             return values[0], values[1], values[2], values[3] if len(values) == 4 else 1.0
-    script = material.at("script", "name")
+    script = material.child("script/name")
     return (colour_of_material(script.text) if script is not None else None) or GREY

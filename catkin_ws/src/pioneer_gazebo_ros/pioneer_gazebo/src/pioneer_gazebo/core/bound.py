@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from pioneer_gazebo.core.body import Body
 from pioneer_gazebo.core.engine import Physics, Velocity
 from pioneer_gazebo.core.error import BoundError
-from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import Pose, Vector
 from pioneer_gazebo.core.world import Box, Collision, Cylinder, Mesh, PlacedCollision, Sphere
 
@@ -84,7 +83,9 @@ def check_body(body: Body) -> None:
             for touch in part.touches:
                 _check_collision(touch.collision)
             if part.joint is not None:
-                _check_joint(part.joint)
+                joint = part.joint
+                _check("position of a joint", joint.pose.position, FARTHEST, "m")
+                _check("damping and friction", (joint.damping, joint.friction), STRONGEST, "")
         except BoundError as error:
             raise BoundError(f"{body.name}, link {part.name}: {error}") from None
 
@@ -122,11 +123,6 @@ def _check_collision(collision: Collision) -> None:
     if any(not SMALLEST <= size <= LARGEST for size in sizes):
         words = " ".join(f"{size:g}" for size in sizes)
         raise BoundError(f"size of collision {collision.name} must be {SMALLEST:g} … {LARGEST:g} (got {words})")
-
-
-def _check_joint(joint: Joint) -> None:
-    _check("position of a joint", joint.pose.position, FARTHEST, "m")
-    _check("damping and friction", (joint.damping, joint.friction), STRONGEST, "")
 
 
 def _check(what: str, values: Iterable[float], most: float, unit: str) -> None:

@@ -11,6 +11,7 @@ A drawing has a grid corner every ``4`` characters across and every ``2`` lines 
 Lines ``name: value`` precede the drawing, separated from it by a line ``---``. The top of the drawing is north.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
 from pioneer_gazebo.core.error import DescriptionError
@@ -96,7 +97,7 @@ def world_of_plan(plan: FloorPlan, name: str, ground: Model) -> World:
 
     Collinear adjoining walls become one box, which extends over the corners at its ends.
     """
-    solids = [*_horizontal_walls(plan), *_vertical_walls(plan), *_blocks(plan), *_pillars(plan)]
+    solids = list(_solids(plan))
     if not solids:
         return World(name, (ground,))
     collisions = tuple(Collision(f"collision_{i}", pose, shape) for i, (pose, shape) in enumerate(solids))
@@ -124,45 +125,23 @@ def _runs(flags: list[bool]) -> list[tuple[int, int]]:
     return list(zip(edges[::2], edges[1::2], strict=True))
 
 
-def _horizontal_walls(plan: FloorPlan) -> list[Solid]:
-    rows, cols = plan.cells
-    return [
-        _box(plan, start, rows - row, end, rows - row)
-        for row in range(rows + 1)
-        for start, end in _runs([plan.wall_above(row, col) for col in range(cols)])
-    ]
-
-
-def _vertical_walls(plan: FloorPlan) -> list[Solid]:
-    rows, cols = plan.cells
-    return [
-        _box(plan, col, rows - end, col, rows - start)
-        for col in range(cols + 1)
-        for start, end in _runs([plan.wall_left(row, col) for row in range(rows)])
-    ]
-
-
-def _blocks(plan: FloorPlan) -> list[Solid]:
-    """Returns solid cells, with neighbours in a row merged to one box that ends at the cell borders."""
+def _solids(plan: FloorPlan) -> Iterator[Solid]:
+    """Yields horizontal walls, vertical walls, solid cells and pillars."""
     rows, cols = plan.cells
     m = plan.measures
-    blocks: list[Solid] = []
+    for row in range(rows + 1):
+        for start, end in _runs([plan.wall_above(row, col) for col in range(cols)]):
+            yield _box(plan, start, rows - row, end, rows - row)
+    for col in range(cols + 1):
+        for start, end in _runs([plan.wall_left(row, col) for row in range(rows)]):
+            yield _box(plan, col, rows - end, col, rows - start)
     for row in range(rows):
+        # Neighbours in a row become one box that ends at the cell borders.
         for start, end in _runs([plan.content(row, col) == "#" for col in range(cols)]):
             pose, _ = _box(plan, start, rows - row - 1, end, rows - row)
-            blocks.append((pose, Box((round((end - start) * m.cell, 6), m.cell, m.height))))
-    return blocks
-
-
-def _pillars(plan: FloorPlan) -> list[Solid]:
-    rows, cols = plan.cells
-    m = plan.measures
-    return [
-        (
-            Pose((round(m.x + (col + 0.5) * m.cell, 6), round(m.y + (rows - row - 0.5) * m.cell, 6), m.height / 2)),
-            Cylinder(m.pillar, m.height),
-        )
-        for row in range(rows)
-        for col in range(cols)
-        if plan.content(row, col) == "o"
-    ]
+            yield pose, Box((round((end - start) * m.cell, 6), m.cell, m.height))
+    for row in range(rows):
+        for col in range(cols):
+            if plan.content(row, col) == "o":
+                x, y = m.x + (col + 0.5) * m.cell, m.y + (rows - row - 0.5) * m.cell
+                yield Pose((round(x, 6), round(y, 6), m.height / 2)), Cylinder(m.pillar, m.height)

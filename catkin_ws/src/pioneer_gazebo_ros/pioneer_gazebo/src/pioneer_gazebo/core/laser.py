@@ -22,7 +22,8 @@ class WallIndex:
     """Immutable grid index of a section of the static world, for ray casts."""
 
     def __init__(self, section: Section, cell: float = CELL) -> None:
-        low, high = _bounds(section)
+        points = section.extremes()
+        low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
         span = np.maximum(high - low, cell)
         side = max(cell, math.sqrt(float(span[0] * span[1]) / CELLS_AT_MOST))
         cols, rows = (int((s + 2e-3) / side) + 1 for s in span)
@@ -44,14 +45,6 @@ class WallIndex:
             out: float64, one value per beam.
         """
         kernel.cast(self._walls, self._starts, self._items, sensor, fan, out)
-
-
-def _bounds(section: Section) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the minimum and maximum x, y [m] of a section; the origin for an empty one."""
-    corners = [section.segments[:, :2], section.segments[:, :2] + section.segments[:, 2:]]
-    corners += [section.circles[:, :2] - section.circles[:, 2:], section.circles[:, :2] + section.circles[:, 2:]]
-    points = np.concatenate(corners)
-    return (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
 
 
 class Movers:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pioneer_gazebo.core.section import Section
+from pioneer_gazebo.core.section import EMPTY, Section
 
 OCCUPIED, FREE, UNKNOWN = 0, 254, 205
 """Grey values of map_server's trinary maps."""
@@ -35,11 +35,10 @@ class Extent:
 
         The corner is an integer multiple of ``resolution``.
         """
-        boxes = [_bounds(section) for section in sections if len(section.segments) or len(section.circles)]
-        if not boxes:
+        points = Section.joined(sections).extremes()
+        if not len(points):
             return None
-        low = np.min([box[0] for box in boxes], axis=0) - margin
-        high = np.max([box[1] for box in boxes], axis=0) + margin
+        low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
         first = np.floor(low / resolution + _TOUCH).astype(int)
         last = np.ceil(high / resolution - _TOUCH).astype(int)
         cols, rows = (int(n) for n in last - first)
@@ -52,13 +51,6 @@ class Extent:
         first = math.floor((low - origin) / self.resolution + _TOUCH)
         last = math.ceil((high - origin) / self.resolution - _TOUCH)
         return max(0, first), min(count, max(last, first + 1))
-
-
-def _bounds(section: Section) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    starts, ends = section.segments[:, :2], section.segments[:, :2] + section.segments[:, 2:]
-    centres, radii = section.circles[:, :2], section.circles[:, 2:]
-    points = np.concatenate([starts, ends, centres - radii, centres + radii])
-    return points.min(axis=0), points.max(axis=0)
 
 
 def occupied_cells(sections: Iterable[Section], extent: Extent) -> Mask:
@@ -122,7 +114,8 @@ def _fill_outline(segments: NDArray[np.float64], extent: Extent, grid: Mask) -> 
     """Marks every cell whose centre lies inside the closed outline."""
     if not len(segments):
         return
-    window = _window(extent, *_bounds(Section(segments, np.empty((0, 3)))))
+    ends = Section(segments, EMPTY.circles).extremes()
+    window = _window(extent, ends.min(axis=0), ends.max(axis=0))
     if window is None:
         return
     rows, cols, x, y = window

@@ -5,6 +5,7 @@ Positions follow a cardinal spline through the waypoints; rotations are interpol
 
 import math
 from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from pioneer_gazebo.core.pose import Pose, Vector, between
@@ -74,13 +75,13 @@ class Script:
     delay_start: float = 0.0  #: delay before each round [s]
     auto_start: bool = True  #: whether it starts by itself; nothing else can start it here
 
-    def moved(self, base: Pose) -> "Script":
-        """Returns the script transformed from ``base``'s frame to the parent frame of ``base``."""
+    def mapped(self, function: Callable[[Pose], Pose]) -> "Script":
+        """Returns the script with ``function`` applied to all its poses."""
         trajectories = tuple(
-            replace(one, waypoints=tuple(replace(point, pose=base.compose(point.pose)) for point in one.waypoints))
+            replace(one, waypoints=tuple(replace(point, pose=function(point.pose)) for point in one.waypoints))
             for one in self.trajectories
         )
-        return replace(self, trajectories=trajectories, home=base.compose(self.home))
+        return replace(self, trajectories=trajectories, home=function(self.home))
 
     def pose(self, time: float) -> Pose:
         """Returns the model's pose at ``time`` [s] after the start of the script."""

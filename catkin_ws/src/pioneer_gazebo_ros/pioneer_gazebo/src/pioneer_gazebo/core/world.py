@@ -119,7 +119,7 @@ class Model:
 
     def moved(self, base: Pose) -> "Model":
         """Returns the model with pose and script transformed from ``base``'s frame to the parent frame of ``base``."""
-        script = None if self.script is None else self.script.moved(base)
+        script = None if self.script is None else self.script.mapped(base.compose)
         return replace(self, pose=base.compose(self.pose), script=script)
 
 

@@ -10,8 +10,7 @@ from sensor_msgs.msg import BatteryState, PointCloud
 from std_msgs.msg import Bool, Float32, Float64, Int8
 
 from pioneer_gazebo import conversions
-from pioneer_gazebo.core.base import pressed_bumpers, sonar_points, wheels_of
-from pioneer_gazebo.core.battery import Battery
+from pioneer_gazebo.core.base import Battery, pressed_bumpers, sonar_points, wheels_of
 from pioneer_gazebo.core.robot import BaseDriver
 from pioneer_gazebo.core.schedule import nanoseconds
 from pioneer_gazebo.nodes.port import Port
