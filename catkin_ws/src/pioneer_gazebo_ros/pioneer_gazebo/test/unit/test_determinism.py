@@ -11,10 +11,9 @@ from pioneer_gazebo.core.joint import CONTINUOUS, WORLD, Joint
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.schedule import TICK_RATE, Schedule
-from pioneer_gazebo.core.script import Script, Trajectory, Waypoint
 from pioneer_gazebo.core.simulation import Simulation
-from pioneer_gazebo.core.world import Box, Collision, Cylinder, Link, Model
-from pioneer_gazebo.nodes.pace import Pacer
+from pioneer_gazebo.core.world import Box, Collision, Cylinder, Link, Model, Script, Trajectory, Waypoint
+from pioneer_gazebo.nodes.timeline import Pacer
 
 MakeSimulation = Callable[..., Simulation]
 

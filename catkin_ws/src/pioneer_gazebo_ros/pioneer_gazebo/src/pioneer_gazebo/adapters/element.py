@@ -23,10 +23,6 @@ class Notes:
         """Adds ``line`` unless already present."""
         self._lines.setdefault(line)
 
-    def ignored(self, error: DescriptionError) -> None:
-        """Adds the error for which an element is ignored."""
-        self.add(f"{error}; it is ignored")
-
     def lines(self) -> tuple[str, ...]:
         """Returns all lines."""
         return tuple(self._lines)

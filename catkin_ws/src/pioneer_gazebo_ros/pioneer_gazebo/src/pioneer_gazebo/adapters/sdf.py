@@ -9,8 +9,7 @@ from pioneer_gazebo.adapters.element import Element, Notes
 from pioneer_gazebo.adapters.plugin import Names, read_plugin
 from pioneer_gazebo.adapters.resource import content_of, file_of_uri
 from pioneer_gazebo.adapters.sdf_actor import actor_from_sdf
-from pioneer_gazebo.adapters.sdf_joint import Frames, joint_from_sdf
-from pioneer_gazebo.adapters.sdf_link import Scope, link_from_sdf
+from pioneer_gazebo.adapters.sdf_link import Frames, Scope, joint_from_sdf, link_from_sdf
 from pioneer_gazebo.adapters.sensor import read_sensor
 from pioneer_gazebo.core.joint import WORLD, Joint, tree_of
 from pioneer_gazebo.core.pose import IDENTITY, Pose

@@ -5,8 +5,7 @@ import itertools
 from pioneer_gazebo.adapters.element import Element
 from pioneer_gazebo.adapters.sdf_link import Scope, link_from_sdf
 from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.script import Script, Trajectory, Waypoint
-from pioneer_gazebo.core.world import Collision, Cylinder, Link, Model, Visual
+from pioneer_gazebo.core.world import Collision, Cylinder, Link, Model, Script, Trajectory, Visual, Waypoint
 
 QUIET = {"pose", "static", "skin", "animation", "script", "link", "joint", "frame", "self_collide", "enable_wind"}
 SCRIPT_QUIET = {"loop", "delay_start", "auto_start", "trajectory"}

@@ -38,10 +38,6 @@ class Extensions:
     static: bool = False
     namespace: str = ""
 
-    def surface(self, link: str) -> Surface:
-        """Returns the surface of a link, or the default surface."""
-        return self.surfaces.get(link, Surface())
-
 
 def robot_from_urdf(text: str | bytes, source: str = "robot_description") -> Robot:
     """Returns the robot in URDF text (xacro expanded).
@@ -110,7 +106,7 @@ def _value(element: Element, name: str, default: float | None = None) -> float:
 def _link(element: Element, materials: dict[str, Colour], extensions: Extensions, notes: Notes) -> Link:
     name = element.attribute("name")
     mass, inertia = _inertial(element.child("inertial"), notes)
-    surface = extensions.surface(name)
+    surface = extensions.surfaces.get(name, Surface())
     collisions = []
     for index, child in enumerate(element.children("collision")):
         shape = _shape(child, notes)
@@ -264,7 +260,7 @@ def read_extensions(root: Element, notes: Notes) -> Extensions:
 
 
 def _read_reference(element: Element, link: str, extensions: Extensions, names: Names, notes: Notes) -> None:
-    surface = extensions.surface(link)
+    surface = extensions.surfaces.get(link, Surface())
     for child in element.children():
         if child.tag == "sensor":
             names.check(child, "link", link)

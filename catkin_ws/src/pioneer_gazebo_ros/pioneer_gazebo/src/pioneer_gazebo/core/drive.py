@@ -65,14 +65,7 @@ class Drive:
         self.config = config
         self._radius = config.wheelDiameter / 2
         self._scales = left_scale, right_scale
-        self._wanted = self._motion = (0.0, 0.0)
-        self._target = (0.0, 0.0)
-        self._silence = 0.0
-        self._speeds = (0.0, 0.0)
-        self._sent = (0.0, 0.0)
-        self._behind = (0.0, 0.0)
-        self._angles = (0.0, 0.0)
-        self.odometry = Odometry()
+        self.reset()
 
     def command(self, speed: float, turn: float) -> None:
         """Sets the motion [m/s, rad/s] to hold from the next step on.
@@ -151,6 +144,7 @@ class Drive:
         """Stops the wheels and resets the odometry to the origin."""
         self._wanted = self._motion = self._target = self._speeds = self._sent = self._behind = (0.0, 0.0)
         self._angles = (0.0, 0.0)
+        self._silence = 0.0
         self.odometry = Odometry()
 
 

@@ -10,7 +10,7 @@ from pioneer_gazebo.core.engine import STILL, Engine, Velocity
 from pioneer_gazebo.core.laser import Laser, generator_for, laser_of_sonar
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Quaternion, heading
 from pioneer_gazebo.core.robot import DiffDrive, LaserSensor, PlanarMove, Robot, SonarSensor
-from pioneer_gazebo.core.script import Script
+from pioneer_gazebo.core.world import Script
 
 GAP = 0.5
 """A new episode begins after this simulated time [s] without contact."""

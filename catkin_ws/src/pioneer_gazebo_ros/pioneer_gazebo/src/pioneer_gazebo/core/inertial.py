@@ -1,4 +1,4 @@
-"""Simulates inertial and satellite navigation sensors of a link."""
+"""Simulates sensors of a link's motion: ground truth, inertial unit, satellite receiver."""
 
 import math
 
@@ -64,10 +64,7 @@ class Receiver:
         latitude = config.referenceLatitude + math.degrees(north / self._north_radius)
         longitude = config.referenceLongitude - math.degrees(west / self._east_radius)
         altitude = config.referenceAltitude + pose.position[2]
-        return (latitude, longitude, altitude), self._velocity(velocity)
-
-    def _velocity(self, velocity: Velocity) -> Vector:
-        return *self._turned(velocity.linear), velocity.linear[2]
+        return (latitude, longitude, altitude), (*self._turned(velocity.linear), velocity.linear[2])
 
     def _turned(self, vector: Vector) -> tuple[float, float]:
         """Returns a vector's components to north and west."""

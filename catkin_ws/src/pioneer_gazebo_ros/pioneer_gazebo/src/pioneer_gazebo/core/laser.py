@@ -37,13 +37,7 @@ class WallIndex:
         kernel.fill_items(self._walls, self._starts[:-1].copy(), self._items)
 
     def cast(self, sensor: Sensor, fan: Fan, out: NDArray[np.float64]) -> None:
-        """Writes each beam's distance [m] to ``out``; ``fan.reach`` for no hit.
-
-        Args:
-            sensor: in the section's frame.
-            fan: the beams.
-            out: float64, one value per beam.
-        """
+        """Writes each beam's distance [m] to ``out``, one value per beam; ``sensor`` is in the section's frame."""
         kernel.cast(self._walls, self._starts, self._items, sensor, fan, out)
 
 
@@ -59,15 +53,7 @@ class Movers:
         )
 
     def shorten(self, poses: NDArray[np.float64], own: int, sensor: Sensor, fan: Fan, out: NDArray[np.float64]) -> None:
-        """Shortens the beams in ``out`` that hit an outline.
-
-        Args:
-            poses: (movers, 3) x, y, yaw [m, rad], C-contiguous.
-            own: index of the mover that carries the sensor, which its beams ignore; -1 for none.
-            sensor: origin of the beams.
-            fan: the beams.
-            out: distances [m], updated in place.
-        """
+        """Shortens the beams in ``out`` that hit an outline; arguments as for `kernel.cast_movers`."""
         kernel.cast_movers(self._outlines, poses, own, sensor, fan, out)
 
 

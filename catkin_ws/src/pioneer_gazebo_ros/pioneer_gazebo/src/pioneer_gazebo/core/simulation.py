@@ -5,13 +5,13 @@ interpolated, so that sensors can have any rate. The engine may therefore be ahe
 step, and commands take effect from the next step on.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pioneer_gazebo.core import bound
-from pioneer_gazebo.core.actor import Actors
+from pioneer_gazebo.core.actor import Actors, Wrench, Wrenches
 from pioneer_gazebo.core.body import Body, body_from_model, body_from_robot
 from pioneer_gazebo.core.drive import Odometry
 from pioneer_gazebo.core.engine import STILL, Contact, Engine, Physics, Velocity
@@ -23,10 +23,9 @@ from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.scene import Scene
 from pioneer_gazebo.core.schedule import TICK_RATE, period_of
 from pioneer_gazebo.core.section import Triangles
-from pioneer_gazebo.core.spot import OverlapError, added
+from pioneer_gazebo.core.spot import added
 from pioneer_gazebo.core.standing import Standing
 from pioneer_gazebo.core.world import Model, World
-from pioneer_gazebo.core.wrench import Wrench, Wrenches
 
 LONGEST_NAME = 200
 """Maximum length of a model name [characters]."""
@@ -111,13 +110,10 @@ class Simulation:
             raise ModelError(f"model {name} {'is static' if name in self._standing.models else 'does not exist'}")
         return found
 
-    def standing(self, name: str) -> Model | None:
-        """Returns the static model of that name; None if there is none."""
-        return self._standing.models.get(name)
-
-    def standing_models(self) -> Iterator[Model]:
-        """Yields all static models."""
-        yield from self._standing.models.values()
+    @property
+    def standing(self) -> Mapping[str, Model]:
+        """The static models by name."""
+        return self._standing.models
 
     def add_model(self, model: Model, namespace: str = "", anywhere: bool = False) -> None:
         """Adds a model without sensors and plugins; ``anywhere`` allows overlaps, as for the models of a world file.
@@ -164,12 +160,12 @@ class Simulation:
         bound.check_body(body)
         bound.check_pose(pose)
         search = self.spawn_search if robot is not None else 0.0
-        try:
-            handle, pose = added(self._engine, body, pose, self._triangles, anywhere, search)
-        except OverlapError as error:
+        found = added(self._engine, body, pose, self._triangles, anywhere, search)
+        if isinstance(found, Contact):
             x, y, _ = pose.position
-            depth, inside = error.contact.depth, self.touched_name(error.contact)
-            raise ModelError(f"model {name} at ({x:.2f}, {y:.2f}) would overlap {inside} by {depth:.2f} m") from None
+            inside = self.touched_name(found)
+            raise ModelError(f"model {name} at ({x:.2f}, {y:.2f}) would overlap {inside} by {found.depth:.2f} m")
+        handle, pose = found
         entity = self._keep(Entity(name, namespace, body, handle, pose, robot, after=pose))
         equip(entity, self._seed, self._odometry_error, self._odometry_scale)
         for driven in entity.drives:

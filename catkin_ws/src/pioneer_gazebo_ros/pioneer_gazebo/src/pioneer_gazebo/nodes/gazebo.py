@@ -1,6 +1,7 @@
 """The simulator node ``/gazebo``."""
 
 from dataclasses import dataclass, replace
+from time import monotonic
 from typing import Any
 
 import rospy
@@ -160,7 +161,7 @@ class GazeboNode:
 
     def _report(self) -> None:
         timeline = self._timeline
-        now = timeline.pacer.now()
+        now = monotonic()
         if now - self._reported >= REPORT_PERIOD:
             self._reported = now
             time = timeline.tick / TICK_RATE

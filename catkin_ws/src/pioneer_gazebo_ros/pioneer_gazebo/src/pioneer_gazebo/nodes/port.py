@@ -7,12 +7,12 @@ from typing import Any
 import rospy
 from std_msgs.msg import UInt32
 
-from pioneer_gazebo.core.camera import Renderer
+from pioneer_gazebo.adapters.tiny_renderer import TinyRenderer
 from pioneer_gazebo.core.drive import CommandError
 from pioneer_gazebo.core.entity import Entity
 from pioneer_gazebo.core.schedule import Schedule, Task, nanoseconds
 from pioneer_gazebo.core.simulation import Simulation
-from pioneer_gazebo.nodes.pace import Budget
+from pioneer_gazebo.nodes.timeline import Budget
 from pioneer_gazebo.nodes.topic import Topic, TransformTopic, publish_while_alive
 from pioneer_node.core.frame import resolved
 from pioneer_node.nodes.standing_warning import StandingWarning
@@ -26,7 +26,7 @@ class Context:
     schedule: Schedule  #: schedule of periodic tasks
     transforms: TransformTopic  #: ``/tf``
     now: Callable[[], int]  #: returns the tick at which a command arrives; thread-safe
-    renderer: Callable[[], Renderer]  #: returns the renderer, created on first use
+    renderer: Callable[[], TinyRenderer]  #: returns the renderer, created on first use
     budget: Budget  #: wall time budget for rendering
 
 

@@ -19,10 +19,9 @@ from pioneer_gazebo.core.simulation import Simulation
 from pioneer_gazebo.core.world import Model
 from pioneer_gazebo.nodes import sensor_topics as sensors
 from pioneer_gazebo.nodes.drive_topics import drive_topics, planar_topics
-from pioneer_gazebo.nodes.driver_topics import driver_topics
-from pioneer_gazebo.nodes.pace import Budget
 from pioneer_gazebo.nodes.port import Context, Port
-from pioneer_gazebo.nodes.timeline import Timeline
+from pioneer_gazebo.nodes.sensor_topics import driver_topics
+from pioneer_gazebo.nodes.timeline import Budget, Timeline
 from pioneer_gazebo.nodes.topic import TransformTopic
 
 TOPICS: dict[type, Callable[[Port, Any], object]] = {

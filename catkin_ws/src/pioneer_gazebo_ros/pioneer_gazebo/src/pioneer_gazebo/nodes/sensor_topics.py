@@ -1,21 +1,37 @@
-"""Topics of sensors: lasers, sonars, bumpers, joint states, ground truth."""
+"""Topics of sensors, and of what a real Pioneer's driver reports: battery, bumpers, motors, sonar ring."""
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 from gazebo_msgs.msg import ContactsState, ContactState
-from geometry_msgs.msg import Quaternion, Vector3, Vector3Stamped, Wrench
+from geometry_msgs.msg import Point32, Quaternion, Vector3, Vector3Stamped, Wrench
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan, NavSatFix, NavSatStatus, PointCloud2, Range
+from pioneer_msgs.msg import BumperState
+from sensor_msgs.msg import (
+    BatteryState,
+    CameraInfo,
+    Image,
+    JointState,
+    LaserScan,
+    NavSatFix,
+    NavSatStatus,
+    PointCloud,
+    PointCloud2,
+    Range,
+)
 from sensor_msgs.msg import Imu as ImuMessage
+from std_msgs.msg import Bool, Float32, Float64, Int8
 
 from pioneer_gazebo import conversions
+from pioneer_gazebo.core.base import Battery, pressed_bumpers, sonar_points, wheels_of
 from pioneer_gazebo.core.camera import noisy, points_of
 from pioneer_gazebo.core.engine import Contact
 from pioneer_gazebo.core.inertial import InertialUnit, Receiver, Truth
 from pioneer_gazebo.core.laser import generator_for
 from pioneer_gazebo.core.robot import (
+    BaseDriver,
     Bumper,
     Camera,
     Gps,
@@ -128,7 +144,7 @@ def camera_topics(port: Port, config: Camera) -> None:
         def draw() -> None:
             eye = simulation.link_pose(port.entity, config.link).compose(config.pose)
             moving = [(entity, simulation.part_poses(entity)) for entity in simulation.entities()]
-            picture, far = port.context.renderer().picture(config, eye, simulation.standing_models(), moving)
+            picture, far = port.context.renderer().picture(config, eye, simulation.standing.values(), moving)
             seen = noisy(picture, config.noise_stddev, noise)
             send(image, tick, lambda: conversions.image_of(seen, config))
             send(depth, tick, lambda: conversions.depth_of(far))
@@ -177,3 +193,72 @@ def gps_topics(port: Port, config: Gps) -> None:
                 topic.send(conversions.stamped_frame(message, nanoseconds(tick), config.frameId))
 
     port.every(config.updateRate, config.topicName, publish, fixes, velocities)
+
+
+NOT_CHARGING = 0
+"""A value of rosaria's ``battery_recharge_state``."""
+
+
+def driver_topics(port: Port, config: BaseDriver) -> None:
+    """Publishes the base data of one robot.
+
+    ``battery_state`` (sensor_msgs/BatteryState), ``battery_voltage`` (std_msgs/Float64), ``battery_state_of_charge``
+    (std_msgs/Float32, 0 … 1), ``battery_recharge_state`` (std_msgs/Int8, latched), ``motors_state`` (std_msgs/Bool,
+    latched), ``bumper_state`` (pioneer_msgs/BumperState) and, if the robot has sonars, ``sonar``
+    (sensor_msgs/PointCloud). The battery drains whether or not there are subscribers.
+    """
+    simulation, entity, frame = port.simulation, port.entity, port.frame(config.frameName)
+    battery = Battery(config)
+    drained = [simulation.tick]
+
+    def bumper_state() -> BumperState:
+        front, rear = pressed_bumpers(simulation, entity)
+        return BumperState(front_bumpers=front, rear_bumpers=rear)
+
+    def cloud() -> PointCloud:
+        return PointCloud(points=[Point32(*one) for one in sonar_points(simulation, entity)])
+
+    makers: list[tuple[str, type, Callable[[], Any]]] = [
+        ("battery_state", BatteryState, lambda: battery_state(battery)),
+        ("battery_voltage", Float64, lambda: Float64(battery.voltage)),
+        ("battery_state_of_charge", Float32, lambda: Float32(battery.charge)),
+        ("bumper_state", BumperState, bumper_state),
+    ]
+    if entity.sonars:
+        makers.append(("sonar", PointCloud, cloud))
+    topics = [(port.topic(name, kind), make) for name, kind, make in makers]
+
+    def update(tick: int) -> None:
+        time = nanoseconds(tick)
+        battery.drain((time - nanoseconds(drained[0])) * 1e-9, wheels_of(simulation, entity))
+        drained[0] = tick
+        for topic, make in topics:
+            if topic.wanted:
+                topic.send(conversions.stamped_frame(make(), time, frame))
+
+    def reset() -> None:
+        battery.reset()
+        drained[0] = simulation.tick
+
+    port.on_reset.append(reset)
+    port.every(config.updateRate, config.name, update, always=True)
+    port.latched("battery_recharge_state", Int8(NOT_CHARGING))
+    port.latched("motors_state", Bool(True))
+
+
+def battery_state(battery: Battery) -> BatteryState:
+    """Returns the BatteryState of a battery, without a header."""
+    config = battery.config
+    return BatteryState(
+        voltage=battery.voltage,
+        current=-battery.current,
+        charge=battery.charge * config.capacity,
+        capacity=config.capacity,
+        design_capacity=config.capacity,
+        percentage=battery.charge,
+        power_supply_status=BatteryState.POWER_SUPPLY_STATUS_DISCHARGING,
+        power_supply_health=BatteryState.POWER_SUPPLY_HEALTH_GOOD,
+        power_supply_technology=BatteryState.POWER_SUPPLY_TECHNOLOGY_UNKNOWN,
+        present=True,
+        temperature=math.nan,
+    )

@@ -13,8 +13,7 @@ from pioneer_gazebo.adapters.drawn_map import read_map
 from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses
 from pioneer_gazebo.adapters.resource import map_path, world_path
 from pioneer_gazebo.core.error import SimulatorError, SpawnError
-from pioneer_gazebo.core.fleet import InitialPose, initial_pose
-from pioneer_gazebo.core.placement import check_place
+from pioneer_gazebo.core.fleet import InitialPose, check_place, initial_pose
 from pioneer_gazebo.core.pose import quaternion_from_rpy
 
 WAIT_WORDS_PERIOD = 5.0
@@ -59,10 +58,8 @@ def place_of(options: argparse.Namespace) -> InitialPose:
     given = (options.pose_x, options.pose_y, options.pose_Y)
     known = (default.x, default.y, default.a)
     place = InitialPose(*(one if value is None else value for value, one in zip(given, known, strict=True)))
-    grid = map_path(path) if path else None
-    drawn = read_map(grid) if grid and grid.is_file() else None
-    if path and drawn is not None:
-        check_place(drawn, options.model, place.x, place.y, path.stem)
+    if path and (grid := map_path(path)).is_file():
+        check_place(read_map(grid), options.model, place.x, place.y, path.stem)
     return place
 
 

@@ -13,14 +13,14 @@ from std_msgs.msg import Header
 from pioneer_gazebo import conversions
 from pioneer_gazebo.core import joint as kinds
 from pioneer_gazebo.core import state
+from pioneer_gazebo.core.actor import Wrench
 from pioneer_gazebo.core.engine import Velocity
 from pioneer_gazebo.core.entity import Entity
 from pioneer_gazebo.core.error import ModelError, SimulatorError
 from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import Pose, rotated
 from pioneer_gazebo.core.schedule import TICK_RATE, nanoseconds
-from pioneer_gazebo.core.wrench import Wrench
-from pioneer_gazebo.nodes.service import serve
+from pioneer_gazebo.nodes.mailbox import serve
 from pioneer_gazebo.nodes.timeline import Timeline
 from pioneer_gazebo.nodes.topic import Topic
 
@@ -68,7 +68,7 @@ class StateServices:
 
     def _models(self) -> Iterator[tuple[str, tuple[Pose, Velocity]]]:
         for name in self._simulation.names():
-            yield name, state.model_motion(self._simulation, name)
+            yield name, state.link_motion(self._simulation, name)
 
     def _links(self) -> Iterator[tuple[str, tuple[Pose, Velocity]]]:
         for name in self._simulation.names():
@@ -105,7 +105,7 @@ class StateServices:
         name = request.model_name
         links = state.links_of(self._simulation, name)
         response = srv.GetModelPropertiesResponse(canonical_body_name=links[0] if links else "", body_names=links)
-        standing = self._simulation.standing(name)
+        standing = self._simulation.standing.get(name)
         if standing is not None:
             response.is_static = True
             response.geom_names = [one.name for link in standing.links for one in link.collisions]

@@ -105,7 +105,6 @@ class Topic(rospy.SubscribeListener):
         self._changed = changed
         self._outlets: dict[Any, _Outlet] = {}
         self._stale = True
-        self.dropped = 0  #: number of frames dropped because of slow subscribers
         self.exchange = Exchange.current  #: carries messages to nodes in lockstep; None without lockstep
         self._name = rospy.resolve_name(name)
         # With a queue size, rospy does not write, and thus never blocks, in this thread; its queues stay empty.
@@ -145,8 +144,7 @@ class Topic(rospy.SubscribeListener):
         gone = []
         for connection, outlet in self._outlets.items():
             try:
-                if not outlet.send(frame):
-                    self.dropped += 1
+                outlet.send(frame)
             except OSError:
                 gone.append(connection)
         for connection in gone:

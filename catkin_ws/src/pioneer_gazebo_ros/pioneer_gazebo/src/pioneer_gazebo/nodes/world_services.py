@@ -20,8 +20,8 @@ from pioneer_gazebo.core.engine import Physics
 from pioneer_gazebo.core.error import ModelError
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.schedule import TICK_RATE
+from pioneer_gazebo.nodes.mailbox import serve
 from pioneer_gazebo.nodes.robots import Robots
-from pioneer_gazebo.nodes.service import serve
 from pioneer_gazebo.nodes.timeline import Timeline
 
 LONGEST_NAMESPACE = 200
