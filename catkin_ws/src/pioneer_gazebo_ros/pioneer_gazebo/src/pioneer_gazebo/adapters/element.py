@@ -168,9 +168,9 @@ class Element:
             raise self.needed(tag).error(f"must be above 0, not {value:g}")
         return value
 
-    def integer(self, tag: str, default: int | None = None) -> int:
-        """Returns the integer in child ``tag``, or ``default`` if there is no such child."""
-        value = self.number(tag, None if default is None else float(default))
+    def integer(self, tag: str) -> int:
+        """Returns the integer in child ``tag``."""
+        value = self.number(tag)
         if value != int(value):
             raise self.needed(tag).error(f"must be a whole number, not {value:g}")
         return int(value)

@@ -105,15 +105,12 @@ def link_from_sdf(element: Element, pose: Pose, scope: Scope) -> Link:
     collisions = []
     visuals = []
     for child in element.children():
-        if child.tag == "collision":
+        if child.tag in ("collision", "visual"):
             with scope.leaving_out():
                 shape = _shape(child, scope)
-                if shape is not None:
+                if shape is not None and child.tag == "collision":
                     collisions.append(_collision(child, shape))
-        elif child.tag == "visual":
-            with scope.leaving_out():
-                shape = _shape(child, scope)
-                if shape is not None:
+                elif shape is not None:
                     visuals.append(Visual(child.attribute("name", "visual"), child.placed(), shape, _colour(child)))
         elif child.tag not in QUIET | {"inertial"}:
             scope.notes.add(f"<{child.tag}> in a world's link is not supported and left out")

@@ -4,7 +4,7 @@ As in Gazebo, a link behind a fixed joint is merged into its parent link, with i
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -97,11 +97,9 @@ def body_from_model(model: Model, triangles: Triangles) -> Body:
         triangles: reads meshes.
     """
     if model.joints and model.script is None:
-        links = {link.name: link for link in model.links}
         held = Link(kinds.WORLD)
         root = held if any(one.parent == kinds.WORLD for one in model.joints) else model.links[0]
-        groups = _groups(model.name, root, root.pose, links.__getitem__, model.joints)
-        return Body(model.name, _parts(groups, model, triangles))
+        return Body(model.name, _parts(model, root, root.pose, triangles))
     group = [(link, link.pose) for link in model.links]
     mass, inertia = (LED_MASS, LED_INERTIA) if model.script is not None else _lumped(group)
     touches = tuple(Touch(k.name, _moved(c, k.pose)) for k in model.links for c in k.collisions)
@@ -116,25 +114,23 @@ def body_from_robot(robot: Robot, triangles: Triangles) -> Body:
     Raises:
         DescriptionError: the robot has a floating joint, which is not supported.
     """
-    groups = _groups(robot.name, robot.root, IDENTITY, robot.link, robot.joints)
-    parts = _parts(groups, robot, triangles)
-    return Body(robot.name, _gliding(parts) if robot.of(PlanarMove) else parts)
-
-
-def _gliding(parts: tuple[Part, ...]) -> tuple[Part, ...]:
-    """Returns the parts without friction, so that wheels do not resist a planar-move base."""
-    return tuple(
-        replace(part, touches=tuple(replace(t, collision=replace(t.collision, friction=0.0)) for t in part.touches))
-        for part in parts
-    )
+    parts = _parts(robot, robot.root, IDENTITY, triangles)
+    if robot.of(PlanarMove):
+        # Without friction, wheels do not resist a planar-move base.
+        parts = tuple(
+            replace(part, touches=tuple(replace(t, collision=replace(t.collision, friction=0.0)) for t in part.touches))
+            for part in parts
+        )
+    return Body(robot.name, parts)
 
 
 _Group = list[tuple[Link, Pose]]
 """Links merged into one part, each with its pose in the part."""
 
 
-def _parts(groups: list[_Group], owner: Robot | Model, triangles: Triangles) -> tuple[Part, ...]:
-    """Returns a part for each group of an owner's links, with its driven and passive wheels as balls."""
+def _parts(owner: Robot | Model, root: Link, at: Pose, triangles: Triangles) -> tuple[Part, ...]:
+    """Returns an owner's parts in the frame in which ``root`` has pose ``at``, its wheels, driven or not, as balls."""
+    groups = _groups(owner, root, at)
     drives = [device for device in owner.devices if isinstance(device, DiffDrive)]
     driven = {joint for drive in drives for side in drive.joints() for joint in side}
     index = {group[0][0].name: number for number, group in enumerate(groups)}
@@ -160,15 +156,16 @@ def _parts(groups: list[_Group], owner: Robot | Model, triangles: Triangles) -> 
     return tuple(replace(p, touches=tuple(t)) for p, t in zip(parts, touches, strict=True))
 
 
-def _groups(name: str, root: Link, at: Pose, link_of: Callable[[str], Link], joints: Iterable[Joint]) -> list[_Group]:
+def _groups(owner: Robot | Model, root: Link, at: Pose) -> list[_Group]:
     """Groups links connected by fixed joints, base first and depth first, with their poses in the part.
 
     A part's frame is that of the joint that moves it; the base's frame is the one in which ``root`` has pose ``at``.
     """
+    links = {link.name: link for link in owner.links}
     children: dict[str, list[Joint]] = {}
-    for joint in joints:
+    for joint in owner.joints:
         if joint.kind == kinds.FLOATING:
-            raise DescriptionError(f"robot {name}: joint {joint.name} is floating, which is not supported")
+            raise DescriptionError(f"robot {owner.name}: joint {joint.name} is floating, which is not supported")
         children.setdefault(joint.parent, []).append(joint)
     groups: list[_Group] = []
     starts = [(root, at)]
@@ -181,9 +178,9 @@ def _groups(name: str, root: Link, at: Pose, link_of: Callable[[str], Link], joi
             group.append((link, pose))
             for joint in children.get(link.name, ()):
                 if joint.kind == kinds.FIXED:
-                    pending.append((link_of(joint.child), pose.compose(joint.pose).compose(joint.offset)))
+                    pending.append((links[joint.child], pose.compose(joint.pose).compose(joint.offset)))
                 else:
-                    behind.append((link_of(joint.child), joint.offset))
+                    behind.append((links[joint.child], joint.offset))
         groups.append(group)
         starts = behind + starts
     return groups

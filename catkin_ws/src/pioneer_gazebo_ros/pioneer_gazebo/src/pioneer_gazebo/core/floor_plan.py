@@ -45,21 +45,13 @@ class FloorPlan:
         """Number of rows and columns of cells."""
         return len(self.rows) // DOWN, max((len(row) for row in self.rows), default=0) // ACROSS
 
-    def _character(self, row: int, col: int) -> str:
-        line = self.rows[row] if row < len(self.rows) else ""
-        return line[col] if col < len(line) else " "
+    def at(self, row: float, col: float) -> str:
+        """Returns the character at a position in cells from the upper left corner; blank outside the drawing.
 
-    def wall_above(self, row: int, col: int) -> bool:
-        """Returns whether a wall runs along the upper side of a cell; ``row`` may be one past the last."""
-        return self._character(row * DOWN, col * ACROSS + ACROSS // 2) == "-"
-
-    def wall_left(self, row: int, col: int) -> bool:
-        """Returns whether a wall runs along the left side of a cell; ``col`` may be one past the last."""
-        return self._character(row * DOWN + 1, col * ACROSS) == "|"
-
-    def content(self, row: int, col: int) -> str:
-        """Returns the character in the middle of a cell: blank, ``o`` or ``#``."""
-        return self._character(row * DOWN + 1, col * ACROSS + ACROSS // 2)
+        The middle of a cell's upper side is (row, col + 0.5), that of its left side (row + 0.5, col).
+        """
+        line = self.rows[int(row * DOWN)] if row * DOWN < len(self.rows) else ""
+        return line[int(col * ACROSS)] if col * ACROSS < len(line) else " "
 
 
 def plan_from_text(text: str, source: str = "plan") -> FloorPlan:
@@ -130,18 +122,18 @@ def _solids(plan: FloorPlan) -> Iterator[Solid]:
     rows, cols = plan.cells
     m = plan.measures
     for row in range(rows + 1):
-        for start, end in _runs([plan.wall_above(row, col) for col in range(cols)]):
+        for start, end in _runs([plan.at(row, col + 0.5) == "-" for col in range(cols)]):
             yield _box(plan, start, rows - row, end, rows - row)
     for col in range(cols + 1):
-        for start, end in _runs([plan.wall_left(row, col) for row in range(rows)]):
+        for start, end in _runs([plan.at(row + 0.5, col) == "|" for row in range(rows)]):
             yield _box(plan, col, rows - end, col, rows - start)
     for row in range(rows):
         # Neighbours in a row become one box that ends at the cell borders.
-        for start, end in _runs([plan.content(row, col) == "#" for col in range(cols)]):
+        for start, end in _runs([plan.at(row + 0.5, col + 0.5) == "#" for col in range(cols)]):
             pose, _ = _box(plan, start, rows - row - 1, end, rows - row)
             yield pose, Box((round((end - start) * m.cell, 6), m.cell, m.height))
     for row in range(rows):
         for col in range(cols):
-            if plan.content(row, col) == "o":
+            if plan.at(row + 0.5, col + 0.5) == "o":
                 x, y = m.x + (col + 0.5) * m.cell, m.y + (rows - row - 0.5) * m.cell
                 yield Pose((round(x, 6), round(y, 6), m.height / 2)), Cylinder(m.pillar, m.height)

@@ -60,16 +60,14 @@ class Scene:
         known = self._movers.get(layer)
         if known is not None and known[0] == keys:
             return known[1]
-        movers = Movers([self._outline(body, key) for (body, _), key in zip(seen, keys, strict=True)])
+        for (body, _), key in zip(seen, keys, strict=True):
+            if key not in self._outlines:
+                self._outlines[key] = outline_of(body, key[1] * LAYER, self._triangles)
+        movers = Movers([self._outlines[key] for key in keys])
         if len(self._movers) >= SECTIONS_AT_MOST:
             self._movers.clear()
         self._movers[layer] = keys, movers
         return movers
-
-    def _outline(self, body: Body, key: tuple[int, int]) -> NDArray[np.float64]:
-        if key not in self._outlines:
-            self._outlines[key] = outline_of(body, key[1] * LAYER, self._triangles)
-        return self._outlines[key]
 
     def add(self, entity: Entity) -> None:
         """Makes an entity visible to all lasers."""

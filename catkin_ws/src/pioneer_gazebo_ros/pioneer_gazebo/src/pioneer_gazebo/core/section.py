@@ -142,13 +142,8 @@ def _cylinder(cylinder: Cylinder, pose: Pose, height: float) -> Section:
     corners = _placed(np.concatenate([rim - half, rim + half]), pose)
     i = np.arange(PRISM_SIDES)
     following = (i + 1) % PRISM_SIDES
-    edges = np.concatenate(
-        [
-            np.column_stack([i, following]),
-            np.column_stack([i + PRISM_SIDES, following + PRISM_SIDES]),
-            np.column_stack([i, i + PRISM_SIDES]),
-        ]
-    )
+    ends = (i, following), (i + PRISM_SIDES, following + PRISM_SIDES), (i, i + PRISM_SIDES)
+    edges = np.concatenate([np.column_stack(pair) for pair in ends])
     return _cut_edges(corners, edges, height)
 
 

@@ -351,7 +351,7 @@ class Simulation:
         Raises:
             KeyError: there is no such joint, or it is fixed.
         """
-        bound.check_joint_position(position)
+        bound.check("joint position", (position,), bound.FARTHEST, "")
         self._engine.set_joint(entity.handle, entity.body.joint_index(joint), position)
 
     def push(self, wrench: Wrench) -> None:

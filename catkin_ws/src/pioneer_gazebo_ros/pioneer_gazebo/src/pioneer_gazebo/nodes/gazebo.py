@@ -155,7 +155,7 @@ class GazeboNode:
         self._engine.close()
 
     def _after_tick(self) -> None:
-        self._transforms.send()
+        self._transforms.flush()
         self._robots.publish_collisions()
         self._robots.remove_lost()
 

@@ -174,28 +174,23 @@ class Topic(rospy.SubscribeListener):
         self._publisher.unregister()
 
 
-class TransformTopic:
-    """Collects transforms and sends them together. Used from one thread."""
+class TransformTopic(Topic):
+    """``/tf``: collects the transforms of all robots at a tick and sends them in one message."""
 
     def __init__(self, changed: Callable[[], None]) -> None:
         """Advertises ``/tf``; ``changed`` as in `Topic`."""
-        self._topic = Topic("/tf", TFMessage, changed)
+        super().__init__("/tf", TFMessage, changed)
         self._transforms: list[bytes] = []
-
-    @property
-    def wanted(self) -> bool:
-        """Whether there are subscribers."""
-        return self._topic.wanted
 
     def add(self, transform: bytes) -> None:
         """Adds a serialised transform to the next message."""
         self._transforms.append(transform)
 
-    def send(self) -> None:
+    def flush(self) -> None:
         """Sends the collected transforms, if any."""
         if self._transforms:
-            if self._topic.exchange is not None:
+            if self.exchange is not None:
                 for one in self._transforms:
-                    self._topic.exchange.sample("/tf", one, conversions.name_of_transform(one))
-            self._topic.write(conversions.transforms_frame(self._transforms))
+                    self.exchange.sample("/tf", one, conversions.name_of_transform(one))
+            self.write(conversions.transforms_frame(self._transforms))
             self._transforms.clear()

@@ -71,13 +71,16 @@ def map_of_world(
     """
     placed = [one for one in world.collisions(static_only) if one.model.script is None]
     sections = [section_of(item.collision.shape, item.pose, height, triangles_of_mesh) for item in placed]
-    grid = extent or Extent.around(sections, resolution, margin) or _empty_extent(resolution)
+    grid = extent or Extent.around(sections, resolution, margin) or _extent_of(resolution)
     return grey_map(occupied_cells(sections, grid), outside_unknown), grid
 
 
-def _empty_extent(resolution: float) -> Extent:
-    cells = round(EMPTY_SIDE / resolution)
-    return Extent(-EMPTY_SIDE / 2, -EMPTY_SIDE / 2, resolution, cells, cells)
+def _extent_of(
+    resolution: float, x: float = -EMPTY_SIDE / 2, y: float = -EMPTY_SIDE / 2, width: float = EMPTY_SIDE,
+    height: float = EMPTY_SIDE,
+) -> Extent:  # fmt: skip
+    """Returns the grid with this lower left corner and size [m], by default that of an empty world."""
+    return Extent(x, y, resolution, round(height / resolution), round(width / resolution))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -91,7 +94,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             options.height,
             options.resolution,
             options.margin,
-            _extent(options),
+            None if options.extent is None else _extent_of(options.resolution, *options.extent),
             options.outside == "unknown",
             options.static_only,
         )
@@ -114,14 +117,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     print(f"{target.with_suffix('.yaml')}: {extent.cols} × {extent.rows} cells of {extent.resolution:g} m")
     return 0
-
-
-def _extent(options: argparse.Namespace) -> Extent | None:
-    if options.extent is None:
-        return None
-    x, y, width, height = options.extent
-    cols, rows = round(width / options.resolution), round(height / options.resolution)
-    return Extent(x, y, options.resolution, rows, cols)
 
 
 def _positive(text: str) -> float:
