@@ -174,8 +174,8 @@ def _shape(element: Element, scope: Scope) -> Shape | None:
     if inner.tag == "sphere":
         return Sphere(inner.positive("radius"))
     if inner.tag == "plane":
-        normal, size = inner.child("normal"), inner.child("size")
-        width, depth = (100.0, 100.0) if size is None else size.numbers(2)
+        normal, extent = inner.child("normal"), inner.child("size")
+        width, depth = (100.0, 100.0) if extent is None else extent.numbers(2)
         return Plane((0.0, 0.0, 1.0) if normal is None else normal.direction(), (width, depth))
     if inner.tag == "mesh":
         return _mesh(inner, scope)

@@ -67,6 +67,13 @@ class Drive:
         self._scales = left_scale, right_scale
         self.reset()
 
+    def reset(self) -> None:
+        """Stops the wheels and resets the odometry to the origin."""
+        self._wanted = self._motion = self._target = self._speeds = self._sent = self._behind = (0.0, 0.0)
+        self._angles = (0.0, 0.0)
+        self._silence = 0.0
+        self.odometry = Odometry()
+
     def command(self, speed: float, turn: float) -> None:
         """Sets the motion [m/s, rad/s] to hold from the next step on.
 
@@ -139,13 +146,6 @@ class Drive:
             was.x + way * math.cos(was.yaw), was.y + way * math.sin(was.yaw),
             math.remainder(was.yaw + turned, math.tau), way / step, turned / step,
         )  # fmt: skip
-
-    def reset(self) -> None:
-        """Stops the wheels and resets the odometry to the origin."""
-        self._wanted = self._motion = self._target = self._speeds = self._sent = self._behind = (0.0, 0.0)
-        self._angles = (0.0, 0.0)
-        self._silence = 0.0
-        self.odometry = Odometry()
 
 
 def _behind(before: float, wanted: float, turned: float) -> float:

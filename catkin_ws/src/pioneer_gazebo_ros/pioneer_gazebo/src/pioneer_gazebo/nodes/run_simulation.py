@@ -183,7 +183,7 @@ def simulate(session: Session, options: SimulationOptions) -> None:
     try:
         session.wait_for(lambda: succeeds(master.lookupService, SPAWN_SERVICE), "the simulator to load the world")
         ready = threading.Event()
-        rospy.Subscriber("/gazebo/ready", Bool, lambda message: message.data and ready.set(), queue_size=1)
+        rospy.Subscriber("/gazebo/ready", Bool, lambda _: ready.set(), queue_size=1)
 
         def spawn(robot: str, pose: InitialPose) -> None:
             session.check()
