@@ -9,8 +9,7 @@ from pioneer_gazebo.adapters.sdf import world_from_sdf_text
 from pioneer_gazebo.core.error import DescriptionError, ModelError
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.schedule import TICK_RATE
-from pioneer_gazebo.core.script import Script, Trajectory, Waypoint
-from pioneer_gazebo.core.world import Box, Cylinder, Model
+from pioneer_gazebo.core.world import Box, Cylinder, Model, Script, Trajectory, Waypoint
 
 
 def waypoint(time, pose):

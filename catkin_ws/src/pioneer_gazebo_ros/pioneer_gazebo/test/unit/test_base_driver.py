@@ -6,8 +6,7 @@ from dataclasses import replace
 import pytest
 
 from pioneer_gazebo.adapters.urdf import robot_from_urdf
-from pioneer_gazebo.core.battery import Battery, Wheel
-from pioneer_gazebo.core.bumper import pressed
+from pioneer_gazebo.core.base import Battery, Wheel, pressed
 from pioneer_gazebo.core.error import DescriptionError
 from pioneer_gazebo.core.robot import BaseDriver
 

@@ -11,10 +11,9 @@ from pioneer_gazebo.core.joint import CONTINUOUS, WORLD, Joint
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.schedule import TICK_RATE, Schedule
-from pioneer_gazebo.core.script import Script, Trajectory, Waypoint
 from pioneer_gazebo.core.simulation import Simulation
-from pioneer_gazebo.core.world import Box, Collision, Cylinder, Link, Model
-from pioneer_gazebo.nodes.pace import Pacer
+from pioneer_gazebo.core.world import Box, Collision, Cylinder, Link, Model, Script, Trajectory, Waypoint
+from pioneer_gazebo.nodes.timeline import Pacer
 
 MakeSimulation = Callable[..., Simulation]
 
@@ -54,7 +53,8 @@ def digest(simulation: Simulation, robot: Robot, pieces: Iterator[int]) -> str:
         # Time may stop anywhere before the next due task, as it does at other rates and in single steps.
         simulation.advance(min(due, simulation.tick + next(pieces)))
         if simulation.tick == due:
-            schedule.run(due)
+            for task in schedule.due(due):
+                task.action(due)
     found.update(bytes([entity.collisions.count for entity in entities]))
     assert any(entity.collisions.count for entity in entities), "the run was to hold a collision"
     return found.hexdigest()

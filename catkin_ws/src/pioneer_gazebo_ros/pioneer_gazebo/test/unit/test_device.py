@@ -13,12 +13,11 @@ from pioneer_gazebo.adapters.ros_control import controlled
 from pioneer_gazebo.adapters.sdf import world_from_sdf_text
 from pioneer_gazebo.adapters.urdf import robot_from_urdf
 from pioneer_gazebo.core.camera import points_of
-from pioneer_gazebo.core.device import Gps, Imu
 from pioneer_gazebo.core.entity import Entity
 from pioneer_gazebo.core.error import DescriptionError
 from pioneer_gazebo.core.inertial import InertialUnit, Receiver
 from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.robot import Camera, JointStatePublisher, LaserSensor, Robot
+from pioneer_gazebo.core.robot import Camera, Gps, Imu, JointStatePublisher, LaserSensor, Robot
 from pioneer_gazebo.core.schedule import TICK_RATE
 from pioneer_gazebo.core.simulation import Simulation
 

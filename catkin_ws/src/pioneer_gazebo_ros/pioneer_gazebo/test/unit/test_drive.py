@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from pioneer_gazebo.core.collision import CollisionCounter
 from pioneer_gazebo.core.drive import CommandError, Drive, Odometry
+from pioneer_gazebo.core.entity import CollisionCounter
 from pioneer_gazebo.core.robot import DiffDrive
 
 STEP = 0.02

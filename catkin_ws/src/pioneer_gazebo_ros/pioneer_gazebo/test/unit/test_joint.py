@@ -7,13 +7,13 @@ import pytest
 from pioneer_gazebo.adapters.mesh import triangles_of_mesh
 from pioneer_gazebo.adapters.sdf import world_from_sdf_text
 from pioneer_gazebo.adapters.urdf import robot_from_urdf
+from pioneer_gazebo.core.actor import Wrench
 from pioneer_gazebo.core.body import body_from_model
 from pioneer_gazebo.core.error import DescriptionError
 from pioneer_gazebo.core.joint import CONTINUOUS, FIXED, PRISMATIC, REVOLUTE, Joint, tree_of
 from pioneer_gazebo.core.pose import IDENTITY, Pose
 from pioneer_gazebo.core.schedule import TICK_RATE
 from pioneer_gazebo.core.world import Box, Collision, Link, Mesh, Model
-from pioneer_gazebo.core.wrench import Wrench
 
 
 def link(name, pose="0 0 0 0 0 0", size="0.2 0.2 0.2", mass=1):

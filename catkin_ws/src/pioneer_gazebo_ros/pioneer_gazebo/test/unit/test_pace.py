@@ -5,8 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from pioneer_gazebo.nodes import budget
-from pioneer_gazebo.nodes.pace import Pacer
+from pioneer_gazebo.nodes.timeline import Budget, Pacer
 
 STEP, STEP_COST = 0.02, 0.002
 """Simulated time per step, and its cost in wall time [s]."""
@@ -45,7 +44,7 @@ def test_pictures_of_any_cost_leave_physics_their_pace(
     clock: Clock, caplog: pytest.LogCaptureFixture, cost: float
 ) -> None:
     pacer = Pacer(1.0)
-    drawn = budget.Budget(pacer)
+    drawn = Budget(pacer)
     pictures = 0
 
     def picture() -> None:
@@ -63,7 +62,7 @@ def test_pictures_of_any_cost_leave_physics_their_pace(
 
 
 def test_as_fast_as_possible_every_picture_is_drawn(clock: Clock) -> None:
-    drawn = budget.Budget(Pacer(0.0))
+    drawn = Budget(Pacer(0.0))
     assert all(drawn.draw("r/camera", lambda: setattr(clock, "now", clock.now + 3.0)) for _ in range(10))
 
 

@@ -6,8 +6,7 @@ import pytest
 
 from pioneer_gazebo.adapters.drawn_map import read_map
 from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses
-from pioneer_gazebo.core.fleet import initial_pose
-from pioneer_gazebo.core.placement import DrawnMap, PlacementError, check_place
+from pioneer_gazebo.core.fleet import DrawnMap, PlacementError, check_place, initial_pose
 
 MAPS = Path(__file__).parents[2] / "map"
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from fake_engine import FakeEngine
 
+from pioneer_gazebo.core.actor import Wrench
 from pioneer_gazebo.core.body import body_from_robot, lowest_points
 from pioneer_gazebo.core.drive import CommandError
 from pioneer_gazebo.core.engine import Engine, EngineError, Physics, Velocity
@@ -16,7 +17,6 @@ from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.schedule import TICK_RATE, RateError
 from pioneer_gazebo.core.simulation import Simulation
 from pioneer_gazebo.core.world import Collision, Cylinder, Link, Model, Sphere, World
-from pioneer_gazebo.core.wrench import Wrench
 
 
 def no_mesh(mesh: object) -> None:
@@ -140,9 +140,9 @@ def test_a_static_model_is_not_an_entity_and_the_error_names_it(
     with pytest.raises(ModelError, match="wall is static"):
         simulation.entity("wall")
     simulation.place("wall", Pose((1.0, 0.0, 0.5)))
-    assert simulation.standing("wall").pose.position == (1.0, 0.0, 0.5)
+    assert simulation.standing["wall"].pose.position == (1.0, 0.0, 0.5)
     simulation.reset_poses()
-    assert simulation.standing("wall").pose.position == (0.0, 0.0, 0.5)
+    assert simulation.standing["wall"].pose.position == (0.0, 0.0, 0.5)
 
 
 def test_a_command_acts_from_the_first_step_that_begins_after_it_however_late_that_is_worked_out(

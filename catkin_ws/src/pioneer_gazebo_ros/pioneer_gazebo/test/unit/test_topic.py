@@ -9,7 +9,7 @@ import pytest
 import rospy
 
 from pioneer_gazebo.nodes.mailbox import ClosedError, Mailbox
-from pioneer_gazebo.nodes.pace import MOST_BEHIND, Pacer
+from pioneer_gazebo.nodes.timeline import MOST_BEHIND, Pacer
 from pioneer_gazebo.nodes.topic import FRAMES_KEPT, _bear_late_goodbyes, _Outlet, publish_while_alive
 
 

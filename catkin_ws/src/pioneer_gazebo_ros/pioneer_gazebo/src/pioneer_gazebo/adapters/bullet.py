@@ -1,17 +1,53 @@
 """The physics engine: implements core's `Engine` with pybullet, headless or with its viewer."""
 
+import os
+import socket
 from collections.abc import Sequence
 from typing import Any
 
-from pioneer_gazebo.adapters.bullet_body import ALL, GROUND, STANDING, Made, make_body
-from pioneer_gazebo.adapters.bullet_carrier import carriers
-from pioneer_gazebo.adapters.bullet_shape import MeshShapes, batches, standing_body
-from pioneer_gazebo.adapters.bullet_window import client_with_window
+from pioneer_gazebo.adapters.bullet_body import Made, make_body
+from pioneer_gazebo.adapters.bullet_shape import ALL, GROUND, STANDING, MeshShapes, batches, carriers, standing_body
 from pioneer_gazebo.adapters.quiet_pybullet import pybullet
 from pioneer_gazebo.core.body import Body
 from pioneer_gazebo.core.engine import Contact, EngineError, Physics, Velocity
 from pioneer_gazebo.core.pose import Pose, Vector, opposite, rotated
 from pioneer_gazebo.core.world import PlacedCollision
+
+
+def client_with_window() -> int:
+    """Returns a pybullet physics client with a viewer.
+
+    Raises:
+        EngineError: the display does not respond. This is checked first, as pybullet would end the whole process.
+    """
+    name = os.environ.get("DISPLAY", "")
+    if not display_answers(name):
+        raise EngineError(f"gui: a window needs a display, and none answers at DISPLAY={name!r}")
+    client = pybullet.connect(pybullet.GUI)
+    if client < 0:
+        raise EngineError(f"gui: pybullet cannot open its window at {name}; does the display support OpenGL 3?")
+    for option in (pybullet.COV_ENABLE_GUI, pybullet.COV_ENABLE_KEYBOARD_SHORTCUTS):
+        pybullet.configureDebugVisualizer(option, 0, physicsClientId=client)
+    pybullet.resetDebugVisualizerCamera(12.0, 0.0, -60.0, (0.0, 0.0, 0.0), physicsClientId=client)
+    return client
+
+
+def display_answers(name: str) -> bool:
+    """Returns whether an X server listens at ``name`` (``:0``, ``host:10.0``)."""
+    host, colon, rest = name.rpartition(":")
+    number = rest.partition(".")[0]
+    if not (colon and number.isdigit()):
+        return False
+    try:
+        if host in ("", "unix"):
+            with socket.socket(socket.AF_UNIX) as local:
+                local.connect(f"/tmp/.X11-unix/X{number}")
+        else:
+            socket.create_connection((host, 6000 + int(number)), timeout=2.0).close()
+    except OSError:
+        return False
+    return True
+
 
 _BOTH_WANT = 0
 """Filter mode: bodies collide if each one's mask contains the other's group; by default pybullet needs only one."""

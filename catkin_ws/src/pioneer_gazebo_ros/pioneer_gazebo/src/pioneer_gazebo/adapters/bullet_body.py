@@ -5,16 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pioneer_gazebo.adapters.bullet_shape import FRICTION_AT_MOST, compound, packs
+from pioneer_gazebo.adapters.bullet_shape import ALL, FRICTION_AT_MOST, GROUND, ROLLING, STANDING, compound, packs
 from pioneer_gazebo.adapters.quiet_pybullet import pybullet
 from pioneer_gazebo.core import joint as kinds
 from pioneer_gazebo.core.body import LEAST_MASS, Body, Part
 from pioneer_gazebo.core.engine import EngineError
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.world import Inertia
-
-# Collision groups that Bullet does not assign itself: it puts every static body, walls included, into group 2.
-STANDING, GROUND, ROLLING, ALL = 2, 64, 128, -1
 
 _SLIGHT = Inertia(1e-6, 1e-6, 1e-6)
 _KINDS = {
@@ -43,7 +40,7 @@ def make_body(body: Body, pose: Pose, client: int) -> tuple[int, Made]:
         EngineError: pybullet rejects it.
     """
     parts, hosts = spread(body.parts)
-    shapes = [compound([(t.collision, t.collision.pose) for t in p.touches], True, client) for p in parts]
+    shapes = [compound([(t.collision, t.collision.pose) for t in p.touches], client) for p in parts]
     base, links = parts[0], parts[1:]
     handle = pybullet.createMultiBody(
         baseMass=base.mass,

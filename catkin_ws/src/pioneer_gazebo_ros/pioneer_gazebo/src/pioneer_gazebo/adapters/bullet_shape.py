@@ -1,6 +1,7 @@
 """Collision shapes in pybullet: individual ones for bodies, batches for the static world."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,9 +10,12 @@ from numpy.typing import NDArray
 from pioneer_gazebo.adapters.mesh import hull_of_mesh, solid_of_mesh, version
 from pioneer_gazebo.adapters.quiet_pybullet import pybullet
 from pioneer_gazebo.core.engine import EngineError
-from pioneer_gazebo.core.pose import IDENTITY, Pose
+from pioneer_gazebo.core.pose import IDENTITY, Pose, conjugate, rotated
 from pioneer_gazebo.core.wheel import Touch
-from pioneer_gazebo.core.world import Box, Collision, Cylinder, Mesh, PlacedCollision, Plane, Sphere
+from pioneer_gazebo.core.world import Box, Collision, Cylinder, Mesh, PlacedCollision, Plane, Shape, Sphere
+
+# Collision groups that Bullet does not assign itself: it puts every static body, walls included, into group 2.
+STANDING, GROUND, ROLLING, ALL = 2, 64, 128, -1
 
 SHAPES_AT_MOST = 16
 """Maximum number of shapes in a pybullet compound; it drops further ones silently."""
@@ -55,44 +59,35 @@ def packs(touches: Sequence[Touch]) -> list[list[Touch]]:
     return [others[start : start + SHAPES_AT_MOST] for start in range(0, len(others), SHAPES_AT_MOST)] + alone
 
 
-def compound(shapes: Sequence[tuple[Collision, Pose]], moving: bool, client: int) -> int:
-    """Returns a pybullet collision shape of all ``shapes``; -1 for none.
+def compound(shapes: Sequence[tuple[Collision, Pose]], client: int) -> int:
+    """Returns a pybullet collision shape of ``shapes`` (see `packs`), of which a mesh becomes its hull; -1 for none.
 
     Args:
         shapes: each with its pose in the part or body.
-        moving: whether a mesh becomes its convex hull; otherwise it stays concave.
         client: pybullet's physics client.
 
     Raises:
-        EngineError: pybullet rejects a shape, or a mesh is one of several.
+        EngineError: pybullet rejects a shape.
     """
     if not shapes:
         return -1
-    if len(shapes) > SHAPES_AT_MOST:
-        raise EngineError(f"a link has {len(shapes)} collision shapes; at most {SHAPES_AT_MOST} are supported")
     try:
-        if any(isinstance(collision.shape, Mesh | Plane) for collision, _ in shapes):
-            return _lone(shapes, moving, client)
+        if isinstance(shapes[0][0].shape, Mesh | Plane):
+            return _lone(shapes[0][0].shape, shapes[0][1], client)
         return _array(shapes, client)
     except pybullet.error as error:
         names = ", ".join(collision.name for collision, _ in shapes)
         raise EngineError(f"the physics engine refuses the collision shape of {names}: {error}") from error
 
 
-def _lone(shapes: Sequence[tuple[Collision, Pose]], moving: bool, client: int) -> int:
-    if len(shapes) > 1:
-        raise EngineError(f"collision {shapes[0][0].name}: a mesh or plane has to be the only shape of its link")
-    collision, pose = shapes[0]
-    options: dict[str, Any] = {"collisionFramePosition": pose.position, "collisionFrameOrientation": pose.rotation}
-    if isinstance(collision.shape, Plane):
-        return pybullet.createCollisionShape(
-            pybullet.GEOM_PLANE, planeNormal=collision.shape.normal, physicsClientId=client, **options
-        )
-    assert isinstance(collision.shape, Mesh)
-    assert moving, "standing meshes are MeshShapes"
-    corners = hull_of_mesh(collision.shape)
+def _lone(shape: Mesh | Plane, pose: Pose, client: int) -> int:
+    options: dict[str, Any] = (
+        {"shapeType": pybullet.GEOM_PLANE, "planeNormal": shape.normal}
+        if isinstance(shape, Plane)
+        else {"shapeType": pybullet.GEOM_MESH, "vertices": hull_of_mesh(shape).tolist()}
+    )
     return pybullet.createCollisionShape(
-        pybullet.GEOM_MESH, vertices=corners.tolist(), physicsClientId=client, **options
+        collisionFramePosition=pose.position, collisionFrameOrientation=pose.rotation, physicsClientId=client, **options
     )
 
 
@@ -131,13 +126,7 @@ class MeshShapes:
 
 
 def _array(shapes: Sequence[tuple[Collision, Pose]], client: int) -> int:
-    kinds, radii, halves, lengths = [], [], [], []
-    for collision, _ in shapes:
-        kind, radius, half, length = _primitive(collision)
-        kinds.append(kind)
-        radii.append(radius)
-        halves.append(half)
-        lengths.append(length)
+    kinds, radii, halves, lengths = zip(*(_primitive(collision.shape) for collision, _ in shapes), strict=True)
     return pybullet.createCollisionShapeArray(
         shapeTypes=kinds,
         radii=radii,
@@ -149,17 +138,16 @@ def _array(shapes: Sequence[tuple[Collision, Pose]], client: int) -> int:
     )
 
 
-def _primitive(collision: Collision) -> tuple[int, float, list[float], float]:
+def _primitive(shape: Shape) -> tuple[int, float, list[float], float]:
     """Returns pybullet's shape type, radius, half extents and length."""
-    match collision.shape:
+    match shape:
         case Box(size=size):
             return pybullet.GEOM_BOX, 0.0, [side / 2 for side in size], 0.0
         case Cylinder(radius=radius, length=length):
             return pybullet.GEOM_CYLINDER, radius, [0.0] * 3, length
         case Sphere(radius=radius):
             return pybullet.GEOM_SPHERE, radius, [0.0] * 3, 0.0
-        case shape:
-            raise EngineError(f"collision {collision.name}: {type(shape).__name__} cannot be one of several shapes")
+    raise AssertionError(f"{shape} is never one of several shapes")
 
 
 def standing_body(batch: Sequence[PlacedCollision], meshes: MeshShapes) -> int:
@@ -172,7 +160,7 @@ def standing_body(batch: Sequence[PlacedCollision], meshes: MeshShapes) -> int:
     base, mesh = batch[0].pose if alone else IDENTITY, batch[0].collision.shape
     if isinstance(mesh, Mesh):
         return fixed_body(meshes.of(mesh), base, batch[0].collision, meshes.client)
-    shape = compound([(one.collision, IDENTITY if alone else one.pose) for one in batch], False, meshes.client)
+    shape = compound([(one.collision, IDENTITY if alone else one.pose) for one in batch], meshes.client)
     return fixed_body(shape, base, batch[0].collision, meshes.client)
 
 
@@ -185,3 +173,46 @@ def fixed_body(shape: int, base: Pose, surface: Collision, client: int) -> int:
     friction = min(surface.friction, FRICTION_AT_MOST)
     pybullet.changeDynamics(body, -1, lateralFriction=friction, restitution=surface.restitution, physicsClientId=client)
     return body
+
+
+THICKNESS = 0.02
+"""Thickness of a slab [m]."""
+
+NARROWEST = 0.2
+"""Minimum width of a top that carries wheels [m]."""
+
+UPRIGHT = 0.9
+
+
+def carriers(placed: Sequence[PlacedCollision], meshes: MeshShapes) -> list[int]:
+    """Creates fixed bodies for all tops; returns their pybullet handles."""
+    slabs = [slab for one in placed if (slab := _slab(one)) is not None]
+    made = [standing_body(batch, meshes) for batch in batches(slabs)]
+    for one in placed:
+        if isinstance(one.collision.shape, Mesh):
+            shape = meshes.of(one.collision.shape, one.pose.matrix()[2, :3])
+            if shape >= 0:
+                made.append(fixed_body(shape, one.pose, one.collision, meshes.client))
+    for body in made:
+        pybullet.setCollisionFilterGroupMask(body, -1, GROUND, ROLLING, physicsClientId=meshes.client)
+    return made
+
+
+def _slab(one: PlacedCollision) -> PlacedCollision | None:
+    """Returns the top of a box or upright cylinder; None for other shapes and for tops that are too narrow."""
+    shape = one.collision.shape
+    up = rotated(conjugate(one.pose.rotation), (0.0, 0.0, 1.0))
+    if isinstance(shape, Box):
+        axis, size = max(range(3), key=lambda index: abs(up[index])), list(shape.size)
+    elif isinstance(shape, Cylinder) and abs(up[2]) >= UPRIGHT:
+        axis, size = 2, [2 * shape.radius, 2 * shape.radius, shape.length]
+    else:
+        return None
+    if min(size[:axis] + size[axis + 1 :]) < NARROWEST:
+        return None
+    height, size[axis] = size[axis], min(THICKNESS, size[axis])
+    top = Box((size[0], size[1], size[2])) if isinstance(shape, Box) else Cylinder(shape.radius, size[2])
+    offset = [0.0, 0.0, 0.0]
+    offset[axis] = (height - size[axis]) / 2 * (1.0 if up[axis] > 0 else -1.0)
+    pose = one.pose.compose(Pose((offset[0], offset[1], offset[2])))
+    return replace(one, collision=replace(one.collision, shape=top), pose=pose)

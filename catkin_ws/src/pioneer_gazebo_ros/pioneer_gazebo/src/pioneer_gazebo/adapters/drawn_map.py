@@ -6,7 +6,7 @@ from pathlib import Path
 import yaml
 
 from pioneer_gazebo.core.error import DescriptionError
-from pioneer_gazebo.core.placement import DrawnMap
+from pioneer_gazebo.core.fleet import DrawnMap
 
 
 def read_map(path: Path) -> DrawnMap | None:

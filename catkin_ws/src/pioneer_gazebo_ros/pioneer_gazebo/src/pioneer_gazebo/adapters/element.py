@@ -23,10 +23,6 @@ class Notes:
         """Adds ``line`` unless already present."""
         self._lines.setdefault(line)
 
-    def ignored(self, error: DescriptionError) -> None:
-        """Adds the error for which an element is ignored."""
-        self.add(f"{error}; it is ignored")
-
     def lines(self) -> tuple[str, ...]:
         """Returns all lines."""
         return tuple(self._lines)
@@ -101,17 +97,11 @@ class Element:
             if not tags or node.tag in tags:
                 yield Element(node, self.source)
 
-    def child(self, tag: str) -> "Element | None":
-        """Returns the first child with this tag, or None."""
-        return next(self.children(tag), None)
-
-    def at(self, *tags: str) -> "Element | None":
-        """Returns the descendant at the path ``tags``, or None."""
+    def child(self, path: str) -> "Element | None":
+        """Returns the first child with this tag, or the descendant at a path such as ``clip/near``; None if absent."""
         found: Element | None = self
-        for tag in tags:
-            if found is None:
-                return None
-            found = found.child(tag)
+        for tag in path.split("/"):
+            found = None if found is None else next(found.children(tag), None)
         return found
 
     def needed(self, tag: str) -> "Element":
@@ -178,9 +168,9 @@ class Element:
             raise self.needed(tag).error(f"must be above 0, not {value:g}")
         return value
 
-    def integer(self, tag: str, default: int | None = None) -> int:
-        """Returns the integer in child ``tag``, or ``default`` if there is no such child."""
-        value = self.number(tag, None if default is None else float(default))
+    def integer(self, tag: str) -> int:
+        """Returns the integer in child ``tag``."""
+        value = self.number(tag)
         if value != int(value):
             raise self.needed(tag).error(f"must be a whole number, not {value:g}")
         return int(value)

@@ -4,16 +4,19 @@ Parsed and reduced meshes are cached in memory; files that are slow to read also
 """
 
 import functools
+import hashlib
 import itertools
+import math
 import os
+import tempfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
+from lxml import etree
+from numpy.typing import NDArray
 
-from pioneer_gazebo.adapters.collada import triangles_from_collada
-from pioneer_gazebo.adapters.file import content_of
-from pioneer_gazebo.adapters.mesh_cache import cached
+from pioneer_gazebo.adapters.resource import content_of
 from pioneer_gazebo.core.error import DescriptionError
 from pioneer_gazebo.core.facet import Points, Triangles, hull_points, reduced
 from pioneer_gazebo.core.world import Link, Mesh
@@ -42,7 +45,7 @@ def solid_of_mesh(mesh: Mesh) -> Triangles:
     Raises:
         DescriptionError: see `triangles_of_mesh`.
     """
-    return _reduced(mesh.path, version(mesh.path)) * np.asarray(mesh.scale)
+    return _made(reduced, mesh.path, version(mesh.path)) * np.asarray(mesh.scale)
 
 
 def hull_of_mesh(mesh: Mesh) -> Points:
@@ -51,7 +54,7 @@ def hull_of_mesh(mesh: Mesh) -> Points:
     Raises:
         DescriptionError: see `triangles_of_mesh`.
     """
-    return _hull(mesh.path, version(mesh.path)) * np.asarray(mesh.scale)
+    return _made(hull_points, mesh.path, version(mesh.path)) * np.asarray(mesh.scale)
 
 
 def prepare(links: Iterable[Link], static: bool, report: Callable[[str], None]) -> None:
@@ -74,14 +77,9 @@ def prepare(links: Iterable[Link], static: bool, report: Callable[[str], None]) 
         (solid_of_mesh if static else hull_of_mesh)(shape)
 
 
-@functools.lru_cache(maxsize=MESHES_KEPT)
-def _reduced(path: str, version: tuple[int, int]) -> Triangles:
-    return reduced(_read(path, version))
-
-
-@functools.lru_cache(maxsize=MESHES_KEPT)
-def _hull(path: str, version: tuple[int, int]) -> Points:
-    return hull_points(_read(path, version))
+@functools.lru_cache(maxsize=2 * MESHES_KEPT)
+def _made(make: Callable[[Triangles], Points], path: str, version: tuple[int, int]) -> Points:
+    return make(_read(path, version))
 
 
 def version(path: str) -> tuple[int, int]:
@@ -152,3 +150,150 @@ def _obj_index(word: str, count: int) -> int:
     if not 0 <= index < count:
         raise ValueError(f"a face names corner {word} of {count}")
     return index
+
+
+SLOW = 200_000
+"""Smaller files [bytes] are read in less than 0.1 s and are not cached."""
+
+FORMAT = "1"
+"""Cache format version; increment when a reader's result changes for the same file."""
+
+
+def cached(data: bytes, kind: str, reader: Callable[[bytes], Triangles]) -> Triangles:
+    """Returns ``reader(data)``, from the cache below XDG_CACHE_HOME or ~/.cache if present.
+
+    A cache that cannot be read or written is ignored.
+    """
+    if len(data) < SLOW:
+        return reader(data)
+    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pioneer_gazebo" / "mesh"
+    path = folder / f"{hashlib.sha256(FORMAT.encode() + kind.encode() + data).hexdigest()}.npy"
+    try:
+        found = np.load(path, allow_pickle=False)
+        if found.dtype == np.float64 and found.ndim == 3 and found.shape[1:] == (3, 3):
+            return found
+    except (OSError, ValueError, EOFError):
+        pass  # not cached yet, or incomplete: written below
+    made = reader(data)
+    _write(path, made)
+    return made
+
+
+def _write(path: Path, triangles: Triangles) -> None:
+    """Writes a cache file atomically."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
+            np.save(file, triangles, allow_pickle=False)
+        os.replace(file.name, path)
+    except OSError:
+        return  # read-only or full disk: the mesh is read again next time
+
+
+def triangles_from_collada(data: bytes) -> Triangles:
+    """Returns all triangles of the scene in metres, shape (n, 3, 3), in the document's axes.
+
+    ``<up_axis>`` is ignored, as in Gazebo classic; models are designed to stand upright without it.
+
+    Raises:
+        ValueError: the document is malformed or contains no triangles.
+    """
+    try:
+        root = etree.fromstring(data, etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True))
+    except etree.XMLSyntaxError as error:
+        raise ValueError(f"not well-formed XML: {error.msg}") from None
+    geometries = {node.get("id"): _geometry(node) for node in root.iterfind(".//{*}geometry")}
+    nodes = {node.get("id"): node for node in root.iterfind(".//{*}node") if node.get("id")}
+    parts: list[Triangles] = []
+    for scene in root.iterfind(".//{*}visual_scene"):
+        for node in scene.iterfind("{*}node"):
+            _collect(node, np.eye(4), geometries, nodes, parts, ())
+    if not parts:
+        raise ValueError("the scene holds no triangles")
+    unit = root.find("{*}asset/{*}unit")
+    scale = float(unit.get("meter", "1")) if unit is not None else 1.0
+    return np.concatenate(parts) * scale
+
+
+def _numbers(text: str | None) -> NDArray[np.float64]:
+    return np.array((text or "").split(), dtype=np.float64)
+
+
+def _collect(
+    node: etree._Element,
+    above: NDArray[np.float64],
+    geometries: dict[str, Triangles],
+    nodes: dict[str, etree._Element],
+    parts: list[Triangles],
+    seen: tuple[str, ...],
+) -> None:
+    matrix = above @ _transform(node)
+    for instance in node.iterfind("{*}instance_geometry"):
+        triangles = geometries[(instance.get("url") or "").removeprefix("#")]
+        parts.append(triangles @ matrix[:3, :3].T + matrix[:3, 3])
+    for child in node.iterfind("{*}node"):
+        _collect(child, matrix, geometries, nodes, parts, seen)
+    for instance in node.iterfind("{*}instance_node"):
+        name = (instance.get("url") or "").removeprefix("#")
+        if name in seen:
+            raise ValueError(f"node {name} holds itself")
+        _collect(nodes[name], matrix, geometries, nodes, parts, (*seen, name))
+
+
+def _transform(node: etree._Element) -> NDArray[np.float64]:
+    matrix = np.eye(4)
+    for child in node.iterchildren(tag=etree.Element):
+        kind = etree.QName(child).localname
+        if kind == "matrix":
+            matrix = matrix @ _numbers(child.text).reshape(4, 4)
+        elif kind == "translate":
+            step = np.eye(4)
+            step[:3, 3] = _numbers(child.text)
+            matrix = matrix @ step
+        elif kind == "scale":
+            matrix = matrix @ np.diag([*_numbers(child.text), 1.0])
+        elif kind == "rotate":
+            matrix = matrix @ _rotation(_numbers(child.text))
+    return matrix
+
+
+def _rotation(axis_angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the matrix of a rotation by Rodrigues' formula; the angle is in degrees."""
+    x, y, z = axis_angle[:3] / np.linalg.norm(axis_angle[:3])
+    angle = math.radians(float(axis_angle[3]))
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    result = np.eye(4)
+    result[:3, :3] += math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    return result
+
+
+def _geometry(node: etree._Element) -> Triangles:
+    sources = {source.get("id"): source for source in node.iterfind(".//{*}source")}
+    positions = {
+        vertices.get("id"): (source.get("source") or "").removeprefix("#")
+        for vertices in node.iterfind(".//{*}vertices")
+        for source in vertices.iterfind("{*}input[@semantic='POSITION']")
+    }
+    parts = [np.empty((0, 3, 3))]
+    for kind in ("triangles", "polylist", "polygons"):
+        for primitive in node.iterfind(f".//{{*}}{kind}"):
+            vertex = primitive.find("{*}input[@semantic='VERTEX']")
+            if vertex is None:
+                raise ValueError(f"<{kind}> has no corners")
+            source = sources[positions[(vertex.get("source") or "").removeprefix("#")]]
+            points = _numbers(source.findtext("{*}float_array")).reshape(-1, 3)
+            stride = 1 + max(int(i.get("offset", "0")) for i in primitive.iterfind("{*}input"))
+            parts.append(points[_corner_indices(primitive, kind, stride, int(vertex.get("offset", "0")))])
+    return np.concatenate(parts)
+
+
+def _corner_indices(primitive: etree._Element, kind: str, stride: int, offset: int) -> NDArray[np.intp]:
+    """Returns vertex indices, shape (n, 3); polygons are split into triangle fans."""
+    rows = [_numbers(p.text).astype(np.intp).reshape(-1, stride)[:, offset] for p in primitive.iterfind("{*}p")]
+    if kind == "triangles":
+        return np.concatenate([*rows, np.empty(0, dtype=np.intp)]).reshape(-1, 3)
+    if kind == "polylist":
+        counts = _numbers(primitive.findtext("{*}vcount")).astype(np.intp)
+        rows = np.split(np.concatenate(rows), np.cumsum(counts)[:-1])
+    fans = [(row[0], b, c) for row in rows for b, c in itertools.pairwise(row[1:])]
+    return np.array(fans, dtype=np.intp).reshape(-1, 3)

@@ -134,8 +134,7 @@ def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 def _bounds(walls: Section, shown: Sequence[Shown]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Returns the minimum and maximum x, y [m] of the view, with margins."""
-    parts = [walls.segments[:, :2], walls.segments[:, :2] + walls.segments[:, 2:]]
-    parts += [walls.circles[:, :2] - walls.circles[:, 2:], walls.circles[:, :2] + walls.circles[:, 2:]]
+    parts = [walls.extremes()]
     parts += [np.array([[one.x - 1.0, one.y - 1.0], [one.x + 1.0, one.y + 1.0]]) for one in shown]
     points = np.concatenate(parts)
     if not len(points):

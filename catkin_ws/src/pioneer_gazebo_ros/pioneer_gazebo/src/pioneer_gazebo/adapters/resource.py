@@ -1,13 +1,36 @@
 """Finds worlds, models, meshes and maps on the search paths of the environment and this workspace."""
 
 import os
-from collections.abc import Mapping, Sequence
+import stat
+from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
 import rospkg
 
 from pioneer_gazebo.core.error import DescriptionError
+
+LARGEST = 256 << 20
+"""Maximum file size [bytes]."""
+
+
+def content_of(path: str | Path) -> bytes:
+    """Returns a file's content. Pipes and devices are refused without blocking, since they may never end.
+
+    Raises:
+        DescriptionError: it cannot be read, is not a regular file, or is too large.
+    """
+    try:
+        with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
+            status = os.fstat(file.fileno())
+            if not stat.S_ISREG(status.st_mode):
+                raise DescriptionError(f"{path}: is not a regular file")
+            if status.st_size > LARGEST:
+                raise DescriptionError(f"{path}: {status.st_size >> 20} MiB exceed the limit of {LARGEST >> 20}")
+            return file.read(LARGEST)
+    except OSError as error:
+        raise DescriptionError(f"{path}: cannot be read: {error.strerror}") from None
+
 
 PACKAGE = "pioneer_gazebo"
 
@@ -20,23 +43,19 @@ def package_directory(name: str = PACKAGE) -> Path | None:
         return None
 
 
-def _directories(value: str) -> list[Path]:
-    return [Path(part).expanduser() for part in value.split(os.pathsep) if part]
+def _directories(variable: str) -> list[Path]:
+    """Returns the directories in an environment variable."""
+    return [Path(part).expanduser() for part in os.environ.get(variable, "").split(os.pathsep) if part]
 
 
-def resource_path(environ: Mapping[str, str] = os.environ) -> list[Path]:
-    """Returns the search path for relative paths: GAZEBO_RESOURCE_PATH."""
-    return _directories(environ.get("GAZEBO_RESOURCE_PATH", ""))
-
-
-def model_path(environ: Mapping[str, str] = os.environ) -> list[Path]:
+def model_path() -> list[Path]:
     """Returns the search path for ``model://``: GAZEBO_MODEL_PATH, this package's models, ~/.gazebo/models."""
     here = package_directory()
     own = [here / "models"] if here else []
-    return [*_directories(environ.get("GAZEBO_MODEL_PATH", "")), *own, Path("~/.gazebo/models").expanduser()]
+    return [*_directories("GAZEBO_MODEL_PATH"), *own, Path("~/.gazebo/models").expanduser()]
 
 
-def world_path(name: str, environ: Mapping[str, str] = os.environ) -> Path:
+def world_path(name: str) -> Path:
     """Returns the file of a world given by name (``closed_maze``) or path.
 
     A name is searched in this package's ``worlds``, then in ``worlds`` along GAZEBO_RESOURCE_PATH.
@@ -49,8 +68,7 @@ def world_path(name: str, environ: Mapping[str, str] = os.environ) -> Path:
         return direct.resolve()
     here = package_directory()
     own = [here / "worlds"] if here else []
-    folders = own + [path / "worlds" for path in resource_path(environ)]
-    for folder in folders:
+    for folder in own + [path / "worlds" for path in _directories("GAZEBO_RESOURCE_PATH")]:
         for candidate in (folder / name, folder / f"{name}.world"):
             if candidate.is_file():
                 return candidate.resolve()
@@ -65,9 +83,8 @@ def map_path(world: Path) -> Path:
         world: as returned by ``world_path``.
     """
     here = package_directory()
-    own = here is not None and world.parent == (here / "worlds").resolve()
-    folder = here / "map" if here is not None and own else world.parent
-    return folder / f"{world.stem}.yaml"
+    is_own = here is not None and world.parent == (here / "worlds").resolve()
+    return (here / "map" if here is not None and is_own else world.parent) / f"{world.stem}.yaml"
 
 
 def file_of_uri(uri: str, relative_to: Path, models: Sequence[Path]) -> Path | None:
@@ -92,7 +109,7 @@ def file_of_uri(uri: str, relative_to: Path, models: Sequence[Path]) -> Path | N
     elif scheme == "model":
         candidates = [folder / rest for folder in (*models, relative_to.parent, relative_to.parent.parent)]
     elif scheme == "file":
-        folders = (relative_to, *resource_path(), *models, Path.cwd())
+        folders = (relative_to, *_directories("GAZEBO_RESOURCE_PATH"), *models, Path.cwd())
         candidates = [folder / rest for folder in (*folders, *(folder.parent for folder in folders))]
     else:
         candidates = []

@@ -5,9 +5,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pioneer_gazebo.core.device import RosControl
 from pioneer_gazebo.core.error import DescriptionError
-from pioneer_gazebo.core.robot import Device, DiffDrive, JointStatePublisher, Limits, Robot
+from pioneer_gazebo.core.robot import Device, DiffDrive, JointStatePublisher, Limits, Robot, RosControl
 from pioneer_gazebo.core.world import Cylinder, Link, Model, Sphere
 
 DIFF_DRIVE, JOINT_STATES = "diff_drive_controller/DiffDriveController", "joint_state_controller/JointStateController"

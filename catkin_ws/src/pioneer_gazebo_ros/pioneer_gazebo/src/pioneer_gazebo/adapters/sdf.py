@@ -5,15 +5,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from pioneer_gazebo.adapters.device import Names
 from pioneer_gazebo.adapters.element import Element, Notes
-from pioneer_gazebo.adapters.file import content_of
-from pioneer_gazebo.adapters.plugin import read_plugin
-from pioneer_gazebo.adapters.resource import file_of_uri
+from pioneer_gazebo.adapters.plugin import Names, read_plugin
+from pioneer_gazebo.adapters.resource import content_of, file_of_uri
 from pioneer_gazebo.adapters.sdf_actor import actor_from_sdf
-from pioneer_gazebo.adapters.sdf_frame import Frames
-from pioneer_gazebo.adapters.sdf_joint import joint_from_sdf
-from pioneer_gazebo.adapters.sdf_link import Scope, link_from_sdf
+from pioneer_gazebo.adapters.sdf_link import Frames, Scope, joint_from_sdf, link_from_sdf
 from pioneer_gazebo.adapters.sensor import read_sensor
 from pioneer_gazebo.core.joint import WORLD, Joint, tree_of
 from pioneer_gazebo.core.pose import IDENTITY, Pose
@@ -174,7 +170,7 @@ def _posed_by_frames(model: Model, world: Element, frames: Frames) -> Model:
 
 def _gravity(world: Element) -> tuple[float, float, float]:
     """Returns gravity, which is in ``<world>`` since SDF 1.6 and in its ``<physics>`` before."""
-    for element in (world.child("gravity"), world.at("physics", "gravity")):
+    for element in (world.child("gravity"), world.child("physics/gravity")):
         if element is not None:
             return element.vector()
     return 0.0, 0.0, -9.81

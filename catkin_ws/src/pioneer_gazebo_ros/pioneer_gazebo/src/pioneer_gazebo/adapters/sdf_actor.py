@@ -5,8 +5,7 @@ import itertools
 from pioneer_gazebo.adapters.element import Element
 from pioneer_gazebo.adapters.sdf_link import Scope, link_from_sdf
 from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.script import Script, Trajectory, Waypoint
-from pioneer_gazebo.core.world import Collision, Cylinder, Link, Model, Visual
+from pioneer_gazebo.core.world import Collision, Cylinder, Link, Model, Script, Trajectory, Visual, Waypoint
 
 QUIET = {"pose", "static", "skin", "animation", "script", "link", "joint", "frame", "self_collide", "enable_wind"}
 SCRIPT_QUIET = {"loop", "delay_start", "auto_start", "trajectory"}
@@ -35,7 +34,7 @@ def actor_from_sdf(element: Element, scope: Scope) -> Model:
     script = _script(element, scope)
     if any(link.collisions for link in links):
         return Model(name, pose, links=links, script=script)
-    upright = _upright(script)
+    upright = script.mapped(lambda pose: Pose.from_rpy(*pose.position, yaw=pose.yaw))
     return Model(name, upright.pose(0.0), links=(_person(element, upright),), script=upright)
 
 
@@ -75,18 +74,6 @@ def _waypoint(element: Element) -> Waypoint:
     if time < 0:
         raise element.needed("time").error(f"must not be below 0, not {time:g}")
     return Waypoint(time, element.needed("pose").pose())
-
-
-def _upright(script: Script) -> Script:
-    trajectories = tuple(
-        Trajectory(tuple(Waypoint(point.time, _level(point.pose)) for point in one.waypoints), one.tension)
-        for one in script.trajectories
-    )
-    return Script(trajectories, _level(script.home), script.loop, script.delay_start, script.auto_start)
-
-
-def _level(pose: Pose) -> Pose:
-    return Pose.from_rpy(*pose.position, yaw=pose.yaw)
 
 
 def _person(actor: Element, script: Script) -> Link:

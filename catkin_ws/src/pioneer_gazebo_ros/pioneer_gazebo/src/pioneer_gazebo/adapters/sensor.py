@@ -3,9 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
-from pioneer_gazebo.adapters.device import library_of, note_unread
 from pioneer_gazebo.adapters.element import Element, Notes
-from pioneer_gazebo.adapters.plugin import imu_of
+from pioneer_gazebo.adapters.plugin import imu_of, library_of, note_unread
 from pioneer_gazebo.core.robot import Bumper, Camera, Device, LaserSensor, SonarSensor
 
 QUIET = {"pose", "ray", "camera", "contact", "plugin", "update_rate", "visualize", "always_on", "topic", "imu"}
@@ -73,7 +72,6 @@ def _ray(element: Element) -> tuple[Element, Element, dict[str, Any]]:
 
 def _laser(element: Element, plugin: Element, link: str) -> LaserSensor:
     horizontal, reach, shared = _ray(element)
-    noise = element.needed("ray").child("noise")
     lowest, highest = horizontal.number("min_angle"), horizontal.number("max_angle")
     if lowest > highest:
         raise horizontal.error(f"min_angle {lowest:g} is above max_angle {highest:g}")
@@ -83,8 +81,8 @@ def _laser(element: Element, plugin: Element, link: str) -> LaserSensor:
         min_angle=lowest,
         max_angle=highest,
         resolution=reach.number("resolution", 0.0),
-        noise_mean=0.0 if noise is None else noise.number("mean", 0.0),
-        noise_stddev=0.0 if noise is None else noise.number("stddev", 0.0),
+        noise_mean=element.number("ray/noise/mean", 0.0),
+        noise_stddev=element.number("ray/noise/stddev", 0.0),
         topic=plugin.word("topicName", _remapped(plugin) or "base_scan"),
         frame=plugin.word("frameName", plugin.word("frame_name", link)),
     )
@@ -120,7 +118,6 @@ def _camera(element: Element, plugin: Element, link: str) -> Camera:
     width, height = image.integer("width"), image.integer("height")
     if min(width, height) < 1:
         raise image.error(f"width and height must be 1 or more, not {width} and {height}")
-    clip, noise = camera.child("clip"), camera.child("noise")
     pixels = image.word("format", "R8G8B8")
     if pixels not in PIXEL_FORMATS:
         raise image.needed("format").error(f"must be one of {', '.join(PIXEL_FORMATS)}, not {pixels!r}")
@@ -132,10 +129,10 @@ def _camera(element: Element, plugin: Element, link: str) -> Camera:
         horizontal_fov=camera.positive("horizontal_fov", 1.047),
         width=width,
         height=height,
-        near=0.1 if clip is None else clip.positive("near", 0.1),
-        far=100.0 if clip is None else clip.positive("far", 100.0),
+        near=camera.positive("clip/near", 0.1),
+        far=camera.positive("clip/far", 100.0),
         format=pixels,
-        noise_stddev=0.0 if noise is None else noise.number("stddev", 0.0),
+        noise_stddev=camera.number("noise/stddev", 0.0),
         image_topic=plugin.word("imageTopicName", "image_raw"),
         info_topic=plugin.word("cameraInfoTopicName", "camera_info"),
         frame=plugin.word("frameName", link),
@@ -154,11 +151,10 @@ def _depth_topics(element: Element, plugin: Element) -> dict[str, str]:
 
 def _bumper(element: Element, plugin: Element, link: str) -> Bumper:
     common = _common(element, link)
-    contact = element.child("contact")
     return Bumper(
         name=common["name"],
         link=link,
-        collision="" if contact is None else contact.word("collision", ""),
+        collision=element.word("contact/collision", ""),
         bumperTopicName=plugin.word("bumperTopicName", "bumper"),
         frameName=plugin.word("frameName", "map"),
         update_rate=common["update_rate"],

@@ -25,7 +25,7 @@ SKY = (178, 178, 178)
 
 
 class TinyRenderer:
-    """Renders images with pybullet's software renderer."""
+    """Renders images with pybullet's software renderer. Used from one thread."""
 
     def __init__(self, triangles: Triangles) -> None:
         """Opens an empty world; ``triangles`` reads meshes."""
@@ -36,11 +36,20 @@ class TinyRenderer:
         self._movers: dict[Entity, list[tuple[int, int, Pose]]] = {}
 
     def close(self) -> None:
+        """Frees its resources."""
         pybullet.disconnect(self._client)
 
     def picture(
         self, camera: Camera, eye: Pose, standing: Iterable[Model], moving: Iterable[tuple[Entity, list[Pose]]]
     ) -> tuple[Picture, Depth]:
+        """Returns the image and depth seen by ``camera`` from ``eye``, looking along x.
+
+        Args:
+            camera: field of view, image size and clip distances.
+            eye: pose in the world.
+            standing: all static models.
+            moving: all other entities, with the pose of each part.
+        """
         self._show_standing(tuple(standing))
         self._show_moving(dict(moving))
         ahead = eye.transform((1.0, 0.0, 0.0))

@@ -1,22 +1,42 @@
 """Reads robots: URDF with gazebo_ros' ``<gazebo>`` elements, as on ``/robot_description``."""
 
 import dataclasses
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from pioneer_gazebo.adapters.element import Element, Notes
-from pioneer_gazebo.adapters.material import GREY, colour_of_material
+from pioneer_gazebo.adapters.plugin import Names, read_plugin
 from pioneer_gazebo.adapters.resource import file_of_uri
-from pioneer_gazebo.adapters.sdf_link import RADIUS_OF_GYRATION
-from pioneer_gazebo.adapters.urdf_gazebo import Extensions, read_extensions
+from pioneer_gazebo.adapters.sdf_link import GREY, RADIUS_OF_GYRATION, colour_of_material
+from pioneer_gazebo.adapters.sensor import read_sensor
 from pioneer_gazebo.core import joint as kinds
 from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import IDENTITY, Pose
-from pioneer_gazebo.core.robot import Robot
+from pioneer_gazebo.core.robot import Device, Robot
 from pioneer_gazebo.core.world import Box, Collision, Colour, Cylinder, Inertia, Link, Mesh, Shape, Sphere, Visual
 
 KINDS = (kinds.FIXED, kinds.CONTINUOUS, kinds.REVOLUTE, kinds.PRISMATIC, kinds.FLOATING)
 ROBOT_QUIET = {"material", "link", "joint", "gazebo", "transmission"}
 XACRO = "{http://www.ros.org/wiki/xacro}"
+SURFACE_QUIET = {"mu2", "kp", "kd", "fdir1", "minDepth", "maxVel", "maxContacts", "selfCollide", "laserRetro"}
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The surface properties of a link in ``<gazebo reference=LINK>``."""
+
+    friction: float = 1.0
+    colour: Colour | None = None
+
+
+@dataclass
+class Extensions:
+    """Everything in a robot's ``<gazebo>`` elements."""
+
+    surfaces: dict[str, Surface] = field(default_factory=dict)
+    devices: list[Device] = field(default_factory=list)
+    static: bool = False
+    namespace: str = ""
 
 
 def robot_from_urdf(text: str | bytes, source: str = "robot_description") -> Robot:
@@ -86,7 +106,7 @@ def _value(element: Element, name: str, default: float | None = None) -> float:
 def _link(element: Element, materials: dict[str, Colour], extensions: Extensions, notes: Notes) -> Link:
     name = element.attribute("name")
     mass, inertia = _inertial(element.child("inertial"), notes)
-    surface = extensions.surface(name)
+    surface = extensions.surfaces.get(name, Surface())
     collisions = []
     for index, child in enumerate(element.children("collision")):
         shape = _shape(child, notes)
@@ -218,3 +238,53 @@ def _poses_in_root(root: Element, links: dict[str, Link], joints: tuple[Joint, .
             poses[joint.child] = poses[joint.parent].compose(joint.pose)
             pending.remove(joint)
     return poses
+
+
+def read_extensions(root: Element, notes: Notes) -> Extensions:
+    """Returns the content of a ``<robot>``'s ``<gazebo>`` elements; adds unsupported elements to ``notes``.
+
+    Raises:
+        DescriptionError: a value is invalid, or the robot has no link or joint of a given name.
+    """
+    extensions = Extensions()
+    names = Names(*({element.attribute("name") for element in root.children(tag)} for tag in ("link", "joint")))
+    for element in root.children("gazebo"):
+        reference = element.attribute("reference", "")
+        if reference:
+            if reference not in names.joints:
+                names.check(element, "link", reference)
+            _read_reference(element, reference, extensions, names, notes)
+        else:
+            _read_model(element, extensions, names, notes)
+    return extensions
+
+
+def _read_reference(element: Element, link: str, extensions: Extensions, names: Names, notes: Notes) -> None:
+    surface = extensions.surfaces.get(link, Surface())
+    for child in element.children():
+        if child.tag == "sensor":
+            names.check(child, "link", link)
+            extensions.devices += read_sensor(child, link, notes)
+        elif child.tag in ("mu1", "mu"):
+            surface = dataclasses.replace(surface, friction=child.numbers(1, _said(child))[0])
+        elif child.tag == "material":
+            surface = dataclasses.replace(surface, colour=colour_of_material(_said(child)))
+        elif child.tag not in SURFACE_QUIET:
+            notes.add(f"<{child.tag}> in <gazebo reference> is not supported and ignored")
+    extensions.surfaces[link] = surface
+
+
+def _said(element: Element) -> str:
+    """Returns an element's value: URDF parsers accept ``<mu1>1</mu1>`` and ``<mu1 value="1"/>``."""
+    return element.attribute("value", element.text)
+
+
+def _read_model(element: Element, extensions: Extensions, names: Names, notes: Notes) -> None:
+    for child in element.children():
+        if child.tag == "static":
+            extensions.static = child.truth(_said(child))
+        elif child.tag == "plugin":
+            extensions.devices += read_plugin(child, names, notes)
+            extensions.namespace = extensions.namespace or child.word("robotNamespace", "").strip("/")
+        else:
+            notes.add(f"<{child.tag}> in <gazebo> is not supported and ignored")

@@ -1,12 +1,13 @@
-"""Moves scripted models in the engine along their scripts, regardless of obstacles."""
+"""Moves scripted models along their scripts, regardless of obstacles, and pushes bodies by forces and torques."""
 
 import math
+from dataclasses import dataclass
 
 from pioneer_gazebo.core.engine import STILL, Engine, Velocity
 from pioneer_gazebo.core.entity import Entity
-from pioneer_gazebo.core.pose import Pose
+from pioneer_gazebo.core.pose import Pose, Vector
 from pioneer_gazebo.core.schedule import TICK_RATE
-from pioneer_gazebo.core.script import Script
+from pioneer_gazebo.core.world import Script
 
 FASTEST = 10.0
 """Faster script motion [m/s], such as from its end back to its start, is a jump: the model pushes nothing away."""
@@ -61,3 +62,42 @@ def velocity_between(a: Pose, b: Pose, seconds: float) -> Velocity:
     turn = Pose(rotation=b.rotation).compose(Pose(rotation=a.rotation).inverse()).rotation
     rate = math.copysign(2.0 / seconds, turn[3])
     return Velocity((x, y, z), (rate * turn[0], rate * turn[1], rate * turn[2]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Wrench:
+    """A force [N] at a point of a part and a torque [N m], in the world's axes, from one tick to another."""
+
+    entity: Entity
+    part: int
+    force: Vector
+    torque: Vector
+    point: Vector
+    first: int
+    last: float
+
+
+class Wrenches:
+    """All active and pending wrenches."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._wrenches: list[Wrench] = []
+
+    def add(self, wrench: Wrench) -> None:
+        """Adds a wrench."""
+        self._wrenches.append(wrench)
+
+    def clear(self, entity: Entity | None = None, part: int | None = None) -> None:
+        """Ends all wrenches, those on an entity, or those on one of its parts."""
+        self._wrenches = [
+            one for one in self._wrenches if not (entity in (None, one.entity) and part in (None, one.part))
+        ]
+
+    def push(self, tick: int) -> None:
+        """Applies the active wrenches to the step that begins at ``tick``, and removes those that have ended."""
+        if self._wrenches:
+            self._wrenches = [one for one in self._wrenches if one.last > tick]
+        for one in self._wrenches:
+            if one.first <= tick:
+                self._engine.push(one.entity.handle, one.part, one.force, one.torque, one.point)

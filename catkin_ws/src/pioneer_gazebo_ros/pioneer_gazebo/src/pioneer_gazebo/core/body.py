@@ -4,18 +4,16 @@ As in Gazebo, a link behind a fixed joint is merged into its parent link, with i
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pioneer_gazebo.core import joint as kinds
-from pioneer_gazebo.core.device import PlanarMove
 from pioneer_gazebo.core.error import DescriptionError
 from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
-from pioneer_gazebo.core.robot import DiffDrive, Robot
+from pioneer_gazebo.core.robot import DiffDrive, PlanarMove, Robot
 from pioneer_gazebo.core.section import Triangles
 from pioneer_gazebo.core.wheel import Touch, as_balls, is_wheel
 from pioneer_gazebo.core.world import Box, Collision, Cylinder, Inertia, Link, Mesh, Model, Plane, Shape, Sphere, Visual
@@ -27,6 +25,9 @@ LED_MASS = 1e5
 """Mass of a scripted (led) body [kg], large enough that nothing it collides with slows it down."""
 
 LED_INERTIA = Inertia(LED_MASS, LED_MASS, LED_MASS)
+
+_LEAST_MOMENT = 0.4 * LEAST_MASS * 0.05**2
+"""Moment of inertia of a ball of the minimum mass [kg m²]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +64,19 @@ class Body:
                     return index, pose
         raise KeyError(link)
 
+    def frames(self, base: Pose = IDENTITY) -> list[Pose]:
+        """Returns the pose of each part's frame with the base at ``base`` and all joints at 0."""
+        frames: list[Pose] = []
+        for part in self.parts:
+            frames.append(base if part.joint is None else frames[part.parent].compose(part.joint.pose))
+        return frames
+
+    def placed(self, base: Pose = IDENTITY) -> Iterator[tuple[Touch, Pose]]:
+        """Yields each shape with its pose, as for `frames`."""
+        for part, frame in zip(self.parts, self.frames(base), strict=True):
+            for touch in part.touches:
+                yield touch, frame.compose(touch.collision.pose)
+
     def joint_index(self, joint: str) -> int:
         """Returns the index of the part that ``joint`` moves.
 
@@ -83,11 +97,9 @@ def body_from_model(model: Model, triangles: Triangles) -> Body:
         triangles: reads meshes.
     """
     if model.joints and model.script is None:
-        links = {link.name: link for link in model.links}
         held = Link(kinds.WORLD)
         root = held if any(one.parent == kinds.WORLD for one in model.joints) else model.links[0]
-        groups = _groups(model.name, root, root.pose, links.__getitem__, model.joints)
-        return Body(model.name, _parts(groups, model.joints, _wheels_of(model.devices, triangles)))
+        return Body(model.name, _parts(model, root, root.pose, triangles))
     group = [(link, link.pose) for link in model.links]
     mass, inertia = (LED_MASS, LED_INERTIA) if model.script is not None else _lumped(group)
     touches = tuple(Touch(k.name, _moved(c, k.pose)) for k in model.links for c in k.collisions)
@@ -102,51 +114,28 @@ def body_from_robot(robot: Robot, triangles: Triangles) -> Body:
     Raises:
         DescriptionError: the robot has a floating joint, which is not supported.
     """
-    groups = _groups(robot.name, robot.root, IDENTITY, robot.link, robot.joints)
-    parts = _parts(groups, robot.joints, _wheels_of(robot.devices, triangles), robot.static)
-    return Body(robot.name, _gliding(parts) if robot.of(PlanarMove) else parts)
-
-
-def _gliding(parts: tuple[Part, ...]) -> tuple[Part, ...]:
-    """Returns the parts without friction, so that wheels do not resist a planar-move base."""
-    return tuple(
-        replace(part, touches=tuple(replace(t, collision=replace(t.collision, friction=0.0)) for t in part.touches))
-        for part in parts
-    )
-
-
-def _wheels_of(devices: Iterable[object], triangles: Triangles) -> "_Wheels":
-    """Returns a function that converts wheel parts: driven ones and passive ones."""
-    drives = [device for device in devices if isinstance(device, DiffDrive)]
-    driven = {joint for drive in drives for side in drive.joints() for joint in side}
-
-    def rolling(touches: Sequence[Touch], joint: Joint, parent: Pose) -> _Rolling | None:
-        is_driven = joint.name in driven
-        return as_balls(touches, joint, triangles) if is_driven or is_wheel(touches, joint, parent, triangles) else None
-
-    return rolling
+    parts = _parts(robot, robot.root, IDENTITY, triangles)
+    if robot.of(PlanarMove):
+        # Without friction, wheels do not resist a planar-move base.
+        parts = tuple(
+            replace(part, touches=tuple(replace(t, collision=replace(t.collision, friction=0.0)) for t in part.touches))
+            for part in parts
+        )
+    return Body(robot.name, parts)
 
 
 _Group = list[tuple[Link, Pose]]
 """Links merged into one part, each with its pose in the part."""
 
-_Rolling = tuple[list[Touch], list[Touch]]
-"""A wheel's shapes, and those handed over to its parent."""
 
-_Wheels = Callable[[Sequence[Touch], Joint, Pose], _Rolling | None]
-"""Returns the conversion of a part by its shapes, joint and parent's pose; None if it is not a wheel."""
-
-
-def _parts(
-    groups: list[_Group],
-    joints: Sequence[Joint],
-    rolling: _Wheels,
-    static: bool = False,
-) -> tuple[Part, ...]:
-    """Returns a part for each group; ``rolling`` converts wheels (shapes, joint, parent's pose)."""
+def _parts(owner: Robot | Model, root: Link, at: Pose, triangles: Triangles) -> tuple[Part, ...]:
+    """Returns an owner's parts in the frame in which ``root`` has pose ``at``, its wheels, driven or not, as balls."""
+    groups = _groups(owner, root, at)
+    drives = [device for device in owner.devices if isinstance(device, DiffDrive)]
+    driven = {joint for drive in drives for side in drive.joints() for joint in side}
     index = {group[0][0].name: number for number, group in enumerate(groups)}
     home = {link.name: (index[group[0][0].name], pose) for group in groups for link, pose in group}
-    movable = {joint.child: joint for joint in joints if joint.kind != kinds.FIXED}
+    movable = {joint.child: joint for joint in owner.joints if joint.kind != kinds.FIXED}
     touches: list[list[Touch]] = [[Touch(k.name, _moved(c, p)) for k, p in g for c in k.collisions] for g in groups]
     parts: list[Part] = []
     frames: list[Pose] = []
@@ -156,27 +145,27 @@ def _parts(
         if joint is not None:
             parent, parent_pose = home[joint.parent]
             joint = replace(joint, pose=parent_pose.compose(joint.pose))
-            found = rolling(touches[number], joint, frames[parent])
-            if found is not None:
-                touches[number], drums = found
+            if joint.name in driven or is_wheel(touches[number], joint, frames[parent], triangles):
+                touches[number], drums = as_balls(touches[number], joint, triangles)
                 touches[parent] += drums
         frames.append(IDENTITY if joint is None else frames[parent].compose(joint.pose))
-        held = group[0][0].name == kinds.WORLD or (static and not number)
+        held = group[0][0].name == kinds.WORLD or (owner.static and not number)
         mass, inertia = (0.0, Inertia()) if held else _lumped(group)
         names = tuple((link.name, pose) for link, pose in group if link.name != kinds.WORLD)
         parts.append(Part(group[0][0].name, parent, joint, mass, inertia, (), names, _looks(group)))
     return tuple(replace(p, touches=tuple(t)) for p, t in zip(parts, touches, strict=True))
 
 
-def _groups(name: str, root: Link, at: Pose, link_of: Callable[[str], Link], joints: Iterable[Joint]) -> list[_Group]:
+def _groups(owner: Robot | Model, root: Link, at: Pose) -> list[_Group]:
     """Groups links connected by fixed joints, base first and depth first, with their poses in the part.
 
     A part's frame is that of the joint that moves it; the base's frame is the one in which ``root`` has pose ``at``.
     """
+    links = {link.name: link for link in owner.links}
     children: dict[str, list[Joint]] = {}
-    for joint in joints:
+    for joint in owner.joints:
         if joint.kind == kinds.FLOATING:
-            raise DescriptionError(f"robot {name}: joint {joint.name} is floating, which is not supported")
+            raise DescriptionError(f"robot {owner.name}: joint {joint.name} is floating, which is not supported")
         children.setdefault(joint.parent, []).append(joint)
     groups: list[_Group] = []
     starts = [(root, at)]
@@ -189,9 +178,9 @@ def _groups(name: str, root: Link, at: Pose, link_of: Callable[[str], Link], joi
             group.append((link, pose))
             for joint in children.get(link.name, ()):
                 if joint.kind == kinds.FIXED:
-                    pending.append((link_of(joint.child), pose.compose(joint.pose).compose(joint.offset)))
+                    pending.append((links[joint.child], pose.compose(joint.pose).compose(joint.offset)))
                 else:
-                    behind.append((link_of(joint.child), joint.offset))
+                    behind.append((links[joint.child], joint.offset))
         groups.append(group)
         starts = behind + starts
     return groups
@@ -205,23 +194,20 @@ def _moved(collision: Collision, pose: Pose) -> Collision:
     return replace(collision, pose=pose.compose(collision.pose))
 
 
-def _tensor(inertia: Inertia) -> NDArray[np.float64]:
-    i = inertia
-    return np.array([(i.ixx, i.ixy, i.ixz), (i.ixy, i.iyy, i.iyz), (i.ixz, i.iyz, i.izz)])
-
-
 def _lumped(group: list[tuple[Link, Pose]]) -> tuple[float, Inertia]:
     """Returns the combined mass and principal inertia of rigidly connected links, in the part's frame."""
     heavy = [(link, pose.compose(link.inertia.pose)) for link, pose in group if link.mass > 0]
     mass = sum(link.mass for link, _ in heavy)
     if mass < LEAST_MASS:
-        return LEAST_MASS, _ball_inertia(LEAST_MASS, 0.05)
+        return LEAST_MASS, Inertia(_LEAST_MOMENT, _LEAST_MOMENT, _LEAST_MOMENT)
     centre = sum((link.mass * np.array(at.position) for link, at in heavy), np.zeros(3)) / mass
     tensor = np.zeros((3, 3))
     for link, at in heavy:
         turn = at.matrix()[:3, :3]
         arm = np.array(at.position) - centre
-        tensor += turn @ _tensor(link.inertia) @ turn.T + link.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        i = link.inertia
+        own = np.array([(i.ixx, i.ixy, i.ixz), (i.ixy, i.iyy, i.iyz), (i.ixz, i.iyz, i.izz)])
+        tensor += turn @ own @ turn.T + link.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
     moments, axes = np.linalg.eigh(tensor)
     if np.linalg.det(axes) < 0:
         axes[:, 0] = -axes[:, 0]
@@ -231,24 +217,12 @@ def _lumped(group: list[tuple[Link, Pose]]) -> tuple[float, Inertia]:
     return mass, Inertia(ixx, iyy, izz, pose=Pose.from_matrix(matrix))
 
 
-def _ball_inertia(mass: float, radius: float) -> Inertia:
-    moment = 0.4 * mass * radius * radius
-    return Inertia(moment, moment, moment)
-
-
 def lowest_points(body: Body, pose: Pose, triangles: Triangles) -> list[Vector]:
     """Returns for each shape of the body at ``pose``, joints at 0, its x, y and the z of its lowest point [m]."""
-    frames = [pose]
-    points = []
-    for number, part in enumerate(body.parts):
-        if number:
-            assert part.joint is not None
-            frames.append(frames[part.parent].compose(part.joint.pose))
-        for touch in part.touches:
-            placed = frames[number].compose(touch.collision.pose)
-            x, y, _ = placed.position
-            points.append((x, y, heights(touch.collision.shape, placed, triangles)[0]))
-    return points
+    return [
+        (*placed.position[:2], heights(touch.collision.shape, placed, triangles)[0])
+        for touch, placed in body.placed(pose)
+    ]
 
 
 def heights(shape: Shape, pose: Pose, triangles: Triangles) -> tuple[float, float]:

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from pioneer_gazebo.core.body import Body
 from pioneer_gazebo.core.engine import Physics, Velocity
 from pioneer_gazebo.core.error import BoundError
-from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import Pose, Vector
 from pioneer_gazebo.core.world import Box, Collision, Cylinder, Mesh, PlacedCollision, Sphere
 
@@ -40,31 +39,26 @@ def check_pose(pose: Pose) -> None:
     Raises:
         BoundError: it is not finite, or too far away.
     """
-    _check("position", pose.position, FARTHEST, "m")
-    _check("rotation", pose.rotation, 2.0, "")
+    check("position", pose.position, FARTHEST, "m")
+    check("rotation", pose.rotation, 2.0, "")
 
 
 def check_velocity(velocity: Velocity) -> None:
     """Checks a velocity; raises BoundError if it is not finite or too fast."""
-    _check("velocity", velocity.linear, FASTEST, "m/s")
-    _check("turn rate", velocity.angular, FASTEST, "rad/s")
+    check("velocity", velocity.linear, FASTEST, "m/s")
+    check("turn rate", velocity.angular, FASTEST, "rad/s")
 
 
 def check_wrench(force: Vector, torque: Vector, point: Vector) -> None:
     """Checks a force, a torque, and the point of application; raises BoundError."""
-    _check("force", force, STRONGEST, "N")
-    _check("torque", torque, STRONGEST, "N m")
-    _check("point", point, FARTHEST, "m")
-
-
-def check_joint_position(position: float) -> None:
-    """Checks the position of a joint [rad or m]; raises BoundError."""
-    _check("joint position", (position,), FARTHEST, "")
+    check("force", force, STRONGEST, "N")
+    check("torque", torque, STRONGEST, "N m")
+    check("point", point, FARTHEST, "m")
 
 
 def check_physics(physics: Physics) -> None:
     """Checks settings of the engine; raises BoundError."""
-    _check("gravity", physics.gravity, GREATEST_GRAVITY, "m/s²")
+    check("gravity", physics.gravity, GREATEST_GRAVITY, "m/s²")
     if not 1 <= physics.iterations <= MOST_ITERATIONS:
         raise BoundError(f"solver iterations must be 1 … {MOST_ITERATIONS} (got {physics.iterations})")
 
@@ -78,13 +72,15 @@ def check_body(body: Body) -> None:
     for part in body.parts:
         inertia = part.inertia
         try:
-            _check("mass", (part.mass,), HEAVIEST, "kg")
-            _check("inertia", (inertia.ixx, inertia.iyy, inertia.izz), HEAVIEST, "kg m²")
-            _check("centre of mass", inertia.pose.position, FARTHEST, "m")
+            check("mass", (part.mass,), HEAVIEST, "kg")
+            check("inertia", (inertia.ixx, inertia.iyy, inertia.izz), HEAVIEST, "kg m²")
+            check("centre of mass", inertia.pose.position, FARTHEST, "m")
             for touch in part.touches:
                 _check_collision(touch.collision)
             if part.joint is not None:
-                _check_joint(part.joint)
+                joint = part.joint
+                check("position of a joint", joint.pose.position, FARTHEST, "m")
+                check("damping and friction", (joint.damping, joint.friction), STRONGEST, "")
         except BoundError as error:
             raise BoundError(f"{body.name}, link {part.name}: {error}") from None
 
@@ -107,8 +103,8 @@ def is_sound(pose: Pose) -> bool:
 
 
 def _check_collision(collision: Collision) -> None:
-    _check("position of a shape", collision.pose.position, FARTHEST, "m")
-    _check("friction and restitution", (collision.friction, collision.restitution), FARTHEST, "")
+    check("position of a shape", collision.pose.position, FARTHEST, "m")
+    check("friction and restitution", (collision.friction, collision.restitution), FARTHEST, "")
     shape = collision.shape
     sizes: tuple[float, ...] = ()
     if isinstance(shape, Box):
@@ -124,12 +120,8 @@ def _check_collision(collision: Collision) -> None:
         raise BoundError(f"size of collision {collision.name} must be {SMALLEST:g} … {LARGEST:g} (got {words})")
 
 
-def _check_joint(joint: Joint) -> None:
-    _check("position of a joint", joint.pose.position, FARTHEST, "m")
-    _check("damping and friction", (joint.damping, joint.friction), STRONGEST, "")
-
-
-def _check(what: str, values: Iterable[float], most: float, unit: str) -> None:
+def check(what: str, values: Iterable[float], most: float, unit: str) -> None:
+    """Checks that values are finite and at most ``most`` [unit]; raises BoundError."""
     values = tuple(values)
     if not all(math.isfinite(value) and abs(value) <= most for value in values):
         words = " ".join(f"{value:g}" for value in values)

@@ -1,42 +1,18 @@
-"""Camera model: pinhole intrinsics, depth to points, noise, and the renderer interface."""
+"""Camera model: pinhole intrinsics, depth to points, noise."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pioneer_gazebo.core.entity import Entity
-from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.robot import Camera
-from pioneer_gazebo.core.world import Model
 
 Picture = NDArray[np.uint8]
 """Shape (height, width, 3): red, green, blue; row 0 is the top."""
 
 Depth = NDArray[np.float32]
 """Shape (height, width) [m]: depth along the camera's axis; +inf for no hit within range."""
-
-
-class Renderer(Protocol):
-    """Renders the world. Used from one thread."""
-
-    def picture(
-        self, camera: Camera, eye: Pose, standing: Iterable[Model], moving: Iterable[tuple[Entity, list[Pose]]]
-    ) -> tuple[Picture, Depth]:
-        """Returns the image and depth seen by ``camera`` from ``eye``, looking along x.
-
-        Args:
-            camera: field of view, image size and clip distances.
-            eye: pose in the world.
-            standing: all static models.
-            moving: all other entities, with the pose of each part.
-        """
-
-    def close(self) -> None:
-        """Frees its resources."""
 
 
 @dataclass(frozen=True, slots=True)

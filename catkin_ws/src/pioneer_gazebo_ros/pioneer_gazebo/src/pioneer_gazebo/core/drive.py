@@ -65,13 +65,13 @@ class Drive:
         self.config = config
         self._radius = config.wheelDiameter / 2
         self._scales = left_scale, right_scale
-        self._wanted = self._motion = (0.0, 0.0)
-        self._target = (0.0, 0.0)
-        self._silence = 0.0
-        self._speeds = (0.0, 0.0)
-        self._sent = (0.0, 0.0)
-        self._behind = (0.0, 0.0)
+        self.reset()
+
+    def reset(self) -> None:
+        """Stops the wheels and resets the odometry to the origin."""
+        self._wanted = self._motion = self._target = self._speeds = self._sent = self._behind = (0.0, 0.0)
         self._angles = (0.0, 0.0)
+        self._silence = 0.0
         self.odometry = Odometry()
 
     def command(self, speed: float, turn: float) -> None:
@@ -146,12 +146,6 @@ class Drive:
             was.x + way * math.cos(was.yaw), was.y + way * math.sin(was.yaw),
             math.remainder(was.yaw + turned, math.tau), way / step, turned / step,
         )  # fmt: skip
-
-    def reset(self) -> None:
-        """Stops the wheels and resets the odometry to the origin."""
-        self._wanted = self._motion = self._target = self._speeds = self._sent = self._behind = (0.0, 0.0)
-        self._angles = (0.0, 0.0)
-        self.odometry = Odometry()
 
 
 def _behind(before: float, wanted: float, turned: float) -> float:

@@ -5,14 +5,31 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 
 from pioneer_gazebo.core.body import Body
-from pioneer_gazebo.core.collision import CollisionCounter
-from pioneer_gazebo.core.device import PlanarMove
 from pioneer_gazebo.core.drive import Drive, Odometry, check_motion
 from pioneer_gazebo.core.engine import STILL, Engine, Velocity
 from pioneer_gazebo.core.laser import Laser, generator_for, laser_of_sonar
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Quaternion, heading
-from pioneer_gazebo.core.robot import DiffDrive, LaserSensor, Robot, SonarSensor
-from pioneer_gazebo.core.script import Script
+from pioneer_gazebo.core.robot import DiffDrive, LaserSensor, PlanarMove, Robot, SonarSensor
+from pioneer_gazebo.core.world import Script
+
+GAP = 0.5
+"""A new episode begins after this simulated time [s] without contact."""
+
+
+class CollisionCounter:
+    """Counts the contact episodes of one body."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._last: float | None = None
+
+    def touched(self, time: float) -> bool:
+        """Records a contact at ``time`` [s]; returns whether it began a new episode."""
+        new = self._last is None or time - self._last >= GAP
+        self._last = time
+        self.count += new
+        return new
+
 
 COMMANDS_KEPT = 100
 
@@ -24,7 +41,7 @@ class Driven:
     drive: Drive  #: wheel speeds and odometry
     parts: tuple[int, ...]  #: parts of the left wheels, then of as many right wheels
     torque: float  #: maximum torque per wheel [N m]
-    handle: int = -1  #: of the body in the engine
+    handle: int  #: of the body in the engine
     before: Odometry = field(default_factory=Odometry)  #: odometry before the last step
     #: pending commands: tick, speed [m/s], turn [rad/s]. The newest one counts, so only a few are kept.
     commands: deque[tuple[int, float, float]] = field(default_factory=lambda: deque(maxlen=COMMANDS_KEPT))
@@ -75,41 +92,6 @@ class Mounted:
     laser: Laser  #: casts the beams
     part: int  #: index of the body's part that carries it
     pose: Pose  #: pose in that part
-
-
-def mounted_on(body: Body, name: str, device: LaserSensor | SonarSensor, seed: int) -> Mounted:
-    """Returns the ray sensor ``device`` of the robot ``name``, with its own noise generator."""
-    part, at = body.part_of(device.link)
-    config = laser_of_sonar(device) if isinstance(device, SonarSensor) else device
-    return Mounted(device, Laser(config, generator_for(seed, name, config.name)), part, at.compose(device.pose))
-
-
-def driven_on(body: Body, name: str, config: DiffDrive, seed: int, error: float, scale: float) -> Driven:
-    """Returns a drive of the robot ``name``.
-
-    Args:
-        body: the robot's body.
-        name: the robot's name.
-        config: of the drive.
-        seed: of the errors in the wheel diameters assumed by odometry.
-        error: standard deviation of these errors, relative to the diameter.
-        scale: mean ratio of assumed to true diameter.
-    """
-    errors = generator_for(seed, name, config.name, "odometry").standard_normal(2) * error
-    drive = Drive(config, *(scale * (1.0 + float(error)) for error in errors))
-    left, right = (tuple(body.joint_index(joint) for joint in side) for side in config.joints())
-    is_swapped = config.legacyMode == "true" or (not config.legacyMode and _y(body, left[0]) < _y(body, right[0]))
-    return Driven(drive, right + left if is_swapped else left + right, config.wheelTorque)
-
-
-def _y(body: Body, number: int) -> float:
-    """Returns the y coordinate of a part in the base frame [m], joints at 0."""
-    part = body.parts[number]
-    pose = IDENTITY
-    while part.joint is not None:
-        pose = part.joint.pose.compose(pose)
-        part = body.parts[part.parent]
-    return pose.position[1]
 
 
 @dataclass(slots=True)
@@ -213,12 +195,62 @@ def swinging_parts(entity: Entity) -> list[Swinging]:
     ]
 
 
-def equip(entity: Entity, robot: Robot, seed: int, error: float, scale: float) -> None:
-    """Adds the drives, lasers and sonars of ``robot`` to an entity; seed, error and scale as for `driven_on`."""
-    body, name = entity.body, entity.name
-    entity.drives = [driven_on(body, name, config, seed, error, scale) for config in robot.drives]
-    for driven in entity.drives:
-        driven.handle = entity.handle
+def equip(entity: Entity, seed: int, error: float, scale: float) -> None:
+    """Adds the drives and ray sensors of an entity's robot, if it is one.
+
+    Args:
+        entity: the entity.
+        seed: of the sensors' noise and the errors in the wheel diameters assumed by odometry.
+        error: standard deviation of these errors, relative to the diameter.
+        scale: mean ratio of assumed to true diameter.
+    """
+    if (robot := entity.robot) is None:
+        return
+    body = entity.body
+    frames = body.frames()
+
+    def driven(config: DiffDrive) -> Driven:
+        errors = generator_for(seed, entity.name, config.name, "odometry").standard_normal(2) * error
+        drive = Drive(config, *(scale * (1.0 + float(error)) for error in errors))
+        left, right = (tuple(body.joint_index(joint) for joint in side) for side in config.joints())
+        is_left_right = frames[left[0]].position[1] < frames[right[0]].position[1]
+        is_swapped = config.legacyMode == "true" or (not config.legacyMode and is_left_right)
+        return Driven(drive, right + left if is_swapped else left + right, config.wheelTorque, entity.handle)
+
+    def mounted(device: LaserSensor | SonarSensor) -> Mounted:
+        part, at = body.part_of(device.link)
+        config = laser_of_sonar(device) if isinstance(device, SonarSensor) else device
+        laser = Laser(config, generator_for(seed, entity.name, config.name))
+        return Mounted(device, laser, part, at.compose(device.pose))
+
+    entity.drives = [driven(config) for config in robot.drives]
     entity.movers = [Mover(config) for config in robot.of(PlanarMove)]
-    entity.lasers = [mounted_on(body, name, config, seed) for config in robot.lasers]
-    entity.sonars = [mounted_on(body, name, config, seed) for config in robot.sonars]
+    entity.lasers = [mounted(config) for config in robot.lasers]
+    entity.sonars = [mounted(config) for config in robot.sonars]
+
+
+def control(engine: Engine, entity: Entity, tick: int, step: float) -> None:
+    """Applies the commands an entity received by ``tick`` for the next ``step`` [s]."""
+    for driven in entity.drives:
+        driven.obey(tick)
+    speeds = [driven.drive.wheel_speeds(step) for driven in entity.drives]
+    at_rest = all(driven.drive.at_rest for driven in entity.drives)
+    if entity.movers:
+        at_rest = _move(engine, entity, tick) and at_rest
+    if at_rest != entity.at_rest:
+        entity.at_rest = at_rest
+        engine.rest(entity.handle, at_rest)
+    for driven, wanted in zip(entity.drives, speeds, strict=True):
+        if wanted is not None:
+            driven.turn(engine, wanted)
+
+
+def _move(engine: Engine, entity: Entity, tick: int) -> bool:
+    """Moves a base in the plane; returns whether it is to stand still."""
+    fall = engine.velocity(entity.handle).linear[2]
+    rotation = engine.pose(entity.handle).rotation
+    motions = [mover.obey(tick, rotation, fall) for mover in entity.movers]
+    motion = next((one for one in motions if one is not None), None)
+    if motion is not None or not entity.at_rest:
+        engine.set_velocity(entity.handle, motion or Velocity((0.0, 0.0, fall)))
+    return motion is None

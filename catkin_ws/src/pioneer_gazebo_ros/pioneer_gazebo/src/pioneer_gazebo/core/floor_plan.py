@@ -11,6 +11,7 @@ A drawing has a grid corner every ``4`` characters across and every ``2`` lines 
 Lines ``name: value`` precede the drawing, separated from it by a line ``---``. The top of the drawing is north.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
 from pioneer_gazebo.core.error import DescriptionError
@@ -44,21 +45,13 @@ class FloorPlan:
         """Number of rows and columns of cells."""
         return len(self.rows) // DOWN, max((len(row) for row in self.rows), default=0) // ACROSS
 
-    def _character(self, row: int, col: int) -> str:
-        line = self.rows[row] if row < len(self.rows) else ""
-        return line[col] if col < len(line) else " "
+    def at(self, row: float, col: float) -> str:
+        """Returns the character at a position in cells from the upper left corner; blank outside the drawing.
 
-    def wall_above(self, row: int, col: int) -> bool:
-        """Returns whether a wall runs along the upper side of a cell; ``row`` may be one past the last."""
-        return self._character(row * DOWN, col * ACROSS + ACROSS // 2) == "-"
-
-    def wall_left(self, row: int, col: int) -> bool:
-        """Returns whether a wall runs along the left side of a cell; ``col`` may be one past the last."""
-        return self._character(row * DOWN + 1, col * ACROSS) == "|"
-
-    def content(self, row: int, col: int) -> str:
-        """Returns the character in the middle of a cell: blank, ``o`` or ``#``."""
-        return self._character(row * DOWN + 1, col * ACROSS + ACROSS // 2)
+        The middle of a cell's upper side is (row, col + 0.5), that of its left side (row + 0.5, col).
+        """
+        line = self.rows[int(row * DOWN)] if row * DOWN < len(self.rows) else ""
+        return line[int(col * ACROSS)] if col * ACROSS < len(line) else " "
 
 
 def plan_from_text(text: str, source: str = "plan") -> FloorPlan:
@@ -96,7 +89,7 @@ def world_of_plan(plan: FloorPlan, name: str, ground: Model) -> World:
 
     Collinear adjoining walls become one box, which extends over the corners at its ends.
     """
-    solids = [*_horizontal_walls(plan), *_vertical_walls(plan), *_blocks(plan), *_pillars(plan)]
+    solids = list(_solids(plan))
     if not solids:
         return World(name, (ground,))
     collisions = tuple(Collision(f"collision_{i}", pose, shape) for i, (pose, shape) in enumerate(solids))
@@ -124,45 +117,23 @@ def _runs(flags: list[bool]) -> list[tuple[int, int]]:
     return list(zip(edges[::2], edges[1::2], strict=True))
 
 
-def _horizontal_walls(plan: FloorPlan) -> list[Solid]:
-    rows, cols = plan.cells
-    return [
-        _box(plan, start, rows - row, end, rows - row)
-        for row in range(rows + 1)
-        for start, end in _runs([plan.wall_above(row, col) for col in range(cols)])
-    ]
-
-
-def _vertical_walls(plan: FloorPlan) -> list[Solid]:
-    rows, cols = plan.cells
-    return [
-        _box(plan, col, rows - end, col, rows - start)
-        for col in range(cols + 1)
-        for start, end in _runs([plan.wall_left(row, col) for row in range(rows)])
-    ]
-
-
-def _blocks(plan: FloorPlan) -> list[Solid]:
-    """Returns solid cells, with neighbours in a row merged to one box that ends at the cell borders."""
+def _solids(plan: FloorPlan) -> Iterator[Solid]:
+    """Yields horizontal walls, vertical walls, solid cells and pillars."""
     rows, cols = plan.cells
     m = plan.measures
-    blocks: list[Solid] = []
+    for row in range(rows + 1):
+        for start, end in _runs([plan.at(row, col + 0.5) == "-" for col in range(cols)]):
+            yield _box(plan, start, rows - row, end, rows - row)
+    for col in range(cols + 1):
+        for start, end in _runs([plan.at(row + 0.5, col) == "|" for row in range(rows)]):
+            yield _box(plan, col, rows - end, col, rows - start)
     for row in range(rows):
-        for start, end in _runs([plan.content(row, col) == "#" for col in range(cols)]):
+        # Neighbours in a row become one box that ends at the cell borders.
+        for start, end in _runs([plan.at(row + 0.5, col + 0.5) == "#" for col in range(cols)]):
             pose, _ = _box(plan, start, rows - row - 1, end, rows - row)
-            blocks.append((pose, Box((round((end - start) * m.cell, 6), m.cell, m.height))))
-    return blocks
-
-
-def _pillars(plan: FloorPlan) -> list[Solid]:
-    rows, cols = plan.cells
-    m = plan.measures
-    return [
-        (
-            Pose((round(m.x + (col + 0.5) * m.cell, 6), round(m.y + (rows - row - 0.5) * m.cell, 6), m.height / 2)),
-            Cylinder(m.pillar, m.height),
-        )
-        for row in range(rows)
-        for col in range(cols)
-        if plan.content(row, col) == "o"
-    ]
+            yield pose, Box((round((end - start) * m.cell, 6), m.cell, m.height))
+    for row in range(rows):
+        for col in range(cols):
+            if plan.at(row + 0.5, col + 0.5) == "o":
+                x, y = m.x + (col + 0.5) * m.cell, m.y + (rows - row - 0.5) * m.cell
+                yield Pose((round(x, 6), round(y, 6), m.height / 2)), Cylinder(m.pillar, m.height)

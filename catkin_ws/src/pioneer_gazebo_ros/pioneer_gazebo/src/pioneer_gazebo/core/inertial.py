@@ -1,12 +1,14 @@
-"""Simulates inertial and satellite navigation sensors of a link."""
+"""Simulates sensors of a link's motion: ground truth, inertial unit, satellite receiver."""
 
 import math
 
-from pioneer_gazebo.core.device import Gps, Imu
+import numpy as np
+
 from pioneer_gazebo.core.engine import Velocity
 from pioneer_gazebo.core.entity import Entity
 from pioneer_gazebo.core.laser import generator_for
-from pioneer_gazebo.core.pose import Quaternion, Vector, added, conjugate, opposite, rotated
+from pioneer_gazebo.core.pose import IDENTITY, Pose, Quaternion, Vector, added, conjugate, opposite, rotated
+from pioneer_gazebo.core.robot import Gps, GroundTruth, Imu
 from pioneer_gazebo.core.schedule import TICK_RATE
 from pioneer_gazebo.core.simulation import Simulation
 from pioneer_gazebo.core.state import link_motion
@@ -62,12 +64,36 @@ class Receiver:
         latitude = config.referenceLatitude + math.degrees(north / self._north_radius)
         longitude = config.referenceLongitude - math.degrees(west / self._east_radius)
         altitude = config.referenceAltitude + pose.position[2]
-        return (latitude, longitude, altitude), self._velocity(velocity)
-
-    def _velocity(self, velocity: Velocity) -> Vector:
-        return *self._turned(velocity.linear), velocity.linear[2]
+        return (latitude, longitude, altitude), (*self._turned(velocity.linear), velocity.linear[2])
 
     def _turned(self, vector: Vector) -> tuple[float, float]:
         """Returns a vector's components to north and west."""
         c, s = self._heading
         return c * vector[0] + s * vector[1], -s * vector[0] + c * vector[1]
+
+
+class Truth:
+    """Reports one link's pose and velocity, with the offsets and noise of its configuration."""
+
+    def __init__(self, simulation: Simulation, entity: Entity, config: GroundTruth) -> None:
+        self._simulation, self._entity, self._config = simulation, entity, config
+        self._part, at = entity.body.part_of(config.bodyName)
+        self._is_base = self._part == 0 and at == IDENTITY
+        self._offset = Pose.from_rpy(*config.xyzOffset, *config.rpyOffset)
+        self._noise = generator_for(0, entity.name, config.name)
+
+    def motion(self) -> tuple[Pose, Velocity]:
+        """Returns pose and velocity in the world."""
+        simulation, entity = self._simulation, self._entity
+        if self._is_base:
+            pose, velocity = simulation.pose(entity), simulation.velocity(entity)
+        else:
+            pose, velocity = link_motion(simulation, entity.name, self._config.bodyName)
+        if self._config.gaussianNoise > 0:
+            draws: list[float] = (self._noise.standard_normal(6) * np.float64(self._config.gaussianNoise)).tolist()
+            x, y, z, roll, pitch, yaw = draws
+            velocity = Velocity(added(velocity.linear, (x, y, z)), added(velocity.angular, (roll, pitch, yaw)))
+        if self._offset != IDENTITY:
+            turned = self._offset.compose(Pose(rotation=pose.rotation)).rotation
+            pose = Pose(added(pose.position, self._offset.position), turned)
+        return pose, velocity

@@ -22,7 +22,8 @@ class WallIndex:
     """Immutable grid index of a section of the static world, for ray casts."""
 
     def __init__(self, section: Section, cell: float = CELL) -> None:
-        low, high = _bounds(section)
+        points = section.extremes()
+        low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
         span = np.maximum(high - low, cell)
         side = max(cell, math.sqrt(float(span[0] * span[1]) / CELLS_AT_MOST))
         cols, rows = (int((s + 2e-3) / side) + 1 for s in span)
@@ -36,22 +37,8 @@ class WallIndex:
         kernel.fill_items(self._walls, self._starts[:-1].copy(), self._items)
 
     def cast(self, sensor: Sensor, fan: Fan, out: NDArray[np.float64]) -> None:
-        """Writes each beam's distance [m] to ``out``; ``fan.reach`` for no hit.
-
-        Args:
-            sensor: in the section's frame.
-            fan: the beams.
-            out: float64, one value per beam.
-        """
+        """Writes each beam's distance [m] to ``out``, one value per beam; ``sensor`` is in the section's frame."""
         kernel.cast(self._walls, self._starts, self._items, sensor, fan, out)
-
-
-def _bounds(section: Section) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the minimum and maximum x, y [m] of a section; the origin for an empty one."""
-    corners = [section.segments[:, :2], section.segments[:, :2] + section.segments[:, 2:]]
-    corners += [section.circles[:, :2] - section.circles[:, 2:], section.circles[:, :2] + section.circles[:, 2:]]
-    points = np.concatenate(corners)
-    return (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
 
 
 class Movers:
@@ -66,15 +53,7 @@ class Movers:
         )
 
     def shorten(self, poses: NDArray[np.float64], own: int, sensor: Sensor, fan: Fan, out: NDArray[np.float64]) -> None:
-        """Shortens the beams in ``out`` that hit an outline.
-
-        Args:
-            poses: (movers, 3) x, y, yaw [m, rad], C-contiguous.
-            own: index of the mover that carries the sensor, which its beams ignore; -1 for none.
-            sensor: origin of the beams.
-            fan: the beams.
-            out: distances [m], updated in place.
-        """
+        """Shortens the beams in ``out`` that hit an outline; arguments as for `kernel.cast_movers`."""
         kernel.cast_movers(self._outlines, poses, own, sensor, fan, out)
 
 

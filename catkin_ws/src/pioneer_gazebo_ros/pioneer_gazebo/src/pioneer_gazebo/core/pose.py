@@ -27,18 +27,6 @@ def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> Quaternion:
     )
 
 
-def rpy_from_quaternion(rotation: Quaternion) -> Vector:
-    """Returns roll, pitch, yaw [rad] about fixed axes; at a pitch of ±π/2 the roll is 0."""
-    x, y, z, w = rotation
-    sin_pitch = 2.0 * (w * y - z * x)
-    if abs(sin_pitch) > 1.0 - 1e-12:
-        pitch = math.copysign(math.pi / 2, sin_pitch)
-        return 0.0, pitch, math.remainder(-2.0 * math.copysign(1.0, sin_pitch) * math.atan2(x, w), math.tau)
-    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return roll, math.asin(sin_pitch), yaw
-
-
 def rotated(rotation: Quaternion, vector: Vector) -> Vector:
     """Returns ``vector`` rotated by ``rotation``."""
     x, y, z, w = rotation
@@ -149,8 +137,14 @@ class Pose:
         return result
 
     def rpy(self) -> Vector:
-        """Returns roll, pitch, yaw [rad] about fixed axes."""
-        return rpy_from_quaternion(self.rotation)
+        """Returns roll, pitch, yaw [rad] about fixed axes; at a pitch of ±π/2 the roll is 0."""
+        x, y, z, w = self.rotation
+        sin_pitch = 2.0 * (w * y - z * x)
+        if abs(sin_pitch) > 1.0 - 1e-12:
+            pitch = math.copysign(math.pi / 2, sin_pitch)
+            return 0.0, pitch, math.remainder(-2.0 * math.copysign(1.0, sin_pitch) * math.atan2(x, w), math.tau)
+        roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+        return roll, math.asin(sin_pitch), heading(self.rotation)
 
     @property
     def yaw(self) -> float:

@@ -1,6 +1,5 @@
 """Rasterises cross-sections of a world: the occupancy map of what a laser at one height can see."""
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -8,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pioneer_gazebo.core.section import Section
+from pioneer_gazebo.core.section import EMPTY, Section
 
 OCCUPIED, FREE, UNKNOWN = 0, 254, 205
 """Grey values of map_server's trinary maps."""
@@ -35,30 +34,16 @@ class Extent:
 
         The corner is an integer multiple of ``resolution``.
         """
-        boxes = [_bounds(section) for section in sections if len(section.segments) or len(section.circles)]
-        if not boxes:
+        points = Section.joined(sections).extremes()
+        if not len(points):
             return None
-        low = np.min([box[0] for box in boxes], axis=0) - margin
-        high = np.max([box[1] for box in boxes], axis=0) + margin
+        low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
         first = np.floor(low / resolution + _TOUCH).astype(int)
         last = np.ceil(high / resolution - _TOUCH).astype(int)
         cols, rows = (int(n) for n in last - first)
         return cls(
             round(float(first[0] * resolution), 9), round(float(first[1] * resolution), 9), resolution, rows, cols
         )
-
-    def cells(self, low: float, high: float, origin: float, count: int) -> tuple[int, int]:
-        """Returns the half-open range of cells that an interval [m] of one axis overlaps, clipped to the grid."""
-        first = math.floor((low - origin) / self.resolution + _TOUCH)
-        last = math.ceil((high - origin) / self.resolution - _TOUCH)
-        return max(0, first), min(count, max(last, first + 1))
-
-
-def _bounds(section: Section) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    starts, ends = section.segments[:, :2], section.segments[:, :2] + section.segments[:, 2:]
-    centres, radii = section.circles[:, :2], section.circles[:, 2:]
-    points = np.concatenate([starts, ends, centres - radii, centres + radii])
-    return points.min(axis=0), points.max(axis=0)
 
 
 def occupied_cells(sections: Iterable[Section], extent: Extent) -> Mask:
@@ -78,12 +63,13 @@ def occupied_cells(sections: Iterable[Section], extent: Extent) -> Mask:
 
 def _window(
     extent: Extent, low: NDArray[np.float64], high: NDArray[np.float64]
-) -> tuple[slice, slice, NDArray[np.float64], NDArray[np.float64]] | None:
+) -> tuple[slice, slice, NDArray[np.float64], NDArray[np.float64]]:
     """Returns the rows and columns of the cells in a rectangle, and their centres' x (1, n) and y (m, 1) [m]."""
-    col, col_end = extent.cells(low[0], high[0], extent.x, extent.cols)
-    row, row_end = extent.cells(low[1], high[1], extent.y, extent.rows)
-    if col >= col_end or row >= row_end:
-        return None
+    corner = (extent.x, extent.y)
+    first = np.floor((low - corner) / extent.resolution + _TOUCH).astype(int)
+    last = np.maximum(np.ceil((high - corner) / extent.resolution - _TOUCH).astype(int), first + 1)
+    col, row = (int(n) for n in np.maximum(first, 0))
+    col_end, row_end = (int(n) for n in np.clip(last, 0, (extent.cols, extent.rows)))
     x = extent.x + (np.arange(col, col_end) + 0.5) * extent.resolution
     y = extent.y + (np.arange(row, row_end) + 0.5) * extent.resolution
     return slice(row, row_end), slice(col, col_end), x[None, :], y[:, None]
@@ -94,10 +80,7 @@ def _draw_segment(segment: NDArray[np.float64], extent: Extent, grid: Mask) -> N
     start, along = segment[:2], segment[2:]
     end = start + along
     low, high = np.minimum(start, end), np.maximum(start, end)
-    window = _window(extent, low, high)
-    if window is None:
-        return
-    rows, cols, x, y = window
+    rows, cols, x, y = _window(extent, low, high)
     half = extent.resolution / 2 - _TOUCH
     reach = half * (abs(along[0]) + abs(along[1]))
     beside = np.abs(along[0] * (y - start[1]) - along[1] * (x - start[0])) <= reach
@@ -108,10 +91,7 @@ def _draw_segment(segment: NDArray[np.float64], extent: Extent, grid: Mask) -> N
 def _draw_disc(circle: NDArray[np.float64], extent: Extent, grid: Mask) -> None:
     """Marks every cell that the disc overlaps."""
     centre, radius = circle[:2], circle[2]
-    window = _window(extent, centre - radius, centre + radius)
-    if window is None:
-        return
-    rows, cols, x, y = window
+    rows, cols, x, y = _window(extent, centre - radius, centre + radius)
     half = extent.resolution / 2
     dx = np.maximum(np.abs(x - centre[0]) - half, 0.0)
     dy = np.maximum(np.abs(y - centre[1]) - half, 0.0)
@@ -122,11 +102,9 @@ def _fill_outline(segments: NDArray[np.float64], extent: Extent, grid: Mask) -> 
     """Marks every cell whose centre lies inside the closed outline."""
     if not len(segments):
         return
-    window = _window(extent, *_bounds(Section(segments, np.empty((0, 3)))))
-    if window is None:
-        return
-    rows, cols, x, y = window
-    left, heights = float(x[0, 0]), y[:, 0]
+    ends = Section(segments, EMPTY.circles).extremes()
+    rows, cols, x, y = _window(extent, ends.min(axis=0), ends.max(axis=0))
+    left, heights = extent.x + (cols.start + 0.5) * extent.resolution, y[:, 0]
     flips = np.zeros((len(heights), x.shape[1] + 1), dtype=np.int64)
     for ax, ay, dx, dy in segments:
         crossed = np.flatnonzero((ay <= heights) != (ay + dy <= heights))

@@ -1,15 +1,17 @@
-"""The scene for lasers: sections of the static world by height, and outlines of moving bodies."""
+"""The scene for lasers: sections of the static world by height, outlines of moving bodies, and poses at one tick."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pioneer_gazebo.core.body import Body
+from pioneer_gazebo.core.entity import Entity, Mounted, Swinging, swinging_parts
 from pioneer_gazebo.core.laser import Movers, WallIndex
-from pioneer_gazebo.core.pose import IDENTITY
+from pioneer_gazebo.core.pose import Pose, heading
 from pioneer_gazebo.core.section import Section, Triangles, section_of
 from pioneer_gazebo.core.world import PlacedCollision
+from pioneer_gazebo.kernels.laser import Sensor
 
 LAYER = 0.02
 """Heights are rounded to this [m], so that lasers of similar height share a section."""
@@ -22,7 +24,7 @@ Seen = tuple[Body, float]
 
 
 class Scene:
-    """Caches sections and outlines while they are valid."""
+    """The world as seen by lasers; caches sections and outlines while they are valid."""
 
     def __init__(self, triangles: Triangles) -> None:
         """Takes the function that reads meshes."""
@@ -31,15 +33,16 @@ class Scene:
         self._walls: dict[int, WallIndex] = {}
         self._movers: dict[int, tuple[tuple[tuple[int, int], ...], Movers]] = {}
         self._outlines: dict[tuple[int, int], NDArray[np.float64]] = {}
+        self._poses: NDArray[np.float64] = np.empty((0, 3))
+        self.tick = -1  #: the tick of the poses; -1 if they are out of date
+        self.swinging: list[Swinging] = []  #: parts of all models that lasers see separately
 
     def set_standing(self, standing: Sequence[PlacedCollision]) -> None:
         """Replaces the static world."""
         self._standing = standing
         self._walls.clear()
 
-    def walls(self, height: float) -> WallIndex:
-        """Returns the static world's section at ``height`` [m]."""
-        layer = round(height / LAYER)
+    def _walls_at(self, layer: int) -> WallIndex:
         found = self._walls.get(layer)
         if found is None:
             if len(self._walls) >= SECTIONS_AT_MOST:
@@ -51,44 +54,61 @@ class Scene:
             )
         return found
 
-    def movers(self, height: float, seen: Sequence[Seen]) -> Movers:
-        """Returns the outlines at ``height`` [m] of all bodies, each in its base frame.
-
-        Outlines assume joints at 0 and a level base.
-        """
-        layer = round(height / LAYER)
+    def _movers_at(self, layer: int, seen: Sequence[Seen]) -> Movers:
+        """Returns the outlines in a layer of all bodies, each in its base frame, with joints at 0 and a level base."""
         keys = tuple((id(body), layer - round(base / LAYER)) for body, base in seen)
         known = self._movers.get(layer)
         if known is not None and known[0] == keys:
             return known[1]
-        outlines = [self._outline(body, key) for (body, _), key in zip(seen, keys, strict=True)]
-        movers = Movers(outlines)
+        for (body, _), key in zip(seen, keys, strict=True):
+            if key not in self._outlines:
+                self._outlines[key] = outline_of(body, key[1] * LAYER, self._triangles)
+        movers = Movers([self._outlines[key] for key in keys])
         if len(self._movers) >= SECTIONS_AT_MOST:
             self._movers.clear()
         self._movers[layer] = keys, movers
         return movers
 
-    def _outline(self, body: Body, key: tuple[int, int]) -> NDArray[np.float64]:
-        if key not in self._outlines:
-            self._outlines[key] = outline_of(body, key[1] * LAYER, self._triangles)
-        return self._outlines[key]
+    def add(self, entity: Entity) -> None:
+        """Makes an entity visible to all lasers."""
+        self.swinging += swinging_parts(entity)
+        self.outdate()
 
-    def forget(self, body: Body) -> None:
-        """Removes a body's data from the cache."""
+    def remove(self, entity: Entity) -> None:
+        """Removes an entity."""
+        gone = {id(entity.outline), *(id(one.outline) for one in self.swinging if one.entity is entity)}
         self._movers.clear()
-        self._outlines = {key: outline for key, outline in self._outlines.items() if key[0] != id(body)}
+        self._outlines = {key: outline for key, outline in self._outlines.items() if key[0] not in gone}
+        self.swinging = [one for one in self.swinging if one.entity is not entity]
+        self.outdate()
+
+    def outdate(self) -> None:
+        """Discards the poses after something was moved externally."""
+        self.tick = -1
+
+    def update(self, tick: int, poses: Iterable[Pose]) -> None:
+        """Sets the poses at a tick: of all entities, then of all swinging parts."""
+        rows = [(*pose.position[:2], heading(pose.rotation)) for pose in poses]
+        self.tick, self._poses = tick, np.array(rows).reshape(-1, 3)
+
+    def ranges(self, sensor: Pose, mounted: Mounted, own: int, seen: Sequence[Seen]) -> NDArray[np.float64]:
+        """Returns a scan's ranges [m]; the array is overwritten by the laser's next scan.
+
+        Args:
+            sensor: pose in the world.
+            mounted: the ray sensor.
+            own: row of the entity that carries it.
+            seen: outline and height [m] of each row.
+        """
+        x, y, height = sensor.position
+        layer = round(height / LAYER)
+        around = (self._walls_at(layer), self._movers_at(layer, seen), self._poses)
+        return mounted.laser.ranges(*around, own, Sensor(x, y, heading(sensor.rotation)))
 
 
-def outline_of(body: Body, height: float, triangles: Callable[..., NDArray[np.float64]]) -> NDArray[np.float64]:
+def outline_of(body: Body, height: float, triangles: Triangles) -> NDArray[np.float64]:
     """Returns segments (n, 4) [m] where the plane z = ``height`` of the base frame cuts the body's shapes."""
-    frames = [IDENTITY]
-    sections = []
-    for number, part in enumerate(body.parts):
-        if number:
-            assert part.joint is not None
-            frames.append(frames[part.parent].compose(part.joint.pose))
-        for touch in part.touches:
-            if not touch.rolling:
-                pose = frames[number].compose(touch.collision.pose)
-                sections.append(section_of(touch.collision.shape, pose, height, triangles))
+    sections = [
+        section_of(touch.collision.shape, pose, height, triangles) for touch, pose in body.placed() if not touch.rolling
+    ]
     return Section.joined(sections).as_segments()

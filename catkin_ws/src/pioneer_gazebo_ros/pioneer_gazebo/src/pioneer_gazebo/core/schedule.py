@@ -46,7 +46,6 @@ def _always() -> bool:
 class Task:
     """A periodic task, run at multiples of ``period`` ticks."""
 
-    owner: str  #: name in messages
     period: int  #: [ticks]
     action: Callable[[int], None]  #: called with the tick
     wanted: Callable[[], bool] = _always  #: returns whether the task is needed at present
@@ -75,9 +74,9 @@ class Schedule:
         """Calls ``action`` at ``rate`` [Hz] while ``wanted`` returns true; this is only checked after a `review`.
 
         Raises:
-            RateError: see `period_of`.
+            RateError: the rate does not divide the tick rate; the message begins with ``owner``.
         """
-        task = Task(owner, period_of(rate, owner), action, wanted, needs_state)
+        task = Task(period_of(rate, owner), action, wanted, needs_state)
         self._tasks.append(task)
         self.review()
         return task
@@ -108,8 +107,3 @@ class Schedule:
     def due(self, tick: int) -> list[Task]:
         """Returns all tasks due at ``tick``, in execution order."""
         return [task for period, tasks in self._by_period().items() if tick % period == 0 for task in tasks]
-
-    def run(self, tick: int) -> None:
-        """Runs all tasks due at ``tick``."""
-        for task in self.due(tick):
-            task.action(tick)

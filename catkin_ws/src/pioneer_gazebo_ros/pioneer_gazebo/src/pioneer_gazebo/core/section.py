@@ -42,6 +42,11 @@ class Section:
             np.ascontiguousarray(np.concatenate(circles)) if circles else np.empty((0, 3)),
         )
 
+    def extremes(self) -> NDArray[np.float64]:
+        """Returns points (n, 2) with the same bounding box as the section; none if it is empty."""
+        starts, centres, radii = self.segments[:, :2], self.circles[:, :2], self.circles[:, 2:]
+        return np.concatenate([starts, starts + self.segments[:, 2:], centres - radii, centres + radii])
+
     def as_segments(self, sides: int = 24) -> NDArray[np.float64]:
         """Returns the segments, with each circle replaced by a polygon with ``sides`` sides and the same area."""
         parts = [self.segments]
@@ -137,13 +142,8 @@ def _cylinder(cylinder: Cylinder, pose: Pose, height: float) -> Section:
     corners = _placed(np.concatenate([rim - half, rim + half]), pose)
     i = np.arange(PRISM_SIDES)
     following = (i + 1) % PRISM_SIDES
-    edges = np.concatenate(
-        [
-            np.column_stack([i, following]),
-            np.column_stack([i + PRISM_SIDES, following + PRISM_SIDES]),
-            np.column_stack([i, i + PRISM_SIDES]),
-        ]
-    )
+    ends = (i, following), (i + PRISM_SIDES, following + PRISM_SIDES), (i, i + PRISM_SIDES)
+    edges = np.concatenate([np.column_stack(pair) for pair in ends])
     return _cut_edges(corners, edges, height)
 
 

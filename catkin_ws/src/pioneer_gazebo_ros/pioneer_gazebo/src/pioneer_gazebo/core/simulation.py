@@ -5,31 +5,30 @@ interpolated, so that sensors can have any rate. The engine may therefore be ahe
 step, and commands take effect from the next step on.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pioneer_gazebo.core import bound
-from pioneer_gazebo.core.actor import Actors
+from pioneer_gazebo.core.actor import Actors, Wrench, Wrenches
 from pioneer_gazebo.core.body import Body, body_from_model, body_from_robot
-from pioneer_gazebo.core.control import control
 from pioneer_gazebo.core.drive import Odometry
 from pioneer_gazebo.core.engine import STILL, Contact, Engine, Physics, Velocity
-from pioneer_gazebo.core.entity import Driven, Entity, Mounted, equip
+from pioneer_gazebo.core.entity import CollisionCounter, Driven, Entity, Mounted, control, equip
 from pioneer_gazebo.core.error import ModelError
 from pioneer_gazebo.core.laser import generator_for
 from pioneer_gazebo.core.pose import Pose, between
 from pioneer_gazebo.core.robot import Robot
-from pioneer_gazebo.core.roster import Roster
 from pioneer_gazebo.core.scene import Scene
 from pioneer_gazebo.core.schedule import TICK_RATE, period_of
 from pioneer_gazebo.core.section import Triangles
-from pioneer_gazebo.core.spot import OverlapError, added
+from pioneer_gazebo.core.spot import added
 from pioneer_gazebo.core.standing import Standing
-from pioneer_gazebo.core.view import View
 from pioneer_gazebo.core.world import Model, World
-from pioneer_gazebo.core.wrench import Wrench, Wrenches
+
+LONGEST_NAME = 200
+"""Maximum length of a model name [characters]."""
 
 
 class Simulation:
@@ -50,12 +49,12 @@ class Simulation:
             odometry_scale: mean ratio of assumed to true wheel diameter.
         """
         self._engine = engine
-        scene = Scene(triangles)
         self._triangles = triangles
-        self._view = View(scene)
+        self._scene = Scene(triangles)
         self._seed, self._odometry_error, self._odometry_scale = seed, odometry_error, odometry_scale
-        self._roster = Roster()
-        self._standing = Standing(engine, scene, triangles)
+        self._entities: dict[str, Entity] = {}
+        self._by_handle: dict[int, Entity] = {}
+        self._standing = Standing(engine, self._scene, triangles)
         self._actors = Actors(engine)
         self._wrenches = Wrenches(engine)
         self._collided: list[Entity] = []
@@ -94,11 +93,11 @@ class Simulation:
 
     def names(self) -> list[str]:
         """Returns the names of all models."""
-        return [*self._standing.models, *self._roster.names()]
+        return [*self._standing.models, *self._entities]
 
     def entities(self) -> Iterator[Entity]:
         """Yields all moving entities in the order of spawning."""
-        yield from self._roster.entities
+        yield from self._entities.values()
 
     def entity(self, name: str) -> Entity:
         """Returns the moving entity of that name.
@@ -106,18 +105,15 @@ class Simulation:
         Raises:
             ModelError: there is none.
         """
-        found = self._roster.get(name)
+        found = self._entities.get(name)
         if found is None:
             raise ModelError(f"model {name} {'is static' if name in self._standing.models else 'does not exist'}")
         return found
 
-    def standing(self, name: str) -> Model | None:
-        """Returns the static model of that name; None if there is none."""
-        return self._standing.models.get(name)
-
-    def standing_models(self) -> Iterator[Model]:
-        """Yields all static models."""
-        yield from self._standing.models.values()
+    @property
+    def standing(self) -> Mapping[str, Model]:
+        """The static models by name."""
+        return self._standing.models
 
     def add_model(self, model: Model, namespace: str = "", anywhere: bool = False) -> None:
         """Adds a model without sensors and plugins; ``anywhere`` allows overlaps, as for the models of a world file.
@@ -126,7 +122,7 @@ class Simulation:
             ModelError: its name is taken, or it would overlap something.
             EngineError: a shape cannot be created.
         """
-        self._roster.check_name(model.name, self._standing.models)
+        self._check_name(model.name)
         if model.static:
             self._standing.add(model)
             return
@@ -136,9 +132,7 @@ class Simulation:
         namespace = namespace or model.namespace
         if model.script is None:
             robot = Robot(model.name, model.links, model.joints, model.devices) if model.devices else None
-            entity = self._add(model.name, namespace, body, model.pose, robot, anywhere)
-            if robot is not None:
-                self._equip(entity, robot)
+            self._add(model.name, namespace, body, model.pose, robot, anywhere)
             return
         pose = model.script.pose(0.0)
         entity = Entity(model.name, namespace, body, self._engine.add(body, pose), pose, after=pose)
@@ -151,35 +145,38 @@ class Simulation:
             ModelError: its name is taken, or it would overlap something.
             DescriptionError, CommandError, EngineError: its description cannot be simulated.
         """
-        self._roster.check_name(name, self._standing.models)
+        self._check_name(name)
         body = body_from_robot(robot, self._triangles)
-        entity = self._add(name, namespace, body, pose, robot, anywhere=False)
-        self._equip(entity, robot)
-        return entity
+        return self._add(name, namespace, body, pose, robot, anywhere=False)
 
-    def _equip(self, entity: Entity, robot: Robot) -> None:
-        """Adds drives and sensors to an entity."""
-        errors = self._seed, self._odometry_error, self._odometry_scale
-        equip(entity, robot, *errors)
-        for driven in entity.drives:
-            driven.turn(self._engine, (0.0, 0.0))
+    def _check_name(self, name: str) -> None:
+        """Raises ModelError if the name is invalid or in use."""
+        if not name or len(name) > LONGEST_NAME:
+            raise ModelError(f"a model's name needs 1 to {LONGEST_NAME} characters, this has {len(name)}")
+        if name in self._entities or name in self._standing.models:
+            raise ModelError(f"model {name} already exists")
 
     def _add(self, name: str, namespace: str, body: Body, pose: Pose, robot: Robot | None, anywhere: bool) -> Entity:
         bound.check_body(body)
         bound.check_pose(pose)
         search = self.spawn_search if robot is not None else 0.0
-        try:
-            handle, pose = added(self._engine, body, pose, self._triangles, anywhere, search)
-        except OverlapError as error:
+        found = added(self._engine, body, pose, self._triangles, anywhere, search)
+        if isinstance(found, Contact):
             x, y, _ = pose.position
-            depth, inside = error.contact.depth, self.touched_name(error.contact)
-            raise ModelError(f"model {name} at ({x:.2f}, {y:.2f}) would overlap {inside} by {depth:.2f} m") from None
-        return self._keep(Entity(name, namespace, body, handle, pose, robot, after=pose))
+            inside = self.touched_name(found)
+            raise ModelError(f"model {name} at ({x:.2f}, {y:.2f}) would overlap {inside} by {found.depth:.2f} m")
+        handle, pose = found
+        entity = self._keep(Entity(name, namespace, body, handle, pose, robot, after=pose))
+        equip(entity, self._seed, self._odometry_error, self._odometry_scale)
+        for driven in entity.drives:
+            driven.turn(self._engine, (0.0, 0.0))
+        return entity
 
     def _keep(self, entity: Entity) -> Entity:
         entity.before, entity.seen = entity.after, self._stepped
-        self._roster.add(entity)
-        self._view.add(entity)
+        entity.number = len(self._entities)
+        self._entities[entity.name] = self._by_handle[entity.handle] = entity
+        self._scene.add(entity)
         return entity
 
     def remove(self, name: str) -> None:
@@ -193,8 +190,10 @@ class Simulation:
             return
         entity = self.entity(name)
         self._engine.remove(entity.handle)
-        self._view.remove(entity)
-        self._roster.remove(entity)
+        self._scene.remove(entity)
+        del self._entities[name], self._by_handle[entity.handle]
+        for number, other in enumerate(self._entities.values()):
+            other.number = number
         self._lost.pop(name, None)
         self._actors.remove(entity)
         self._wrenches.clear(entity)
@@ -206,7 +205,7 @@ class Simulation:
         """Advances to ``tick`` in as many physics steps as necessary."""
         while self._stepped < tick:
             if tick < self._stepped + self._period:
-                for entity in self._roster.entities:
+                for entity in self._entities.values():
                     entity.before = self._settled(entity)
             self._step()
         self.tick = tick
@@ -215,19 +214,19 @@ class Simulation:
     def _step(self) -> None:
         step = self.physics.step
         self._wrenches.push(self._stepped)
-        for entity in self._roster.entities:
+        for entity in self._entities.values():
             control(self._engine, entity, self._stepped, step)
         self._actors.lead(self._stepped + self._period, step)
         self._engine.step()
         self._stepped += self._period
-        for entity in self._roster.entities:
+        for entity in self._entities.values():
             for driven in entity.drives:
                 driven.before = driven.drive.odometry
                 driven.drive.measure(*driven.angles(self._engine), step)
         self._actors.follow(self._stepped)
         time = self._stepped / TICK_RATE
         for handle in sorted(self._engine.touching()):
-            entity = self._roster.of_handle(handle)
+            entity = self._by_handle[handle]
             if entity.collisions.touched(time):
                 self._collided.append(entity)
 
@@ -253,7 +252,7 @@ class Simulation:
         """Returns the names of models that have left the world's bounds or whose state is not finite."""
         if self._stepped - self._inspected >= TICK_RATE:
             self._inspected = self._stepped
-            for entity in self._roster.entities:
+            for entity in self._entities.values():
                 self._settled(entity)
         return list(self._lost)
 
@@ -304,19 +303,19 @@ class Simulation:
     def touched_name(self, contact: Contact) -> str:
         """Returns ``model::link::collision`` of the other side of a contact."""
         if contact.other is not None:
-            return self._roster.of_handle(contact.other).touch_name(contact.other_part)
+            return self._by_handle[contact.other].touch_name(contact.other_part)
         return self._standing.name_at(contact.position)
 
     def ranges(self, entity: Entity, mounted: Mounted) -> NDArray[np.float64]:
         """Returns a scan's ranges [m]; the array is overwritten by the laser's next scan."""
         base = self.pose(entity) if mounted.part == 0 else self._engine.pose(entity.handle, mounted.part)
-        swinging = [(one, self._engine.pose(one.entity.handle, one.part)) for one in self._view.swinging]
-        seen = [(other.outline, self._settled(other).position[2]) for other in self._roster.entities]
+        swinging = [(one, self._engine.pose(one.entity.handle, one.part)) for one in self._scene.swinging]
+        seen = [(other.outline, self._settled(other).position[2]) for other in self._entities.values()]
         seen += [(one.outline, pose.position[2]) for one, pose in swinging]
-        if not self._view.knows(self.tick):
-            poses = [self.pose(other) for other in self._roster.entities]
-            self._view.update(self.tick, [*poses, *(pose for _, pose in swinging)])
-        return self._view.ranges(base.compose(mounted.pose), mounted, entity.number, seen)
+        if self._scene.tick != self.tick:
+            poses = [self.pose(other) for other in self._entities.values()]
+            self._scene.update(self.tick, [*poses, *(pose for _, pose in swinging)])
+        return self._scene.ranges(base.compose(mounted.pose), mounted, entity.number, seen)
 
     def distance(self, entity: Entity, mounted: Mounted) -> float:
         """Returns a sonar's reading [m]: the distance to the nearest hit in its cone, within its limits."""
@@ -344,7 +343,7 @@ class Simulation:
         if velocity is not None:
             self._engine.set_velocity(entity.handle, velocity)
         entity.before, entity.after, entity.seen = pose, pose, self._stepped
-        self._view.outdate()
+        self._scene.outdate()
 
     def set_joint(self, entity: Entity, joint: str, position: float) -> None:
         """Sets a joint to a position [rad or m], at rest.
@@ -352,7 +351,7 @@ class Simulation:
         Raises:
             KeyError: there is no such joint, or it is fixed.
         """
-        bound.check_joint_position(position)
+        bound.check("joint position", (position,), bound.FARTHEST, "")
         self._engine.set_joint(entity.handle, entity.body.joint_index(joint), position)
 
     def push(self, wrench: Wrench) -> None:
@@ -369,8 +368,8 @@ class Simulation:
         self._standing.reset()
         self._wrenches.clear()
         self._actors.restart(self._stepped)
-        self._view.outdate()
-        for entity in (one for one in self._roster.entities if one.script is None):
+        self._scene.outdate()
+        for entity in (one for one in self._entities.values() if one.script is None):
             self.place(entity.name, entity.initial, STILL)
             for part, one in enumerate(entity.body.parts):
                 if one.joint is not None:
@@ -387,8 +386,8 @@ class Simulation:
         self.reset_poses()
         self._part = 1.0
         self._collided.clear()
-        for entity in self._roster.entities:
+        for entity in self._entities.values():
             entity.seen = 0
-            entity.collisions = type(entity.collisions)()
+            entity.collisions = CollisionCounter()
             for mounted in (*entity.lasers, *entity.sonars):
                 mounted.laser.reseed(generator_for(self._seed, entity.name, mounted.laser.config.name))

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 from pioneer_gazebo.core.body import Body, lowest_points
 from pioneer_gazebo.core.engine import Contact, Engine
-from pioneer_gazebo.core.error import ModelError
 from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.section import Triangles
 
@@ -23,18 +22,10 @@ SEARCH_STEP, DIRECTIONS = 0.05, 16
 """Spacing [m] of the rings searched for a free pose, and number of directions per ring."""
 
 
-class OverlapError(ModelError):
-    """A model would overlap something."""
-
-    def __init__(self, contact: Contact) -> None:
-        super().__init__(f"would overlap by {contact.depth:.2f} m")
-        self.contact = contact  #: the deepest contact
-
-
 def added(
     engine: Engine, body: Body, pose: Pose, triangles: Triangles, anywhere: bool, search: float
-) -> tuple[int, Pose]:
-    """Adds a body to the engine; returns its handle and final pose.
+) -> tuple[int, Pose] | Contact:
+    """Adds a body to the engine; returns its handle and final pose, or its deepest contact if it would overlap.
 
     Args:
         engine: the engine.
@@ -43,9 +34,6 @@ def added(
         triangles: reads meshes.
         anywhere: whether it may overlap anything, as for the models of a world file.
         search: maximum shift to resolve an overlap with something static [m].
-
-    Raises:
-        OverlapError: it overlaps something at ``pose``; it was not added.
     """
     pose = _lifted(engine, body, pose, triangles, DEEPEST_START if anywhere else STEP_UP)
     handle = engine.add(body, pose)
@@ -56,7 +44,7 @@ def added(
     found = _free_pose(engine, handle, pose, search) if worst.other is None else None
     if found is None:
         engine.remove(handle)
-        raise OverlapError(worst)
+        return worst
     return handle, found
 
 

@@ -1,15 +1,15 @@
 """The static world: static models, divided into ground and obstacles."""
 
+import math
 from dataclasses import replace
 
 from pioneer_gazebo.core.body import heights
 from pioneer_gazebo.core.bound import check_placed
 from pioneer_gazebo.core.engine import Engine
-from pioneer_gazebo.core.nearest import nearest, scoped_name
 from pioneer_gazebo.core.pose import Pose, Vector
 from pioneer_gazebo.core.scene import Scene
 from pioneer_gazebo.core.section import Triangles
-from pioneer_gazebo.core.world import Model, PlacedCollision, Plane, World
+from pioneer_gazebo.core.world import Box, Cylinder, Model, PlacedCollision, Plane, Shape, Sphere, World
 
 GROUND_TOP = 0.03
 """Maximum top height [m] of static shapes that count as ground: wheels roll on it, touching it is no collision."""
@@ -30,7 +30,9 @@ class Standing:
         ground: list[PlacedCollision] = []
         obstacles: list[PlacedCollision] = []
         for one in placed:
-            (ground if is_ground(one, self._triangles) else obstacles).append(one)
+            shape = one.collision.shape
+            is_ground = isinstance(shape, Plane) or heights(shape, one.pose, self._triangles)[1] <= GROUND_TOP
+            (ground if is_ground else obstacles).append(one)
         self._engine.set_standing(ground, obstacles)
         self._scene.set_standing(obstacles)
         self.models, self._obstacles = models, obstacles
@@ -62,11 +64,23 @@ class Standing:
 
     def name_at(self, point: Vector) -> str:
         """Returns ``model::link::collision`` of the obstacle nearest to a point."""
-        found = nearest(self._obstacles, point)
-        return scoped_name(found) if found is not None else "the world"
+        if not self._obstacles:
+            return "the world"
+        one = min(self._obstacles, key=lambda one: distance_to(one.collision.shape, one.pose, point))
+        return f"{one.model.name}::{one.link.name}::{one.collision.name}"
 
 
-def is_ground(one: PlacedCollision, triangles: Triangles) -> bool:
-    """Returns whether a static shape is ground."""
-    shape = one.collision.shape
-    return isinstance(shape, Plane) or heights(shape, one.pose, triangles)[1] <= GROUND_TOP
+def distance_to(shape: Shape, pose: Pose, point: Vector) -> float:
+    """Returns the distance [m] from a point to a shape, 0 inside; for a mesh, to its origin."""
+    x, y, z = pose.inverse().transform(point)
+    match shape:
+        case Box(size=size):
+            return math.hypot(*(max(0.0, abs(v) - s / 2) for v, s in zip((x, y, z), size, strict=True)))
+        case Cylinder(radius=radius, length=length):
+            return math.hypot(max(0.0, math.hypot(x, y) - radius), max(0.0, abs(z) - length / 2))
+        case Sphere(radius=radius):
+            return max(0.0, math.hypot(x, y, z) - radius)
+        case Plane(normal=(a, b, c)):
+            return max(0.0, a * x + b * y + c * z)
+        case _:
+            return math.hypot(x, y, z)

@@ -21,38 +21,29 @@ def links_of(simulation: Simulation, model: str) -> list[str]:
     Raises:
         ModelError: there is no such model.
     """
-    standing = simulation.standing(model)
+    standing = simulation.standing.get(model)
     if standing is not None:
         return [link.name for link in standing.links]
     return [name for part in simulation.entity(model).body.parts for name, _ in part.frames]
 
 
-def model_motion(simulation: Simulation, model: str) -> tuple[Pose, Velocity]:
-    """Returns a model's pose and velocity in the world.
-
-    Raises:
-        ModelError: there is no such model.
-    """
-    standing = simulation.standing(model)
-    if standing is not None:
-        return standing.pose, STILL
-    entity = simulation.entity(model)
-    return simulation.pose(entity), simulation.velocity(entity)
-
-
-def link_motion(simulation: Simulation, model: str, link: str) -> tuple[Pose, Velocity]:
-    """Returns a link's pose and velocity in the world.
+def link_motion(simulation: Simulation, model: str, link: str = "") -> tuple[Pose, Velocity]:
+    """Returns pose and velocity of a link, or of the model itself without ``link``, in the world.
 
     Raises:
         ModelError: there is no such model or link.
     """
-    standing = simulation.standing(model)
+    standing = simulation.standing.get(model)
     if standing is not None:
+        if not link:
+            return standing.pose, STILL
         for one in standing.links:
             if one.name == link:
                 return standing.pose.compose(one.pose), STILL
         raise ModelError(f"model {model} has no link {link}")
     entity = simulation.entity(model)
+    if not link:
+        return simulation.pose(entity), simulation.velocity(entity)
     part, at = part_of(entity, link)
     pose = simulation.link_pose(entity, link)
     arm = rotated(pose.compose(at.inverse()).rotation, at.position)
@@ -79,8 +70,7 @@ def motion(simulation: Simulation, name: str) -> tuple[Pose, Velocity]:
     """
     if name in WORLD_NAMES:
         return IDENTITY, STILL
-    model, link = split_name(name)
-    return link_motion(simulation, model, link) if link else model_motion(simulation, model)
+    return link_motion(simulation, *split_name(name))
 
 
 def relative(simulation: Simulation, name: str, reference: str) -> tuple[Pose, Velocity]:
@@ -106,7 +96,7 @@ def place(simulation: Simulation, name: str, pose: Pose, velocity: Velocity, ref
     base, _ = motion(simulation, reference)
     wanted = base.compose(pose)
     if link:
-        link_from_model = link_motion(simulation, model, link)[0].inverse().compose(model_motion(simulation, model)[0])
+        link_from_model = link_motion(simulation, model, link)[0].inverse().compose(link_motion(simulation, model)[0])
         wanted = wanted.compose(link_from_model)
     turned = Velocity(rotated(base.rotation, velocity.linear), rotated(base.rotation, velocity.angular))
     simulation.place(model, wanted, turned)

@@ -41,13 +41,8 @@ class Touch:
     rolling: bool = False  #: whether it collides with the ground only
 
 
-@dataclass(frozen=True, slots=True)
-class Round:
-    """A shape that rotates in place: its radius, and its extent along the axis from the part's origin [m]."""
-
-    radius: float
-    low: float
-    high: float
+Round = tuple[float, float, float]
+"""A shape that rotates in place: its radius, and its least and greatest extent along the axis from the origin [m]."""
 
 
 def is_wheel(touches: Iterable[Touch], joint: Joint, parent: Pose, triangles: Triangles) -> bool:
@@ -80,11 +75,14 @@ def as_balls(touches: Iterable[Touch], joint: Joint, triangles: Triangles) -> tu
         if found is None:
             balls.append(touch)
             continue
-        middle = _along(joint.axis, (found.low + found.high) / 2)
-        ball = replace(touch.collision, shape=Sphere(found.radius), pose=Pose(middle))
+        radius, low, high = found
+        x, y, z = joint.axis
+        along = (low + high) / 2
+        middle = (x * along, y * along, z * along)
+        ball = replace(touch.collision, shape=Sphere(radius), pose=Pose(middle))
         balls.append(replace(touch, collision=ball, rolling=True))
-        if not isinstance(touch.collision.shape, Sphere) and found.radius > 2 * CLEARANCE:
-            shape = Cylinder(found.radius - CLEARANCE, found.high - found.low)
+        if not isinstance(touch.collision.shape, Sphere) and radius > 2 * CLEARANCE:
+            shape = Cylinder(radius - CLEARANCE, high - low)
             pose = joint.pose.compose(Pose(middle, _from_z(joint.axis)))
             drum = replace(touch.collision, shape=shape, pose=pose, friction=DRUM_FRICTION)
             drums.append(replace(touch, collision=drum))
@@ -104,7 +102,7 @@ def _round(collision: Collision, axis: Vector, triangles: Triangles) -> Round | 
         return None
     middle = float(np.dot(pose.position, axis))
     half = shape.length / 2 if isinstance(shape, Cylinder) else shape.radius
-    return Round(shape.radius, middle - half, middle + half)
+    return shape.radius, middle - half, middle + half
 
 
 def _round_mesh(pose: Pose, corners: NDArray[np.float64], axis: NDArray[np.float64]) -> Round | None:
@@ -122,11 +120,7 @@ def _round_mesh(pose: Pose, corners: NDArray[np.float64], axis: NDArray[np.float
     radius = float(radii.max())
     if widest.min() < ROUNDNESS * radius:
         return None
-    return Round(radius, float(along.min()), float(along.max()))
-
-
-def _along(axis: Vector, distance: float) -> Vector:
-    return axis[0] * distance, axis[1] * distance, axis[2] * distance
+    return radius, float(along.min()), float(along.max())
 
 
 def _from_z(axis: Vector) -> tuple[float, float, float, float]:

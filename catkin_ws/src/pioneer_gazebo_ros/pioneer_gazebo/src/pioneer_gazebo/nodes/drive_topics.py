@@ -6,11 +6,10 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
 from pioneer_gazebo import conversions
-from pioneer_gazebo.core.device import PlanarMove
 from pioneer_gazebo.core.engine import Velocity
 from pioneer_gazebo.core.entity import Driven
 from pioneer_gazebo.core.pose import Pose, planar_pose
-from pioneer_gazebo.core.robot import DiffDrive, JointStatePublisher
+from pioneer_gazebo.core.robot import DiffDrive, JointStatePublisher, PlanarMove
 from pioneer_gazebo.core.schedule import nanoseconds
 from pioneer_gazebo.nodes.port import Port
 from pioneer_gazebo.nodes.sensor_topics import joint_state_topics
@@ -83,4 +82,15 @@ def drive_topics(port: Port, config: DiffDrive) -> None:
     if config.publishWheelJointState:
         names = tuple(joint for side in config.joints() for joint in side)
         joint_state_topics(port, JointStatePublisher(config.name, names, config.updateRate))
+    port.take_commands(config.commandTopic, Twist, command)
+
+
+def planar_topics(port: Port, config: PlanarMove) -> None:
+    """Subscribes to ``commandTopic`` (Twist); publishes the true pose on ``odometryTopic`` (Odometry) and ``/tf``."""
+    mover = next(one for one in port.entity.movers if one.config is config)
+
+    def command(message: Twist) -> None:
+        mover.command(port.context.now(), message.linear.x, message.linear.y, message.angular.z)
+
+    odometry_topics(port, config, config.odometryRate, lambda: true_motion(port))
     port.take_commands(config.commandTopic, Twist, command)

@@ -1,9 +1,11 @@
 """The simulator node ``/gazebo``."""
 
 from dataclasses import dataclass, replace
+from time import monotonic
 from typing import Any
 
 import rospy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Bool, Float64
 
 from pioneer_gazebo.adapters.bullet import BulletEngine
@@ -14,20 +16,28 @@ from pioneer_gazebo.core.engine import Physics
 from pioneer_gazebo.core.error import SimulatorError
 from pioneer_gazebo.core.schedule import TICK_RATE
 from pioneer_gazebo.core.simulation import Simulation
-from pioneer_gazebo.nodes.diagnostics import Diagnostics
-from pioneer_gazebo.nodes.link_services import LinkServices
 from pioneer_gazebo.nodes.lockstep import LockstepConfig, LockstepGate
 from pioneer_gazebo.nodes.mailbox import Mailbox
-from pioneer_gazebo.nodes.model_services import ModelServices
 from pioneer_gazebo.nodes.robots import Robots, with_controllers
-from pioneer_gazebo.nodes.spawn_services import SpawnServices
-from pioneer_gazebo.nodes.state_topics import StateTopics
-from pioneer_gazebo.nodes.time_services import TimeServices
+from pioneer_gazebo.nodes.state_services import StateServices
 from pioneer_gazebo.nodes.timeline import Timeline
-from pioneer_gazebo.nodes.topic import publish_while_alive
-from pioneer_gazebo.nodes.transform_topic import TransformTopic
+from pioneer_gazebo.nodes.topic import TransformTopic, publish_while_alive
+from pioneer_gazebo.nodes.world_services import WorldServices
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 from pioneer_node.nodes import entry
+
+SLOW = 0.9
+"""Below this fraction of the requested real-time factor, the status is a warning."""
+
+
+def judged(measured: float, asked: float, paused: bool) -> tuple[int, str]:
+    """Returns level and message for a real-time factor; measured and requested (0: as fast as possible)."""
+    if paused:
+        return DiagnosticStatus.OK, "paused"
+    if asked > 0 and measured < SLOW * asked:
+        return DiagnosticStatus.WARN, f"slower than asked for: {measured:.2f} of {asked:g}"
+    return DiagnosticStatus.OK, "running"
+
 
 REPORT_PERIOD = 1.0
 """Interval at which the real-time factor is measured and published [s of wall time]."""
@@ -76,10 +86,9 @@ class GazeboNode:
     Subscribes: ``/gazebo/set_model_state``, ``/gazebo/set_link_state``, and the command topics of each robot's drives.
 
     Publishes: ``/clock``, ``/tf``, ``/gazebo/model_states``, ``/gazebo/link_states``, ``/gazebo/ready`` (latched),
-        ``/gazebo/real_time_factor``, ``/diagnostics``, and each robot's topics (see `RobotTopics`).
+        ``/gazebo/real_time_factor``, ``/diagnostics``, and each robot's topics (see `Robots`).
 
-    Services: those of gazebo_ros, and ``/gazebo/step`` (`SpawnServices`, `TimeServices`, `ModelServices`,
-        `LinkServices`).
+    Services: those of gazebo_ros, and ``/gazebo/step`` (`WorldServices`, `StateServices`).
 
     Parameters: `GazeboConfig`.
 
@@ -117,14 +126,11 @@ class GazeboNode:
         self._robots = Robots(self._simulation, self._timeline, self._transforms)
         self._robots.start_topics()
         self._factor = rospy.Publisher("/gazebo/real_time_factor", Float64, queue_size=1)
-        self._diagnostics = Diagnostics()
+        self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=1)
         self._ready = rospy.Publisher("/gazebo/ready", Bool, queue_size=1, latch=True)
         self._reported = 0.0
-        StateTopics(self._timeline, config.state_rate)
-        SpawnServices(mailbox, self._simulation, self._robots)
-        TimeServices(self._timeline, self._robots)
-        ModelServices(mailbox, self._simulation)
-        LinkServices(mailbox, self._simulation)
+        StateServices(self._timeline, config.state_rate)
+        WorldServices(self._timeline, self._robots)
         rospy.on_shutdown(mailbox.close)
         rospy.loginfo("world %s: %d models", world.name, len(world.models))
 
@@ -149,20 +155,38 @@ class GazeboNode:
         self._engine.close()
 
     def _after_tick(self) -> None:
-        self._transforms.send()
+        self._transforms.flush()
         self._robots.publish_collisions()
         self._robots.remove_lost()
 
     def _report(self) -> None:
         timeline = self._timeline
-        now = timeline.pacer.now()
+        now = monotonic()
         if now - self._reported >= REPORT_PERIOD:
             self._reported = now
             time = timeline.tick / TICK_RATE
             factor = timeline.pacer.measured(time)
             publish_while_alive(self._factor, Float64(factor))
-            models = len(self._simulation.names())
-            self._diagnostics.publish(time, factor, timeline.pacer.factor, timeline.paused, models, len(self._robots))
+            if self._diagnostics.get_num_connections():
+                publish_while_alive(self._diagnostics, self._diagnosis(time, factor))
+
+    def _diagnosis(self, time: float, factor: float) -> DiagnosticArray:
+        """Returns one status, named after the node, for a simulated time [s] and the measured real-time factor."""
+        asked = self._timeline.pacer.factor
+        level, message = judged(factor, asked, self._timeline.paused)
+        values = {
+            "simulated time [s]": f"{time:.3f}",
+            "real-time factor": f"{factor:.3f}",
+            "real-time factor asked for": f"{asked:g}",
+            "models": str(len(self._simulation.names())),
+            "robots": str(len(self._robots)),
+        }
+        status = DiagnosticStatus(level, f"{rospy.get_name()[1:]}: simulation", message, "pioneer_gazebo", [])
+        status.values = [KeyValue(key, value) for key, value in values.items()]
+        array = DiagnosticArray(status=[status])
+        whole, rest = divmod(time, 1.0)
+        array.header.stamp = rospy.Time(int(whole), int(rest * 1e9))
+        return array
 
 
 def main() -> int:

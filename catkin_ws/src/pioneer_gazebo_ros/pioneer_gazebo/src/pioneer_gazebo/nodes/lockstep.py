@@ -175,7 +175,11 @@ class LockstepGate:
         now, deadline = time.monotonic(), self._config.deadline
         if now - self._began > self._resend_after:
             self._resend_after += min(self._resend_after + _RESEND_AFTER, _RESEND_PAUSE)
-            self._resend()
+            # Members that have finished the period pass their own token on.
+            for ring in self._state.late:
+                rospy.loginfo("lockstep: sending %s the token of period %d again", ring.name or "/", self._state.period)
+                self._outlets[ring.name].keep_connected()
+                self._inlets[ring.name].publish(self._tokens[ring.name])
         if not deadline or now - self._began < deadline:
             return
         if self._probed is None:
@@ -186,13 +190,6 @@ class LockstepGate:
                 )
         elif now - self._probed > _ANSWER:
             self._decide()
-
-    def _resend(self) -> None:
-        """Resends tokens that have not returned; members that have finished the period pass their own token on."""
-        for ring in self._state.late:
-            rospy.loginfo("lockstep: sending %s the token of period %d again", ring.name or "/", self._state.period)
-            self._outlets[ring.name].keep_connected()
-            self._inlets[ring.name].publish(self._tokens[ring.name])
 
     def _decide(self) -> None:
         """Ends the run, or continues without the late rings.

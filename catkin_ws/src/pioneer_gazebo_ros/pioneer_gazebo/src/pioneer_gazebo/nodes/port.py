@@ -5,15 +5,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import rospy
+from std_msgs.msg import UInt32
 
-from pioneer_gazebo.core.camera import Renderer
+from pioneer_gazebo.adapters.tiny_renderer import TinyRenderer
 from pioneer_gazebo.core.drive import CommandError
 from pioneer_gazebo.core.entity import Entity
 from pioneer_gazebo.core.schedule import Schedule, Task, nanoseconds
 from pioneer_gazebo.core.simulation import Simulation
-from pioneer_gazebo.nodes.budget import Budget
-from pioneer_gazebo.nodes.topic import Topic, publish_while_alive
-from pioneer_gazebo.nodes.transform_topic import TransformTopic
+from pioneer_gazebo.nodes.timeline import Budget
+from pioneer_gazebo.nodes.topic import Topic, TransformTopic, publish_while_alive
 from pioneer_node.core.frame import resolved
 from pioneer_node.nodes.standing_warning import StandingWarning
 
@@ -26,7 +26,7 @@ class Context:
     schedule: Schedule  #: schedule of periodic tasks
     transforms: TransformTopic  #: ``/tf``
     now: Callable[[], int]  #: returns the tick at which a command arrives; thread-safe
-    renderer: Callable[[], Renderer]  #: returns the renderer, created on first use
+    renderer: Callable[[], TinyRenderer]  #: returns the renderer, created on first use
     budget: Budget  #: wall time budget for rendering
 
 
@@ -42,6 +42,7 @@ class Port:
         #: context: data shared by all robots
         self.context, self.entity, self.simulation = context, entity, context.simulation
         self.on_reset: list[Callable[[], None]] = []  #: called when simulated time restarts
+        self._collisions: rospy.Publisher | None = None
         self._base = f"/{entity.namespace}" if entity.namespace else ""
         self._prefix = _tf_prefix(self._base)
         self._tasks: list[Task] = []
@@ -117,6 +118,20 @@ class Port:
         """Publishes a topic at ``rate`` [Hz] while it has subscribers; ``frame`` makes the frame for a time [ns]."""
         topic = self.topic(name, message_class)
         self.every(rate, name, lambda tick: topic.send(frame(nanoseconds(tick))), topic)
+
+    def publish_collisions(self) -> None:
+        """Publishes on ``collisions`` (std_msgs/UInt32, latched) how many there were since the robot was spawned."""
+        count = UInt32(self.entity.collisions.count)
+        if self._collisions is None:
+            self._collisions = self.latched("collisions", count)
+        else:
+            publish_while_alive(self._collisions, count)
+
+    def reset(self) -> None:
+        """Resets devices whose state depends on time, and republishes the collision count."""
+        for restart in self.on_reset:
+            restart()
+        self.publish_collisions()
 
     def close(self) -> None:
         """Removes tasks, topics and subscriptions."""

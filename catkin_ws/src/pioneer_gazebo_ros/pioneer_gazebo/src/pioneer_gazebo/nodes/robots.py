@@ -1,26 +1,44 @@
 """Manages the robots in the world and their topics."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import rospy
 
 from pioneer_gazebo.adapters.mesh import triangles_of_mesh
 from pioneer_gazebo.adapters.ros_control import controlled
 from pioneer_gazebo.adapters.tiny_renderer import TinyRenderer
-from pioneer_gazebo.core.device import RosControl
+from pioneer_gazebo.core import robot as kinds
 from pioneer_gazebo.core.entity import Entity
 from pioneer_gazebo.core.error import SimulatorError
 from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.robot import Robot
+from pioneer_gazebo.core.robot import Robot, RosControl
 from pioneer_gazebo.core.simulation import Simulation
 from pioneer_gazebo.core.world import Model
-from pioneer_gazebo.nodes.budget import Budget
-from pioneer_gazebo.nodes.port import Context
-from pioneer_gazebo.nodes.robot_topics import RobotTopics
-from pioneer_gazebo.nodes.timeline import Timeline
-from pioneer_gazebo.nodes.transform_topic import TransformTopic
+from pioneer_gazebo.nodes import sensor_topics as sensors
+from pioneer_gazebo.nodes.drive_topics import drive_topics, planar_topics
+from pioneer_gazebo.nodes.port import Context, Port
+from pioneer_gazebo.nodes.sensor_topics import driver_topics
+from pioneer_gazebo.nodes.timeline import Budget, Timeline
+from pioneer_gazebo.nodes.topic import TransformTopic
+
+TOPICS: dict[type, Callable[[Port, Any], object]] = {
+    kinds.DiffDrive: drive_topics,
+    kinds.PlanarMove: planar_topics,
+    kinds.Imu: sensors.imu_topics,
+    kinds.Gps: sensors.gps_topics,
+    kinds.LaserSensor: sensors.laser_topics,
+    kinds.SonarSensor: sensors.sonar_topics,
+    kinds.Camera: sensors.camera_topics,
+    kinds.GroundTruth: sensors.truth_topics,
+    kinds.Bumper: sensors.bumper_topics,
+    kinds.JointStatePublisher: sensors.joint_state_topics,
+    kinds.BaseDriver: driver_topics,
+}
+"""Maps device types to the functions that start their topics."""
+
 
 Owner = TypeVar("Owner", Robot, Model)
 
@@ -41,18 +59,21 @@ def with_controllers(owner: Owner, namespace: str = "") -> Owner:
 
 
 class Robots:
-    """Spawns and deletes robots together with their topics. Used from the simulation's thread."""
+    """Spawns and deletes robots together with their topics: those of their devices (`TOPICS`), and collision counts.
+
+    Used from the simulation's thread; callbacks of the robots' subscribers only store a command.
+    """
 
     def __init__(self, simulation: Simulation, timeline: Timeline, transforms: TransformTopic) -> None:
         self._simulation = simulation
-        self._topics: dict[str, RobotTopics] = {}
+        self._ports: dict[str, Port] = {}
         self._drawing: TinyRenderer | None = None
         budget = Budget(timeline.pacer)
         self._context = Context(simulation, timeline.schedule, transforms, timeline.present, self._renderer, budget)
 
     def __len__(self) -> int:
         """Returns the number of robots."""
-        return len(self._topics)
+        return len(self._ports)
 
     def _renderer(self) -> TinyRenderer:
         """Returns the renderer for cameras, created on first use."""
@@ -100,11 +121,20 @@ class Robots:
             RateError: a rate does not divide the tick rate.
         """
         for entity in self._simulation.entities():
-            if entity.robot is not None and entity.name not in self._topics:
+            if entity.robot is not None and entity.name not in self._ports:
                 self._start(entity)
 
     def _start(self, entity: Entity) -> None:
-        self._topics[entity.name] = RobotTopics(self._context, entity)
+        assert entity.robot is not None, "only a robot has topics"
+        port = Port(self._context, entity)
+        try:
+            for device in entity.robot.devices:
+                TOPICS[type(device)](port, device)
+        except Exception:
+            port.close()
+            raise
+        port.publish_collisions()
+        self._ports[entity.name] = port
 
     def delete(self, name: str) -> None:
         """Removes a model and its topics.
@@ -112,15 +142,15 @@ class Robots:
         Raises:
             ModelError: there is no model of that name.
         """
-        topics = self._topics.pop(name, None)
-        if topics is not None:
-            topics.close()
+        port = self._ports.pop(name, None)
+        if port is not None:
+            port.close()
         self._simulation.remove(name)
 
     def reset(self) -> None:
         """Resets all topics that depend on time."""
-        for topics in self._topics.values():
-            topics.reset()
+        for port in self._ports.values():
+            port.reset()
 
     def remove_lost(self) -> None:
         """Removes models that have left the world's bounds or whose state is not finite."""
@@ -131,8 +161,8 @@ class Robots:
     def publish_collisions(self) -> None:
         """Publishes the collision counts of all robots that started to touch something."""
         for entity in self._simulation.collided():
-            if entity.name in self._topics:
-                self._topics[entity.name].publish_collisions()
+            if entity.name in self._ports:
+                self._ports[entity.name].publish_collisions()
 
     def close(self) -> None:
         """Frees the renderer."""

@@ -1,10 +1,10 @@
 """``run-pioneer-nav-local``: starts one robot's topics, localisation and navigation on the robot's computer."""
 
 import os
-import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import rosgraph
@@ -12,11 +12,10 @@ import rosgraph
 from pioneer_gazebo.adapters.drawn_map import read_map
 from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses, robots_of_file
 from pioneer_gazebo.adapters.resource import package_directory
-from pioneer_gazebo.core.argument import ArgumentError, option, options_from_arguments, usage
-from pioneer_gazebo.core.fleet import FleetError, InitialPose, pose_of_entry, robot_of_host
+from pioneer_gazebo.core.argument import ArgumentError, option, options_from_arguments
+from pioneer_gazebo.core.fleet import FleetError, InitialPose, check_place, pose_of_entry, robot_of_host
 from pioneer_gazebo.core.lockstep import LOCKSTEP
-from pioneer_gazebo.core.placement import check_place
-from pioneer_gazebo.nodes.session import LaunchFile, Session, SessionError, host_name, run_session
+from pioneer_gazebo.nodes.session import LaunchFile, Session, SessionError, host_name, run_command
 from pioneer_node.core.fleet_file import RobotEntry
 
 NAME = "run-pioneer-nav-local"
@@ -103,9 +102,7 @@ def start_pose(options: NavigationOptions, world: str) -> tuple[InitialPose, Pat
     poses = Path(options.poses).expanduser() if options.poses else poses_of_world(world)
     pose = pose_of_entry(*entry_of(options), read_poses(poses), str(poses))
     grid = (package_directory() or Path()) / "map" / f"{world}.yaml"
-    drawn = read_map(grid) if grid.is_file() else None
-    if drawn is not None:
-        check_place(drawn, options.robot_name, pose.x, pose.y, world)
+    check_place(read_map(grid) if grid.is_file() else None, options.robot_name, pose.x, pose.y, world)
     return pose, poses
 
 
@@ -161,16 +158,8 @@ def _check_world(wanted: str, simulated: str) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command; returns the exit status."""
-    words = list(sys.argv[1:] if argv is None else argv)
-    if {"-h", "--help"} & set(words):
-        sys.stdout.write(f"usage: {NAME} [name:=value …]\n{usage(NavigationOptions)}\n")
-        return 0
-    try:
-        options = options_from(words, os.environ, host_name())
-    except ArgumentError as error:
-        sys.stderr.write(f"{NAME}: {error}\n")
-        return 2
     with tempfile.TemporaryDirectory(prefix=f"{NAME}-") as folder:
         # amcl is restarted if it dies; it then resumes at the robot's current pose.
         os.environ.setdefault(CORRECTION, f"{folder}/correction.json")
-        return run_session(NAME, lambda session: navigate(session, options))
+        read = partial(options_from, environ=os.environ, host=host_name())
+        return run_command(NAME, NavigationOptions, read, navigate, argv)

@@ -2,28 +2,33 @@
 
 import os
 import shlex
-import sys
+import threading
 import urllib.parse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import rosgraph
 import rospy
+from gazebo_msgs.srv import SpawnModel
+from geometry_msgs.msg import Point, Pose, Quaternion
+from std_msgs.msg import Bool
+from std_srvs.srv import Empty
 
 from pioneer_gazebo.adapters.drawn_map import read_map
 from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses, robots_of_file
 from pioneer_gazebo.adapters.resource import map_path, package_directory, world_path
-from pioneer_gazebo.core.argument import ArgumentError, option, options_from_arguments, usage
-from pioneer_gazebo.core.error import SimulatorError, SpawnError
-from pioneer_gazebo.core.fleet import InitialPose, pose_of_entry, robot_names
+from pioneer_gazebo.core.argument import ArgumentError, option, options_from_arguments
+from pioneer_gazebo.core.error import SpawnError
+from pioneer_gazebo.core.fleet import InitialPose, PlacementError, check_place, pose_of_entry, robot_names
 from pioneer_gazebo.core.lockstep import LOCKSTEP
-from pioneer_gazebo.core.placement import PlacementError, check_place
-from pioneer_gazebo.nodes.session import LaunchFile, Session, SessionError, run_session
-from pioneer_gazebo.nodes.simulator_client import SimulatorClient
+from pioneer_gazebo.core.pose import quaternion_from_rpy
+from pioneer_gazebo.nodes.session import LaunchFile, Session, SessionError, run_command, succeeds
 from pioneer_node.core.count import counted
 from pioneer_node.core.fleet_file import RobotEntry
 
+SPAWN_SERVICE = "/gazebo/spawn_urdf_model"
 NAME = "run-multi-pioneer-gazebo-master"
 GATEWAY, HUB_GATEWAY = "/gateway", "Hub_Gateway"
 FACTOR = "REAL_TIME_FACTOR"
@@ -88,9 +93,7 @@ def fleet_robots(options: SimulationOptions) -> tuple[RobotEntry, ...]:
     Raises:
         FleetError: the fleet file is invalid.
     """
-    if not options.fleet:
-        return tuple(map(RobotEntry, robot_names(options.robots)))
-    return robots_of_file(options.fleet)
+    return robots_of_file(options.fleet) if options.fleet else tuple(map(RobotEntry, robot_names(options.robots)))
 
 
 def fleet_poses(options: SimulationOptions, world: str, robots: Sequence[RobotEntry]) -> dict[str, InitialPose]:
@@ -165,12 +168,7 @@ def simulate(session: Session, options: SimulationOptions) -> None:
     robots = fleet_robots(options)
     poses = fleet_poses(options, world, robots)
     drawn = read_map(grid)
-
-    def check(robot: str, pose: InitialPose) -> None:
-        if drawn is not None:
-            check_place(drawn, robot, pose.x, pose.y, world)
-
-    poses = _possible(session, options, poses, check)
+    poses = _possible(session, options, poses, lambda robot, pose: check_place(drawn, robot, pose.x, pose.y, world))
     robots = tuple(robot for robot in robots if robot.name in poses)
     session.wait_for_master()
     if options.gateway:
@@ -183,25 +181,45 @@ def simulate(session: Session, options: SimulationOptions) -> None:
     session.launch(launch_files(options, path, grid, robots))
     rospy.init_node(NAME.replace("-", "_"), anonymous=True, disable_signals=True, disable_rostime=True)
     try:
-        client = SimulatorClient()
-        session.wait_for(client.serving, "the simulator to load the world")
+        session.wait_for(lambda: succeeds(master.lookupService, SPAWN_SERVICE), "the simulator to load the world")
+        ready = threading.Event()
+        rospy.Subscriber("/gazebo/ready", Bool, lambda _: ready.set(), queue_size=1)
 
         def spawn(robot: str, pose: InitialPose) -> None:
             session.check()
             own = f"/{robot}/robot_description"
             name = own if rospy.has_param(own) else "/robot_description"
-            client.spawn(robot, str(rospy.get_param(name)), pose)
+            _spawn(robot, str(rospy.get_param(name)), pose)
 
         poses = _possible(session, options, poses, spawn)
         if not options.paused:
-            client.unpause()
-            session.wait_for(client.ready, "the simulator's first steps")
+            _unpause()
+            session.wait_for(ready.is_set, "the simulator's first steps")
         session.say(f"{counted(len(poses), 'robot')} {'stands' if len(poses) == 1 else 'stand'} in {world}")
         if options.gateway:
-            _connect(session, list(poses))
+            session.run("rocon_flip", "flip-from-hub", "--advertise", *poses)
+            session.say("topics are advertised and flipped")
         session.spin()
     finally:
         rospy.signal_shutdown("the session ends")
+
+
+def _spawn(robot: str, description: str, pose: InitialPose) -> None:
+    """Spawns a robot in the namespace of its name; raises SpawnError."""
+    at = Pose(Point(pose.x, pose.y, 0.0), Quaternion(*quaternion_from_rpy(0.0, 0.0, pose.a)))
+    try:
+        answer = rospy.ServiceProxy(SPAWN_SERVICE, SpawnModel)(robot, description, robot, at, "world")
+    except rospy.ServiceException as error:
+        raise SpawnError(f"spawning {robot} failed: {error}") from None
+    if not answer.success:
+        raise SpawnError(f"spawning {robot} failed: {answer.status_message}")
+
+
+def _unpause() -> None:
+    try:
+        rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
+    except rospy.ServiceException as error:
+        raise SpawnError(f"unpausing the simulator failed: {error}") from None
 
 
 def _possible(
@@ -231,8 +249,10 @@ def _check_master(session: Session) -> None:
     uri, master = rosgraph.get_master_uri(), rosgraph.Master(f"/{NAME.replace('-', '_')}")
     parameter = f"{GATEWAY}/name"
     # The parameter outlives its gateway.
-    name = str(master.getParam(parameter)) if master.hasParam(parameter) and _has_node(master, GATEWAY) else ""
-    if not name and _has_node(master, "/hub"):
+    name = (
+        str(master.getParam(parameter)) if master.hasParam(parameter) and succeeds(master.lookupNode, GATEWAY) else ""
+    )
+    if not name and succeeds(master.lookupNode, "/hub"):
         port = (urllib.parse.urlsplit(uri).port or 11311) + 1
         raise SessionError(
             f"{uri} is the hub's own ROS master; Hub_Gateway has another: "
@@ -246,28 +266,6 @@ def _check_master(session: Session) -> None:
         )
 
 
-def _has_node(master: rosgraph.Master, name: str) -> bool:
-    try:
-        master.lookupNode(name)
-    except rosgraph.MasterError:
-        return False
-    return True
-
-
-def _connect(session: Session, robots: Sequence[str]) -> None:
-    session.run("rocon_flip", "flip-from-hub", "--advertise", *robots)
-    session.say("topics are advertised and flipped")
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command; returns the exit status."""
-    words = list(sys.argv[1:] if argv is None else argv)
-    if {"-h", "--help"} & set(words):
-        sys.stdout.write(f"usage: {NAME} [name:=value …]\n{usage(SimulationOptions)}\n")
-        return 0
-    try:
-        options = options_from(words, os.environ)
-    except (ArgumentError, SimulatorError) as error:
-        sys.stderr.write(f"{NAME}: {error}\n")
-        return 2
-    return run_session(NAME, lambda session: simulate(session, options))
+    return run_command(NAME, SimulationOptions, partial(options_from, environ=os.environ), simulate, argv)

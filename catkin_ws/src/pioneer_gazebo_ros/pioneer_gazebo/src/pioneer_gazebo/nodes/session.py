@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Self
+from typing import Self, TypeVar
 
 import rosgraph
 import roslaunch
@@ -18,6 +18,7 @@ import roslaunch.pmon
 import roslib.packages
 from rospkg import ResourceNotFound, RosPack, get_log_dir
 
+from pioneer_gazebo.core.argument import usage
 from pioneer_gazebo.core.error import SimulatorError
 from pioneer_node.adapters.end_request import EndRequest
 from pioneer_node.nodes import launcher
@@ -33,6 +34,8 @@ RUN_ID_PATIENCE = 5.0
 """Maximum time to wait for a master's run id [s]."""
 PATIENCE = 1.0
 """Waits longer than this are reported [s]."""
+
+Options = TypeVar("Options")
 
 LaunchFile = tuple[str, str, dict[str, str]]
 """Package, file in its ``launch`` folder, arguments."""
@@ -89,7 +92,10 @@ class Session(roslaunch.pmon.ProcessListener):
             SessionError: a file is missing or invalid.
         """
         self.check()
-        paths = [(_launch_path(package, file), _words(arguments)) for package, file, arguments in files]
+        paths = [
+            (_launch_path(package, file), [f"{name}:={value}" for name, value in arguments.items()])
+            for package, file, arguments in files
+        ]
         try:
             run_id = rosgraph.Master(f"/{self._name}").getParam("/run_id")
         except (rosgraph.MasterError, OSError):
@@ -106,7 +112,11 @@ class Session(roslaunch.pmon.ProcessListener):
         finally:
             # roslaunch installs its own handlers when it creates its first process.
             self._stop.take_signals(*SIGNALS)
-        self._required |= {_process_name(node) for node in parent.config.nodes if node.required}
+        self._required |= {
+            rosgraph.names.ns_join(node.namespace, node.name).strip("/")
+            for node in parent.config.nodes
+            if node.required
+        }
 
     def process_died(self, process_name: str, exit_code: int | None) -> None:
         """Called by roslaunch, in its thread, when a node has ended."""
@@ -143,7 +153,7 @@ class Session(roslaunch.pmon.ProcessListener):
         meantime. A master without one after ``RUN_ID_PATIENCE`` was started by other means and needs none.
         """
         master = rosgraph.Master(f"/{self._name}")
-        self.wait_for(lambda: _answers(master), f"the ROS master at {master.master_uri}")
+        self.wait_for(lambda: succeeds(master.getPid), f"the ROS master at {master.master_uri}")
         deadline = time.monotonic() + RUN_ID_PATIENCE
         self.wait_for(lambda: master.hasParam("/run_id") or time.monotonic() > deadline, "the master's run id")
 
@@ -179,6 +189,31 @@ class Session(roslaunch.pmon.ProcessListener):
             self._stop.wait(LONGEST)
 
 
+def run_command(
+    name: str, options: type, read: Callable[[Sequence[str]], Options], body: Callable[["Session", Options], None],
+    argv: Sequence[str] | None,
+) -> int:  # fmt: skip
+    """Runs a command's ``body`` in a session; returns the exit status.
+
+    Args:
+        name: of the command.
+        options: the dataclass of its options.
+        read: returns the options of a command line; may raise SimulatorError.
+        body: takes the session and the options.
+        argv: the command line; None for the process's.
+    """
+    words = sys.argv[1:] if argv is None else argv
+    if {"-h", "--help"} & set(words):
+        sys.stdout.write(f"usage: {name} [name:=value …]\n{usage(options)}\n")
+        return 0
+    try:
+        found = read(words)
+    except SimulatorError as error:
+        sys.stderr.write(f"{name}: {error}\n")
+        return 2
+    return run_session(name, lambda session: body(session, found))
+
+
 def run_session(name: str, body: Callable[[Session], None]) -> int:
     """Runs ``body`` in a session; returns the exit status: 0 after a requested shutdown, 1 on any failure."""
     try:
@@ -202,21 +237,13 @@ def _launch_path(package: str, file: str) -> str:
     return str(path)
 
 
-def _words(arguments: dict[str, str]) -> list[str]:
-    return [f"{name}:={value}" for name, value in arguments.items()]
-
-
-def _answers(master: rosgraph.Master) -> bool:
+def succeeds(request: Callable[..., object], *arguments: str) -> bool:
+    """Returns whether a request to the ROS master succeeds."""
     try:
-        master.getPid()
+        request(*arguments)
     except (OSError, rosgraph.MasterException):
         return False
     return True
-
-
-def _process_name(node: roslaunch.core.Node) -> str:
-    """Returns the name of a node in roslaunch's process monitor, without its number."""
-    return rosgraph.names.ns_join(node.namespace, node.name).strip("/")
 
 
 def _end_group(process: launcher.Started) -> None:

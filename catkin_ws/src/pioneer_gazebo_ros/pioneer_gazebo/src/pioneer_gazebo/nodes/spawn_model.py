@@ -6,15 +6,14 @@ from pathlib import Path
 
 import rospy
 from gazebo_msgs.srv import GetWorldProperties, SpawnModel, SpawnModelRequest
-from geometry_msgs.msg import Point, Quaternion
+from geometry_msgs.msg import Point, Pose, Quaternion
 from std_srvs.srv import Empty
 
 from pioneer_gazebo.adapters.drawn_map import read_map
 from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses
 from pioneer_gazebo.adapters.resource import map_path, world_path
 from pioneer_gazebo.core.error import SimulatorError, SpawnError
-from pioneer_gazebo.core.fleet import InitialPose, initial_pose
-from pioneer_gazebo.core.placement import check_place
+from pioneer_gazebo.core.fleet import InitialPose, check_place, initial_pose
 from pioneer_gazebo.core.pose import quaternion_from_rpy
 
 WAIT_WORDS_PERIOD = 5.0
@@ -59,10 +58,8 @@ def place_of(options: argparse.Namespace) -> InitialPose:
     given = (options.pose_x, options.pose_y, options.pose_Y)
     known = (default.x, default.y, default.a)
     place = InitialPose(*(one if value is None else value for value, one in zip(given, known, strict=True)))
-    grid = map_path(path) if path else None
-    drawn = read_map(grid) if grid and grid.is_file() else None
-    if path and drawn is not None:
-        check_place(drawn, options.model, place.x, place.y, path.stem)
+    if path and (grid := map_path(path)).is_file():
+        check_place(read_map(grid), options.model, place.x, place.y, path.stem)
     return place
 
 
@@ -83,27 +80,6 @@ def model_xml(options: argparse.Namespace) -> str:
         return str(rospy.get_param(options.param))
     except KeyError:
         raise SpawnError(f"there is no parameter {options.param}") from None
-
-
-def request_of(options: argparse.Namespace) -> SpawnModelRequest:
-    """Returns the service request.
-
-    Raises:
-        SpawnError: the model's text cannot be read.
-        SimulatorError: no robot can start there.
-    """
-    place = place_of(options)
-    namespace = rospy.get_namespace() if options.robot_namespace is None else options.robot_namespace
-    request = SpawnModelRequest(
-        model_name=options.model,
-        model_xml=model_xml(options),
-        robot_namespace=namespace,
-        reference_frame=options.reference_frame,
-    )
-    request.initial_pose.position = Point(place.x, place.y, options.pose_z or 0.0)
-    rotation = quaternion_from_rpy(options.pose_R or 0.0, options.pose_P or 0.0, place.a)
-    request.initial_pose.orientation = Quaternion(*rotation)
-    return request
 
 
 def wait_for_service(name: str, timeout: float) -> None:
@@ -142,9 +118,14 @@ def spawn(options: argparse.Namespace) -> None:
     """Spawns the model.
 
     Raises:
-        SpawnError: the simulator refused the request.
+        SpawnError: the model's text cannot be read, or the simulator refused the request.
+        SimulatorError: no robot can start there.
     """
-    request = request_of(options)
+    place = place_of(options)
+    namespace = rospy.get_namespace() if options.robot_namespace is None else options.robot_namespace
+    rotation = quaternion_from_rpy(options.pose_R or 0.0, options.pose_P or 0.0, place.a)
+    pose = Pose(Point(place.x, place.y, options.pose_z or 0.0), Quaternion(*rotation))
+    request = SpawnModelRequest(options.model, model_xml(options), namespace, pose, options.reference_frame)
     if options.wait:
         wait_for_model(options)
     name = f"{options.gazebo_namespace}/spawn_{'urdf' if options.urdf else 'sdf'}_model"

@@ -12,7 +12,9 @@ from collections.abc import Callable
 from typing import Any
 
 import rospy
+from tf2_msgs.msg import TFMessage
 
+from pioneer_gazebo import conversions
 from pioneer_node.nodes.exchange import Exchange
 
 FRAMES_KEPT = 5
@@ -103,7 +105,6 @@ class Topic(rospy.SubscribeListener):
         self._changed = changed
         self._outlets: dict[Any, _Outlet] = {}
         self._stale = True
-        self.dropped = 0  #: number of frames dropped because of slow subscribers
         self.exchange = Exchange.current  #: carries messages to nodes in lockstep; None without lockstep
         self._name = rospy.resolve_name(name)
         # With a queue size, rospy does not write, and thus never blocks, in this thread; its queues stay empty.
@@ -143,8 +144,7 @@ class Topic(rospy.SubscribeListener):
         gone = []
         for connection, outlet in self._outlets.items():
             try:
-                if not outlet.send(frame):
-                    self.dropped += 1
+                outlet.send(frame)
             except OSError:
                 gone.append(connection)
         for connection in gone:
@@ -172,3 +172,25 @@ class Topic(rospy.SubscribeListener):
         """Unregisters the topic."""
         self._outlets.clear()
         self._publisher.unregister()
+
+
+class TransformTopic(Topic):
+    """``/tf``: collects the transforms of all robots at a tick and sends them in one message."""
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        """Advertises ``/tf``; ``changed`` as in `Topic`."""
+        super().__init__("/tf", TFMessage, changed)
+        self._transforms: list[bytes] = []
+
+    def add(self, transform: bytes) -> None:
+        """Adds a serialised transform to the next message."""
+        self._transforms.append(transform)
+
+    def flush(self) -> None:
+        """Sends the collected transforms, if any."""
+        if self._transforms:
+            if self.exchange is not None:
+                for one in self._transforms:
+                    self.exchange.sample("/tf", one, conversions.name_of_transform(one))
+            self.write(conversions.transforms_frame(self._transforms))
+            self._transforms.clear()

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pioneer_gazebo.adapters.map_file import write_map
 from pioneer_gazebo.adapters.mesh import triangles_of_mesh
 from pioneer_gazebo.adapters.resource import map_path, model_path, world_path
 from pioneer_gazebo.adapters.sdf import world_from_sdf
@@ -17,6 +16,32 @@ from pioneer_gazebo.core.error import DescriptionError
 from pioneer_gazebo.core.raster import Extent, grey_map, occupied_cells
 from pioneer_gazebo.core.section import section_of
 from pioneer_gazebo.core.world import World
+
+_YAML = """\
+image: {image}
+resolution: {resolution:.6g}
+origin: [{x:.6g}, {y:.6g}, 0.0]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.196
+"""
+
+
+def write_map(path: Path, grey: NDArray[np.uint8], extent: Extent) -> None:
+    """Writes ``path`` with the suffixes .yaml and .pgm.
+
+    Args:
+        path: with or without a suffix; its directory is created.
+        grey: shape (rows, cols), row 0 at the smallest y: 0 occupied, 254 free, 205 unknown.
+        extent: position and resolution of the grid.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    image = path.with_suffix(".pgm")
+    rows, cols = grey.shape
+    image.write_bytes(b"P5\n%d %d\n255\n" % (cols, rows) + np.ascontiguousarray(grey[::-1]).tobytes())
+    text = _YAML.format(image=image.name, resolution=extent.resolution, x=extent.x, y=extent.y)
+    path.with_suffix(".yaml").write_text(text)
+
 
 LASER_HEIGHT = 0.27
 """Height of the Pioneer's scan plane above the floor [m]."""
@@ -46,13 +71,16 @@ def map_of_world(
     """
     placed = [one for one in world.collisions(static_only) if one.model.script is None]
     sections = [section_of(item.collision.shape, item.pose, height, triangles_of_mesh) for item in placed]
-    grid = extent or Extent.around(sections, resolution, margin) or _empty_extent(resolution)
+    grid = extent or Extent.around(sections, resolution, margin) or _extent_of(resolution)
     return grey_map(occupied_cells(sections, grid), outside_unknown), grid
 
 
-def _empty_extent(resolution: float) -> Extent:
-    cells = round(EMPTY_SIDE / resolution)
-    return Extent(-EMPTY_SIDE / 2, -EMPTY_SIDE / 2, resolution, cells, cells)
+def _extent_of(
+    resolution: float, x: float = -EMPTY_SIDE / 2, y: float = -EMPTY_SIDE / 2, width: float = EMPTY_SIDE,
+    height: float = EMPTY_SIDE,
+) -> Extent:  # fmt: skip
+    """Returns the grid with this lower left corner and size [m], by default that of an empty world."""
+    return Extent(x, y, resolution, round(height / resolution), round(width / resolution))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -66,7 +94,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             options.height,
             options.resolution,
             options.margin,
-            _extent(options),
+            None if options.extent is None else _extent_of(options.resolution, *options.extent),
             options.outside == "unknown",
             options.static_only,
         )
@@ -89,14 +117,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     print(f"{target.with_suffix('.yaml')}: {extent.cols} × {extent.rows} cells of {extent.resolution:g} m")
     return 0
-
-
-def _extent(options: argparse.Namespace) -> Extent | None:
-    if options.extent is None:
-        return None
-    x, y, width, height = options.extent
-    cols, rows = round(width / options.resolution), round(height / options.resolution)
-    return Extent(x, y, options.resolution, rows, cols)
 
 
 def _positive(text: str) -> float:
